@@ -6,14 +6,20 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c c
 
 CLIENT := python/dfd/app/client
 
+# docs/try.md is what it is where npm and Debian's compiler for WebAssembly are there.
+ALONE := build/docs/extra/try
+ifneq ($(and $(shell command -v npm),$(wildcard /usr/include/wasm32-wasi/c++),$(shell command -v wasm-ld)),)
+TRY := try
+endif
+
 # How many targets are made, and test files run, at the same time.
 JOBS ?= 2
 ifeq ($(MAKELEVEL),0)
 MAKEFLAGS += --jobs=$(JOBS)
 endif
 
-.PHONY: app client validator demo docs links test test-all test-slow test-blender ctest lint bench blender quality gallery \
-  wheel fuzz sanitize arm64 cross clean
+.PHONY: app client validator demo docs try links test test-all test-slow test-blender ctest lint bench blender quality gallery \
+  wheel fuzz sanitize arm64 cross wasm clean
 
 app: $(VENV)/installed
 	$(BIN)/dfd app --sample quadruped
@@ -22,9 +28,17 @@ demo: $(VENV)/installed
 	$(BIN)/dfd demo
 
 # The pages, in build/docs/html. Their code is run and their pictures are drawn by the build; a warning is an error.
-docs: $(VENV)/installed-docs
+docs: $(VENV)/installed-docs $(TRY)
 	$(BIN)/python -m sphinx -E -W --keep-going -q -b html docs build/docs/html
 	@echo build/docs/html/index.html
+
+# The page of docs/try.md that needs no server: the client, the core as WebAssembly and shapes with their features.
+try: $(CLIENT)/node_modules/.package-lock.json $(ALONE)/shapes/session.json wasm
+	cd $(CLIENT) && npm run --silent build:alone
+	cp build/wasm/cpp/wasm/dfd.wasm $(ALONE)
+
+$(ALONE)/shapes/session.json: docs/tools/shapes.py $(VENV)/installed-docs
+	$(BIN)/python docs/tools/shapes.py $(ALONE)/shapes
 
 # Whether the addresses that the pages name still answer.
 links: $(VENV)/installed-docs
@@ -136,6 +150,10 @@ sanitize: $(VENV)/installed-test
 arm64: $(VENV)/builders
 	PATH="$(abspath $(BIN)):$$PATH" sh -c \
 	  "cmake --preset arm64 && cmake --build --preset arm64 && ctest --preset arm64 --parallel $(JOBS)"
+
+# The core for browsers, by Debian's clang, lld, libc++-dev-wasm32, wasi-libc and libclang-rt-dev-wasm32.
+wasm: $(VENV)/builders
+	PATH="$(abspath $(BIN)):$$PATH" sh -c "cmake --preset wasm && cmake --build --preset wasm"
 
 # Whether the core and its tests compile for systems that are not at hand.
 cross: export DFD_PYTHON = $(abspath $(BIN)/python)

@@ -45,6 +45,8 @@ default_role = "code"
 
 html_theme = "furo"
 html_title = "dfd"
+# What no page of Sphinx's is: the app's page of `try.md`, where `make docs` could build it.
+html_extra_path = [str(path) for path in [HERE.parent / "build" / "docs" / "extra"] if path.is_dir()]
 html_static_path = ["tools/style.css"]
 html_css_files = ["style.css"]
 html_math_renderer = "mathml"

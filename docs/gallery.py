@@ -127,7 +127,7 @@ def _stories(shape: Callable[[str, str], Shape]) -> list[tuple[str, Shape, list[
 
         def switched(session: Session) -> None:
             others = [one.vertex for one, _ in session.instances(1)[1:]]
-            session.change(1, without_instances=others[:count])
+            session.change(1, excluded_instances=others[:count])
 
         return switched
 
@@ -140,14 +140,14 @@ def _stories(shape: Callable[[str, str], Shape]) -> list[tuple[str, Shape, list[
         (
             "Instances: a wheel is scaled",
             truck,
-            [(kind, add(wheel, scale=1.5, instances=kind)) for kind in ("together", "own", "only")],
+            [(kind, add(wheel, scale=1.5, instances=kind)) for kind in ("shared_pivot", "own_pivot", "only")],
             60.0,
         ),
         (
             "Instances: an ear is turned",
             animal,
-            [(kind, add(ear, instances=kind, **turned)) for kind in ("together", "own", "only")]
-            + [("own, level", add(ear, instances="own", level=True, **turned))],
+            [(kind, add(ear, instances=kind, **turned)) for kind in ("shared_pivot", "own_pivot", "only")]
+            + [("own pivot, level", add(ear, instances="own_pivot", level=True, **turned))],
             None,
         ),
         (
@@ -163,7 +163,7 @@ def _stories(shape: Callable[[str, str], Shape]) -> list[tuple[str, Shape, list[
         (
             "A long lever: an ear is turned, and nothing far away lifts",
             horse,
-            [(kind, add(poll, instances=kind, rotation=(60, 0, 0))) for kind in ("together", "own", "only")],
+            [(kind, add(poll, instances=kind, rotation=(60, 0, 0))) for kind in ("shared_pivot", "own_pivot", "only")],
             70.0,
         ),
         (
@@ -223,7 +223,7 @@ def _stories(shape: Callable[[str, str], Shape]) -> list[tuple[str, Shape, list[
                 ("strength 0.5", also(add(horn, rotation=(-50, 0, 0)), lambda one: one.fix("front", strength=0.5))),
                 (
                     "fixed, the paper's weights",
-                    also(put("arrive", False), add(horn, rotation=(-50, 0, 0)), lambda one: one.fix("front")),
+                    also(put("reach_targets", False), add(horn, rotation=(-50, 0, 0)), lambda one: one.fix("front")),
                 ),
             ],
             None,
@@ -251,8 +251,8 @@ def _stories(shape: Callable[[str, str], Shape]) -> list[tuple[str, Shape, list[
             horned,
             [
                 ("everywhere", add("bottom", translation=(0, -0.3, 0))),
-                ("within x>0", add("bottom", translation=(0, -0.3, 0), within="x>0")),
-                ("with a soft edge", add("bottom", translation=(0, -0.3, 0), within="x>0", within_width="15%")),
+                ("within x>0", add("bottom", translation=(0, -0.3, 0), mask="x>0")),
+                ("with a soft edge", add("bottom", translation=(0, -0.3, 0), mask="x>0", mask_feather="15%")),
             ],
             20.0,
         ),

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 #include <vector>
 
@@ -58,6 +59,7 @@ public:
             quads_.assign(padded * dimension_ / 4, 0);
             pairs_.assign(2 * quads_.size(), 0);
             quad_squares_.assign(padded, 0);
+            narrow_.assign(padded, 1);
         } else {
             rows_.assign(padded * dimension_, 0.0f);
             squares_.assign(padded, 0.0f);
@@ -75,8 +77,8 @@ public:
         }
         for (std::size_t p = 0; p < strengths.size(); ++p)
             if (strengths[p] == 0) offsets_[p] = std::numeric_limits<float>::max();  // holds nothing: far from everything
-        rows = {rows_.data(),  squares_.data(),      quads_.data(),
-                pairs_.data(), quad_squares_.data(), offsets_.data(), count};
+        rows = {rows_.data(),   squares_.data(),      quads_.data(),   pairs_.data(),
+                narrow_.data(), quad_squares_.data(), offsets_.data(), count};
     }
 
     PackedPoints(const PackedPoints&) = delete;
@@ -105,6 +107,8 @@ private:
             require(entry >= -127 && entry <= 127, "bind: entries of bytes must lie within ±127");
             square += entry * entry;
             sum += entry;
+            const std::int32_t before = k % 2 == 0 ? 0 : static_cast<std::int32_t>(std::lround(row[k - 1]));
+            if (std::abs(before) + std::abs(entry) > most_narrow) narrow_[j] = 0;
             const std::size_t quad = group + k / 4, lane = j % group_size;
             put(quads_[quad * group_size + lane], entry & 0xff, k % 4 * 8);
             put(pairs_[(2 * quad + k % 2) * group_size + lane], entry & 0xffff, k % 4 / 2 * 16);
@@ -117,9 +121,13 @@ private:
         word = static_cast<std::int32_t>(static_cast<std::uint32_t>(word) | static_cast<std::uint32_t>(bits) << shift);
     }
 
+    // Of two neighbors: their products with bytes, up to 255 of each, add up within 16 bits.
+    static constexpr std::int32_t most_narrow = 128;
+
     std::size_t dimension_;
     std::vector<float> rows_, squares_, offsets_;
     std::vector<std::int32_t> quads_, pairs_, quad_squares_;
+    std::vector<std::uint8_t> narrow_;
 };
 
 std::vector<Power> powers_of(std::span<const float> locality)

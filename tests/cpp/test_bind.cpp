@@ -48,6 +48,48 @@ struct Problem {
     }
 };
 
+// Rows of whole numbers within ±127, stored as bytes.
+struct Bytes {
+    std::vector<float> entries;
+    std::size_t dimension, count;
+    float scale;
+    std::vector<std::uint8_t> stored;
+
+    Bytes(std::vector<float> rows, std::size_t d, float step)
+        : entries(std::move(rows)), dimension(d), count(entries.size() / d), scale(step),
+          stored((count + 15) / 16 * (d + 4) * 16)
+    {
+        for (std::size_t i = 0; i < count; ++i) {
+            std::uint8_t* block = &stored[i / 16 * (dimension + 4) * 16];
+            std::int32_t square = 0;
+            for (std::size_t k = 0; k < dimension; ++k) {
+                const auto value = static_cast<std::int32_t>(entries[i * dimension + k]);
+                block[(k / 4 * 16 + i % 16) * 4 + k % 4] = static_cast<std::uint8_t>(value + 128);
+                square += value * value;
+            }
+            std::memcpy(&block[(dimension / 4 * 16 + i % 16) * 4], &square, 4);
+        }
+    }
+
+    // Weights of the first rows as handles, once they are as they should be.
+    std::vector<float> checked(std::size_t handles, const std::string& name) const
+    {
+        std::vector<float> weights(count * handles);
+        const dfd::Features source{dfd::Features::Layout::bytes, stored.data(), count, dimension, scale};
+        dfd::bind(source, {{entries.data(), handles, dimension}, {}}, {}, {weights.data(), count, handles}, 2,
+                  dfd::kernels(name));
+        for (std::size_t i = 0; i < count; ++i) {
+            for (std::size_t j = 0; j < handles; ++j) {
+                double square = 0;
+                for (std::size_t k = 0; k < dimension; ++k)
+                    square += std::pow(double(entries[i * dimension + k]) - double(entries[j * dimension + k]), 2);
+                CHECK_NEAR(weights[i * handles + j], std::max(1 - double(scale) * std::sqrt(square), 0.0), 1e-6);
+            }
+        }
+        return weights;
+    }
+};
+
 }  // namespace
 
 CASE("distance and clamp, Equations (4) and (5)")
@@ -166,39 +208,27 @@ CASE("large results leave past the caches the same, wherever they start")
 END
 
 CASE("bytes: whole numbers, hence the same bits on every processor")
-    constexpr std::size_t count = 77, dimension = 12, handles = 19, blocks = (count + 15) / 16;
+    constexpr std::size_t count = 77, dimension = 12, handles = 19;
     std::mt19937 random(3);
     std::vector<float> entries(count * dimension);
     for (float& value : entries) value = static_cast<float>(random() % 255) - 127;
-    std::vector<std::uint8_t> stored(blocks * (dimension + 4) * 16);
-    for (std::size_t i = 0; i < count; ++i) {
-        std::uint8_t* block = &stored[i / 16 * (dimension + 4) * 16];
-        std::int32_t square = 0;
-        for (std::size_t k = 0; k < dimension; ++k) {
-            const auto value = static_cast<std::int32_t>(entries[i * dimension + k]);
-            block[(k / 4 * 16 + i % 16) * 4 + k % 4] = static_cast<std::uint8_t>(value + 128);
-            square += value * value;
-        }
-        std::memcpy(&block[(dimension / 4 * 16 + i % 16) * 4], &square, 4);
-    }
-    const float scale = 0.002f;
-    const dfd::Features source{dfd::Features::Layout::bytes, stored.data(), count, dimension, scale};
+    const Bytes bytes(entries, dimension, 0.002f);
     for (const std::string& name : dfd::instruction_sets()) {
-        std::vector<float> weights(count * handles);
-        dfd::bind(source, {{entries.data(), handles, dimension}, {}}, {}, {weights.data(), count, handles}, 2,
-                  dfd::kernels(name));
-        for (std::size_t i = 0; i < count; ++i) {
-            for (std::size_t j = 0; j < handles; ++j) {
-                double square = 0;
-                for (std::size_t k = 0; k < dimension; ++k)
-                    square += std::pow(double(entries[i * dimension + k]) - double(entries[j * dimension + k]), 2);
-                CHECK_NEAR(weights[i * handles + j], std::max(1 - double(scale) * std::sqrt(square), 0.0), 1e-6);
-            }
-        }
+        const std::vector<float> weights = bytes.checked(handles, name);
         std::uint32_t checksum = 0;  // with the root rounded as IEEE 754 has it, nothing is left to the processor
         for (const float weight : weights) checksum = 31 * checksum + std::bit_cast<std::uint32_t>(weight);
         CHECK_NEAR(checksum, 3884994554u, 0);
     }
+END
+
+CASE("bytes whose products reach the ends of 16 bits")
+    const std::array<float, 2> pairs[] = {{127, 1}, {64, 64}, {-64, -64}, {-127, -1}, {127, 2}, {-127, -2}, {127, 127}};
+    std::vector<float> entries;
+    for (const auto& pair : pairs) entries.insert(entries.end(), {pair[0], pair[1], pair[0], pair[1]});
+    for (const float value : {127.0f, -127.0f}) entries.insert(entries.end(), 4, value);
+    const Bytes bytes(entries, 4, 0.001f);
+    for (const std::string& name : dfd::instruction_sets())
+        for (std::size_t handles = 1; handles <= std::size(pairs); ++handles) bytes.checked(handles, name);
 END
 
 CASE("an instruction set that is not there is refused")

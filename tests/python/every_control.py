@@ -110,17 +110,17 @@ def _edited(
         held = session.add(handles[0], instances=kind, level=bool(random.integers(2)), **turned, **how)
         _check(session)
         off = [one.vertex for one, _ in session.bound.instances(session.edit, session.handle(held))]
-        session.change(held, without_instances=off[1::2])
+        session.change(held, excluded_instances=off[1::2])
         _check(session)
     session.apply(Edit())
-    for handle, kind in zip(handles, ("own", "only", "together"), strict=False):
+    for handle, kind in zip(handles, ("own_pivot", "only", "shared_pivot"), strict=False):
         _tried(session.add, handle, instances=kind, reach=random.choice([0.3, 1.0]), **turned)
     for region in _regions(mesh, random):
         _tried(session.add, region, strength=0.5, translation=(0, 0.1 * size, 0))
         if region != "top":  # a point
-            _tried(session.change, session.handles[0].id, within=region)
+            _tried(session.change, session.handles[0].id, mask=region)
         _tried(session.fix, region, strength=0.5)
-    _tried(session.change, session.handles[0].id, within="everywhere", reach="auto")
+    _tried(session.change, session.handles[0].id, mask="everywhere", reach="auto")
     for axes in ("normal", "limb"):
         _tried(session.move, session.handles[0].id, axes=axes)
     for plane in (None, *planes[:1], "x"):

@@ -32,11 +32,11 @@ def full_edit(mesh):
         "smooth",
         radius=0.25,
         strength=0.5,
-        instances="own",
+        instances="own_pivot",
         level=True,
-        without_instances=(place_on(mesh, 60), Place((0.3, 0.1, 0.5))),
-        within=Ball((0.01, 0.0, 0.0), 0.7),
-        within_width=0.125,
+        excluded_instances=(place_on(mesh, 60), Place((0.3, 0.1, 0.5))),
+        mask=Ball((0.01, 0.0, 0.0), 0.7),
+        mask_feather=0.125,
     )
     return Edit(
         handles=(
@@ -54,5 +54,5 @@ def full_edit(mesh):
         default=Transform(scale=(2.0, 2.0, 2.0)),
         overlap="interpolate",
         blend="dual_quaternion",
-        arrive=False,
+        reach_targets=False,
     )

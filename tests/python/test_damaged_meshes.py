@@ -53,7 +53,7 @@ def rippled(mesh: dfd.Mesh, seed: int) -> dfd.Field:
     return field_of(mesh, seed, octaves=seed % 4)
 
 
-@pytest.mark.parametrize("seed", [*range(3), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(3, COUNT))])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, COUNT))])
 def test_damaged_meshes_go_through_every_control(seed: int) -> None:
     mesh, _ = damaged(shape(seed), seed)
     walk(mesh, rippled(mesh, seed), seed)

@@ -119,22 +119,17 @@ public:
     template <std::size_t Count>
     DFD_INLINE void squared_distances(const PackedRows& points, std::size_t first, Block* out) const
     {
-        const std::size_t group = first / group_size * group_size * quads_;
-        const std::int32_t* bytes = points.quads + group + first % group_size;
-        const std::int32_t* pairs = points.pairs + 2 * group + first % group_size;
         Int sum[Count][parts] = {};
-#pragma GCC unroll 4
-        for (std::size_t k = 0; k < quads_; ++k) {
-            Int entry[parts];
-            for (std::size_t part = 0; part < parts; ++part)
-                entry[part] = load<Int>(panel_ + (k * block_size + part * width) * 4);
-#pragma GCC unroll 16
-            for (std::size_t j = 0; j < Count; ++j) {
-                const Quad other = quad_of(bytes + k * group_size + j, pairs + 2 * k * group_size + j);
-                for (std::size_t part = 0; part < parts; ++part)
-                    sum[j][part] = dot4(sum[j][part], entry[part], other);
-            }
-        }
+#if defined(__AVX512F__) || !defined(__x86_64__)
+        add_products<Quad>(points, first, sum);
+#elif defined(__AVX2__)
+        bool narrow = true;
+        for (std::size_t j = 0; j < Count; ++j) narrow &= points.narrow[first + j] != 0;
+        if (narrow) add_products<Quad>(points, first, sum);
+        else add_products<WideQuad>(points, first, sum);
+#else
+        add_products<WideQuad>(points, first, sum);
+#endif
 #pragma GCC unroll 16
         for (std::size_t j = 0; j < Count; ++j) {
             for (std::size_t part = 0; part < parts; ++part) {
@@ -148,6 +143,27 @@ public:
     }
 
 private:
+    // Adds the products of the block's bytes with those of `Count` points.
+    template <class AnyQuad, std::size_t Count>
+    DFD_INLINE void add_products(const PackedRows& points, std::size_t first, Int (&sum)[Count][parts]) const
+    {
+        const std::size_t group = first / group_size * group_size * quads_;
+        const std::int32_t* bytes = points.quads + group + first % group_size;
+        const std::int32_t* pairs = points.pairs + 2 * group + first % group_size;
+#pragma GCC unroll 4
+        for (std::size_t k = 0; k < quads_; ++k) {
+            Int entry[parts];
+            for (std::size_t part = 0; part < parts; ++part)
+                entry[part] = load<Int>(panel_ + (k * block_size + part * width) * 4);
+#pragma GCC unroll 16
+            for (std::size_t j = 0; j < Count; ++j) {
+                const AnyQuad other = AnyQuad::at(bytes + k * group_size + j, pairs + 2 * k * group_size + j);
+                for (std::size_t part = 0; part < parts; ++part)
+                    sum[j][part] = dot4(sum[j][part], entry[part], other);
+            }
+        }
+    }
+
     const std::uint8_t* panel_;
     std::size_t quads_;
     float scale_;

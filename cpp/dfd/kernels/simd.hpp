@@ -63,22 +63,20 @@ DFD_INLINE Float splat(float value) { return value - Float{}; }
 DFD_INLINE Double splat(double value) { return value - Double{}; }
 DFD_INLINE Int splat(std::int32_t value) { return value - Int{}; }
 
-// Four bytes of a target in every lane, as `dot4` takes them. Where products of neighboring bytes could saturate their
-// 16 bits, even and odd bytes go apart.
-#if defined(__x86_64__) && !defined(__AVX512F__)
-struct Quad {
-    Int even, odd;
-};
-DFD_INLINE Quad quad_of(const std::int32_t*, const std::int32_t* pairs)
-{
-    return {splat(pairs[0]), splat(pairs[group_size])};
-}
-#else
+// Four bytes of a target in every lane, as `dot4` takes them.
 struct Quad {
     Int bytes;
+    static DFD_INLINE Quad at(const std::int32_t* bytes, const std::int32_t*) { return {splat(*bytes)}; }
 };
-DFD_INLINE Quad quad_of(const std::int32_t* bytes, const std::int32_t*) { return {splat(*bytes)}; }
-#endif
+
+// The same where products of neighboring bytes could saturate their 16 bits: even and odd bytes apart.
+struct WideQuad {
+    Int even, odd;
+    static DFD_INLINE WideQuad at(const std::int32_t*, const std::int32_t* pairs)
+    {
+        return {splat(pairs[0]), splat(pairs[group_size])};
+    }
+};
 
 // Copies what is less than a vector, or may be.
 template <class T>
@@ -200,6 +198,11 @@ DFD_INLINE Float from_halves(const std::uint16_t* from)
 }
 DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, const Quad& quad)
 {
+    const __m256i neighbors = _mm256_maddubs_epi16((__m256i)unsigned_bytes, (__m256i)quad.bytes);
+    return sum + (Int)_mm256_madd_epi16(neighbors, _mm256_set1_epi16(1));
+}
+DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, const WideQuad& quad)
+{
     const __m256i u = (__m256i)unsigned_bytes;
     const __m256i even = _mm256_madd_epi16(_mm256_and_si256(u, _mm256_set1_epi16(255)), (__m256i)quad.even);
     const __m256i odd = _mm256_madd_epi16(_mm256_srli_epi16(u, 8), (__m256i)quad.odd);
@@ -225,7 +228,7 @@ DFD_INLINE Float multiply_add(Float a, Float b, Float c) { return a * b + c; }
 DFD_INLINE Double multiply_add(Double a, Double b, Double c) { return a * b + c; }
 DFD_INLINE Float sqrt(Float a) { return (Float)_mm_sqrt_ps((__m128)a); }
 DFD_INLINE Double sqrt(Double a) { return (Double)_mm_sqrt_pd((__m128d)a); }
-DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, const Quad& quad)
+DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, const WideQuad& quad)
 {
     const __m128i u = (__m128i)unsigned_bytes;
     const __m128i even = _mm_madd_epi16(_mm_and_si128(u, _mm_set1_epi16(255)), (__m128i)quad.even);

@@ -33,7 +33,7 @@ NOTHING_MOVED = 1  # exit code
 
 
 @with_handle_options
-@with_controls("overlap", "blend", "arrive", "mirrored_locality", "bridges")
+@with_controls("overlap", "blend", "reach_targets", "mirrored_locality", "bridges")
 def deform(
     context: typer.Context,
     meshes: Annotated[
@@ -139,7 +139,7 @@ def deform(
     deformer = Deformer.load(edit, shape, opened) if edit else Deformer(shape, opened)
     places = Places(shape)
     places.session = deformer
-    set_whole = {name: described[name] for name in ("arrive", "mirrored_locality", "bridges")}
+    set_whole = {name: described[name] for name in ("reach_targets", "mirrored_locality", "bridges")}
     deformer.set(preset=chosen_preset(preset), **set_whole)
     for place, options in held:
         deformer.add(places.find("--handle", place), **options)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
 
-@with_controls("arrive", "bridges")
+@with_controls("reach_targets", "bridges")
 def show(
     context: typer.Context,
     mesh: MeshArgument,
@@ -80,7 +80,7 @@ def show(
         marked = [places.find("--handle", text).position for text in handle or ()]
         rows: list[tuple[str, dict[str, Any]]] = [("the mesh", {"handles": marked} if marked else {})]
     else:
-        whole = {"preset": chosen_preset(preset), "arrive": described["arrive"], "bridges": described["bridges"]}
+        whole = {"preset": chosen_preset(preset)} | {key: described[key] for key in ("reach_targets", "bridges")}
         rows = _rows(shape, field, handle or [], given, fix or [], whole, places, stages)
     if heat and not legend and len(rows) * views > 1:
         legend = True

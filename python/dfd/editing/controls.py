@@ -41,25 +41,25 @@ class Controls:
     strength: Annotated[float, CONTROLS["strength"]] = 1.0
     instances: Annotated[Instances, CONTROLS["instances"]] = DEFAULTS.instances
     level: Annotated[bool, CONTROLS["level"]] = DEFAULTS.level
-    without_instances: Annotated[tuple[Place, ...], CONTROLS["without_instances"]] = ()
-    within: Annotated[Annotated[Region, Tagged("kind")] | None, CONTROLS["within"]] = None
-    within_width: Annotated[float, CONTROLS["within_width"]] = 0.0
+    excluded_instances: Annotated[tuple[Place, ...], CONTROLS["excluded_instances"]] = ()
+    mask: Annotated[Annotated[Region, Tagged("kind")] | None, CONTROLS["mask"]] = None
+    mask_feather: Annotated[float, CONTROLS["mask_feather"]] = 0.0
 
     def __post_init__(self) -> None:
         check_fields(self)
         if self.radius is not None and self.locality != 0.0:
             both = f"{self.radius:g} and {self.locality:g}"
             raise ArgumentError("radius", f"and `locality` must not be given both, got {both}", "Controls")
-        off: object = self.without_instances
+        off: object = self.excluded_instances
         if not isinstance(off, tuple) or any(not isinstance(one, Place) or one.region is not None for one in off):
-            raise ArgumentError("without_instances", f"must be places that are points, got {off!r}", "Controls")
-        if self.within is not None and not isinstance(self.within, Region):
-            raise ArgumentError("within", f"must be a region, got {type(self.within).__name__}", "Controls")
+            raise ArgumentError("excluded_instances", f"must be places that are points, got {off!r}", "Controls")
+        if self.mask is not None and not isinstance(self.mask, Region):
+            raise ArgumentError("mask", f"must be a region, got {type(self.mask).__name__}", "Controls")
 
     @cached_property
     def of_column(self) -> Controls:
         """Those that shape the column of weights: all but how instances share it."""
-        return replace(self, instances="together", level=False, without_instances=())
+        return replace(self, instances="shared_pivot", level=False, excluded_instances=())
 
     def changed(self, **given: Any) -> Controls:
         """The controls with some of them exchanged; None leaves one, and of `radius` and `locality` one ends the other.
@@ -71,8 +71,8 @@ class Controls:
             parts["locality"] = 0.0
         elif "locality" in parts and "radius" not in parts:
             parts["radius"] = None
-        if isinstance(parts.get("within"), str):  # "everywhere"
-            parts["within"] = None
+        if isinstance(parts.get("mask"), str):  # "everywhere"
+            parts["mask"] = None
         return replace(self, **parts) if parts else self
 
 
@@ -86,9 +86,9 @@ class GivenControls(TypedDict, total=False):
     strength: float | None
     instances: Instances | None
     level: bool | None
-    without_instances: Sequence[Any] | None
-    within: Any
-    within_width: float | str | None
+    excluded_instances: Sequence[Any] | None
+    mask: Any
+    mask_feather: float | str | None
 
 
 def controls_of(preset: Preset) -> Controls:
@@ -99,31 +99,31 @@ def controls_of(preset: Preset) -> Controls:
 def controls_on(mesh: Mesh, given: GivenControls) -> dict[str, Any]:
     """The controls of `given` as `Controls.changed` takes them: lengths in mesh units, regions and places of `mesh`.
 
-    Raises ValueError if a length is neither a number nor a percentage, `without_instances` is no list of points, or
-    `within` is no region or holds no vertex. Raises TypeError if there is no control of a name.
+    Raises ValueError if a length is neither a number nor a percentage, `excluded_instances` is no list of points, or
+    `mask` is no region or holds no vertex. Raises TypeError if there is no control of a name.
     """
     found = {name: value for name, value in dict(given).items() if value is not None}
     for name, value in found.items():
         if name not in CONTROLS:
             raise TypeError(f"{name!r} is no control of a handle; these are {', '.join(CONTROLS)}")
-        if name == "without_instances":
+        if name == "excluded_instances":
             found[name] = _points_on(mesh, value)
-        elif name in ("radius", "within_width"):
+        elif name in ("radius", "mask_feather"):
             found[name] = length_on(mesh, name, value)
-        elif name == "within" and not (isinstance(value, str) and value == "everywhere"):
+        elif name == "mask" and not (isinstance(value, str) and value == "everywhere"):
             found[name] = place_on(mesh, value).region
             if found[name] is None:
-                raise ArgumentError("within", f"must be a region, got {value!r}")
+                raise ArgumentError("mask", f"must be a region, got {value!r}")
     return found
 
 
 def _points_on(mesh: Mesh, places: Any) -> tuple[Place, ...]:
     """The places of a list of them, once each."""
     if isinstance(places, str) or not isinstance(places, Iterable):
-        raise ArgumentError("without_instances", f"must be a list of vertices or points, got {places!r}")
+        raise ArgumentError("excluded_instances", f"must be a list of vertices or points, got {places!r}")
     found = tuple(dict.fromkeys(place_on(mesh, at) for at in places))
     if any(place.region is not None for place in found):
-        raise ArgumentError("without_instances", "must be a list of vertices or points, got a region")
+        raise ArgumentError("excluded_instances", "must be a list of vertices or points, got a region")
     return found
 
 

@@ -141,7 +141,7 @@ class Deformer:
 
     @public
     def instances(self, handle: int) -> list[tuple[Instance, bool]]:
-        """The places that look like the one a handle holds, and whether each moves along (`without_instances`).
+        """The places that look like the one a handle holds, and whether each moves along (`excluded_instances`).
 
         Its own is the first, then come the others, the most alike first; `Instance.vertex` and `Instance.position` say
         where each is.
@@ -233,8 +233,8 @@ class Deformer:
             For people.
         **given
             What follows it, as `dfd.editing.presets.CONTROLS` says: `reach`, `falloff`, `locality`,
-            `radius`, `strength`, `instances`, `level`, `without_instances`, `within` and `within_width`. What is left
-            out, or None, is as the preset has it. `within="part"` is the part that the handle is on.
+            `radius`, `strength`, `instances`, `level`, `excluded_instances`, `mask` and `mask_feather`. What is left
+            out, or None, is as the preset has it. `mask="part"` is the part that the handle is on.
 
         Raises ValueError if a number is not finite, of another shape or out of its range, a name is unknown, a region
         is empty, a point lies farther from the shape than the diagonal of its box, the place is taken, or fixed points
@@ -291,8 +291,8 @@ class Deformer:
     ) -> None:
         """Set where a handle is, what follows it, or its name, as in `add`; what is left out stays.
 
-        Of `radius` and `locality` the one that is given ends the other; `within="everywhere"` takes the limit away, and
-        `without_instances=[]` switches all on.
+        Of `radius` and `locality` the one that is given ends the other; `mask="everywhere"` takes the limit away, and
+        `excluded_instances=[]` switches all on.
 
         Raises ValueError as in `add`, or if there is no such handle.
         """
@@ -316,7 +316,7 @@ class Deformer:
 
     @public
     def part(self, at: Any, *, level: Level = "part", alike: bool = True) -> VertexSet:
-        """Find the part of the shape that holds a place: a region for `add`, `fix` and `within`.
+        """Find the part of the shape that holds a place: a region for `add`, `fix` and `mask`.
 
         Parameters
         ----------
@@ -353,7 +353,7 @@ class Deformer:
         it and the rest, and "linear" otherwise.
         """
     )
-    arrive: Setting[bool] = Setting(
+    reach_targets: Setting[bool] = Setting(
         """Whether handles arrive where they are sent although fixed points take from them.
 
         If so, a handle's weights are divided by what the fixed points leave of them at the handle; at most 1. If not,

@@ -106,10 +106,10 @@ class Edit:
     # symmetry: the plane across which handles act on both sides, or None; in a file also a letter
     symmetry: Annotated[SymmetryPlane | None, Written(SymmetryPlane | Literal["x", "y", "z"] | None)] = None
     default: Transform | None = None  # D₀ of Eq. 1, what happens to what no handle holds; None is nothing
-    # overlap, blend, arrive, mirrored_locality, bridges: as `dfd.editing.presets.WHOLE_SHAPE` says
+    # overlap, blend, reach_targets, mirrored_locality, bridges: as `dfd.editing.presets.WHOLE_SHAPE` says
     overlap: Annotated[Overlap, WHOLE_SHAPE["overlap"]] = DEFAULTS.overlap
     blend: Annotated[BlendRule, WHOLE_SHAPE["blend"]] = DEFAULTS.blend
-    arrive: Annotated[bool, WHOLE_SHAPE["arrive"]] = DEFAULTS.arrive
+    reach_targets: Annotated[bool, WHOLE_SHAPE["reach_targets"]] = DEFAULTS.reach_targets
     mirrored_locality: Annotated[bool, WHOLE_SHAPE["mirrored_locality"]] = DEFAULTS.mirrored_locality
     bridges: Annotated[bool, WHOLE_SHAPE["bridges"]] = DEFAULTS.bridges
     # preset: what new handles start with, and where all this came from unless it was set apart
@@ -173,7 +173,7 @@ class GivenSettings(TypedDict, total=False):
 
     overlap: Overlap | None
     blend: BlendRule | None
-    arrive: bool | None
+    reach_targets: bool | None
     mirrored_locality: bool | None
     bridges: bool | None
 
@@ -191,13 +191,13 @@ def edit_on(mesh: Mesh, edit: Edit, place: Callable[[str, Place], Place] | None 
     place, handles, fixed = place or on_mesh, [], []
     for i, handle in enumerate(edit.handles):
         path, controls = f"handles[{i}]", handle.controls
-        if controls.within is not None:
-            with within(f"{path}.within"):
-                members(mesh, controls.within)
-        if controls.without_instances:
-            off = enumerate(controls.without_instances)
-            placed = tuple(place(f"{path}.without_instances[{j}]", one) for j, one in off)
-            controls = replace(controls, without_instances=placed)
+        if controls.mask is not None:
+            with within(f"{path}.mask"):
+                members(mesh, controls.mask)
+        if controls.excluded_instances:
+            off = enumerate(controls.excluded_instances)
+            placed = tuple(place(f"{path}.excluded_instances[{j}]", one) for j, one in off)
+            controls = replace(controls, excluded_instances=placed)
         found = place(path, handle.place)
         with within(path):
             handles.append(replace(handle, place=found, controls=controls))

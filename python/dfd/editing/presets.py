@@ -21,7 +21,7 @@ LARGEST = 1e38  # what the kernels compute with are 32-bit floats
 # and the number that it is on a shape of which no part ends anywhere, such as a ball.
 WITHIN_PART, PARTLESS_REACH = 6.0, 0.7
 
-Instances = Literal["own", "together", "only"]
+Instances = Literal["own_pivot", "shared_pivot", "only"]
 Reach = float | Literal["auto", "part"]
 SymmetryCandidates = Literal["any", "axes"]
 BlendRule = Literal["auto", "linear", "dual_quaternion", "polar"]  # `dfd.posing.pose.Blend`, or what fits the edit
@@ -64,11 +64,11 @@ CONTROLS = {
         "Look-alikes follow in full; off: as much as they are alike. What is hardly alike never does.",
         label="Look-alikes follow in full",
     ),
-    "without_instances": About("A place on an instance that does not move along.", metavar="PLACE", repeated=True),
-    "within": About(
+    "excluded_instances": About("A place on an instance that does not move along.", metavar="PLACE", repeated=True),
+    "mask": About(
         "Nothing follows beyond: part:NAME, group:NAME, 'x>0', ball:x,y,z,r or box:x,y,z,x,y,z.", metavar="REGION"
     ),
-    "within_width": About(
+    "mask_feather": About(
         "How far beyond that region the weight fades to 0, mesh units or % of the box.",
         0.0,
         LARGEST,
@@ -85,7 +85,7 @@ WHOLE_SHAPE = {
         metavar="RULE",
         label="Blending",
     ),
-    "arrive": About("Whether handles reach their target although fixed points hold back."),
+    "reach_targets": About("Whether handles reach their target although fixed points hold back."),
     "mirrored_locality": About("Whether locality and radius start at the handle's mirror image as well."),
     "bridges": About("Whether locality and radius reach across small gaps."),
 }
@@ -102,14 +102,14 @@ class Defaults:
     # they are given
     reach: Reach = "part"
     falloff: Falloff = "smooth"
-    instances: Instances = "own"
+    instances: Instances = "own_pivot"
     level: bool = True
     # pivot: about what a handle turns and scales that says nothing of it: as `Deformer.add` has it, or the point held
     pivot: Literal["auto", "point"] = "auto"
-    # overlap, blend, arrive, mirrored_locality, bridges: of a new session, as the properties of `Deformer`
+    # overlap, blend, reach_targets, mirrored_locality, bridges: of a new session, as the properties of `Deformer`
     overlap: Overlap = "add"
     blend: BlendRule = "auto"
-    arrive: bool = True
+    reach_targets: bool = True
     mirrored_locality: bool = True
     bridges: bool = True
     # band: half width of the zone in which the sides of a mirror plane blend, as a part of the mesh's longest side
@@ -135,12 +135,12 @@ PRESETS: dict[Preset, Defaults] = {
     "paper": Defaults(
         reach=1.0,
         falloff="linear",
-        instances="together",
+        instances="shared_pivot",
         level=False,
         pivot="point",
         overlap="paper",
         blend="linear",
-        arrive=False,
+        reach_targets=False,
         mirrored_locality=False,
         bridges=False,
         band=0.0,

@@ -158,9 +158,9 @@ class _Carrier:
         carried: Controls = replace(
             controls,
             radius=None if controls.radius is None else self.ratio * controls.radius,
-            within_width=self.ratio * controls.within_width,
-            without_instances=(),  # the other shape has other ones
-            within=None if controls.within is None else self.region(controls.within),
+            mask_feather=self.ratio * controls.mask_feather,
+            excluded_instances=(),  # the other shape has other ones
+            mask=None if controls.mask is None else self.region(controls.mask),
         )
         return replace(handle, place=place, transform=self.transform(handle.transform, beside), controls=carried)
 

@@ -110,8 +110,8 @@ def place_of(weights: HandleWeights, at: Any) -> Place:
 
 def _controls(weights: HandleWeights, place: Place, given: GivenControls) -> dict[str, Any]:
     """The controls of a handle at `place`, as `Controls.changed` takes them."""
-    within = _part_named(weights, given.get("within"), place)
-    return controls_on(weights.mesh, {**given, "within": within})
+    mask = _part_named(weights, given.get("mask"), place)
+    return controls_on(weights.mesh, {**given, "mask": mask})
 
 
 def _part_named(weights: HandleWeights, at: Any, own: Place | None = None) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from weakref import WeakKeyDictionary, ref
 
 import numpy as np
 from scipy.sparse import csr_array, eye_array
@@ -17,7 +18,7 @@ MOST_NODES = 20_000  # a mesh of more vertices is clustered
 CELLS = 100  # grid cells along the longest side, for clustering
 RUN = 1 << 17  # faces or vertices processed at once, to bound temporary memory
 
-Share = Callable[[slice], Float32]  # from a slice of the vertices to their weights in [0, 1]
+SliceWeights = Callable[[slice], Float32]  # from a slice of the vertices to their weights in [0, 1]
 
 
 class Nodes:
@@ -44,19 +45,32 @@ class Nodes:
         self.component = component[self.members[self.starts]]  # (N,) of the surface without bridges
         self._blend = None if coarse else _interpolation(vertices, self)
 
-    def shares(self, parts: Float64) -> list[Share]:
+    def shares(self, parts: Float64) -> list[SliceWeights]:
         """Interpolate each row of `parts` (K, N) from the nodes to the vertices, divided by the sum of all rows."""
         rows = parts.astype(np.float32)
         blend, total = self._blend, rows.sum(axis=0)
         if blend is not None:
             total = blend @ total
 
-        def share(row: Float32) -> Share:
+        def share(row: Float32) -> SliceWeights:
             if blend is None:
                 return lambda some: row[some] / total[some]
             return lambda some: np.asarray((blend if some == slice(None) else blend[some]) @ row / total[some])
 
         return [share(row) for row in rows]
+
+
+_NODES: WeakKeyDictionary[Mesh, ref[Nodes]] = WeakKeyDictionary()
+
+
+def nodes_of(mesh: Mesh) -> Nodes:
+    """Return the nodes of a mesh, for as long as they are in use the same: to find its parts, and to find instances."""
+    known = _NODES.get(mesh)
+    nodes = None if known is None else known()
+    if nodes is None:
+        nodes = Nodes(mesh)
+        _NODES[mesh] = ref(nodes)
+    return nodes
 
 
 def _gathered(mesh: Mesh, links: Int32) -> Int32:

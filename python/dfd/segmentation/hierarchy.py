@@ -32,6 +32,7 @@ LEAST_SHOWN = 0.005  # likewise, for a part of the whole cut
 EQUAL, SIMILAR, STILL_LIKELY = 0.7, 1.5, 0.4
 UNCLEAR = 0.8  # of its likelihood, for a branch that a cut of it ends more clearly than: horns and ears are two parts
 SHORT = 0.2  # diagonals: a border that is not much longer has to crease more, since chance creases short ones
+ROUNDING = 1e-12  # of the length of all borders: what is shorter is none
 LEAST_CONCAVITY = 0.02  # counts for every border: some parts end without a crease
 EVEN = 0.05  # of height: what differs by less is alike, and steps from there to the next larger branch tell nothing
 
@@ -91,7 +92,7 @@ class Hierarchy:
         self._first, self._order = first, np.argsort(first[:count], kind="stable")
         self._children = children
         self._known_pieces: dict[int, tuple[Float64, int]] = {}
-        self.branches = [self._branch(node) for node in range(2 * count - 1)]
+        self.branches = self._described()
         self.cut, self.clear = self._clearest_cut()
 
     def holding(self, patch: int) -> list[int]:
@@ -172,19 +173,42 @@ class Hierarchy:
                 part[part == small] = np.bincount(beside, borders.length[between] + 1e-9).argmax()
         return part
 
-    def _branch(self, node: int) -> Branch:
-        """A node of the tree as a part."""
+    def _described(self) -> list[Branch]:
+        """The nodes of the tree as parts."""
         patches, borders = self._patches, self._patches.borders
-        inside = np.zeros(borders.count, bool)
-        inside[self._order[self._first[node] : self._first[node] + self._size[node]]] = True
-        border = np.not_equal(*inside[borders.pairs.T])
-        length = borders.length[border]
-        concavity = borders.concavity[border].clip(0) @ length / (length.sum() + SHORT)
-        if length.sum() == 0:  # nothing but small gaps, or the whole component
-            concavity = BRIDGE
-        above = self._height[self._parent[node]] if self._parent[node] >= 0 else self._height[node]
-        step = (above - self._height[node]) / (above + EVEN)
-        return Branch(inside, float(patches.area[inside].sum()), float(length.sum()), float(concavity), float(step))
+        creased = borders.length * borders.concavity.clip(0)
+        area, length, crease = self._sums(patches.area), self._crossing(borders.length), self._crossing(creased)
+        concavity = np.where(length > 0, crease / (length + SHORT), BRIDGE)  # nothing but small gaps, or the component
+        above = np.where(self._parent >= 0, self._height[self._parent], self._height)
+        step = (above - self._height) / (above + EVEN)
+        inside = np.zeros((len(self._height), borders.count), bool)
+        for row, first, size in zip(inside, self._first, self._size, strict=True):
+            row[self._order[first : first + size]] = True
+        described = zip(inside, area.tolist(), length.tolist(), concavity.tolist(), step.tolist(), strict=True)
+        return [Branch(*each) for each in described]
+
+    def _sums(self, of_node: Float64) -> Float64:
+        """(N,) sums over the nodes below each and itself, of a number of each, or of each patch."""
+        sums = np.zeros(len(self._height))
+        sums[: len(of_node)] = of_node
+        for node, (one, other) in enumerate(self._children, start=self._patches.borders.count):
+            sums[node] += sums[one] + sums[other]
+        return sums
+
+    def _crossing(self, of_border: Float64) -> Float64:
+        """(N,) sums over the borders of a node with what is around it: those of its patches, but for inner ones."""
+        borders = self._patches.borders
+        ends = borders.pairs.copy()
+        apart = np.arange(len(ends))
+        while len(apart):  # children come before parents, so that the smaller number goes up
+            lower = ends[apart].argmin(axis=1)
+            ends[apart, lower] = self._parent[ends[apart, lower]]
+            apart = apart[ends[apart, 0] != ends[apart, 1]]
+        outer, inner = np.zeros(borders.count), np.zeros(len(self._height))
+        np.add.at(outer, borders.pairs, of_border[:, None])
+        np.add.at(inner, ends[:, 0], of_border)
+        sums = self._sums(outer) - 2 * self._sums(inner)
+        return np.where(sums > ROUNDING * outer.sum(), sums, 0.0)
 
 
 def pieces_and_borders(patches: Patches, inside: Bool) -> tuple[Float64, int]:

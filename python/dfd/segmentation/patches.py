@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import Float64, Int64
-from dfd.geometry.coarse import Nodes
+from dfd.geometry.coarse import Nodes, nodes_of
 from dfd.geometry.topology import first_at_place
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ class Patches:
     """
 
     def __init__(self, mesh: Mesh) -> None:
-        self.nodes = nodes = Nodes(mesh)
+        self.nodes = nodes = nodes_of(mesh)
         self.size = size = max(mesh.diagonal, np.finfo(float).tiny)
         center = (nodes.center - mesh.bounds.mean(axis=0)) / size
         area, normal, pairs, length = _surface(mesh, nodes, size)

@@ -14,7 +14,8 @@ from dfd.mesh.mesh import Mesh
 from dfd.mesh.normalization import box_normalization
 
 POINTS = 2_000
-LOOK_ALIKES = 6  # of each point, among those farther away than _APART
+LOOK_ALIKES = 6  # of each asking point, among those farther away than _APART
+_ASKING = 500  # points whose look-alikes are sought: the planes between them are far more than are tried
 _APART = 0.1  # of half the longest side: what is nearer looks alike anyhow
 _BINS = 24  # of distances, for how features change with them
 STAYS = 0.1  # normalized: a point that moves by less says nothing about a symmetry
@@ -115,15 +116,15 @@ def _change_with_distance(points: Float64, features: Float32) -> tuple[Float64, 
 
 
 def _look_alikes(points: Float64, features: Float32) -> Int64:
-    """Return pairs (P, 2) of points, each with those farther away whose features are nearest."""
-    likeness = features @ features.T
+    """Return pairs (P, 2) of some points, spread evenly, with those farther away whose features are nearest."""
+    asking = np.arange(0, len(points), -(-len(points) // _ASKING))
+    unlike = -(features[asking] @ features.T)
     squared = (points**2).sum(axis=1)
-    apart = squared[:, None] + squared - 2 * points @ points.T
-    likeness[apart <= _APART**2] = -np.inf  # what is near looks alike anyhow
+    apart = squared[asking, None] + squared - 2 * points[asking] @ points.T
+    unlike[apart <= _APART**2] = np.inf  # what is near looks alike anyhow
     count = min(LOOK_ALIKES, len(points) - 1)
     if count < 1:
         return np.zeros((0, 2), np.int64)
-    best = np.argpartition(-likeness, count - 1, axis=1)[:, :count]
-    own = np.repeat(np.arange(len(points)), count)
-    pairs = np.column_stack([own, best.ravel()])
-    return pairs[np.isfinite(likeness[pairs[:, 0], pairs[:, 1]])]
+    best = np.argpartition(unlike, count - 1, axis=1)[:, :count]
+    pairs = np.column_stack([np.repeat(asking, count), best.ravel()])
+    return pairs[np.isfinite(np.take_along_axis(unlike, best, axis=1).ravel())]

@@ -46,7 +46,7 @@ def _voted(evidence: SurfaceFeatures) -> Planes:
     random = np.random.default_rng(0)
     chosen = pairs[random.choice(len(pairs), min(_SEEDS, len(pairs)), replace=False)]
     planes = _between(evidence.points, chosen)
-    judged = pairs[random.choice(len(pairs), min(4_000, len(pairs)), replace=False)]
+    judged = pairs[random.choice(len(pairs), min(2_000, len(pairs)), replace=False)]
     one, other = evidence.points[judged[:, 0]], evidence.points[judged[:, 1]]
     votes = [float((((mirrored(one, plane) - other) ** 2).sum(axis=1) < _PAIR_FITS**2).sum()) for plane in planes]
     return planes[np.argsort(votes)[::-1]]

@@ -90,7 +90,7 @@ def test_the_formula_gives_the_bound_weights(client: Client) -> None:
     deformer.change(2, radius="40%")
     deformer.set_symmetry("x")
     np.testing.assert_allclose(client.weights(), deformer.weights, atol=1e-3)
-    deformer.arrive = False
+    deformer.reach_targets = False
     np.testing.assert_allclose(client.weights(), deformer.weights, atol=5e-4)
 
 
@@ -110,7 +110,7 @@ def test_reach_and_falloff_are_the_pages_own(client: Client, falloff: Any, reach
 def test_regions_and_limits_travel_as_weights(client: Client) -> None:
     deformer = client.deformer
     deformer.add(np.arange(40))
-    deformer.add(700, within=np.arange(600, 900))
+    deformer.add(700, mask=np.arange(600, 900))
     deformer.fix(np.arange(100, 140), strength=0.8)
     np.testing.assert_allclose(client.weights(), deformer.weights, atol=2e-5)
     assert [client.entries[handle["column"]]["kind"] for handle in client.listen()["handles"]] == ["weight", "weight"]
@@ -120,7 +120,7 @@ def test_regions_and_limits_travel_as_weights(client: Client) -> None:
 
 
 @pytest.mark.parametrize("level", [False, True])
-@pytest.mark.parametrize("mode", ["own", "only"])
+@pytest.mark.parametrize("mode", ["own_pivot", "only"])
 @pytest.mark.parametrize("pivot", [None, (0.3, 0.2, 0.1)])
 def test_instances_act_as_the_kernel_poses_them(client: Client, level: bool, mode: Any, pivot: Any) -> None:
     deformer = client.deformer

@@ -82,26 +82,26 @@ def test_a_part_is_shown_held_and_what_a_handle_is_limited_to(page: Page, deform
     page.ask("undo")
     assert "remove the handle" in page.ask("take_part", vertex=vertex, handle=handle, how="remove")["message"]
 
-    page.ask("change", handle=handle, controls={"within": "part"})
+    page.ask("change", handle=handle, controls={"mask": "part"})
     limited = page.last("state")["handles"][0]
-    assert (limited["within"], limited["within_part"]) == (len(part), True)
+    assert (limited["mask"], limited["mask_part"]) == (len(part), True)
     page.ask("take_part", vertex=vertex, handle=handle)
     larger = page.last("state")["handles"][0]
-    assert (larger["within"], larger["within_part"]) == (larger["region"], True), "the limit goes along"
-    page.ask("change", handle=handle, controls={"within": "everywhere", "reach": "part"})
-    assert (page.last("state")["handles"][0]["within_part"], page.last("state")["handles"][0]["reach_by"]) == (
+    assert (larger["mask"], larger["mask_part"]) == (larger["region"], True), "the limit goes along"
+    page.ask("change", handle=handle, controls={"mask": "everywhere", "reach": "part"})
+    assert (page.last("state")["handles"][0]["mask_part"], page.last("state")["handles"][0]["reach_by"]) == (
         False,
         "part",
     )
     mask = base64.b64encode(np.packbits(np.arange(count) < 7, bitorder="little").tobytes()).decode()
-    page.ask("change", handle=handle, controls={"within": {"mask": mask}})
+    page.ask("change", handle=handle, controls={"mask": {"mask": mask}})
     painted = page.last("state")["handles"][0]
-    assert (painted["within"], painted["within_part"]) == (7, False)
+    assert (painted["mask"], painted["mask_part"]) == (7, False)
     page.ask("fix", at={"part": other})
     assert page.last("state")["fixed"][0]["region"] == len(deformer.part(other).indices)
 
-    point = page.ask("add", at={"vertex": vertex}, controls={"within": "part"})["handle"]
-    assert page.last("state")["handles"][1]["within_part"]
+    point = page.ask("add", at={"vertex": vertex}, controls={"mask": "part"})["handle"]
+    assert page.last("state")["handles"][1]["mask_part"]
     page.ask("remove", handle=point)
 
 
@@ -233,18 +233,18 @@ def test_radius_level_and_limits_are_set_and_taken_away(page: Page, deformer: De
     inside = np.zeros(count, bool)
     inside[: count // 2] = True
     mask = base64.b64encode(np.packbits(inside, bitorder="little").tobytes()).decode()
-    page.ask("change", handle=handle, controls={"radius": 0.3, "level": True, "within": {"mask": mask}})
+    page.ask("change", handle=handle, controls={"radius": 0.3, "level": True, "mask": {"mask": mask}})
     state = page.last("state")["handles"][0]
-    assert (state["radius"], state["level"], state["within"]) == (0.3, True, count // 2)
+    assert (state["radius"], state["level"], state["mask"]) == (0.3, True, count // 2)
     assert page.last("columns")["columns"][0]["kind"] == "weight"
-    assert state["within_width"] == 0
-    page.ask("change", handle=handle, controls={"within_width": 0.25})
-    assert page.last("state")["handles"][0]["within_width"] == 0.25
+    assert state["mask_feather"] == 0
+    page.ask("change", handle=handle, controls={"mask_feather": 0.25})
+    assert page.last("state")["handles"][0]["mask_feather"] == 0.25
     assert page.last("columns")["columns"][0]["column"] == page.last("state")["handles"][0]["column"]
-    assert page.ask("change", handle=handle, controls={"within_width": -1})["type"] == "failure"
-    page.ask("change", handle=handle, controls={"locality": 0.0, "within": "everywhere"})
+    assert page.ask("change", handle=handle, controls={"mask_feather": -1})["type"] == "failure"
+    page.ask("change", handle=handle, controls={"locality": 0.0, "mask": "everywhere"})
     state = page.last("state")["handles"][0]
-    assert (state["radius"], state["within"]) == (None, 0)
+    assert (state["radius"], state["mask"]) == (None, 0)
 
 
 def test_the_newest_probe_is_answered(page: Page) -> None:

@@ -63,7 +63,7 @@ def paper(deformer: Deformer) -> None:
 def paper_with_more(deformer: Deformer) -> None:
     paper(deformer)
     deformer.add(600, reach=0.6, translation=(0, 0.1, 0))
-    deformer.arrive = True
+    deformer.reach_targets = True
     deformer.set_symmetry("x")
 
 

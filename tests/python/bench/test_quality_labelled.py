@@ -72,7 +72,7 @@ def test_overlaps_are_those_of_area():
     assert labelled.threshold_iou(on, np.ones(3), truth) == pytest.approx(3 / 4)
 
 
-@pytest.mark.parametrize("verb", ["labelled", "grip"])
+@pytest.mark.parametrize("verb", ["labelled", pytest.param("grip", marks=pytest.mark.slow)])
 def test_the_bench_writes_its_tables(folder, tmp_path, verb):
     with mock.patch.object(dfd, "distill", lambda mesh, **_: field_of(mesh)):
         main([verb, str(folder), "--output", str(tmp_path)])

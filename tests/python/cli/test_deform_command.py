@@ -51,7 +51,7 @@ def test_face_groups_of_an_obj_file_are_regions(run, folder, chair):
     lines[corners[0]] = "o first\ng lower\nusemtl oak\n" + lines[corners[0]]
     Path("grouped.obj").write_text("\n".join(lines))
     grouped = ("deform", "grouped.obj", "--field", "FIELD")
-    held = ("--handle", "group:upper", "--translate", 0, 0.2, 0, "--within", "group:second")
+    held = ("--handle", "group:upper", "--translate", 0, 0.2, 0, "--mask", "group:second")
     assert worked(run(*grouped, *held, "--fix", "group:lower:0.5", "-o", "out.obj", "--save-edit", "edit.json"))
     edit = read_edit("edit.json", dfd.load("grouped.obj"))
     assert str(edit.handles[0].place) == "group:upper"
@@ -99,9 +99,9 @@ def test_a_picture_shows_before_and_after(run):
 
 def test_every_handle_has_the_options_that_follow_it(run, chair):
     first = ("--translate", 0, 1, 0, "--handle", 40, "--reach", "auto", "--falloff=smooth", "--name", "foot")
-    second = ("--handle=top", "--rotate", 0, 0, 90, "--locality", 2, "--instances", "own", "--no-level")
-    second += ("--without-instance", 7, "--without-instance=0.1,0.2,0.3")
-    third = ("--handle", 900, "--radius", "20%", "--strength", 0.5, "--within", "y>0", "--axes", "normal", "--level")
+    second = ("--handle=top", "--rotate", 0, 0, 90, "--locality", 2, "--instances", "own_pivot", "--no-level")
+    second += ("--excluded-instance", 7, "--excluded-instance=0.1,0.2,0.3")
+    third = ("--handle", 900, "--radius", "20%", "--strength", 0.5, "--mask", "y>0", "--axes", "normal", "--level")
     assert worked(run(*DEFORM, *first, *second, "--fix", "1000:0.25", *third, "--save-edit", "edit.json"))
     edit = read_edit("edit.json", chair)
     one, two, three = edit.handles
@@ -109,21 +109,21 @@ def test_every_handle_has_the_options_that_follow_it(run, chair):
     assert (one.controls.reach, one.controls.falloff, one.controls.level) == ("auto", "smooth", True)
     assert two.place.vertex == chair.vertices[:, 1].argmax()
     assert two.transform.translation == (0, 0, 0)
-    assert (two.controls.locality, two.controls.instances, two.controls.level) == (2, "own", False)
-    off = [place.vertex for place in two.controls.without_instances]
+    assert (two.controls.locality, two.controls.instances, two.controls.level) == (2, "own_pivot", False)
+    off = [place.vertex for place in two.controls.excluded_instances]
     assert off == [7, np.linalg.norm(chair.vertices - (0.1, 0.2, 0.3), axis=1).argmin()]
-    assert one.controls.without_instances == three.controls.without_instances == ()
+    assert one.controls.excluded_instances == three.controls.excluded_instances == ()
     assert three.controls.radius == pytest.approx(0.2 * chair.diagonal)
-    assert (three.controls.strength, str(three.controls.within)) == (0.5, "the side (0, 1, 0) · p ≥ 0")
+    assert (three.controls.strength, str(three.controls.mask)) == (0.5, "the side (0, 1, 0) · p ≥ 0")
     assert three.transform.axes is not None
     assert [(fixed.vertex, fixed.strength) for fixed in edit.fixed] == [(1000, 0.25)]
 
 
 def test_what_holds_for_the_whole_shape(run, chair):
-    rules = ("--overlap", "interpolate", "--blend", "dual_quaternion", "--no-arrive", "--symmetry", "0,3,4,0.25")
+    rules = ("--overlap", "interpolate", "--blend", "dual_quaternion", "--no-reach-targets", "--symmetry", "0,3,4,0.25")
     assert worked(run(*DEFORM, "--handle", 40, *rules, "--band", 0, "--save-edit", "edit.json"))
     edit = read_edit("edit.json", chair)
-    assert (edit.overlap, edit.blend, edit.arrive) == ("interpolate", "dual_quaternion", False)
+    assert (edit.overlap, edit.blend, edit.reach_targets) == ("interpolate", "dual_quaternion", False)
     assert edit.symmetry.normal == pytest.approx((0, 0.6, 0.8))
     assert (edit.symmetry.offset, edit.symmetry.band) == (0.25, 0)
 

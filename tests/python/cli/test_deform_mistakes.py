@@ -46,8 +46,11 @@ DEFORM = ("deform", "MESH", "--field", "FIELD")
         (("--handle", 1, "--radius", "far"), "`--radius` must be a length or a percentage such as 20%, got 'far'"),
         (("--handle", 1, "--radius", 1, "--locality", 1), "`--radius` and `--locality` must not be given both"),
         (("--handle", 1, "--strength", 2), "`--strength` must be at most 1"),
-        (("--handle", 1, "--instances", "all"), "`--instances` must be one of own, together, only, got 'all'"),
-        (("--handle", 1, "--within", "x>99"), "must hold a vertex"),
+        (
+            ("--handle", 1, "--instances", "all"),
+            "`--instances` must be one of own_pivot, shared_pivot, only, got 'all'",
+        ),
+        (("--handle", 1, "--mask", "x>99"), "must hold a vertex"),
         (("--handle", 1, "--axes", "skew"), "`--axes` must be normal, limb, auto or 3 unit vectors at right angles"),
         (("--handle", 1, "--symmetry", "x=50"), "`--symmetry` must pass through the shape"),
         (("--handle", 1, "--overlap", "sum"), "`--overlap` must be one of add, interpolate, normalize, paper"),

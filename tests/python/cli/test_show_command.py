@@ -99,10 +99,10 @@ def test_a_handle_is_marked_without_a_field(run):
         ("--locality", 6),
         ("--radius", "15%"),
         ("--strength", 0.2),
-        ("--within", "x>0"),
+        ("--mask", "x>0"),
         ("--fix", 900),
         ("--fix", "900:0.3"),
-        ("--fix", 900, "--no-arrive"),
+        ("--fix", 900, "--no-reach-targets"),
     ],
 )
 def test_every_control_shows_in_the_heat(run, chair, control):

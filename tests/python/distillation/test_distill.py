@@ -33,7 +33,7 @@ def _weights_of_the_wheel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[
         yield
 
 
-@pytest.fixture(scope="module", params=["chair", "quadruped"])
+@pytest.fixture(scope="module", params=[pytest.param("chair", marks=pytest.mark.slow), "quadruped"])
 def shape(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[Sample, dfd.Mesh, dfd.Field]:

@@ -51,7 +51,7 @@ def test_reach_and_falloff_are_those_of_bind(session, labeled, foot):
     session.undo()
     assert session.handles == ()
     session.redo()
-    assert session.handle(handle).controls == Controls(0.5, "sharp", instances="together", level=False)
+    assert session.handle(handle).controls == Controls(0.5, "sharp", instances="shared_pivot", level=False)
 
 
 @pytest.mark.usefixtures("paper_handles")
@@ -101,20 +101,20 @@ def geodesics_of():
 def test_a_limit_may_have_a_soft_edge(session, foot, mesh, region, away):
     session.add(foot)
     everywhere = session.weights[:, 0].copy()
-    session.change(1, within=region, within_width=0.2)
+    session.change(1, mask=region, mask_feather=0.2)
     left = np.clip(1 - away(mesh.vertices) / 0.2, 0, 1)
     wanted = everywhere * left * left * (3 - 2 * left)
     np.testing.assert_allclose(session.weights[:, 0], wanted, atol=1e-6)
     assert ((left > 0) & (left < 1)).any()
-    session.change(1, within_width=0)
+    session.change(1, mask_feather=0)
     np.testing.assert_allclose(session.weights[:, 0], np.where(away(mesh.vertices) <= 0, everywhere, 0), atol=1e-6)
-    session.change(1, within_width="10%")
-    assert session.handle(1).controls.within_width == pytest.approx(0.1 * mesh.diagonal)
+    session.change(1, mask_feather="10%")
+    assert session.handle(1).controls.mask_feather == pytest.approx(0.1 * mesh.diagonal)
 
 
 def test_the_edge_of_a_set_of_vertices_is_soft_too(session, foot, mesh):
     held = np.flatnonzero(mesh.vertices[:, 1] < 0.3)
-    session.add(foot, within=held, within_width=0.3)
+    session.add(foot, mask=held, mask_feather=0.3)
     assert (session.weights[held, 0] >= 0).all()
     far = np.linalg.norm(mesh.vertices[:, None] - mesh.vertices[held[::5]], axis=2).min(axis=1) > 0.4
     assert far.any()
@@ -123,11 +123,11 @@ def test_the_edge_of_a_set_of_vertices_is_soft_too(session, foot, mesh):
 
 @pytest.mark.usefixtures("paper_handles")
 def test_strength_is_a_factor_and_within_a_limit(session, labeled, foot, mesh):
-    handle = session.add(foot, strength=0.25, within="x>0")
+    handle = session.add(foot, strength=0.25, mask="x>0")
     weights = 0.25 * dfd.bind(labeled, [foot])[:, 0]
     weights[mesh.vertices[:, 0] < 0] = 0
     np.testing.assert_array_equal(session.weights[:, 0], weights)
-    session.change(handle, within="everywhere", strength=1)
+    session.change(handle, mask="everywhere", strength=1)
     np.testing.assert_array_equal(session.weights, dfd.bind(labeled, [foot]))
 
 
@@ -158,10 +158,10 @@ def test_handles_arrive_although_fixed_points_take_from_them(session, chair, lab
     np.testing.assert_allclose(session.weights, np.minimum(left / left[foot, 0], 1), rtol=1e-6)
     np.testing.assert_allclose(session.vertices[foot], mesh.vertices[foot] - (0, 0.2, 0), atol=1e-7)
     np.testing.assert_array_equal(session.vertices[seat], mesh.vertices[seat])
-    session.arrive = False
+    session.reach_targets = False
     np.testing.assert_array_equal(session.weights, left)
     session.undo()
-    assert session.arrive
+    assert session.reach_targets
     assert session.weights[foot, 0] == 1
 
 
@@ -186,7 +186,7 @@ def test_points_in_space_and_regions_arrive_too(session, field, labeled, chair, 
 @pytest.mark.parametrize("strength", [0.0, 0.5, 1.0])
 def test_a_fixed_point_holds_by_its_strength(session, labeled, chair, foot, strength):
     seat = int(chair.vertices_of("seat")[0])
-    session.arrive = False
+    session.reach_targets = False
     session.add(foot)
     session.fix(seat, strength=strength)
     np.testing.assert_array_equal(session.weights, dfd.bind(labeled, [foot], fixed=[seat], strength=strength))
@@ -211,11 +211,11 @@ def test_nothing_left_of_a_handle_is_said_at_once(session, foot):
         session.fix(Ball(session.mesh.vertices[foot], 0.05))
     assert session.fixed == ()
     session.fix(Ball(session.mesh.vertices[foot], 0.05), strength=0.5)
-    session.arrive = False
+    session.reach_targets = False
     session.fix(Ball(session.mesh.vertices[foot], 0.06))
     assert session.weights[foot, 0] == 0
-    with pytest.raises(ValueError, match="Deformer.arrive: `fixed` must leave something of handle 1"):
-        session.arrive = True
+    with pytest.raises(ValueError, match="Deformer.reach_targets: `fixed` must leave something of handle 1"):
+        session.reach_targets = True
 
 
 # --- how handles are put together
@@ -327,12 +327,12 @@ def test_a_point_of_space_has_the_normal_of_the_nearest_vertex(session, mesh):
         ({"radius": "-5%"}, r"Deformer.add: `radius` must be above 0, got -5"),
         ({"radius": 1, "locality": 1}, r"Deformer.add: `radius` and `locality` must not be given both, got 1 and 1"),
         ({"strength": 1.5}, r"Deformer.add: `strength` must be at most 1, got 1.5"),
-        ({"instances": "all"}, r"Deformer.add: `instances` must be one of own, together, only, got 'all'"),
+        ({"instances": "all"}, r"Deformer.add: `instances` must be one of own_pivot, shared_pivot, only, got 'all'"),
         ({"level": "yes"}, r"Deformer.add: `level` must be True or False, got 'yes'"),
-        ({"within": "y>0", "within_width": -1}, r"Deformer.add: `within_width` must be at least 0, got -1"),
-        ({"within": "y>0", "within_width": "wide"}, r"Deformer.add: `within_width` must be a length or a percentage"),
-        ({"within": "top"}, r"Deformer.add: `within` must be a region, got 'top'"),
-        ({"within": "y>70"}, r"Deformer.add: `region` must hold a vertex, but the side"),
+        ({"mask": "y>0", "mask_feather": -1}, r"Deformer.add: `mask_feather` must be at least 0, got -1"),
+        ({"mask": "y>0", "mask_feather": "wide"}, r"Deformer.add: `mask_feather` must be a length or a percentage"),
+        ({"mask": "top"}, r"Deformer.add: `mask` must be a region, got 'top'"),
+        ({"mask": "y>70"}, r"Deformer.add: `region` must hold a vertex, but the side"),
         ({"axes": np.ones((3, 3))}, r"Deformer.add: `axes` must be 3 unit vectors at right angles"),
     ],
 )
@@ -347,7 +347,7 @@ def test_odd_controls_are_refused_by_name(session, given, message):
     [
         ("overlap", "sum", r"Deformer.overlap: `overlap` must be one of add, interpolate, normalize, paper, got 'sum'"),
         ("blend", "cubic", r"Deformer.blend: `blend` must be one of auto, linear, dual_quaternion, polar, got 'cubic'"),
-        ("arrive", 1, r"Deformer.arrive: `arrive` must be True or False, got 1"),
+        ("reach_targets", 1, r"Deformer.reach_targets: `reach_targets` must be True or False, got 1"),
         ("symmetry", "x=wide", r"Deformer.symmetry: `plane` must be like x, x=0.1 or .* got 'x=wide'"),
     ],
 )
@@ -366,11 +366,11 @@ def test_names_that_are_not_settings_are_refused(session):
 
 
 def test_a_limit_is_checked_on_the_mesh_at_hand(session, foot):
-    session.add(foot, within=Ball(session.mesh.vertices[foot], 0.1))
+    session.add(foot, mask=Ball(session.mesh.vertices[foot], 0.1))
     other = dfd.Mesh(session.mesh.vertices + 5, session.mesh.faces)
     from dfd.editing.edit import edit_on
 
-    with pytest.raises(ValueError, match="`handles.0..within` must hold a vertex"):
+    with pytest.raises(ValueError, match="`handles.0..mask` must hold a vertex"):
         edit_on(other, session.edit)
     assert place_on(session.mesh, foot) == session.handles[0].place
 

@@ -61,7 +61,7 @@ def test_the_session_is_bind_and_pose(deformer, mesh, features):
     deformer.add(5, translation=(0, 0.2, 0), rotation=(0, 30, 0), pivot="point")
     deformer.add(900, scale=(1, 2, 1), pivot="point")
     deformer.fix(6)
-    deformer.arrive = False
+    deformer.reach_targets = False
     transforms = [
         affine(translation=(0, 0.2, 0), rotation=(0, 30, 0), pivot=mesh.vertices[5]),
         affine(scale=(1, 2, 1), pivot=mesh.vertices[900]),
@@ -113,7 +113,7 @@ def test_points_in_space_can_be_fixed_among_vertices(deformer, field, features):
     deformer.add(5)
     deformer.fix(600)
     deformer.fix((0.3, 0.1, 0.2))
-    deformer.arrive = False
+    deformer.reach_targets = False
     rows = np.concatenate([features[[600]], field(np.array([[0.3, 0.1, 0.2]]))])
     np.testing.assert_array_equal(deformer.weights, dfd.bind(deformer.features, [5], fixed=rows))
     deformer.release((0.3, 0.1, 0.2))

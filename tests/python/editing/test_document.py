@@ -17,12 +17,13 @@ from dfd.editing import edit_file
 from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Fixed, Handle, symmetry_on
 from dfd.editing.edit_file import edit_schema, from_document, read_edit, to_document, write_edit
+from dfd.editing.influence.regions import Ball
 from dfd.editing.points import Place, place_on
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
 
-OLD = Controls(reach=1.0, falloff="linear", instances="together", level=False)  # what versions 1 and 2 leave out
+OLD = Controls(reach=1.0, falloff="linear", instances="shared_pivot", level=False)  # what versions 1 and 2 leave out
 
 
 @pytest.fixture(scope="module")
@@ -58,9 +59,9 @@ controls = st.builds(
     st.sampled_from(["linear", "smooth"]),
     st.floats(0, 1e3),
     strength=st.floats(0, 1),
-    instances=st.sampled_from(["own", "together", "only"]),
+    instances=st.sampled_from(["own_pivot", "shared_pivot", "only"]),
     level=st.booleans(),
-    without_instances=st.lists(triples.map(Place), max_size=3).map(tuple),
+    excluded_instances=st.lists(triples.map(Place), max_size=3).map(tuple),
 )
 
 
@@ -111,7 +112,7 @@ def test_the_example_of_the_documentation_is_read(mesh):
     assert to_document(edit, mesh).keys() == json.loads(example).keys()
     written, said = to_document(edit, mesh)["handles"][0], json.loads(example)["handles"][0]
     assert written.keys() == said.keys()
-    assert written["without_instances"][0].keys() == said["without_instances"][0].keys()
+    assert written["excluded_instances"][0].keys() == said["excluded_instances"][0].keys()
 
 
 def test_a_short_document_by_hand_is_enough(mesh):
@@ -124,7 +125,7 @@ def test_a_short_document_by_hand_is_enough(mesh):
             Handle(2, Place((0.0, 1.0, 2.0)), controls=OLD),
         ),
         blend="linear",
-        arrive=False,
+        reach_targets=False,
     )
 
 
@@ -170,9 +171,9 @@ def test_a_document_of_version_1_means_what_it_meant(mesh):
         SymmetryPlane((1.0, 0.0, 0.0), 0.5),
         Transform(scale=(2.0, 2.0, 2.0)),
         blend="linear",
-        arrive=False,
+        reach_targets=False,
     )
-    assert from_document({**document, "version": 2}, mesh).arrive
+    assert from_document({**document, "version": 2}, mesh).reach_targets
 
 
 @pytest.mark.parametrize("preset", ["default", "paper"])
@@ -182,8 +183,21 @@ def test_a_document_of_version_3_means_what_it_meant(mesh, preset):
     assert edit.blend == "linear"
     controls = edit.handles[0].controls
     assert (controls.reach, controls.level) == ((0.7, False) if preset == "default" else (1.0, False))
-    now = from_document({**document, "version": 4}, mesh)
+    now = from_document({**document, "version": 5}, mesh)
     assert (now.blend, now.handles[0].controls.level) == (("auto", True) if preset == "default" else ("linear", False))
+
+
+def test_documents_before_version_5_have_other_names(mesh):
+    handle = {"vertex": 4, "within": {"kind": "ball", "center": [0, 0, 0], "radius": 9}, "within_width": 0.5}
+    handle |= {"instances": "together", "level": False, "without_instances": [{"vertex": 7}]}
+    document = {"format": "dfd-edit", "version": 4, "handles": [handle], "arrive": False}
+    edit = from_document(document, mesh)
+    controls = edit.handles[0].controls
+    assert (edit.reach_targets, controls.instances, controls.mask_feather) == (False, "shared_pivot", 0.5)
+    assert (controls.mask, controls.excluded_instances) == (Ball((0.0, 0.0, 0.0), 9.0), (place_on(mesh, 7),))
+    for other in ({"version": 5}, {"reach_targets": True}):
+        with pytest.raises(ValueError, match="`arrive` is an unknown key"):
+            from_document({"format": "dfd-edit", "version": 4, "arrive": False, **other}, mesh)
 
 
 def test_the_schema_says_what_is_read_and_what_is_written(document):
@@ -208,7 +222,7 @@ def test_on_another_resolution_handles_stay_where_they_were(edit, mesh, document
         assert new == replace(old, place=Place(old.place.position))
     assert moved.fixed[0].place == Place(edit.fixed[0].position)
     assert moved.handles[2].place.region == edit.handles[2].place.region
-    was, now = (each.handles[2].controls.without_instances for each in (edit, moved))
+    was, now = (each.handles[2].controls.excluded_instances for each in (edit, moved))
     assert now == tuple(Place(place.position) for place in was)
     assert moved.handles[2].place == place_on(finer, edit.handles[2].place.region)
     assert [fixed.place.region for fixed in moved.fixed] == [fixed.place.region for fixed in edit.fixed]
@@ -263,8 +277,8 @@ MISSING = object()
     [
         (("format",), "gltf", r'`format` must be "dfd-edit", got "gltf"'),
         (("format",), MISSING, r'`format` must be "dfd-edit", got null'),
-        (("version",), 5, r"`version` must be 1, 2, 3 or 4, got 5"),
-        (("version",), True, r"`version` must be 1, 2, 3 or 4, got true"),
+        (("version",), 6, r"`version` must be 1 to 5, got 6"),
+        (("version",), True, r"`version` must be 1 to 5, got true"),
         (("units",), {"length": "inch"}, r"`units.length` must be 'mesh', got .inch."),
         (("mesh",), 9, r"`mesh` must be an object, got 9"),
         (("mesh",), {}, r"`mesh.vertices` is missing"),
@@ -314,21 +328,21 @@ MISSING = object()
         ),
         (("handles", 0, "strength"), 2, r"`handles\[0\].strength` must be at most 1, got 2"),
         (("handles", 0, "level"), 1, r"`handles\[0\].level` must be true or false, got 1"),
-        (("handles", 2, "without_instances"), 4, r"`handles\[2\].without_instances` must be a list, got 4"),
+        (("handles", 2, "excluded_instances"), 4, r"`handles\[2\].excluded_instances` must be a list, got 4"),
         (
-            ("handles", 2, "without_instances", 0, "vertex"),
+            ("handles", 2, "excluded_instances", 0, "vertex"),
             -4,
-            r"`handles\[2\].without_instances\[0\].vertex` must be a whole number of at least 0, got -4",
+            r"`handles\[2\].excluded_instances\[0\].vertex` must be a whole number of at least 0, got -4",
         ),
         (
-            ("handles", 2, "without_instances", 1),
+            ("handles", 2, "excluded_instances", 1),
             {},
-            r"`handles\[2\].without_instances\[1\]` must have a vertex, a position or a region",
+            r"`handles\[2\].excluded_instances\[1\]` must have a vertex, a position or a region",
         ),
         (
-            ("handles", 2, "without_instances", 1),
+            ("handles", 2, "excluded_instances", 1),
             {"region": {"kind": "part", "name": "leg"}},
-            r"`handles\[2\].without_instances` must be places that are points, got",
+            r"`handles\[2\].excluded_instances` must be places that are points, got",
         ),
         (("handles", 0, "axes"), [[1, 0, 0]], r"`handles\[0\].axes` must hold more than 1 items"),
         (("handles", 0, "axes"), [[1, 0, 0]] * 3, r"`handles\[0\].axes` must be 3 unit vectors at right angles"),
@@ -344,11 +358,11 @@ MISSING = object()
             r"`handles\[2\].region.indices` names vertex 1 more than once",
         ),
         (("handles", 2, "region", "size"), 3, r"`handles\[2\].region.size` is an unknown key$"),
-        (("handles", 2, "within", "radius"), -1, r"`handles\[2\].within.radius` must be above 0, got -1"),
-        (("handles", 2, "within", "radius"), 1e-9, r"`handles\[2\].within` must hold a vertex, but the ball"),
+        (("handles", 2, "mask", "radius"), -1, r"`handles\[2\].mask.radius` must be above 0, got -1"),
+        (("handles", 2, "mask", "radius"), 1e-9, r"`handles\[2\].mask` must hold a vertex, but the ball"),
         (("overlap",), "sum", r"`overlap` must be 'add', 'interpolate', 'normalize' or 'paper', got .sum."),
         (("blend",), "cubic", r"`blend` must be 'auto', 'linear', 'dual_quaternion' or 'polar', got .cubic."),
-        (("arrive",), None, r"`arrive` must be true or false, got null"),
+        (("reach_targets",), None, r"`reach_targets` must be true or false, got null"),
         (("fixed",), 5, r"`fixed` must be a list, got 5"),
         (("fixed", 0, "vertex"), 1.5, r"`fixed\[0\].vertex` must be a whole number"),
         (("fixed", 0, "locality"), 1, r"`fixed\[0\].locality` is an unknown key"),

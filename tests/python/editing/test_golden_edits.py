@@ -1,4 +1,4 @@
-"""Edits as versions 1, 2 and 3 wrote them, with every key and with as few as may be, mean what they meant then.
+"""Edits as versions 1 to 4 wrote them, with every key and with as few as may be, mean what they meant then.
 
 `golden/posed.json` holds where every seventh vertex went when the files were written, by the program of that time.
 """
@@ -50,5 +50,5 @@ def test_an_old_edit_poses_the_shape_as_it_did(egg, name):
 
 
 def test_there_are_edits_of_all_versions_with_and_without_keys():
-    keys = [f"v{version}_{keys}" for version in (1, 2, 3) for keys in ("every_key", "few_keys")]
+    keys = [f"v{version}_{keys}" for version in (1, 2, 3, 4) for keys in ("every_key", "few_keys")]
     assert sorted([*keys, "v2_named_axis"]) == NAMES

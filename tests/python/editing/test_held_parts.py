@@ -205,7 +205,7 @@ def test_a_look_alike_bends_along_its_own_axis(pair):
     np.testing.assert_array_equal(session.vertices[2 * count :], post)
 
 
-@pytest.mark.parametrize("instances", ["own", "together"])
+@pytest.mark.parametrize("instances", ["own_pivot", "shared_pivot"])
 def test_a_plane_of_symmetry_bends_mirrored(pair, instances):
     session, count = pair
     session.set_symmetry("x")
@@ -254,7 +254,7 @@ def test_a_default_transform_has_no_part(one):
 
 
 def test_what_turns_far_keeps_its_girth_where_the_blend_is_chosen_by_the_turn(one):
-    handle = one.add(52 * AROUND, within="y>0", reach=0.9, translation=(0, 0, 0))
+    handle = one.add(52 * AROUND, mask="y>0", reach=0.9, translation=(0, 0, 0))
     one.set(blend="auto")
     one.move(handle, rotation=(0, 20, 0))
     assert one.edit.blending == "linear"

@@ -65,7 +65,7 @@ def leg(sample, number):
 @pytest.mark.usefixtures("paper_handles")
 def test_each_instance_turns_about_its_own_pivot_in_its_own_frame(session, sample, mesh, asked, foot):
     rotation = (0, 40, 0)
-    session.add(foot, rotation=rotation, translation=(0.1, 0, 0), instances="own", pivot="point")
+    session.add(foot, rotation=rotation, translation=(0.1, 0, 0), instances="own_pivot", pivot="point")
     for number in (0, 1):
         members = leg(sample, number)
         turn, sign = rotation_matrix(rotation), 1.0 if number == 0 else -1.0
@@ -83,7 +83,7 @@ def test_each_instance_turns_about_its_own_pivot_in_its_own_frame(session, sampl
 
 def test_a_pivot_that_is_given_lies_from_each_counterpart_as_from_the_handle(session, sample, mesh, asked, foot):
     offset = np.array([0.05, 0.1, 0.0])
-    session.add(foot, scale=2, pivot=mesh.vertices[foot] + offset, instances="own", reach=0.7)
+    session.add(foot, scale=2, pivot=mesh.vertices[foot] + offset, instances="own_pivot", reach=0.7)
     members = leg(sample, 1)
     pivot = mesh.vertices[members[mesh.vertices[members, 1].argmin()]] + offset * (-1, 1, 1)
     np.testing.assert_allclose(session.vertices[members], pivot + 2 * (mesh.vertices[members] - pivot), atol=1e-6)
@@ -97,7 +97,7 @@ def test_only_moves_the_handle_s_own(session, sample, mesh, asked, foot):
 
 
 @pytest.mark.usefixtures("paper_handles")
-@pytest.mark.parametrize("instances", ["own", "together"])
+@pytest.mark.parametrize("instances", ["own_pivot", "shared_pivot"])
 def test_level_brings_all_instances_to_full_weight(session, sample, mesh, asked, foot, instances):
     handle = session.add(foot, translation=(0, -0.2, 0), instances=instances, level=False)
     back = leg(sample, 2)
@@ -109,7 +109,7 @@ def test_level_brings_all_instances_to_full_weight(session, sample, mesh, asked,
     np.testing.assert_allclose(session.vertices[back] - mesh.vertices[back], half, atol=1e-12)
 
 
-@pytest.mark.parametrize("instances", ["own", "together"])
+@pytest.mark.parametrize("instances", ["own_pivot", "shared_pivot"])
 def test_level_keeps_the_strength_of_a_handle(session, sample, mesh, asked, foot, instances):
     session.add(foot, translation=(0, -0.2, 0), instances=instances, strength=0.5, level=True, reach=0.7)
     legs = sample.vertices_of("leg")
@@ -151,7 +151,7 @@ def test_level_lets_no_vertex_follow_more_than_the_handle(mesh, field, asked, fo
 
     monkeypatch.setattr(instance_weights, "InstanceFinder", Halves)
     session = dfd.Deformer(mesh, field, features=field.features(mesh))
-    handle = session.add(foot, translation=(0, -0.2, 0), instances="own", level=True)
+    handle = session.add(foot, translation=(0, -0.2, 0), instances="own_pivot", level=True)
     assert session.following.max() <= 1 + 1e-6
     assert (session.vertices[:, 1] >= mesh.vertices[:, 1] - 0.2 - 1e-6).all()
     for column in session.bound.columns(session.edit)[1]:
@@ -161,32 +161,32 @@ def test_level_lets_no_vertex_follow_more_than_the_handle(mesh, field, asked, fo
     assert session.following.max() == pytest.approx(1)
 
 
-@pytest.mark.parametrize("instances", ["own", "together"])
+@pytest.mark.parametrize("instances", ["own_pivot", "shared_pivot"])
 def test_single_instances_can_be_switched_off(session, sample, mesh, asked, foot, instances):
     handle = session.add(foot, translation=(0, -0.2, 0), instances=instances)
     places = [one.vertex for one, _ in session.instances(handle)]
     assert places[0] == foot
     before = session.vertices
     on_leg = leg(sample, 1)
-    session.change(handle, without_instances=[places[1], tuple(mesh.vertices[places[3]])])
+    session.change(handle, excluded_instances=[places[1], tuple(mesh.vertices[places[3]])])
     assert [on for _, on in session.instances(handle)] == [True, False, True, False]
     for number, moves in enumerate([True, False, True, False]):
         members = leg(sample, number)
         wanted = before[members] if moves else mesh.vertices[members]
         np.testing.assert_allclose(session.vertices[members], wanted, atol=1e-9)
     # any vertex of an instance stands for it, and so does one of a text
-    session.change(handle, without_instances=[str(on_leg[5])])
+    session.change(handle, excluded_instances=[str(on_leg[5])])
     assert [on for _, on in session.instances(handle)] == [True, False, True, True]
     session.change(handle, name="foot")
     assert [on for _, on in session.instances(handle)] == [True, False, True, True]
-    session.change(handle, without_instances=[])
+    session.change(handle, excluded_instances=[])
     np.testing.assert_allclose(session.vertices, before, atol=1e-12)
     session.undo()
     assert [on for _, on in session.instances(handle)] == [True, False, True, True]
 
 
 def test_the_handle_s_own_instance_stays_on(session, mesh, asked, foot):
-    handle = session.add(foot, translation=(0, -0.2, 0), without_instances=[foot])
+    handle = session.add(foot, translation=(0, -0.2, 0), excluded_instances=[foot])
     assert [on for _, on in session.instances(handle)] == [True] * 4
     assert session.report().handles[0].arrived
 
@@ -194,15 +194,15 @@ def test_the_handle_s_own_instance_stays_on(session, mesh, asked, foot):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        (7, r"`without_instances` must be a list of vertices or points, got 7"),
-        ("top", r"`without_instances` must be a list of vertices or points, got 'top'"),
-        (["x>0"], r"`without_instances` must be a list of vertices or points, got a region"),
+        (7, r"`excluded_instances` must be a list of vertices or points, got 7"),
+        ("top", r"`excluded_instances` must be a list of vertices or points, got 'top'"),
+        (["x>0"], r"`excluded_instances` must be a list of vertices or points, got a region"),
         ([10**6], r"`at` must lie in 0"),
     ],
 )
 def test_what_is_no_list_of_places_is_refused(session, foot, given, message):
     with pytest.raises(ValueError, match=f"Deformer.add: {message}"):
-        session.add(foot, without_instances=given)
+        session.add(foot, excluded_instances=given)
 
 
 @pytest.mark.parametrize("level", [False, True])
@@ -214,7 +214,11 @@ def test_four_alike_handles_arrive_each_with_instances_of_its_own(session, sampl
     with session.step():
         for foot, down in zip(feet, (-0.1, -0.3), strict=True):
             session.add(
-                foot, translation=(0.02, down, 0), rotation=(0, 20, 0), instances="own", level=level and down < -0.2
+                foot,
+                translation=(0.02, down, 0),
+                rotation=(0, 20, 0),
+                instances="own_pivot",
+                level=level and down < -0.2,
             )
     assert all(handle.arrived for handle in session.report().handles)
     session.move(1, translation=(0, 0.1, 0))
@@ -227,26 +231,28 @@ def test_four_alike_handles_arrive_each_with_instances_of_its_own(session, sampl
 
 def test_a_new_handle_has_instances_of_its_own(session, mesh, foot):
     handle = session.add(foot, scale=1.5)
-    assert session.handle(handle).controls == Controls(reach="part", falloff="smooth", instances="own", level=True)
+    assert session.handle(handle).controls == Controls(
+        reach="part", falloff="smooth", instances="own_pivot", level=True
+    )
     by_default = session.vertices
-    session.change(handle, instances="own")
+    session.change(handle, instances="own_pivot")
     np.testing.assert_array_equal(session.vertices, by_default)
-    session.change(handle, instances="together")
+    session.change(handle, instances="shared_pivot")
     assert (session.vertices != by_default).any()
 
 
 def test_together_is_the_paper_and_asks_nobody(session, mesh, asked, foot):
-    session.add(foot, rotation=(0, 20, 0), instances="together", level=False, pivot="point")
+    session.add(foot, rotation=(0, 20, 0), instances="shared_pivot", level=False, pivot="point")
     wanted = dfd.pose(mesh.vertices, session.weights, [affine(rotation=(0, 20, 0), pivot=mesh.vertices[foot])])
     np.testing.assert_allclose(session.vertices, wanted, atol=1e-12)
     assert asked == []
 
 
 def test_instances_are_found_once_for_a_drag(session, mesh, field, asked, foot):
-    handle = session.add(foot, instances="own")
-    other = session.add(5, translation=(0, 0.01, 0), instances="together", level=False)
-    session.add(6, instances="together", level=False)
-    session.add(7, instances="together", level=False)
+    handle = session.add(foot, instances="own_pivot")
+    other = session.add(5, translation=(0, 0.01, 0), instances="shared_pivot", level=False)
+    session.add(6, instances="shared_pivot", level=False)
+    session.add(7, instances="shared_pivot", level=False)
     _ = session.vertices
     for frame in range(5):
         session.move(handle, rotation=(0, 10 * frame, 0), merge=frame > 0)
@@ -269,7 +275,7 @@ def test_what_stands_alone_is_one_instance(mesh, field, sample):
     session = dfd.Deformer(mesh, field, features=features)
     handle = session.add(int(sample.vertices_of("seat")[0]), rotation=(0, 20, 0))
     together = session.vertices
-    session.change(handle, instances="own")
+    session.change(handle, instances="own_pivot")
     np.testing.assert_allclose(session.vertices, together, atol=1e-9)
     assert session.report().handles[0].instances == 1
 
@@ -281,11 +287,11 @@ def test_the_four_legs_of_a_chair_are_found(mesh, field, sample, foot):
     features /= np.linalg.norm(features, axis=1, keepdims=True)
     session = dfd.Deformer(mesh, field, features=features)
     session.symmetry = "x"
-    session.add(foot, scale=1.5, instances="own", pivot="point")
+    session.add(foot, scale=1.5, instances="own_pivot", pivot="point")
     assert session.report().handles[0].instances == 4
     for number in range(4):
         members = leg(sample, number)
         lowest = members[mesh.vertices[members, 1].argmin()]
         assert np.linalg.norm(session.vertices[lowest] - mesh.vertices[lowest]) < 0.02
-    session.change(1, instances="together")
+    session.change(1, instances="shared_pivot")
     assert np.abs(session.vertices - mesh.vertices).max() > 0.2

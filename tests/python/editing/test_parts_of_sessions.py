@@ -37,18 +37,18 @@ def test_what_is_said_of_parts_is_held_and_limits(legged):
         assert session.fixed[-1].place.region == region
         session.release(text)
         assert not session.fixed
-    session.add(100, within="part", reach=2)
-    assert session.handles[-1].controls.within == part
+    session.add(100, mask="part", reach=2)
+    assert session.handles[-1].controls.mask == part
     inside = np.isin(np.arange(len(session.mesh.vertices)), part.indices)
     assert (session.weights[~inside, 0] == 0).all()
-    session.change(session.handles[-1].id, within="piece@100")
-    assert session.handles[-1].controls.within == piece
+    session.change(session.handles[-1].id, mask="piece@100")
+    assert session.handles[-1].controls.mask == piece
 
 
 def test_a_reach_by_the_part_holds_it_with_a_seam_and_nothing_beyond(legged, tmp_path):
     mesh, field = legged
     session = dfd.Deformer(mesh, field)
-    session.add(100, reach="part", instances="together")
+    session.add(100, reach="part", instances="shared_pivot")
     weights = session.weights[:, 0]
     inside = np.isin(np.arange(len(weights)), session.part(100).indices)
     assert weights[100] == 1

@@ -225,8 +225,13 @@ def test_a_preset_is_one_step_that_leaves_the_rest(deformer, mesh):
     before, shape = deformer.edit, deformer.vertices
     deformer.preset = "paper"
     controls = deformer.handle(held).controls
-    assert (controls.reach, controls.falloff, controls.instances, controls.locality) == (1.0, "linear", "together", 1.0)
-    assert (deformer.overlap, deformer.arrive, deformer.symmetry.band) == ("paper", False, 0.0)
+    assert (controls.reach, controls.falloff, controls.instances, controls.locality) == (
+        1.0,
+        "linear",
+        "shared_pivot",
+        1.0,
+    )
+    assert (deformer.overlap, deformer.reach_targets, deformer.symmetry.band) == ("paper", False, 0.0)
     assert (deformer.fixed, deformer.handle(held).name) == (before.fixed, "leg")
     assert np.abs(deformer.vertices - shape).max() > 1e-3
     assert deformer.handle(deformer.add(7)).controls.reach == 1.0

@@ -24,13 +24,13 @@ def test_it_says_how_much_moved_how_far_and_whether_the_handle_arrived(deformer,
 def test_it_says_how_far_a_handle_is_from_where_it_was_sent(deformer):
     deformer.add(5, translation=(0, 0.4, 0))
     deformer.fix(20)
-    deformer.arrive = False
+    deformer.reach_targets = False
     (handle,) = deformer.report().handles
     left = float(deformer.weights[5, 0])
     assert not handle.arrived
     assert handle.missing == pytest.approx(0.4 * (1 - left), rel=1e-5)
     assert f"handle 1 is {handle.missing:.3g} from where it was sent" in str(deformer.report())
-    deformer.arrive = True
+    deformer.reach_targets = True
     assert deformer.report().handles[0].arrived
 
 
@@ -60,7 +60,7 @@ def test_a_handle_that_fixed_points_hold_is_told_nothing_of_others(deformer):
     deformer.add(5, translation=(0, 0.4, 0), reach=0.1)
     deformer.add(900, translation=(0, 0.4, 0), reach=0.1)
     deformer.fix(20)
-    deformer.arrive = False
+    deformer.reach_targets = False
     report = deformer.report()
     assert not all(handle.arrived for handle in report.handles)
     assert report.advice is None

@@ -94,13 +94,13 @@ def test_regions_are_carried_from_box_to_box(mesh, moved, fields):
     other, number = moved
     session = dfd.Deformer(mesh, fields[0], features=fields[0].features(mesh))
     held = np.flatnonzero(mesh.vertices[:, 1] > 0.9)
-    session.add(held, within=Box((-1, 0, -1), (1, 2, 1)))
+    session.add(held, mask=Box((-1, 0, -1), (1, 2, 1)))
     session.fix(Ball((0.2, 0.1, 0.2), 0.2))
     session.fix(HalfSpace((0, 0, -1), 0.2), strength=0.5)
     found = transfer(session.edit, mesh, fields[0], other, fields[1])
     assert isinstance(found.edit.handles[0].place.region, VertexSet)
     np.testing.assert_array_equal(found.edit.handles[0].place.region.indices, np.sort(number[held]))
-    np.testing.assert_allclose(found.edit.handles[0].controls.within.low, (2, 0, -3), atol=1e-6)
+    np.testing.assert_allclose(found.edit.handles[0].controls.mask.low, (2, 0, -3), atol=1e-6)
     ball = found.edit.fixed[0].place.region
     np.testing.assert_allclose(ball.center, (5.6, 0.3, 0.6), atol=1e-6)
     assert ball.radius == pytest.approx(0.6)

@@ -62,7 +62,7 @@ def with_default(session):
 def normalized(session):
     session.overlap = "normalize"
     for vertex in (40, 300, 500):
-        session.add(vertex, **BEND, instances="together")
+        session.add(vertex, **BEND, instances="shared_pivot")
 
 
 EDITS = (
@@ -118,7 +118,7 @@ def test_all_joints_of_a_handle_do_the_same_in_their_frames(tmp_path, session):
 
 def test_four_influences_are_the_heaviest_and_sum_to_one(session, tmp_path):
     for vertex in (40, 300, 500, 700, 900, 1000):
-        session.add(vertex, translation=(0, 0.1, 0), instances="together", level=False, reach=0.8)
+        session.add(vertex, translation=(0, 0.1, 0), instances="shared_pivot", level=False, reach=0.8)
     report = dfd.export_rig(session, tmp_path / "rig.glb")
     glb = Glb(tmp_path / "rig.glb")
     ((_, primitive),) = glb.primitives()
@@ -144,7 +144,7 @@ def test_four_influences_are_the_heaviest_and_sum_to_one(session, tmp_path):
 
 def test_more_influences_come_in_further_sets(session, tmp_path):
     for vertex in (40, 300, 500, 700, 900, 1000):
-        session.add(vertex, translation=(0, 0.1, 0), instances="together", reach=0.7)
+        session.add(vertex, translation=(0, 0.1, 0), instances="shared_pivot", reach=0.7)
     session.overlap = "normalize"
     dfd.export_rig(session, tmp_path / "all.glb", influences="all")
     dfd.export_rig(session, tmp_path / "two.glb", influences=2)
@@ -167,7 +167,7 @@ def test_rounded_weights_sum_to_one(weights):
 @pytest.mark.parametrize("rule", ["paper", "interpolate"])
 def test_what_no_skin_can_show_is_reported(rule, session, tmp_path):
     for vertex in (40, 300, 500):
-        session.add(vertex, **BEND, instances="together")
+        session.add(vertex, **BEND, instances="shared_pivot")
     session.overlap = rule
     report = dfd.export_rig(session, tmp_path / "rig.glb", influences="all")
     distance = np.linalg.norm(shown(tmp_path / "rig.glb") - session.vertices[session.mesh.faces], axis=2)
@@ -211,8 +211,8 @@ def test_key_poses_become_an_animation(session, tmp_path):
 def test_parts_stand_at_the_root_without_a_transform(tmp_path, make_session):
     """A square, and a cube placed twice, once turned, shrunk and moved."""
     session = make_session(dfd.load(scene_of_three(tmp_path)))
-    session.add(3, **BEND, instances="together")
-    session.add(session.mesh.part_vertices("far")[0], translation=(0, 2, 0), instances="together", reach=0.7)
+    session.add(3, **BEND, instances="shared_pivot")
+    session.add(session.mesh.part_vertices("far")[0], translation=(0, 2, 0), instances="shared_pivot", reach=0.7)
     session.overlap = "normalize"
     dfd.export_rig(session, tmp_path / "rig.glb")
     glb = Glb(tmp_path / "rig.glb")

@@ -57,7 +57,7 @@ def triangles(path, seconds=None):
 
 def bent(session):
     one = session.add(40, translation=(0.1, 0.2, -0.05), rotation=(20, 70, -10), scale=(1.5, 0.7, 1.1), name="left leg")
-    two = session.add(900, translation=(0, 0.1, 0), instances="together", name="left-leg")
+    two = session.add(900, translation=(0, 0.1, 0), instances="shared_pivot", name="left-leg")
     session.overlap = "normalize"
     return one, two
 
@@ -122,7 +122,7 @@ def test_the_other_forms(form, session, tmp_path):
 
 def test_parts_colors_and_textures_come_along(tmp_path, make_session):
     session = make_session(dfd.load(scene_of_three(tmp_path)))
-    session.add(3, translation=(0, 0.1, 0), instances="together")
+    session.add(3, translation=(0, 0.1, 0), instances="shared_pivot")
     report = dfd.export_rig(session, tmp_path / "rig.usda")
     assert found_by_validators(tmp_path / "rig.usda") == []
     assert report.paths == (tmp_path / "rig.usda", tmp_path / "rig_texture_0.png")

@@ -92,7 +92,7 @@ def test_one_handle_heavier_than_one():
 @TYPES
 @pytest.mark.parametrize("blend", BLENDS)
 @pytest.mark.parametrize("symmetry", [None, PLANE])
-def test_interpolated_handles_arrive(dtype, blend, symmetry):
+def test_interpolated_handles_reach_targets(dtype, blend, symmetry):
     vertices, weights, transforms = turning_scene(100, 5, dtype=dtype)
     default = np.eye(3, 4)
     default[:, 3] = [1, 2, 3]
@@ -110,7 +110,7 @@ def test_interpolated_handles_arrive(dtype, blend, symmetry):
     np.testing.assert_allclose(posed[:5], sent, atol=1e-4 if dtype == np.float32 else 1e-6)
 
 
-def test_fifty_handles_arrive():
+def test_fifty_handles_reach_targets():
     random = np.random.default_rng(3)
     features = random.standard_normal((2000, 24)).astype(np.float32)
     features /= np.linalg.norm(features, axis=1, keepdims=True)

@@ -73,7 +73,7 @@ class HandleBase(Model):
     rotation: Vector  # rotation vector in degrees
     scale: Vector
     pivot: Vector  # what it turns and scales about
-    own_pivot: bool  # whether that was set or found; otherwise it is `position`
+    pivot_set: bool  # whether that was set or found; otherwise it is `position`
     pivot_at: PivotAt | None  # what of the held part it is; null where it is numbers, or nothing was said
     bend: Vector  # rotation vector in degrees: what the tip of the held part turns by along the part's axis
     twist: float  # degrees by which the tip turns about that axis
@@ -81,7 +81,7 @@ class HandleBase(Model):
     axes: Frame | None  # along which it scales, one a row; null is the mesh's own
     reach_by: Literal["number", "auto", "part"]  # what was asked for; `reach` is what that found
     exponent: float  # λ of the formula: the locality, or what makes the radius's falloff
-    within_part: bool  # whether that region is its part
+    mask_part: bool  # whether that region is its part
     region: int  # how many vertices it holds as one; 0 where it is no region
     gain: float  # what Eq. 6 left at the handle, undone
     column: int  # the number of its column; the same number is the same data

@@ -91,13 +91,13 @@ class ControlEntry(Model):
 # Controls that are another type in messages than in an edit: in requests, and in the state.
 GIVEN: dict[str, Any] = {
     "radius": float | str,
-    "within": RegionPlace | Literal["everywhere", "part"],
-    "without_instances": Annotated[tuple[Index, ...], Field(max_length=1000)],  # vertices
+    "mask": RegionPlace | Literal["everywhere", "part"],
+    "excluded_instances": Annotated[tuple[Index, ...], Field(max_length=1000)],  # vertices
 }
 SHOWN: dict[str, Any] = {
     "reach": float,  # what "auto" and "part" found, where that is asked for
-    "within": int,  # how many vertices the region has beyond which nothing follows; 0 is everywhere
-    "without_instances": tuple[int, ...],  # vertices on those that are switched off
+    "mask": int,  # how many vertices the region has beyond which nothing follows; 0 is everywhere
+    "excluded_instances": tuple[int, ...],  # vertices on those that are switched off
 }
 
 
@@ -111,7 +111,7 @@ def control_entries() -> tuple[ControlEntry, ...]:
     entries = []
     whole_shape = {name: about(Edit)[name] for name in ("preset", "overlap", "blend")}
     for name, (kind, said) in {**about(editing.Controls), **whole_shape}.items():
-        if said is None or said.repeated or name == "within":
+        if said is None or said.repeated or name == "mask":
             continue
         kinds = (kind, *get_args(kind))
         choices = next((get_args(each) for each in kinds if get_origin(each) is Literal), ())

@@ -108,7 +108,7 @@ class Columns:
     def _acting(self, handle: Handle, index: int) -> list[tuple[Instance, float]]:
         """The instances through which the handle at `index` acts, and the gain of each."""
         bound, edit = self._deformer.bound, self._deformer.edit
-        if handle.controls.instances == "own" and not handle.controls.level:
+        if handle.controls.instances == "own_pivot" and not handle.controls.level:
             # Gains are 1, so the weights of all handles need not be computed.
             return [(instance, 1.0) for instance, on in bound.instances(edit, handle) if on]
         columns = bound.columns(edit)[1]
@@ -131,7 +131,7 @@ class Columns:
     def _instances_key(self, handle: Handle) -> Hashable:
         """Everything that a handle's instances depend on besides its column: gains that level them follow weights."""
         edit = self._deformer.edit
-        return (handle.controls, edit.fixed, edit.arrive) if handle.controls.level else None
+        return (handle.controls, edit.fixed, edit.reach_targets) if handle.controls.level else None
 
     def _handle_entry(self, number: int, index: int, arrays: Arrays) -> ColumnEntry:
         """The column of the handle at `index`; its buffers go into `arrays`."""
@@ -164,10 +164,10 @@ class Columns:
             instances = None
             if _instanced(handle):
                 axes = handle.transform.axes if handle.transform.along is not None else None
-                instances = (controls.instances, controls.level, controls.without_instances, edit.symmetry, axes)
+                instances = (controls.instances, controls.level, controls.excluded_instances, edit.symmetry, axes)
             return (kind, handle.place, sources, edit.bridges, controls.radius, instances)
         # Weights sent as such depend on every control.
-        return (kind, handle.place, sources, edit.bridges, controls, edit.fixed, edit.arrive, edit.symmetry)
+        return (kind, handle.place, sources, edit.bridges, controls, edit.fixed, edit.reach_targets, edit.symmetry)
 
     def _number(self, key: Hashable) -> int:
         return self._numbers.setdefault(key, len(self._numbers) + 1)
@@ -176,13 +176,13 @@ class Columns:
 def column_kind(handle: Handle) -> Literal["distance", "weight"]:
     """What is sent of a handle: "weight" where weights are not a function of one distance per vertex."""
     controls = handle.controls
-    shared = controls.instances == "together" and (controls.level or bool(controls.without_instances))
-    limited = controls.within is not None or controls.reach == "part"
+    shared = controls.instances == "shared_pivot" and (controls.level or bool(controls.excluded_instances))
+    limited = controls.mask is not None or controls.reach == "part"
     return "weight" if handle.place.region is not None or limited or shared else "distance"
 
 
 def _instanced(handle: Handle) -> bool:
-    return handle.controls.instances != "together"
+    return handle.controls.instances != "shared_pivot"
 
 
 def heat_message(deformer: Deformer, place: Place, *, request: int) -> bytes:

@@ -69,7 +69,7 @@ class ShapeParts:
 
     def limits(self, handle: Handle) -> bool:
         """Whether a handle is limited to its part."""
-        within = handle.controls.within
-        if not isinstance(within, VertexSet):
+        mask = handle.controls.mask
+        if not isinstance(mask, VertexSet):
             return False
-        return within == handle.place.region or (self.ready and within == self.of(handle))
+        return mask == handle.place.region or (self.ready and mask == self.of(handle))

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
+import hashlib
 import threading
 import time
 import warnings
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,11 +15,18 @@ from dfd.app.options import SessionOptions, Source
 from dfd.app.session.distill_process import DistillProcess
 
 if TYPE_CHECKING:
+    from dfd.app.shared import SharedValues
+    from dfd.common.linear_algebra import Float32
+    from dfd.common.preset import Preset
     from dfd.mesh.mesh import Mesh
+    from dfd.symmetry.plane import SymmetryPlane
+    from dfd.weights.compact import CompactFeatures
 
 
 class Preparation:
     """The background work for one shape, which another process reads from `source`; fields are saved in `folder`.
+
+    What the `shared` values have under `key`, that of the mesh, other sessions have as well.
 
     Progress and results go to the methods `field_…` of `session`, on its thread, by `post`.
     """
@@ -26,6 +34,8 @@ class Preparation:
     def __init__(
         self,
         mesh: Mesh,
+        key: str,
+        shared: SharedValues,
         source: Source,
         options: SessionOptions,
         folder: Path,
@@ -33,7 +43,8 @@ class Preparation:
         session: Any,
         post: Callable[[Callable[[], None]], None],
     ) -> None:
-        self._mesh, self._source, self._options, self._folder, self._lock = mesh, source, options, folder, lock
+        self._mesh, self._key, self._shared = mesh, key, shared
+        self._source, self._options, self._folder, self._lock = source, options, folder, lock
         self._session, self._post = session, post
         self._dropped = False
         self._process: DistillProcess | None = None
@@ -113,14 +124,16 @@ class Preparation:
     def _prepare(self, path: Path, origin: str) -> None:
         self._tell("field_progress", "prepare", "load", 0, None, None)
         from dfd.editing.deformer import Deformer
+        from dfd.editing.influence.handle_features import HandleFeatures
         from dfd.editing.presets import PRESETS
+        from dfd.field.compatibility import check_compatible
         from dfd.field.field import Field
         from dfd.symmetry.search import symmetry_planes
 
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", UserWarning)
             field = Field.load(path, mesh=self._mesh)
-            deformer = Deformer(self._mesh, field, preset=self._options.preset)
+            check_compatible(field, self._mesh)
         messages = [str(each.message) for each in caught if issubclass(each.category, UserWarning)]
         count, done, reported = len(self._mesh.vertices), 0, 0.0
 
@@ -131,17 +144,26 @@ class Preparation:
                 reported = time.monotonic()
                 self._tell("field_progress", "prepare", "features", done, count, None)
 
-        deformer.prepare(advance)
+        def features() -> Float32 | CompactFeatures:
+            rows = HandleFeatures(self._mesh, field)
+            rows.prepare(advance)
+            return rows.features
+
+        def planes() -> dict[Preset, list[SymmetryPlane]]:
+            return {
+                preset: symmetry_planes(field, self._mesh, candidates=defaults.candidates, threshold=defaults.threshold)
+                for preset, defaults in PRESETS.items()
+            }
+
+        key = f"{self._key} {hashlib.sha256(path.read_bytes()).hexdigest()}"
+        deformer = Deformer(
+            self._mesh, field, preset=self._options.preset, features=self._shared.value(f"features {key}", features)
+        )
         self._tell("field_ready", deformer, path, origin, messages)
-        planes = {
-            preset: symmetry_planes(field, self._mesh, candidates=defaults.candidates, threshold=defaults.threshold)
-            for preset, defaults in PRESETS.items()
-        }
-        deformer.bound.prepare_instances(planes["default"])
-        self._tell("field_planes", planes)
-        with contextlib.suppress(ValueError):  # a shape without an area has none
-            deformer.bound.parts.prepare()
-            self._tell("field_parts")
+        found = self._shared.value(f"planes {key}", planes)
+        deformer.bound.prepare_instances(found["default"], partial(self._shared.value, f"instances {key}"))
+        self._tell("field_planes", found)
+        self._tell("field_parts")
 
 
 # Seconds of each stage of a distillation with the default settings on two cores, in order. Only the proportions

@@ -209,8 +209,8 @@ def take_part(session: Session, vertex: Index, handle: int | None = None, how: C
         return DoneMessage(handle=same.id)
     if held is None:
         return DoneMessage(handle=session.change(lambda deformer: deformer.add(chosen)))
-    number, within = held.id, chosen if parts.limits(held) else None
-    session.change(lambda deformer: deformer.change(number, at=chosen, within=within))
+    number, mask = held.id, chosen if parts.limits(held) else None
+    session.change(lambda deformer: deformer.change(number, at=chosen, mask=mask))
     return DoneMessage(handle=number)
 
 
@@ -268,8 +268,8 @@ def change(
     given = _controls(session, controls)
     if at is not None:
         given["at"] = _at(session, at)
-    if isinstance(given.get("within"), str) and given["within"] == "part":
-        given["within"] = session.require_parts().of(session.require_deformer().edit.handle(handle))
+    if isinstance(given.get("mask"), str) and given["mask"] == "part":
+        given["mask"] = session.require_parts().of(session.require_deformer().edit.handle(handle))
     session.change(lambda deformer: deformer.change(handle, **given), ("change", handle), merge=merge)
 
 

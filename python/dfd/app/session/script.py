@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 # Keys of the edit document that `Deformer.add` takes under other names or not at all.
 NOT_CONTROLS = ("id", "vertex", "position", "along", "pivot_at")
 AT_REST: dict[str, Any] = {"translation": [0.0] * 3, "rotation": [0.0] * 3, "scale": [1.0] * 3}
-AT_REST |= {"bend": [0.0] * 3, "twist": 0.0, "without_instances": []}
+AT_REST |= {"bend": [0.0] * 3, "twist": 0.0, "excluded_instances": []}
 
 
 def as_python(deformer: Deformer, name: str) -> str:
@@ -32,7 +32,7 @@ def as_python(deformer: Deformer, name: str) -> str:
         f"session = dfd.Deformer(mesh, field{preset})",
     ]
     defaults = _defaults(document)
-    long = {"region", "within", "without_instances"}  # vertex sets, too long for a script
+    long = {"region", "mask", "excluded_instances"}  # vertex sets, too long for a script
     if any(_changed(entry, defaults).keys() & long for entry in _entries(document)):
         lines[-1] = f'session = dfd.Deformer.load("{stem}_edit.json", mesh, field)'
         lines.append(f'mesh.save("{stem}_edited.glb", session.vertices)')
@@ -97,7 +97,7 @@ def _entries(document: dict[str, Any]) -> list[dict[str, Any]]:
 def _defaults(document: dict[str, Any]) -> dict[str, Any]:
     """The values of a new handle in the document's preset."""
     controls = controls_of(document["preset"])
-    return {**AT_REST, **{key: getattr(controls, key) for key in CONTROLS if key != "without_instances"}}
+    return {**AT_REST, **{key: getattr(controls, key) for key in CONTROLS if key != "excluded_instances"}}
 
 
 def _changed(entry: dict[str, Any], defaults: dict[str, Any]) -> dict[str, Any]:

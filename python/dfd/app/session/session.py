@@ -10,7 +10,7 @@ from collections.abc import Callable, Hashable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from dfd.app.options import UPLOADS, OpenedFile, SessionOptions, Source, read_shape
+from dfd.app.options import UPLOADS, OpenedFile, SessionOptions, Source
 from dfd.app.protocol.answers import Answer, FailureMessage, FieldState, ProgressMessage, StartMessage
 from dfd.app.session.autosave import Autosave, Saved
 from dfd.app.session.columns import Columns
@@ -18,6 +18,7 @@ from dfd.app.session.parts import ShapeParts
 from dfd.app.session.preparation import Preparation
 from dfd.app.session.state import ViewState, check_drawable, report, state_message
 from dfd.app.session.surface import mesh_messages
+from dfd.app.shared import SharedValues
 from dfd.editing.edit_file import read_edit
 
 if TYPE_CHECKING:
@@ -37,8 +38,8 @@ class Session:
     """The work of one tab, which it saves in `folder`. All its methods are called on one thread.
 
     `send` takes a message for the page, text or binary, and drops it where none is connected; `post` runs a call on the
-    session's thread, from any thread. Of all sessions with one `lock` file only one distills at a time. `deformer` is
-    an editing session that exists already, as in a notebook.
+    session's thread, from any thread. Of all sessions with one `server_folder` only one distills at a time, and they
+    share what they compute of one shape. `deformer` is an editing session that exists already, as in a notebook.
     """
 
     def __init__(
@@ -48,12 +49,14 @@ class Session:
         send: Callable[[str | bytes], None],
         post: Callable[[Callable[[], None]], None],
         *,
-        lock: Path | None = None,
+        server_folder: Path | None = None,
         deformer: Deformer | None = None,
     ) -> None:
         self.folder = folder
         self.options = options
-        self._send, self._post, self._lock = send, post, lock
+        self._send, self._post = send, post
+        self._lock = None if server_folder is None else server_folder / "distilling"
+        self._shared = SharedValues(None if server_folder is None else server_folder / "shared")
         self._autosave = Autosave(folder)
         self._preparation: Preparation | None = None
         self._progress: ProgressMessage | None = None  # the last one sent, while its task runs
@@ -114,7 +117,7 @@ class Session:
             self._names[str(source.path)] = source.name
         self._tell_progress("open", "read")
         try:
-            mesh, warnings = read_shape(source)
+            mesh, warnings, key = self._shared.shape(source)
             messages = mesh_messages(mesh, number=self._number + 1, name=source.name, warnings=warnings)
             first = next(messages)
         finally:
@@ -125,7 +128,9 @@ class Session:
         self._autosave.save_opened(Saved(source=source, field=field))
         self._delete_uploads(*(each.path for each in (source, field, edit) if each is not None))
         self._send(first)
-        self._preparation = Preparation(mesh, source, self.options, self.folder, self._lock, self, self._post)
+        self._preparation = Preparation(
+            mesh, key, self._shared, source, self.options, self.folder, self._lock, self, self._post
+        )
         self._tell_field("preparing")
         if field is None:
             self._preparation.find_cached()

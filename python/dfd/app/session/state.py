@@ -81,8 +81,8 @@ def _handle(deformer: Deformer, columns: Columns, handle: Handle, parts: ShapePa
     values = {
         **{name: getattr(controls, name) for name in CONTROLS},
         "reach": bound.reach(handle),
-        "without_instances": tuple(place.vertex for place in controls.without_instances if place.vertex is not None),
-        "within": _size(deformer.mesh, controls.within),
+        "excluded_instances": tuple(place.vertex for place in controls.excluded_instances if place.vertex is not None),
+        "mask": _size(deformer.mesh, controls.mask),
     }
     return HandleState(
         handle=handle.id,
@@ -93,14 +93,14 @@ def _handle(deformer: Deformer, columns: Columns, handle: Handle, parts: ShapePa
         rotation=transform.rotation,
         scale=transform.scale,
         pivot=handle.pivot,
-        own_pivot=transform.pivot is not None,
+        pivot_set=transform.pivot is not None,
         pivot_at=transform.pivot_at,
         bend=transform.bend,
         twist=transform.twist,
         joint=transform.joint,
         axes=transform.axes,
         reach_by=controls.reach if isinstance(controls.reach, str) else "number",
-        within_part=parts is not None and parts.limits(handle),
+        mask_part=parts is not None and parts.limits(handle),
         exponent=bound.locality(edit, handle)[2],
         region=_size(deformer.mesh, handle.place.region),
         gain=bound.gain(edit, handle),

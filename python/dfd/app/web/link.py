@@ -26,7 +26,7 @@ class Link(ABC):
     """The connection to one session; all methods are called on the event loop."""
 
     @abstractmethod
-    async def start(self, folder: Path, options: SessionOptions, lock: Path | None) -> None:
+    async def start(self, folder: Path, options: SessionOptions, server_folder: Path | None) -> None:
         """Start a session, or restore the one saved in `folder`."""
 
     @abstractmethod
@@ -69,9 +69,9 @@ class ProcessLink(Link):
         """The process id."""
         return None if self._process is None else self._process.pid
 
-    async def start(self, folder: Path, options: SessionOptions, lock: Path | None) -> None:
+    async def start(self, folder: Path, options: SessionOptions, server_folder: Path | None) -> None:
         await self.prepare()
-        await self.order("", folder=folder, options=options, lock=lock)
+        await self.order("", folder=folder, options=options, server_folder=server_folder)
 
     async def send(self, text: str) -> None:
         await self._write(TEXT, text.encode())
@@ -121,7 +121,7 @@ class ThreadLink(Link):
         self._loop = Loop()
         self._messages: asyncio.Queue[str | bytes | None] = asyncio.Queue()
 
-    async def start(self, folder: Path, options: SessionOptions, lock: Path | None) -> None:
+    async def start(self, folder: Path, options: SessionOptions, server_folder: Path | None) -> None:
         events = asyncio.get_running_loop()
 
         def send(message: str | bytes | None) -> None:
@@ -132,7 +132,7 @@ class ThreadLink(Link):
             self._loop.run(session)
             send(None)
 
-        session = Session(folder, options, send, self._loop.post, lock=lock, deformer=self._deformer)
+        session = Session(folder, options, send, self._loop.post, server_folder=server_folder, deformer=self._deformer)
         self._loop.order("begin")
         threading.Thread(target=run, name="dfd-session", daemon=True).start()
 

@@ -33,9 +33,9 @@ CRASHED_AGAIN = "The session ended unexpectedly once more. It restarts without w
 class Tab:
     """One session with its folder, and the page that looks at it, if one does."""
 
-    def __init__(self, folder: Path, options: SessionOptions, lock: Path, make_link: Callable[[], Link]) -> None:
+    def __init__(self, folder: Path, options: SessionOptions, make_link: Callable[[], Link]) -> None:
         self.folder = folder
-        self._options, self._lock, self._make_link = options, lock, make_link
+        self._options, self._make_link = options, make_link
         self.link: Link | None = None
         self._pump: asyncio.Task[None] | None = None
         self._page: WebSocket | None = None
@@ -92,7 +92,7 @@ class Tab:
     async def _begin(self) -> Link:
         self.folder.mkdir(parents=True, exist_ok=True)
         self.link = self._make_link()
-        await self.link.start(self.folder, self._options, self._lock)
+        await self.link.start(self.folder, self._options, self.folder.parent)
         self._pump = asyncio.create_task(self._carry(self.link))
         return self.link
 
@@ -196,7 +196,7 @@ class Tabs:
         return self._tabs[name], False
 
     def _tab(self, name: str) -> Tab:
-        return Tab(self.root / name, self.options, self.root / "distilling", self._make_link or self._process)
+        return Tab(self.root / name, self.options, self._make_link or self._process)
 
     def _process(self) -> Link:
         link, self._spare = self._spare or ProcessLink(), None

@@ -10,6 +10,7 @@ arguments of the first order construct the session, and the process ends when it
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import logging
 import os
 import pickle
@@ -81,13 +82,18 @@ class Loop:
 
     def run(self, session: Session) -> None:
         """Process the queue until `end`."""
+        resting = False
         while True:
             pending = session.has_pending_columns
             try:
                 work = self._inbox.get(timeout=INSTANCES_PAUSE if pending else SAVE_PAUSE)
             except queue.Empty:
                 session.guarded(0, session.send_pending_columns if pending else session.rest)
+                if not pending and not resting:
+                    _return_free_memory()
+                resting = not pending
                 continue
+            resting = False
             if work is None:
                 session.guarded(0, session.end)
                 return
@@ -137,6 +143,13 @@ def _import_early() -> None:
     import dfd.mesh.mesh  # noqa: F401
 
     threading.Thread(target=lambda: __import__("dfd.field.field"), name="dfd-import", daemon=True).start()
+
+
+def _return_free_memory() -> None:
+    """Return to the system what was freed: GNU's C library keeps it, up to half of what a large shape takes."""
+    if sys.platform == "linux":
+        with contextlib.suppress(AttributeError):  # another C library
+            ctypes.CDLL(None).malloc_trim(0)
 
 
 def _read(source: BinaryIO, loop: Loop) -> None:

@@ -31,7 +31,7 @@ class Distances:
         self._found: dict[Vector, int] = {}  # nearest vertices: every frame of a drag asks for the same ones
 
     def sources(self, own: Indices, place: Place, symmetry: SymmetryPlane | None) -> tuple[int, ...]:
-        """The vertices from which the distances of a handle at `place`, with `own` vertices there, start.
+        """The vertices from which the distances of a handle at `place`, with `own_pivot` vertices there, start.
 
         With a plane, `symmetry`, from the handle's mirror image as well: a symmetric edit acts there too, and locality
         that is measured from the handle alone undoes the symmetry.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
     from dfd.segmentation.parts import Grip, Parts
     from dfd.symmetry.plane import SymmetryPlane
+
+Made = TypeVar("Made")
 
 # Of a handle's weight that fixed points leave at the handle itself: with less, dividing by it makes noise of the rest.
 LEAST_LEFT = 0.01
@@ -99,6 +101,12 @@ class Key(NamedTuple):
     bridges: bool  # whether those cross small gaps
 
 
+class Sharing(Protocol):
+    """Gives what `make` gives, perhaps from another process, and of what it refers to the process's own `known`."""
+
+    def __call__(self, make: Callable[[], Made], *, known: Sequence[object]) -> Made: ...
+
+
 class HandleWeights:
     """Weights on one mesh, a contiguous column per handle.
 
@@ -125,7 +133,7 @@ class HandleWeights:
         self._columns = Columns(len(mesh.vertices))
         self._keys: list[Key] = []
         self._fixed: tuple[Fixed, ...] = ()
-        self._arrive = True
+        self._reach_targets = True
         self._given: Float32 | None = None  # what `of` gave out last, as long as it holds
         self._held: Float32 | None = None  # (V,) what the fixed points take away, as long as they stay
         self._mixed: tuple[Float32, Float32] | None = None  # columns, and what makes their handles land exactly
@@ -158,13 +166,20 @@ class HandleWeights:
         """What finds instances on the mesh."""
         return self._instances.finder
 
-    def prepare_instances(self, planes: Sequence[SymmetryPlane]) -> None:
+    def prepare_instances(self, planes: Sequence[SymmetryPlane], share: Sharing | None = None) -> None:
         """Compute what the first handle with instances would wait for, seconds for a million faces.
 
-        `planes` are those that `symmetry_planes` finds. It may run on another thread than the rest.
+        `planes` are those that `symmetry_planes` finds. It may run on another thread than the rest. With `share`,
+        another process may have computed it.
         """
-        self._instances.prepare(planes)
-        self.parts.prepare()
+
+        def make() -> tuple[InstanceFinder, Parts]:
+            self.finder.prepare()
+            self.parts.prepare()
+            return self.finder, self.parts
+
+        finder, self.parts = make() if share is None else share(make, known=(self.mesh, self._rows))
+        self._instances.prepare(planes, finder)
 
     def of(self, edit: Edit) -> Float32:
         """(V, H) weights of the handles of `edit`, in their order; read-only, and nothing that follows changes it."""
@@ -182,7 +197,7 @@ class HandleWeights:
         """The connected parts that follow a handle of `edit`, the one that it stands on first."""
         weights, columns = self.columns(edit)
         number = next(i for i, each in enumerate(edit.handles) if each.id == handle.id)
-        key = (self._keys[number], wanted_of(handle), edit.fixed, edit.arrive, edit.symmetry)
+        key = (self._keys[number], wanted_of(handle), edit.fixed, edit.reach_targets, edit.symmetry)
         own = [(weights[:, i], column) for i, column in enumerate(columns) if column.handle == number]
         return self._limbs.of(key, handle, self.anchor(handle), own, edit.symmetry)
 
@@ -263,7 +278,7 @@ class HandleWeights:
 
     def gain(self, edit: Edit, handle: Handle) -> float:
         """What a handle's weights are multiplied by so that it arrives in spite of fixed points (`Deformer.arrive`)."""
-        if not edit.fixed or not edit.arrive:
+        if not edit.fixed or not edit.reach_targets:
             return 1.0
         vertex = handle.place.vertex
         left = self.left(edit, handle) if vertex is None else 1.0 - float(self.held(edit)[vertex])
@@ -285,7 +300,7 @@ class HandleWeights:
 
         Raises ValueError if fixed points leave nothing of a handle at the handle itself.
         """
-        if not edit.arrive or not edit.fixed:
+        if not edit.reach_targets or not edit.fixed:
             return
         for handle in edit.handles:
             left = self.left(edit, handle)
@@ -323,8 +338,8 @@ class HandleWeights:
 
     def _follow(self, edit: Edit) -> None:
         """Have a column for each handle of `edit`, in their order."""
-        if (edit.fixed, edit.arrive) != (self._fixed, self._arrive):
-            self._keys, self._held, self._fixed, self._arrive = [], None, edit.fixed, edit.arrive
+        if (edit.fixed, edit.reach_targets) != (self._fixed, self._reach_targets):
+            self._keys, self._held, self._fixed, self._reach_targets = [], None, edit.fixed, edit.reach_targets
         keys = [self._key(handle, edit) for handle in edit.handles]
         if keys == self._keys:
             return
@@ -384,14 +399,14 @@ class HandleWeights:
             if fixed.place.region is not None:
                 held = self._rows.members(fixed.place)
                 column[held] = np.minimum(column[held], 1.0 - fixed.strength)
-        if self._fixed and self._arrive:
+        if self._fixed and self._reach_targets:
             left = self._left_of(key, column)
             if left >= LEAST_LEFT:
                 np.minimum(column / np.float32(left), 1.0, out=column)
         if key.controls.strength < 1.0:
             column *= np.float32(key.controls.strength)
-        if key.controls.within is not None:
-            column *= self._rows.inside(key.controls.within, key.controls.within_width)
+        if key.controls.mask is not None:
+            column *= self._rows.inside(key.controls.mask, key.controls.mask_feather)
 
     def part(self, place: Place) -> Float32 | None:
         """(V,) 1 on the part that a place is on, with its look-alikes, falling smoothly to 0; None where none ends."""

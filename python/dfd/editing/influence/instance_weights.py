@@ -13,7 +13,7 @@ import numpy as np
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.influence.instances import LEAST_ALIKE, Instance, InstanceFinder, SurfaceAxes
-from dfd.geometry.coarse import Share
+from dfd.geometry.coarse import SliceWeights
 from dfd.posing.overlap import interpolating
 from dfd.posing.transforms import Vector
 from dfd.symmetry.search import symmetry_planes
@@ -63,20 +63,14 @@ class InstanceColumns:
         self._field = field
         self._axes = axes
         self._grip = grip
-        self._finder = InstanceFinder(mesh)
+        self.finder = InstanceFinder(mesh)
         self._found: dict[Hashable, tuple[Instance, ...]] = {}
         self._key: Hashable = None
         self._made: tuple[Float32, tuple[Column, ...]] | None = None
 
-    @property
-    def finder(self) -> InstanceFinder:
-        """What finds instances on the mesh."""
-        return self._finder
-
-    def prepare(self, planes: Sequence[SymmetryPlane]) -> None:
-        """Have ready what the first handle would wait for; `planes` are those that `symmetry_planes` finds."""
-        self._planes = list(planes)
-        self._finder.prepare()
+    def prepare(self, planes: Sequence[SymmetryPlane], finder: InstanceFinder) -> None:
+        """Take what the first handle would wait for; `planes` are those that `symmetry_planes` finds."""
+        self._planes, self.finder = list(planes), finder
 
     def of(
         self, edit: Edit, weights: Float32, keys: Sequence[Hashable], rows: HandleFeatures
@@ -87,7 +81,7 @@ class InstanceColumns:
         """
         if not any(_told_apart(handle) for handle in edit.handles):
             return weights, tuple(Column(i, None) for i in range(len(edit.handles)))
-        about = (edit.fixed, edit.arrive, edit.symmetry)
+        about = (edit.fixed, edit.reach_targets, edit.symmetry)
         wanted = [wanted_of(handle) for handle in edit.handles]
         key = (about, tuple(zip(keys, wanted, strict=True)))
         if self._made is None or key != self._key:
@@ -102,7 +96,7 @@ class InstanceColumns:
                     found[_asked(handle, edit.symmetry)] = instances
                     instances = self._axes.turned(handle, rows.anchor(handle.place), instances)
                 own = self._parts(handle, weights[:, i], instances, rows)
-                apart = bool(instances) and handle.controls.instances != "together"
+                apart = bool(instances) and handle.controls.instances != "shared_pivot"
                 parts += [[part] for part in own] if apart else [own]
                 columns += [Column(i, *part) for part in own] if apart else [Column(i, None)]
             made = np.zeros((len(columns), len(weights)), np.float32)
@@ -116,12 +110,12 @@ class InstanceColumns:
         return self._made
 
     def switches(self, handle: Handle, instances: Sequence[Instance], rows: HandleFeatures) -> list[bool]:
-        """Which of a handle's instances are on: off are those that have the most of a place in `without_instances`.
+        """Which of a handle's instances are on: off are those that have the most of a place in `excluded_instances`.
 
         Its own always is.
         """
         on = [True] * len(instances)
-        for place in handle.controls.without_instances:
+        for place in handle.controls.excluded_instances:
             here = rows.anchor(place)
             most = int(np.argmax([one.share_at(here) for one in instances]))
             on[most] = most == 0
@@ -137,7 +131,7 @@ class InstanceColumns:
         planes = self._planes if symmetry is None else [symmetry]
         held = None if handle.place.region is None else rows.members(handle.place)
         vertex, pieces = rows.anchor(handle.place), None if grip is None else grip.pieces
-        return self._finder.find(looks, vertex, handle.place.position, held=held, pieces=pieces, planes=planes)
+        return self.finder.find(looks, vertex, handle.place.position, held=held, pieces=pieces, planes=planes)
 
     def _parts(
         self, handle: Handle, weights: Float32, instances: Sequence[Instance], rows: HandleFeatures
@@ -189,7 +183,7 @@ def wanted_of(handle: Handle) -> Hashable:
     """What of a handle its columns depend on, besides its weights."""
     controls, transform = handle.controls, handle.transform
     axes = transform.axes if transform.along is not None else None
-    return controls.instances, controls.level, controls.without_instances, transform.along, axes
+    return controls.instances, controls.level, controls.excluded_instances, transform.along, axes
 
 
 def _asked(handle: Handle, symmetry: SymmetryPlane | None) -> Hashable:
@@ -200,7 +194,7 @@ def _asked(handle: Handle, symmetry: SymmetryPlane | None) -> Hashable:
 def _told_apart(handle: Handle) -> bool:
     """Whether a handle has use for its instances."""
     controls = handle.controls
-    return controls.instances != "together" or controls.level or controls.without_instances != ()
+    return controls.instances != "shared_pivot" or controls.level or controls.excluded_instances != ()
 
 
 def _weights_of(part: Portion, weights: Float32) -> Float32:
@@ -227,7 +221,7 @@ def _leveled(weights: Float32, instances: Sequence[Instance]) -> tuple[list[Inst
         return list(instances), gains
     less = np.divide(most, total, out=np.ones_like(total), where=total > most)
 
-    def lessened(share_of: Share | None) -> Share:
+    def lessened(share_of: SliceWeights | None) -> SliceWeights:
         return lambda some: less[some] if share_of is None else share_of(some) * less[some]
 
     return [replace(one, share_of=lessened(one.share_of)) for one in instances], gains

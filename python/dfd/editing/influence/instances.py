@@ -24,7 +24,7 @@ from scipy.spatial.transform import Rotation
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.editing.edit import Handle
 from dfd.editing.influence.distances import Distances
-from dfd.geometry.coarse import Nodes, Share
+from dfd.geometry.coarse import Nodes, SliceWeights, nodes_of
 from dfd.posing.transforms import Along, Frame, frame_of_normal
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ class Instance:
     weight: float  # how much it follows the handle, the weight at its counterpart
     # share_of: called with what indexes vertices, it works out the part of their weight that is this instance's; None
     # stands for all of it, where the handle has one instance
-    share_of: Share | None
+    share_of: SliceWeights | None
 
     @property
     def share(self) -> Float32 | None:
@@ -249,7 +249,9 @@ class InstanceFinder:
         members = self._nodes.members[self._nodes.starts[node] : self._nodes.ends[node]]
         return int(members[weights[members].argmax()])
 
-    def _shares(self, weights: Float64, basin: Int64, saddle: dict[int, float], roots: Sequence[int]) -> list[Share]:
+    def _shares(
+        self, weights: Float64, basin: Int64, saddle: dict[int, float], roots: Sequence[int]
+    ) -> list[SliceWeights]:
         """The K shares of the instances: 1 on the upper half of a peak, passing smoothly into each other between."""
         closeness = np.empty((len(roots), len(weights)))
         for row, core in enumerate(self._cores(np.asarray(roots), weights, basin, saddle)):
@@ -263,7 +265,7 @@ class InstanceFinder:
 
     @cached_property
     def _nodes(self) -> Nodes:
-        return Nodes(self._mesh)
+        return nodes_of(self._mesh)
 
     @cached_property
     def _tree(self) -> cKDTree:

@@ -7,6 +7,7 @@ import errno
 import os
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -49,7 +50,7 @@ def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
         ".gltf": posed,
     }
     try:
-        scene = readers[ending](path, data, assets)
+        scene = replace(readers[ending](path, data, assets), beside=frozenset(assets.files))
     except MemoryError as error:
         raise OSError(errno.ENOMEM, f"load: `path` {path} needs more memory than there is") from error
     except ArgumentError as error:  # it is well-formed, and what it says makes no mesh

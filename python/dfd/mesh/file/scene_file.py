@@ -36,6 +36,7 @@ class SceneFile:
     at_rest: bool = True  # whether skins and default morph weights are applied
     gltf: GltfSource | None = None  # the source glTF file
     obj: ObjSource | None = None  # the source OBJ file
+    beside: frozenset[Path] = frozenset()  # further files that were read for it
 
     def local_faces(self, primitive: Primitive) -> Int32:
         """Return the faces (F, 3) of a primitive as its own rows, wound as the scene shows them."""

@@ -1,10 +1,12 @@
 import { render } from "preact";
 
 import { ask, start as connect, drop } from "./actions/connection";
+import { alone } from "./alone/server";
 import { listen } from "./actions/keyboard";
 import { receive } from "./actions/receive";
 import { followPosed } from "./actions/edit";
 import { followAxis, followSimilar } from "./actions/similar";
+import { socket } from "./actions/socket";
 import { App } from "./panels/app";
 import { posePoint } from "./posing/columns";
 import { store, type Theme } from "./store/state";
@@ -60,7 +62,8 @@ function start(): void {
   followSimilar();
   followAxis();
   followPosed();
-  connect(receive);
+  // Built in this mode, the page has no server.
+  connect(receive, import.meta.env.MODE === "alone" ? alone : socket);
   // What tests ask the page by.
   if (new URLSearchParams(location.search).has("test")) {
     Object.assign(window, { dfd: { store, viewer, ask, drop, posePoint, sceneOf } });

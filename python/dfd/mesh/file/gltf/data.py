@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import UInt8
 from dfd.mesh.file.assets import AssetFolder, shortened
 from dfd.mesh.file.gltf.header import (
     COMPONENT_TYPES,
@@ -39,12 +40,12 @@ class GltfData:
         self._header = header
         self._embedded = embedded
         self._assets = assets
-        self._buffers: dict[int, bytes] = {}
+        self._buffers: dict[int, UInt8] = {}  # arrays, which processes can share
         self._views: dict[int, bytes] = {}
         self._draco: dict[int, tuple[dict[int, NDArray[Any]], NDArray[Any]]] = {}
         self._compressed = self._decompressed = 0
 
-    def buffer(self, index: int) -> bytes:
+    def buffer(self, index: int) -> UInt8:
         """Return the bytes of a buffer."""
         if index not in self._buffers:
             buffer = self._header["buffers"][index]
@@ -57,7 +58,9 @@ class GltfData:
                 raise ValueError(f"buffer {index} has no data")
             if len(data) < length:
                 raise ValueError(f"buffer {index} should have {length} bytes, but {len(data)} are there")
-            self._buffers[index] = data[:length]
+            if data is self._embedded:
+                self._embedded = None
+            self._buffers[index] = np.frombuffer(data, np.uint8)[:length]
         return self._buffers[index]
 
     def _file(self, index: int, uri: str, length: int) -> bytes:
@@ -81,7 +84,7 @@ class GltfData:
                     self._views[index] = self._decompress(index, name, packed, int(view["byteLength"]))
                 return memoryview(self._views[index])
         start = int(view.get("byteOffset", 0))
-        return memoryview(self.buffer(int(view["buffer"])))[start : start + int(view["byteLength"])]
+        return self.buffer(int(view["buffer"])).data[start : start + int(view["byteLength"])]
 
     def picture(self, image: Header) -> bytes:
         """Return the bytes of an object of `images`, wherever they are."""
@@ -186,7 +189,7 @@ class GltfData:
         count, stride = whole(packed, "count", what), whole(packed, "byteStride", what)
         if count * stride != length:
             raise ValueError(f"{what} should have {length} bytes, but says {count} times {stride}")
-        data = self.buffer(buffer)[start : start + size]
+        data = self.buffer(buffer)[start : start + size].tobytes()
         if len(data) < size:
             raise ValueError(f"{what} is cut off")
         self._compressed, self._decompressed = self._compressed + size, self._decompressed + length

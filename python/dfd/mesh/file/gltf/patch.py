@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.common.linear_algebra import Float64
+from dfd.common.linear_algebra import Float64, UInt8
 from dfd.mesh.file.gltf import glb
 from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import COMPONENT_TYPES, DRACO, MESHOPT, Header, extension, is_index, objects
@@ -220,9 +220,10 @@ class GltfPatch:
     def view(self, data: bytes) -> int:
         return self.append("bufferViews", {"buffer": 0, "byteOffset": self._append(data), "byteLength": len(data)})
 
-    def _append(self, data: bytes) -> int:
+    def _append(self, data: bytes | UInt8) -> int:
         start = len(self._data)
-        self._data += data + bytes(-len(data) % 4)
+        self._data += data if isinstance(data, bytes) else data.data
+        self._data += bytes(-len(data) % 4)
         return start
 
 

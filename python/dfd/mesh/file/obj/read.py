@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dfd.common.linear_algebra import Int32, Int64
+from dfd.common.linear_algebra import Int32, Int64, UInt8
 from dfd.mesh.appearance import Material
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.images import ImageCache
@@ -29,10 +29,15 @@ _GROUP_KEYWORDS = ("g", "o", "usemtl")  # in order of precedence for equal names
 class ObjSource:
     """The source for rewriting an OBJ file with other positions; its text is parsed again then."""
 
-    data: bytes
+    text: UInt8  # (N,) its bytes, as an array
     folder: Path
     corner_rows: Int32  # (C,) row of each corner of its faces; −1 where a face has too few corners
     row_counts: tuple[int, ...]  # rows of each primitive
+
+    @property
+    def data(self) -> bytes:
+        """The text."""
+        return self.text.tobytes()
 
 
 def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInstance], Int64, ObjSource]:
@@ -73,7 +78,10 @@ def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInsta
         used = materials.get(material_names[material[face]]) if material[face] >= 0 else None
         geometry = _geometry(text, rows[begin:end, 1:], triangles[first:last] - begin, used)
         instances.append(MeshInstance(part_names[part[face]], part_names[part[face]], geometry))
-    return instances, rows[:, 1], ObjSource(text.data, path.parent, corner_rows, tuple(np.diff(row_bounds).tolist()))
+    source = ObjSource(
+        np.frombuffer(text.data, np.uint8), path.parent, corner_rows, tuple(np.diff(row_bounds).tolist())
+    )
+    return instances, rows[:, 1], source
 
 
 def libraries(text: ObjText, assets: AssetFolder) -> list[str]:

@@ -27,8 +27,9 @@ export function toggleFixed(vertex: number): void {
  * Shift it is added to what the handle holds, with Ctrl taken away.
  */
 export async function takePart(vertex: number, { shiftKey, ctrlKey, metaKey }: PointerEvent): Promise<void> {
-  const { edit, tool, selected } = store.get();
-  if (!edit?.field.parts) note("Parts are being found: try again in a moment.");
+  const { edit, tool, selected, alone } = store.get();
+  if (alone !== null) note(`To find parts takes the app: ${alone}.`);
+  else if (!edit?.field.parts) note("Parts are being found: try again in a moment.");
   else if (tool === "fix") send({ type: "fix", at: { part: vertex } });
   else if (tool === "hold") {
     const how = shiftKey ? "add" : ctrlKey || metaKey ? "remove" : "take";
@@ -193,7 +194,7 @@ export function setDefault({
 /** What a request says of a transform: a pivot only where it is another one than the server has. */
 function message(handle: number, { pivotAt, pivot, axes, joint, ...rest }: Transform) {
   const known = store.get().edit?.handles.find((other) => other.handle === handle);
-  const same = known?.own_pivot && known.pivot.every((x, i) => x === pivot?.[i]);
+  const same = known?.pivot_set && known.pivot.every((x, i) => x === pivot?.[i]);
   return {
     ...rest,
     pivot: same ? null : (pivotAt ?? pivot ?? ("auto" as const)),

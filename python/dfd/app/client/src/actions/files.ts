@@ -7,8 +7,12 @@ import { seenTransforms } from "./edit";
 import { note, problem } from "./toasts";
 
 export async function upload(files: readonly File[]): Promise<void> {
-  const { session } = store.get();
+  const { session, alone } = store.get();
   if (files.length === 0) return;
+  if (alone !== null) {
+    note(`To open files takes the app: ${alone}.`);
+    return;
+  }
   if (!session) {
     problem("There is no connection to the server yet: try again in a moment.");
     return;
@@ -36,6 +40,7 @@ export async function upload(files: readonly File[]): Promise<void> {
 
 /** Ask for files with the browser's own dialog. */
 export function chooseFiles(): void {
+  if (store.get().alone !== null) return;
   const input = document.createElement("input");
   input.type = "file";
   input.multiple = true;

@@ -9,9 +9,9 @@ function key(state: State): string | null {
   const handle = selectedHandle(state);
   const column = handle && state.columns.get(handle.column);
   if (!column || state.dragging || handle.instances === "only") return null;
-  if (handle.instances === "own" && column.instances.length === 0) return null;
+  if (handle.instances === "own_pivot" && column.instances.length === 0) return null;
   const symmetry = JSON.stringify(state.edit?.symmetry?.normal ?? null);
-  return [handle.handle, handle.position, handle.without_instances, handle.instances, symmetry].join(" ");
+  return [handle.handle, handle.position, handle.excluded_instances, handle.instances, symmetry].join(" ");
 }
 
 export function followSimilar(): void {
@@ -45,5 +45,5 @@ export function otherPlaces(state: State): readonly SimilarPoint[] {
 
 export function toggleInstance(handle: number, vertex: number): void {
   const off = otherPlaces(store.get()).filter((place) => place.on === (place.vertex === vertex));
-  void ask({ type: "change", handle, controls: { without_instances: off.map((place) => place.vertex) } });
+  void ask({ type: "change", handle, controls: { excluded_instances: off.map((place) => place.vertex) } });
 }

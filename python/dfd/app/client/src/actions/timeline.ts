@@ -18,7 +18,7 @@ export function storePose(): void {
   }
   const transforms = edit.handles.map((handle): PoseTransform => {
     const { translation, rotation, scale, axes, bend, twist, joint } = handle;
-    const pivot = handle.own_pivot ? handle.pivot : null;
+    const pivot = handle.pivot_set ? handle.pivot : null;
     return { handle: handle.handle, translation, rotation, scale, pivot, axes, bend, twist, joint };
   });
   const taken = edit.poses.some((pose) => Math.abs(pose.seconds - playhead) < 0.05);

@@ -3,7 +3,7 @@ import { heldPart } from "../posing/columns";
 import type { HandleState } from "../protocol/messages";
 import { store } from "../store/state";
 import { useParts } from "../store/use";
-import { percent, Segmented, Select, Slider, Toggle } from "../widgets/controls";
+import { percent, Segmented, Select, Served, Slider, Toggle } from "../widgets/controls";
 
 /** What a slider says of the present value, where that is more than a number. */
 const TEXTS: Partial<Record<string, (handle: HandleState, size: number) => string>> = {
@@ -14,8 +14,8 @@ const TEXTS: Partial<Record<string, (handle: HandleState, size: number) => strin
   locality: ({ locality, radius }) =>
     radius !== null ? "by radius" : locality === 0 ? "everywhere" : locality.toFixed(1),
   radius: ({ radius }, size) => (radius === null ? "no limit" : `${percent(radius / size)} of the size`),
-  within_width: ({ within_width }, size) =>
-    within_width === 0 ? "sharp" : `${percent(within_width / size)} of the size`,
+  mask_feather: ({ mask_feather }, size) =>
+    mask_feather === 0 ? "sharp" : `${percent(mask_feather / size)} of the size`,
 };
 
 /** A control of a handle as the server describes it. */
@@ -58,13 +58,15 @@ export function ControlField({ name, handle }: { readonly name: string; readonly
   return (
     <>
       {field}
-      <Segmented
-        label="Reach by"
-        hint="Up to the part's border, as far as suits what looks alike, or as set"
-        value={handle.reach_by}
-        options={[...choices, "number"]}
-        onChange={setBy}
-      />
+      <Served>
+        <Segmented
+          label="Reach by"
+          hint="Up to the part's border, as far as suits what looks alike, or as set"
+          value={handle.reach_by}
+          options={[...choices, "number"]}
+          onChange={setBy}
+        />
+      </Served>
     </>
   );
 }

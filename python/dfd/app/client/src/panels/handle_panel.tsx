@@ -16,6 +16,7 @@ import {
   percent,
   Scale,
   Select,
+  Served,
   Toggle,
   Triple,
 } from "../widgets/controls";
@@ -47,7 +48,11 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
   );
   const verb = {
     ...motionFields(transform, step, set),
-    bend: <Bend key="bend" handle={id} transform={transform} set={set} />,
+    bend: (
+      <Served key="bend">
+        <Bend handle={id} transform={transform} set={set} />
+      </Served>
+    ),
   };
   const others = (Object.keys(verb) as GizmoMode[]).filter((name) => name !== state.gizmo);
   return (
@@ -55,14 +60,16 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
       {verb[state.gizmo]}
       {state.gizmo !== "translate" && <PivotChoice handle={handle} axis={state.axis} />}
       {field("reach")}
-      {handle.instances !== "only" && field("level")}
-      <SimilarPlaces handle={id} />
-      <Toggle
-        label="Limit to part"
-        hint="Nothing beyond the part that is held moves"
-        checked={handle.within_part}
-        onChange={(on) => change(id, { within: on ? "part" : "everywhere" })}
-      />
+      <Served>
+        {handle.instances !== "only" && field("level")}
+        <SimilarPlaces handle={id} />
+        <Toggle
+          label="Limit to part"
+          hint="Nothing beyond the part that is held moves"
+          checked={handle.mask_part}
+          onChange={(on) => change(id, { mask: on ? "part" : "everywhere" })}
+        />
+      </Served>
       <More>
         {others.map((name) => verb[name])}
         <Triple
@@ -72,31 +79,34 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
           step={step}
           onChange={(pivot) => set({ pivot, pivotAt: null })}
         />
-        <Toggle
-          label="Scale along the surface"
-          hint="Along the surface's normal and across it, not along x, y and z"
-          checked={transform.axes !== null}
-          onChange={(on) =>
-            send({ type: "move", handle: id, transform: { axes: on ? "normal" : "auto" }, settle: true })
-          }
-        />
-        {["falloff", "locality", "radius", "strength"].map(field)}
-        <div class="limit" title="A region beyond which nothing follows">
-          <span>Limit</span>
-          <span class="limit-text">{handle.within > 0 ? `${count.format(handle.within)} vertices` : "none"}</span>
-          {handle.within > 0 ? (
-            <Button text="Remove" style="small" onPress={() => change(id, { within: "everywhere" })} />
-          ) : (
-            <Button
-              text="Paint…"
-              style="small"
-              title="Paint where the handle may act"
-              onPress={() => store.set({ tool: "paint" })}
-            />
-          )}
-        </div>
-        {handle.within > 0 && field("within_width")}
-        {field("instances")}
+        {["falloff", "strength"].map(field)}
+        <Served>
+          <Toggle
+            label="Scale along the surface"
+            hint="Along the surface's normal and across it, not along x, y and z"
+            checked={transform.axes !== null}
+            onChange={(on) =>
+              send({ type: "move", handle: id, transform: { axes: on ? "normal" : "auto" }, settle: true })
+            }
+          />
+          {["locality", "radius"].map(field)}
+          <div class="limit" title="A region beyond which nothing follows">
+            <span>Limit</span>
+            <span class="limit-text">{handle.mask > 0 ? `${count.format(handle.mask)} vertices` : "none"}</span>
+            {handle.mask > 0 ? (
+              <Button text="Remove" style="small" onPress={() => change(id, { mask: "everywhere" })} />
+            ) : (
+              <Button
+                text="Paint…"
+                style="small"
+                title="Paint where the handle may act"
+                onPress={() => store.set({ tool: "paint" })}
+              />
+            )}
+          </div>
+          {handle.mask > 0 && field("mask_feather")}
+          {field("instances")}
+        </Served>
       </More>
     </Panel>
   );
@@ -144,7 +154,7 @@ const PIVOTS: Record<PivotAt, string> = {
 /** What it turns about: found by the session, unless it is chosen. */
 function PivotChoice({ handle, axis }: { readonly handle: HandleState; readonly axis: AxisMessage | null }) {
   const known = (axis?.handle === handle.handle ? Object.keys(axis.pivots) : ["point"]) as PivotAt[];
-  const value = handle.pivot_at ?? (handle.own_pivot ? "as set" : "auto");
+  const value = handle.pivot_at ?? (handle.pivot_set ? "as set" : "auto");
   const names: readonly string[] = ["auto", ...known, ...(value === "as set" ? [value] : [])];
   return (
     <Select

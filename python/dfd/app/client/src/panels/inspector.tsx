@@ -6,14 +6,14 @@ import { niceStep, REST, type Transform } from "../posing/affine";
 import type { FixedState, StateMessage } from "../protocol/messages";
 import { handleName, placeName, ready, selectedHandle, store } from "../store/state";
 import { useParts } from "../store/use";
-import { Button, Facts, IconButton, More, Panel, percent, Select, Slider, titled } from "../widgets/controls";
+import { Button, Facts, IconButton, More, Panel, percent, Select, Served, Slider, titled } from "../widgets/controls";
 import { HandleList } from "./handle_list";
 import { HandlePanel, motionFields } from "./handle_panel";
 import { SymmetryPanel } from "./symmetry_panel";
 
 export function Inspector() {
   const state = useParts();
-  const { inspector, edit, tool, painted } = state;
+  const { inspector, edit, tool, painted, alone } = state;
   const handle = selectedHandle(state);
   if (!inspector) return null;
   return (
@@ -25,6 +25,7 @@ export function Inspector() {
       {edit && ready(state) && <SymmetryPanel known={edit} />}
       {edit && <ShapePanel known={edit} />}
       {edit && state.more && ready(state) && <DefaultPanel known={edit} />}
+      {alone && <p class="empty">What is gray takes the app: {alone}.</p>}
     </aside>
   );
 }
@@ -72,7 +73,7 @@ function BrushPanel() {
             text="Limit"
             disabled={!painted}
             title={`${handleName(selected)} is to act nowhere else`}
-            onPress={use((within) => send({ type: "change", handle: selected.handle, controls: { within } }))}
+            onPress={use((mask) => send({ type: "change", handle: selected.handle, controls: { mask } }))}
           />
         )}
         <Button text="Clear" disabled={!painted} onPress={() => store.set({ painted: null })} />
@@ -152,16 +153,18 @@ function ShapePanel({ known }: { readonly known: StateMessage }) {
     <Panel title="Shape">
       {status === "ready" && (
         <More>
-          {controls.map(({ name, label, hint, choices }) => (
-            <Select
-              key={name}
-              label={label}
-              hint={hint}
-              value={known[name as "preset"]}
-              options={choices as StateMessage["preset"][]}
-              onChange={(choice) => send({ type: "set_mode", [name]: choice })}
-            />
-          ))}
+          <Served>
+            {controls.map(({ name, label, hint, choices }) => (
+              <Select
+                key={name}
+                label={label}
+                hint={hint}
+                value={known[name as "preset"]}
+                options={choices as StateMessage["preset"][]}
+                onChange={(choice) => send({ type: "set_mode", [name]: choice })}
+              />
+            ))}
+          </Served>
         </More>
       )}
       <Facts entries={[...counts, ["Features", features]]} />

@@ -4,8 +4,9 @@ import type { Buffer, Client, Server } from "./messages";
 
 export type ServerMessage = Server["message"];
 type WithoutNumber<Message> = Message extends unknown ? Omit<Message, "id"> : never;
-/** A request before it has its number. */
-export type Request = WithoutNumber<Client["message"]>;
+/** A request with its number, and before it has that. */
+export type Numbered = Client["message"];
+export type Request = WithoutNumber<Numbered>;
 
 const ARRAYS = {
   uint8: Uint8Array,
@@ -18,6 +19,7 @@ const ARRAYS = {
 } as const;
 
 type Arrays = typeof ARRAYS;
+const ALIGNMENT = 8;
 
 export class Payload {
   private readonly entries: Map<string, Buffer>;
@@ -48,6 +50,9 @@ export class Payload {
   }
 }
 
+/** Of messages that are text. */
+export const NO_ARRAYS = new Payload(new ArrayBuffer(0), 0, []);
+
 /** A message and its arrays; one that is text has none. */
 export interface Received {
   readonly message: ServerMessage;
@@ -56,11 +61,27 @@ export interface Received {
 
 export function decode(data: string | ArrayBuffer): Received {
   if (typeof data === "string") {
-    return { message: JSON.parse(data) as ServerMessage, payload: new Payload(new ArrayBuffer(0), 0, []) };
+    return { message: JSON.parse(data) as ServerMessage, payload: NO_ARRAYS };
   }
   const length = data.byteLength < 4 ? Infinity : new DataView(data).getUint32(0, true);
   if (4 + length > data.byteLength) throw new Error("The server's message was cut short.");
   const message = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length))) as ServerMessage;
   const buffers = "buffers" in message ? message.buffers : [];
   return { message, payload: new Payload(data, 4 + length, buffers) };
+}
+
+/** A message with arrays as it is received, made here. */
+export function withArrays<Message extends Extract<ServerMessage, { buffers: unknown }>>(
+  message: Omit<Message, "buffers">,
+  arrays: Readonly<Record<string, Uint16Array>>,
+): Received {
+  let end = 0;
+  const buffers: Buffer[] = Object.entries(arrays).map(([name, { length, byteLength }]) => {
+    const offset = end;
+    end += Math.ceil(byteLength / ALIGNMENT) * ALIGNMENT;
+    return { name, dtype: "uint16", shape: [length], offset };
+  });
+  const data = new ArrayBuffer(end);
+  buffers.forEach(({ name, offset }) => new Uint16Array(data, offset, arrays[name].length).set(arrays[name]));
+  return { message: { ...message, buffers } as unknown as Message, payload: new Payload(data, 0, buffers) };
 }

@@ -112,6 +112,8 @@ const INITIAL = {
   /** Why the connection is closed for good. */
   ended: null as string | null,
   session: null as SessionMessage | null,
+  /** Where there is no server: how to get what takes one. */
+  alone: null as string | null,
   page: "waiting" as "waiting" | "start" | "shape",
   progress: null as ProgressMessage | null,
   uploading: null as string | null,
@@ -154,7 +156,7 @@ export function present(state: State, handle: HandleState): HandleState & { read
     translation: handle.translation,
     rotation: handle.rotation,
     scale: handle.scale,
-    pivot: handle.own_pivot ? handle.pivot : null,
+    pivot: handle.pivot_set ? handle.pivot : null,
     pivotAt: handle.pivot_at,
     axes: handle.axes,
     bend: handle.bend,
@@ -163,7 +165,7 @@ export function present(state: State, handle: HandleState): HandleState & { read
   };
   // What turns for the first time turns about what the server will find.
   const turns = state.gizmo === "rotate" || state.gizmo === "scale";
-  const found = turns && !handle.own_pivot && state.axis?.handle === handle.handle;
+  const found = turns && !handle.pivot_set && state.axis?.handle === handle.handle;
   const begins: Transform = found ? { ...own, pivot: state.axis.auto, pivotAt: "auto" } : own;
   return {
     ...handle,

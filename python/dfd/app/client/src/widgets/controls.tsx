@@ -353,6 +353,17 @@ export function Menu({ icon, label, text, groups }: MenuProps) {
   );
 }
 
+/** What takes a server: grayed out where there is none. */
+export function Served({ children }: Pick<PanelProps, "children">) {
+  const { alone } = useParts();
+  if (alone === null) return <>{children}</>;
+  return (
+    <fieldset class="unserved" disabled title={`This takes the app: ${alone}`}>
+      {children}
+    </fieldset>
+  );
+}
+
 interface PanelProps {
   readonly title: string;
   readonly action?: ComponentChildren;

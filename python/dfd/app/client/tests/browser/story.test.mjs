@@ -92,9 +92,9 @@ step("a look-alike is switched off and on by itself", async () => {
   await until(page, (s) => s.similar !== null && s.similar.places.length > 1);
   const first = page.getByRole("switch", { name: /^Look-alike 1 / });
   await first.locator("xpath=..").click();
-  await until(page, (s) => s.edit.handles[0].without_instances.length === 1 && s.similar.places[1].on === false);
+  await until(page, (s) => s.edit.handles[0].excluded_instances.length === 1 && s.similar.places[1].on === false);
   await first.locator("xpath=..").click();
-  await until(page, (s) => s.edit.handles[0].without_instances.length === 0 && s.similar.places[1].on);
+  await until(page, (s) => s.edit.handles[0].excluded_instances.length === 0 && s.similar.places[1].on);
 });
 
 step("a drag moves the shape as the kernel does, and the wheel changes reach under way", async () => {
@@ -120,7 +120,7 @@ step("the paper's preset is one switch and one step", async () => {
   await until(page, (s) => s.edit.preset === "paper" && s.columns.has(s.edit.handles[0].column));
   assert.deepEqual(await state(page, told), { preset: "paper", overlap: "paper", reach: 1 });
   assert.deepEqual(await state(page, (s) => s.edit.new_handle), { reach: 1, falloff: "linear" });
-  assert.deepEqual([(await handles())[0].falloff, (await handles())[0].instances], ["linear", "together"]);
+  assert.deepEqual([(await handles())[0].falloff, (await handles())[0].instances], ["linear", "shared_pivot"]);
   assert.ok((await farthest([before[0].vertex])) > 0.001, "the handle does not move any more");
   await page.getByLabel("Preset").scrollIntoViewIfNeeded();
   await shot(page, "paper");
@@ -269,12 +269,12 @@ step("a painted region is held, and what is painted limits it", async () => {
   await until(page, (s) => s.edit.handles[1].reach === 0.7);
   const around = await paint();
   await page.getByRole("button", { name: "Limit", exact: true }).click();
-  await until(page, (s, count) => s.edit.handles[1].within === count, around.length);
+  await until(page, (s, count) => s.edit.handles[1].mask === count, around.length);
   await until(page, (s) => s.columns.has(s.edit.handles[1].column));
   assert.ok((await shaderError(page)) <= TOLERANCE);
   const before = await moving();
   await page.getByLabel("Limit's edge").fill("0.3");
-  await until(page, (s) => s.edit.handles[1].within_width > 0.2 * s.mesh.diagonal);
+  await until(page, (s) => s.edit.handles[1].mask_feather > 0.2 * s.mesh.diagonal);
   await until(page, (s) => s.columns.has(s.edit.handles[1].column));
   assert.ok((await shaderError(page)) <= TOLERANCE);
   assert.ok((await moving()) > before, "no more follows with a soft edge than with a sharp one");
