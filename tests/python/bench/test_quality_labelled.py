@@ -96,7 +96,8 @@ def test_turned_shapes_are_compared_with_those_that_stand(folder, tmp_path):
     head, row = ((tmp_path / "turned.csv").read_text().splitlines())[:2]
     values = dict(zip(head.split(","), row.split(","), strict=True))
     for name in ("at random", "by axes"):
-        assert float(values[f"{name}: loss"]) == pytest.approx(float(values["precision"]) - float(values[name]), abs=1e-5)
+        loss = float(values["precision"]) - float(values[name])
+        assert float(values[f"{name}: loss"]) == pytest.approx(loss, abs=1e-5)
         assert 0 <= float(values[f"{name}: off"]) <= 90
     with pytest.raises(ValueError, match="there is no CATEGORY"):
         next(labelled_shapes(folder, only=["Table"]))
