@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -30,6 +31,37 @@ def test_a_plain_cube_is_read_from_every_format(ending: str, tmp_path: Path) -> 
     assert same_shape(mesh, Mesh(CORNERS, CUBE))
     assert mesh.source == path
     assert repr(mesh) == f"Mesh(cube.{ending}: 8 vertices, 12 faces)"
+
+
+@pytest.mark.parametrize("ending", ["ply", "glb", "stl", "off"])
+def test_a_file_that_is_written_while_it_is_read_is_as_it_was_or_as_it_is_or_refused(
+    ending: str, tmp_path: Path
+) -> None:
+    path, finer = tmp_path / f"a.{ending}", trimesh.Trimesh(CORNERS, CUBE, process=False).subdivide().subdivide()
+    shapes = [Mesh(CORNERS, CUBE), Mesh(finer.vertices, finer.faces)]
+    contents = []
+    for shape in shapes:
+        shape.save(path)
+        contents.append(path.read_bytes())
+    ended = threading.Event()
+
+    def rewrite() -> None:
+        while not ended.is_set():
+            for content in contents:
+                with path.open("wb", buffering=0) as file:  # in place, in two halves
+                    file.write(content[: len(content) // 2])
+                    file.write(content[len(content) // 2 :])
+
+    writer = threading.Thread(target=rewrite)
+    writer.start()
+    try:
+        for _ in range(50):
+            with contextlib.suppress(ValueError):
+                found = load(path)
+                assert any(same_shape(found, shape) for shape in shapes)
+    finally:
+        ended.set()
+        writer.join()
 
 
 def test_obj_vertices_keep_the_files_numbers_across_parts_seams_and_unused_ones(tmp_path: Path) -> None:
