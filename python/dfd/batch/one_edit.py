@@ -78,7 +78,7 @@ def carry(
 
     `field` is that of the other shape, by the same encoder; `features` are as `Deformer` takes them. `threshold`, in
     [0, 1], is the lowest confidence that is taken; if left out 0.25 for fields with a learned metric, else 0.45. What
-    is below it is carried with `force`, and named in `Carried.unsure`.
+    is below it is carried with `force`, and named in `Carried.unsure`; `force` takes a field of another shape too.
 
     Raises UnlikeError if the confidence of a handle or fixed point is below `threshold` without `force`; ValueError as
     `transfer` and `Deformer`.
@@ -101,7 +101,7 @@ def carry(
             f"nothing looks enough like what {least} held: confidence {confidence[least]:.2f}, asked for {lowest:.2f}",
             confidence,
         )
-    deformer = Deformer(mesh, field, features=features)
+    deformer = Deformer(mesh, field, features=features, other_shape=force)
     deformer.apply(edit)
     return Carried(deformer, confidence, tuple(name for name in names if confidence[name] < lowest))
 

@@ -37,6 +37,7 @@ FieldOption = Annotated[
         help="The shape's field, as `dfd distill` wrote it, or an .npy or .pt with another network's rows of vertices.",
     ),
 ]
+ForceOption = Annotated[bool, Option("--force", help="Take a field or an edit of another shape all the same.")]
 PresetOption = Annotated[
     str | None,
     Option(

@@ -72,7 +72,7 @@ def transfer(edit: Edit, mesh_from: Mesh, field_from: Field, mesh_to: Mesh, fiel
     Raises ValueError if the fields are of two encoders, two handles go to one vertex, or a region is empty there.
     """
     _check_encoders(field_from, field_to)
-    return _Carrier(mesh_from, field_from, mesh_to, field_to).carried(edit)
+    return Carrier(mesh_from, field_from, mesh_to, field_to).carried(edit)
 
 
 def _check_encoders(field_from: Field, field_to: Field) -> None:
@@ -90,7 +90,7 @@ def _check_encoders(field_from: Field, field_to: Field) -> None:
             raise ArgumentError("field_to", f"must be of the {key} {was} as `field_from` is, got {found}", "transfer")
 
 
-class _Carrier:
+class Carrier:
     def __init__(self, mesh_from: Mesh, field_from: Field, mesh: Mesh, field_to: Field) -> None:
         self.field_from, self.mesh, self.field_to = field_from, mesh, field_to
         self.mean_from, self.mean_to = _mean(mesh_from, field_from), _mean(mesh, field_to)
