@@ -46,7 +46,8 @@ def carried(start: Shape, end: Shape, lab: Lab, metric: str) -> tuple[Float64, B
 
     Those of kinds that `end` does not have, and those that land on what belongs to no part, are left out.
     """
-    assert start.labels is not None and end.labels is not None
+    assert start.labels is not None
+    assert end.labels is not None
     handles = draw_handles(start.labels, EACH)
     kinds = np.array(start.parts)[start.labels[handles]]
     shared = np.isin(kinds, end.parts)

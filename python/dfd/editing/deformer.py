@@ -130,7 +130,9 @@ class Deformer:
 
     def __repr__(self) -> str:
         """Say how much is being done to what."""
-        return f"Deformer({self.mesh!r}, {len(self.handles)} handles, {len(self.fixed)} fixed points)"
+        counts = (len(self.handles), "handle"), (len(self.fixed), "fixed point")
+        told = [f"{count} {what}" if count == 1 else f"{count} {what}s" for count, what in counts]
+        return f"Deformer({self.mesh!r}, {', '.join(told)})"
 
     # --- steps
 

@@ -127,7 +127,7 @@ def test_face_groups_of_an_obj_file_are_known_by_name(grouped):
     assert str(place) == "group:ceiling tiles"
     np.testing.assert_array_equal(members(grouped, Group("tiles")), [1, 2, 3])
     np.testing.assert_allclose(distances_from(grouped, Group("tiles")), [1, 0, 0, 0])
-    message = r"`name` must be a face group of the file \(floor, ceiling tiles, ceiling, tiles\), got 'wall'"
+    message = r"`at` must be a face group of the file \(floor, ceiling tiles, ceiling, tiles\), got 'wall'"
     with pytest.raises(ValueError, match=message):
         find(grouped, "group:wall")
     with pytest.raises(ValueError, match="`at` must be a vertex index.* group:NAME"):
