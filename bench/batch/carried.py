@@ -44,7 +44,8 @@ def some_of_each_family(found: Iterable[Shape], most: int) -> dict[str, list[Sha
 def carried(start: Shape, end: Shape, lab: Lab, metric: str) -> tuple[Float64, Bool]:
     """Of handles on `start` the cosines to where they land on `end`, (N,), and whether that is the same kind of part.
 
-    Those of kinds that `end` does not have, and those that land on what belongs to no part, are left out.
+    Those of kinds that `end` does not have, and those that land on what belongs to no part, are left out; so are all
+    where the two fields have features of different widths.
     """
     assert start.labels is not None
     assert end.labels is not None
@@ -52,6 +53,8 @@ def carried(start: Shape, end: Shape, lab: Lab, metric: str) -> tuple[Float64, B
     kinds = np.array(start.parts)[start.labels[handles]]
     shared = np.isin(kinds, end.parts)
     fields = [lab.field(shape.name, shape.mesh, metric=metric) for shape in (start, end)]
+    if fields[0].dimension != fields[1].dimension:
+        return np.zeros(0), np.zeros(0, bool)
     carrier = Carrier(start.mesh, fields[0], end.mesh, fields[1])
     vertices, cosines = carrier.nearest(start.mesh.vertices[handles[shared]])
     on = end.labels[vertices]

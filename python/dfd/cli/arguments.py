@@ -58,7 +58,7 @@ EncoderOption = Annotated[
 ]
 ThresholdOption = Annotated[
     float | None,
-    Option(min=0.0, max=1.0, help="The least confidence of an edit; by default 0.25 of a learned metric, else 0.45."),
+    Option(min=0.0, max=1.0, help="The least confidence of an edit; by default 0.39 of a learned metric, else 0.45."),
 ]
 ViewsOption = Annotated[int, Option(min=1, max=36, help="From how many sides, all around.")]
 ResolutionOption = Annotated[int, Option(min=16, max=8192, help="Pixels along the side of each picture.")]
