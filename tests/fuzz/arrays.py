@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from hypothesis import strategies as st
+from made_field import field_of
 from mesh_files import CORNERS, CUBE
 
 import dfd
@@ -16,6 +17,7 @@ import dfd
 __all__ = ["array_input", "call_with_arrays"]
 
 MESH = dfd.Mesh(CORNERS, CUBE)
+FIELD = field_of(MESH)
 SHAPES = [
     (8, 3),
     (8, 4),
@@ -61,6 +63,11 @@ CALLS: dict[str, Callable[..., Any]] = {
     "pose": lambda a, b, c: dfd.pose(a, b, c),
     "compact": lambda a, b, c: dfd.bind(dfd.compact(a), [0]),
     "distances": lambda a, b, c: np.nan_to_num(dfd.Geodesics(MESH).distances(a), posinf=0),
+    "shape": lambda a, b, c: whole_shape(dfd.Mesh(a, b), c),
+    "handle": lambda a, b, c: turned(rotation=a, scale=b, pivot=c),
+    "bent handle": lambda a, b, c: turned(bend=a, twist=b, joint=c),
+    "controls": lambda a, b, c: turned(reach=a, mask=b, excluded_instances=c, rotation=(0, 90, 0)),
+    "numbers": lambda a, b, c: turned(falloff=a, locality=b, strength=c, rotation=(0, 90, 0)),
     "planes": lambda a, b, c: [plane.normal for plane in dfd.symmetry_planes(dfd.VertexField(MESH, a), MESH)],
     "parts": lambda a, b, c: dfd.parts(dfd.VertexField(MESH, a), MESH).part(b).vertices,
     "field": lambda a, b, c: dfd.VertexField(MESH, a)(b),
@@ -74,6 +81,22 @@ def moved(field: dfd.VertexField, at: Any, by: Any) -> np.ndarray:
     session.add(at, translation=by)
     session.fix(at)
     return session.vertices
+
+
+def turned(**given: Any) -> np.ndarray:
+    """The cube, a handle at its first vertex and all that is `given` of it."""
+    session = dfd.Deformer(MESH, FIELD)
+    session.add(0, **{name: value for name, value in given.items() if value is not None})
+    return session.vertices
+
+
+def whole_shape(mesh: dfd.Mesh, at: Any) -> list[float]:
+    """What is computed of a whole shape, and of places on it."""
+    field = field_of(mesh)
+    distances = dfd.Geodesics(mesh).distances(at)
+    planes = [number for plane in dfd.symmetry_planes(field, mesh) for number in plane.normal]
+    parts = [part.share for part in dfd.parts(field, mesh).cut()]
+    return [float(np.nan_to_num(distances, posinf=0).sum()), *planes, *parts]
 
 
 def array_input() -> st.SearchStrategy[bytes]:

@@ -10,25 +10,28 @@ import json
 import tempfile
 import warnings
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from compressed_files import draco_cube, ktx2_quad, meshopt_cube, packed_glb
 from hypothesis import strategies as st
-from made_field import made_field
+from made_field import field_of, made_field
 from mesh_files import CORNERS, CUBE, obj_cube, scene_of_three, textured_quad
 
 import dfd
 from dfd import Field, Mesh
 from dfd.distillation.checkpoint import Checkpoint, with_hash
 from dfd.editing.edit_file import read_edit, write_edit
+from dfd.export.export_parts import export_parts
 from dfd.export.key_poses import read_key_poses
 from dfd.mesh.file.gltf import glb
 
 from .arrays import array_input, call_with_arrays
 from .kernels import kernel_input, run_kernels
 from .mutation import damaged_bytes, damaged_json
+from .page import ask_all, page_input
 
 __all__ = ["TARGETS", "Target", "run"]
 
@@ -105,6 +108,26 @@ def apply_edit(path: Path) -> None:
         dfd.export_weights(session, Path(folder, "weights.npz"))
 
 
+def export_mesh(path: Path) -> None:
+    """Whatever loads is refused by an export, or written so that it loads again."""
+    mesh = dfd.load(path)
+    if len(mesh.vertices) > 1000 or not 1e-3 < mesh.diagonal < 1e3:
+        return
+    session = dfd.Deformer(mesh, field_of(mesh))
+    session.add(0, translation=(0, 0.1, 0), instances="shared_pivot")  # without planes, which take most of the time
+    calls: dict[str, Callable[[Path], object]] = {
+        **{name: partial(dfd.export_rig, session, form=form) for name, form in EXPORTS},
+        "parts.obj": lambda to: export_parts(mesh, dfd.parts(session.field, mesh).cut(), to),
+        "parts.glb": lambda to: export_parts(mesh, dfd.parts(session.field, mesh).cut(), to),
+        "skinned.glb": lambda to: dfd.weigh_skin(mesh, session.field, to),
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        for name, call in calls.items():
+            run(call, written := Path(folder, name))
+            if written.exists() and not name.startswith("usd"):
+                dfd.load(written)
+
+
 def load_poses(path: Path) -> None:
     """Key poses that are read are finite and in order, and posed with an edit give finite vertices."""
     moments = read_key_poses(path)
@@ -147,6 +170,11 @@ def seeds() -> Mapping[str, list[bytes]]:
         folder = Path(place)
         found = {".glb": [textured_quad(folder).glb(), scene_of_three(folder).read_bytes()]}
         found["compressed"] = compressed(folder)
+        posed = dfd.Deformer(SHAPE, FIELD)
+        posed.add(0, translation=(0, 0.5, 0))
+        for form in ("skin", "morph"):
+            dfd.export_rig(posed, folder / f"{form}.glb", form=form)
+        found["rigged"] = [(folder / f"{form}.glb").read_bytes() for form in ("skin", "morph")]
         for ending in (".obj", ".ply", ".stl", ".off"):
             Mesh(CORNERS, CUBE).save(folder / f"cube{ending}")
             found[ending] = [(folder / f"cube{ending}").read_bytes()]
@@ -195,6 +223,8 @@ def _targets() -> dict[str, Target]:
             st.one_of(streams + streams + [damaged_glb(seed) for seed in good["compressed"]]),
             load_mesh,
         )
+    rigs = [damaged_glb(seed) for seed in (*good["rigged"], *good[".glb"])]
+    made["exported.glb"] = (st.one_of([*rigs, *map(damaged_data, good["rigged"])]), export_mesh)
     made["field.safetensors"] = (damaged_bytes(good[".safetensors"][0]), load_field)
     edit = json.loads(good[".json"][0])
     texts = damaged_json(edit).map(lambda document: json.dumps(document).encode())
@@ -204,6 +234,7 @@ def _targets() -> dict[str, Target]:
     made["poses.json"] = (st.one_of(poses, damaged_bytes(json.dumps(POSES).encode())), load_poses)
     made["arrays.json"] = (array_input(), call_with_arrays)
     made["checkpoint.piece"] = (damaged_bytes(good[".piece"][0]), load_checkpoint)
+    made["page.json"] = (page_input(), ask_all)
     made["kernels.json"] = (kernel_input(), run_kernels)
     return made
 

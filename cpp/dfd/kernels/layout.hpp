@@ -51,6 +51,7 @@ DFD_INLINE Float load_part(const float* from, std::size_t count)
 #endif
 }
 
+constexpr std::size_t line = 64 / sizeof(float);  // numbers of a line of the caches
 constexpr std::size_t few_columns = 4;  // picked one by one sooner than by a transposition of whole vectors
 
 // Sixteen rows of `columns` numbers, `stride` apart, to (columns, 16); rows from `count` on repeat the last one.
@@ -75,6 +76,8 @@ DFD_INLINE void rows_to_lanes(const float* rows, std::size_t stride, std::size_t
 #pragma GCC unroll 16
             for (std::size_t i = 0; i < size; ++i) {
                 const float* from = rows + (lane + i < count ? lane + i : count - 1) * stride + k;
+                // Sixteen rows are more streams than the machine follows by itself: the next block's, line by line.
+                if (k % line == 0) __builtin_prefetch(from + block_size * stride, 0, 2);
                 v[i] = some == size ? load<Float>(from) : load_part(from, some);
             }
             transpose(v);

@@ -14,7 +14,7 @@ import os
 import pickle
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -52,7 +52,8 @@ class SharedValues:
             making = path.with_suffix(".making").open("wb")
         except OSError:
             return make()
-        with making, _locked(making.fileno()):
+        with making:
+            _lock(making.fileno())
             with suppress(OSError):
                 return _read(path, known)
             made = make()
@@ -63,11 +64,13 @@ class SharedValues:
         return made
 
     def _remove_unused(self) -> None:
-        """Remove what no process has arrays of."""
+        """Remove what no process has arrays of, and what one that was killed wrote half."""
         assert self._folder is not None
         for path in self._folder.iterdir():
-            if not path.suffix:
-                with suppress(OSError), path.open("rb") as file, _locked(file.fileno(), wait=False):
+            if path.suffix != ".making":
+                holding = path.with_suffix(".making") if path.suffix == ".written" else path
+                with suppress(OSError), holding.open("rb") as file:
+                    _lock(file.fileno(), wait=False)
                     path.unlink()
 
     def shape(self, source: Source) -> tuple[Mesh, list[str], str]:
@@ -165,15 +168,8 @@ def _read(path: Path, known: Sequence[object]) -> Any:
     return _Unpickler(io.BytesIO(stream), known, arrays()).load()
 
 
-@contextmanager
-def _locked(file: int, *, wait: bool = True) -> Iterator[None]:
-    """Hold an open file's lock, by this process alone; OSError if another one has it and this one does not wait."""
-    _lock(file, wait=wait)
-    yield
-
-
 def _lock(file: int, *, shared: bool = False, wait: bool = True) -> None:
-    """Lock an open file until it is closed, and all that was made of it."""
+    """Lock an open file until it is closed, and all that was mapped of it; OSError if it cannot be now."""
     if sys.platform != "win32":
         import fcntl
 

@@ -11,14 +11,22 @@ Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 
 
+LONGEST_REASON = 500  # characters
+
+
 class ArgumentError(ValueError):
     """An argument cannot be taken: "function: `argument` reason".
 
     `argument` is its name, as the caller knows it; `reason` what it must be and what was found; `function` the public
-    function that was called, None where nobody knows it yet.
+    function that was called, None where nobody knows it yet. What was found may be an array, or a text of many pages:
+    the reason is one line, and no longer than a person reads.
     """
 
     def __init__(self, argument: str, reason: str, function: str | None = None) -> None:
+        if "\n" in reason:
+            reason = " ".join(reason.split())
+        if len(reason) > LONGEST_REASON:
+            reason = f"{reason[: LONGEST_REASON - 1]}…"
         super().__init__(argument, reason, function)
         self.argument, self.reason, self.function = argument, reason, function
 

@@ -8,11 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.files import atomic_write
 from dfd.common.linear_algebra import Int64
 from dfd.export.gltf.document import GltfDocument
-from dfd.mesh.file.gltf.header import MODES_READ, Header, objects
+from dfd.mesh.file.gltf.header import MODES_READ, Header, item, objects
 from dfd.mesh.file.gltf.read import triangles
 from dfd.mesh.file.obj.write import encode_groups
 from dfd.mesh.mesh import Mesh
@@ -33,9 +34,7 @@ def export_parts(mesh: Mesh, parts: Sequence[Part], path: str | os.PathLike[str]
     what was there before stays.
     """
     target = Path(path)
-    ending = target.suffix.lower()
-    if ending not in ENDINGS:
-        raise ArgumentError("path", f"must end in {', '.join(ENDINGS)}, got {target}", "export_parts")
+    ending = check.ending("export_parts", "path", target, ENDINGS)
     if not parts:
         raise ArgumentError("parts", "must hold a part, got none", "export_parts")
     of_vertex = np.argmax([part.mask for part in parts], axis=0)
@@ -77,10 +76,10 @@ def _split(document: GltfDocument, node: int, of_vertex: Labels) -> None:
     content["primitives"] = split
 
 
-def _material(document: GltfDocument, material: int | None, part: int) -> int:
+def _material(document: GltfDocument, material: object, part: int) -> int:
     """The number of a copy of a material that is named after a part, one for each of both."""
     materials = objects(document.header, "materials")
-    own: Header = {} if material is None else dict(materials[material])
-    name = f"part {part + 1}" if material is None else f"{own.get('name') or f'material {material}'} part {part + 1}"
+    own = item(document.header, "materials", material)
+    name = f"part {part + 1}" if own is None else f"{own.get('name') or f'material {material}'} part {part + 1}"
     found = next((number for number, each in enumerate(materials) if each.get("name") == name), None)
-    return document.append("materials", {**own, "name": name}) if found is None else found
+    return document.append("materials", {**(own or {}), "name": name}) if found is None else found

@@ -18,6 +18,9 @@ from dfd.app.protocol.answers import VERSION
 from dfd.app.protocol.binary_messages import unpack
 from dfd.app.web.launch import RunningApp
 
+ROOT = Path(__file__).parents[3]
+CLIENT = ROOT / "python" / "dfd" / "app" / "client"
+SCREENS = ROOT / "build" / "screens"
 PATIENCE = 400.0  # seconds; a busy machine imports torch slowly
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -9,16 +10,18 @@ from typing import Any
 
 import pytest
 import torch
-from app_page import Page, Shape
+from app_page import CLIENT, Page, Shape
 
 import dfd
 from dfd.app.options import OpenedFile, SessionOptions, Source
 from dfd.app.session.level_of_detail import MOST_FACES
 from dfd.app.web.launch import RunningApp
+from dfd.app.web.server import STATIC
 from dfd.editing.deformer import Deformer
 from dfd.field.field import Field
 from dfd.samples import Sample
 
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 SETTINGS = {"views": 4, "resolution": 64, "steps": 40, "batch": 64, "smoothing": 0.0}
 
 
@@ -71,6 +74,21 @@ def static(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "assets").mkdir()
     (folder / "assets" / "index-1a2b.js").write_text("export {}")
     return folder
+
+
+@pytest.fixture(scope="session")
+def browser() -> str:
+    """The browser, or the reason why there is no test."""
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if shutil.which("node") is None:
+        pytest.skip("Node is not installed: the page was not tested in a browser")
+    if not (CLIENT / "node_modules" / "playwright-core").is_dir():
+        pytest.skip("the client's packages are not installed (npm ci): the page was not tested in a browser")
+    if not (STATIC / "index.html").is_file():
+        pytest.skip("the page is not built (npm run build): it was not tested in a browser")
+    if found is None:
+        pytest.skip("neither Chromium nor Chrome is installed: the page was not tested in a browser")
+    return found
 
 
 @pytest.fixture(scope="session")

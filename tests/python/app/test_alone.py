@@ -18,10 +18,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from app_page import Shape
-from test_browser import CLIENT, ROOT, SCREENS
+from app_page import CLIENT, ROOT, SCREENS, Shape
 
 import dfd
+from dfd.app.session.surface import center_of
 from docs.tools import shapes
 
 WASM = ROOT / "build" / "wasm" / "cpp" / "wasm" / "dfd.wasm"
@@ -98,7 +98,7 @@ def test_story_alone(wasm: Path, browser: str, animal: Shape, tmp_path: Path) ->
     handle = told["handle"]
     controls = {name: handle[name] for name in ("reach", "falloff")}
     session.add(handle["vertex"], translation=handle["translation"], instances="shared_pivot", level=False, **controls)
-    moved = np.reshape(told["positions"], (-1, 3)) + shapes.center_of(mesh)
+    moved = np.reshape(told["positions"], (-1, 3)) + center_of(mesh)
     assert np.abs(moved - mesh.vertices).max() > 0.01 * mesh.diagonal
     np.testing.assert_allclose(moved, session.vertices, atol=0.02 * np.linalg.norm(handle["translation"]))
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,33 +15,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from app_page import Shape
+from app_page import CLIENT, SCREENS, Shape
 
 import dfd
 from dfd.app.options import SessionOptions
 from dfd.app.web.launch import RunningApp
-from dfd.app.web.server import STATIC
 
-ROOT = Path(__file__).parents[3]
-CLIENT = ROOT / "python" / "dfd" / "app" / "client"
-SCREENS = ROOT / "build" / "screens"
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 MINUTES = 10
-
-
-@pytest.fixture(scope="module")
-def browser() -> str:
-    """The browser, or the reason why there is no test."""
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if shutil.which("node") is None:
-        pytest.skip("Node is not installed: the page was not tested in a browser")
-    if not (CLIENT / "node_modules" / "playwright-core").is_dir():
-        pytest.skip("the client's packages are not installed (npm ci): the page was not tested in a browser")
-    if not (STATIC / "index.html").is_file():
-        pytest.skip("the page is not built (npm run build): it was not tested in a browser")
-    if found is None:
-        pytest.skip("neither Chromium nor Chrome is installed: the page was not tested in a browser")
-    return found
 
 
 @pytest.fixture

@@ -75,9 +75,11 @@ def test_what_failed_or_was_killed_is_made_again_and_what_nobody_uses_goes(tmp_p
         values.value("a", lambda: (_ for _ in ()).throw(ValueError("no such shape")))
     rows = values.value("a", lambda: np.ones(9))
     (file,) = (path for path in tmp_path.iterdir() if not path.suffix)
-    file.with_suffix(".written").write_bytes(b"half of it")  # by a process that was killed
+    half = file.with_suffix(".written")
+    half.write_bytes(b"half of it")  # by a process that was killed
     values.value("b", lambda: 2)
     assert file.exists(), "rows are still in use"
+    assert not half.exists()
     del rows
     values.value("c", lambda: 3)
     assert not file.exists()

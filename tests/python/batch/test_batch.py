@@ -291,10 +291,13 @@ def test_an_interruption_says_how_to_go_on_and_leaves_nobody_at_work(shapes, tmp
 
 
 @pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="Ray is not installed: pip install 'dfd[batch]'")
-def test_ray_makes_the_same_table(shapes, finished, tmp_path):
+def test_ray_makes_the_same_table_although_a_worker_is_killed(shapes, finished, tmp_path):
     output = tmp_path / "out"
-    done = subprocess.run(command(shapes, output, "--ray"), capture_output=True, text=True, timeout=400, check=False)
-    assert "3 done, 5 failed: bad input" in done.stderr
+    with subprocess.Popen(command(shapes, output, "--ray"), stderr=subprocess.PIPE, text=True) as done:
+        good = wait_for(lambda: [process for name, process in processes(output).items() if name in GOOD])
+        os.kill(good[0], signal.SIGKILL)
+        _, told = done.communicate(timeout=400)
+    assert "3 done, 5 failed: bad input" in told
     assert done.returncode == 1
     assert [[row[key] for key in WITHOUT_TIMES] for row in table(output)] == [
         [row[key] for key in WITHOUT_TIMES] for row in table(finished[0])

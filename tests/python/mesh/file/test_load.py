@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -30,6 +31,37 @@ def test_a_plain_cube_is_read_from_every_format(ending: str, tmp_path: Path) -> 
     assert same_shape(mesh, Mesh(CORNERS, CUBE))
     assert mesh.source == path
     assert repr(mesh) == f"Mesh(cube.{ending}: 8 vertices, 12 faces)"
+
+
+@pytest.mark.parametrize("ending", ["ply", "glb", "stl", "off"])
+def test_a_file_that_is_written_while_it_is_read_is_as_it_was_or_as_it_is_or_refused(
+    ending: str, tmp_path: Path
+) -> None:
+    path, finer = tmp_path / f"a.{ending}", trimesh.Trimesh(CORNERS, CUBE, process=False).subdivide().subdivide()
+    shapes = [Mesh(CORNERS, CUBE), Mesh(finer.vertices, finer.faces)]
+    contents = []
+    for shape in shapes:
+        shape.save(path)
+        contents.append(path.read_bytes())
+    ended = threading.Event()
+
+    def rewrite() -> None:
+        while not ended.is_set():
+            for content in contents:
+                with path.open("wb", buffering=0) as file:  # in place, in two halves
+                    file.write(content[: len(content) // 2])
+                    file.write(content[len(content) // 2 :])
+
+    writer = threading.Thread(target=rewrite)
+    writer.start()
+    try:
+        for _ in range(50):
+            with contextlib.suppress(ValueError):
+                found = load(path)
+                assert any(same_shape(found, shape) for shape in shapes)
+    finally:
+        ended.set()
+        writer.join()
 
 
 def test_obj_vertices_keep_the_files_numbers_across_parts_seams_and_unused_ones(tmp_path: Path) -> None:
@@ -126,7 +158,7 @@ PLY = "ply\nformat ascii 1.0\nelement vertex {n}\nproperty float x\nproperty flo
         ("high.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n", "not a well-formed OFF"),
         ("cut.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n", "not a well-formed OFF"),
         ("many.off", "OFF\n999999999999 1 0\n0 0 0\n", "not a well-formed OFF"),
-        ("cube.fbx", obj_cube(), "must end in .obj, .ply, .stl, .off, .glb, .gltf"),
+        ("cube.xyz", obj_cube(), "must end in .obj, .ply, .stl, .off, .glb, .gltf, .fbx"),
         ("cube", obj_cube(), "must end in"),
     ],
 )

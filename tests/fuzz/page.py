@@ -1,0 +1,97 @@
+"""What a page may ask of a session: requests one after the other, some of them damaged."""
+
+from __future__ import annotations
+
+import base64
+import json
+import tempfile
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+from hypothesis import strategies as st
+from made_field import field_of
+from mesh_files import CORNERS, CUBE
+
+import dfd
+from dfd.app.options import SessionOptions
+from dfd.app.protocol.requests import RequestError, read_request
+from dfd.app.session import requests
+from dfd.app.session.exports import Kind
+from dfd.app.session.session import Session
+
+from .mutation import damaged_json
+
+__all__ = ["ask_all", "page_input"]
+
+SHAPE = dfd.Mesh(CORNERS, CUBE)
+ZERO, ONE = [0.0, 0.0, 0.0], [1.0, 1.0, 1.0]
+MASK = base64.b64encode(bytes([0b1011])).decode()
+TRANSFORM = {
+    "translation": [0, 0.3, 0],
+    "rotation": [0, 30, 0],
+    "scale": ONE,
+    "pivot": "auto",
+    "bend": 20.0,
+    "twist": 5,
+}
+CONTROLS = {"reach": 0.7, "falloff": 0.8, "instances": "own_pivot", "locality": 1.0, "strength": 0.5, "name": "a"}
+TURNED = {"handle": 1, "translation": [0, 0.1, 0], "rotation": [0, 0, 90], "scale": ONE, "twist": 10}
+ASKED: list[dict[str, Any]] = [  # all but those that start processes or open samples
+    *({"type": "add", "at": at} for at in ({"point": [0.5, 1, 1]}, {"mask": MASK}, {"part": 2})),
+    {"type": "add", "at": {"vertex": 7}, "transform": TRANSFORM, "controls": CONTROLS},
+    *({"type": "probe", "at": at} for at in ({"vertex": 3}, {"point": [9, 9, 9]})),
+    *({"type": name, "vertex": 3} for name in ("part", "take_part")),
+    {"type": "take_part", "vertex": 1, "handle": 1, "how": "add"},
+    *({"type": name} for name in ("features", "undo", "redo", "clear", "cancel")),
+    {"type": "suggest", "count": 3},
+    *({"type": name, "handle": 1} for name in ("instances", "axis", "reset", "remove")),
+    *({"type": name, "transforms": [TURNED]} for name in ("compute", "pose", "script")),
+    {"type": "move", "handle": 1, "transform": TRANSFORM, "controls": CONTROLS, "merge": True, "settle": True},
+    {"type": "change", "handle": 1, "at": {"vertex": 2}, "controls": {**CONTROLS, "mask": {"mask": MASK}}},
+    {"type": "change", "handle": 1, "controls": {"mask": "part", "excluded_instances": [1], "radius": "10 %"}},
+    {"type": "fix", "at": {"vertex": 4}, "strength": 0.5},
+    {"type": "release", "index": 0},
+    {"type": "change_fixed", "index": 0, "strength": 0.2, "merge": True},
+    {"type": "set_symmetry", "plane": {"normal": [1, 0, 0], "offset": 0.5}, "band": 0.1},
+    {"type": "set_symmetry", "plane": "x"},
+    {"type": "set_mode", "preset": "paper", "overlap": "interpolate", "blend": "linear"},
+    {"type": "set_default", "transform": {"translation": [0, 1, 0], "rotation": [0, 0, 0, 1]}},
+    {"type": "set_poses", "poses": [{"name": "p", "seconds": 1, "transforms": [TURNED]}]},
+    *({"type": "export", "format": kind, "transforms": [TURNED]} for kind in get_args(Kind)),
+]
+
+
+def page_input() -> st.SearchStrategy[bytes]:
+    """A list of requests, which begins with a handle."""
+    first = {"type": "add", "at": {"vertex": 0}, "transform": {"translation": [0, 0.1, 0]}}
+    one = st.sampled_from(ASKED)
+    damaged = st.one_of(one, one.flatmap(damaged_json))
+    several = st.lists(damaged, min_size=1, max_size=6)
+    return several.map(lambda asked: json.dumps([first, *asked]).encode())
+
+
+def ask_all(path: Path) -> None:
+    """Each request is answered once, without an internal error, and the shape stays finite."""
+    sent: list[dict[str, Any]] = []
+
+    def send(message: str | bytes) -> None:
+        sent.append(json.loads(message) if isinstance(message, str) else {})
+
+    with tempfile.TemporaryDirectory() as folder:
+        deformer = dfd.Deformer(SHAPE, field_of(SHAPE))
+        session = Session(Path(folder), SessionOptions(), send, lambda call: None, deformer=deformer)
+        for number, asked in enumerate(json.loads(path.read_bytes()), start=1):
+            sent.clear()
+            try:
+                text = json.dumps({**asked, "id": number} if isinstance(asked, dict) else asked)
+                requests.answer(session, read_request(text))
+            except RequestError as error:
+                sent.append({"type": "failure", "message": str(error)})
+            for message in sent:
+                said = message.get("message") if message.get("type") == "failure" else None
+                assert said is None or ("Internal error" not in said and "\n" not in said), (asked, said)
+            assert np.isfinite(deformer.vertices).all(), asked
+            session.guarded(0, session.rest)
+            assert not any("Internal error" in str(message.get("message")) for message in sent), asked
+        session.end()
