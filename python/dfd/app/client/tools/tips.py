@@ -1,6 +1,6 @@
-"""Draws the strips of pictures that tooltips show, `public/tips/CONTROL.webp`, from a made quadruped: python tools/tips.py.
+"""Draws the strips of pictures that tooltips show, `public/tips/CONTROL.webp`: python tools/tips.py.
 
-Its features are its parts' labels, softened along the surface: nothing has to be learned, and pictures stay the same.
+They are of a made quadruped, whose features are its parts' labels, softened along the surface: nothing is learned.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ TARGET = Path(__file__).parents[1] / "public" / "tips"
 
 
 def features_of(sample: dfd.samples.Sample) -> np.ndarray:
-    """(V, D) labels of parts, softened by a random walk, and a little of the height, which tells a foot from a thigh."""
+    """(V, D) labels of parts, softened by a random walk, and the height, which tells a foot from a thigh."""
     mesh = sample.mesh
     count = len(mesh.vertices)
     rows, columns = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]).T
@@ -55,9 +55,10 @@ def main() -> None:
     forward: dict[str, Any] = {"translation": (0.0, 0.12, 0.22)}
     turned: dict[str, Any] = {"rotation": (-35.0, 0.0, 0.0)}
     # A quarter from behind for the tail, from the side for all else.
+    curves = "linear", "sphere", "constant"
     strips: dict[str, tuple[float, list[dfd.Deformer]]] = {
         "reach": (75.0, [held(nose, **forward, reach=reach) for reach in (0.25, 1.0, 1.5)]),
-        "falloff": (75.0, [held(nose, **forward, reach=1.3, falloff=kind) for kind in ("linear", "sphere", "constant")]),
+        "falloff": (75.0, [held(nose, **forward, reach=1.3, falloff=kind) for kind in curves]),
         "strength": (75.0, [held(nose, **forward, strength=strength) for strength in (0.3, 0.6, 1.0)]),
         "instances": (75.0, [held(knee, **turned, instances=kind) for kind in ("only", "own_pivot", "shared_pivot")]),
         "locality": (75.0, [held(nose, **forward, reach=1.5, locality=locality) for locality in (0.0, 2.0, 8.0)]),

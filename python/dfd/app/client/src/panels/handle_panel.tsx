@@ -22,6 +22,7 @@ import {
   Toggle,
   Triple,
 } from "../widgets/controls";
+import { Tip } from "../widgets/tips";
 import { ControlField } from "./control_field";
 
 /** Milliseconds between numbers that change with every frame of a drag: painting them costs more than the frame. */
@@ -52,7 +53,9 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
     ...motionFields(transform, step, set),
     bend: (
       <Served key="bend">
-        <Bend handle={id} transform={transform} set={set} />
+        <Tip of="bend">
+          <Bend handle={id} transform={transform} set={set} />
+        </Tip>
       </Served>
     ),
   };
@@ -60,17 +63,23 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
   return (
     <Panel title={handleName(handle)} action={reset}>
       {verb[state.gizmo]}
-      {state.gizmo !== "translate" && <PivotChoice handle={handle} axis={state.axis} />}
+      {state.gizmo !== "translate" && (
+        <Tip of="pivot">
+          <PivotChoice handle={handle} axis={state.axis} />
+        </Tip>
+      )}
       {field("reach")}
       <Served>
         {handle.instances !== "only" && field("level")}
         <SimilarPlaces state={state} handle={id} />
-        <Toggle
-          label="Limit to part"
-          hint="Nothing beyond the part that is held moves"
-          checked={handle.mask_part}
-          onChange={(on) => change(id, { mask: on ? "part" : "everywhere" })}
-        />
+        <Tip of="mask">
+          <Toggle
+            label="Limit to part"
+            hint="Nothing beyond the part that is held moves"
+            checked={handle.mask_part}
+            onChange={(on) => change(id, { mask: on ? "part" : "everywhere" })}
+          />
+        </Tip>
       </Served>
       <More>
         {others.map((name) => verb[name])}
