@@ -16,12 +16,13 @@ from typing import Any
 import numpy as np
 
 import dfd
-from dfd.app.protocol.answers import FieldState, NewHandle, SampleEntry, SessionMessage, Suggestion, SuggestionsMessage
+from dfd.app.protocol.answers import FieldState, SampleEntry, SessionMessage, Suggestion, SuggestionsMessage
 from dfd.app.session.columns import Columns
 from dfd.app.session.state import ViewState, feature_colors_message, state_message
 from dfd.app.session.surface import mesh_messages
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64
+from dfd.editing.presets import PARTLESS_REACH
 from dfd.editing.suggestions import suggest_handles
 from dfd.samples.implicit import Distance, Piece, Shape, capsule, chain, ellipsoid, rounded_box
 from dfd.samples.polygonize import polygonize
@@ -58,12 +59,10 @@ def write(mesh: dfd.Mesh, field: dfd.Field, name: str, folder: Path) -> None:
     planes = dfd.symmetry_planes(field, mesh)
     suggested = suggest_handles(mesh, features, count=8, planes=planes)
     # One handle is the page's pattern for all: it weighs by distances alone, and look-alikes are not told apart.
-    reach = round(float(np.median([reach_of(deformer, each.vertex) for each in suggested])), 2)
     deformer.blend = "linear"
-    deformer.add(suggested[0].vertex, reach=reach, instances="shared_pivot", level=False)
+    deformer.add(suggested[0].vertex, reach=PARTLESS_REACH, instances="shared_pivot", level=False)
     view = ViewState(FieldState(status="ready", origin="prepared"), planes={"default": planes})
     state = state_message(view, deformer, Columns(deformer), after=0)
-    state = state.model_copy(update={"new_handle": NewHandle(reach=reach, falloff=state.handles[0].falloff)})
     places = tuple(
         Suggestion(vertex=each.vertex, position=tuple(mesh.vertices[each.vertex].tolist()), name=f"Part {number}")
         for number, each in enumerate(suggested, 1)
@@ -92,14 +91,6 @@ def stored(rows: Any) -> CompactFeatures:
         if features.precision == "int8":
             return features
     raise ArgumentError("tolerance", f"must be larger for features of 8 bits, got {TOLERANCES}", "stored")
-
-
-def reach_of(deformer: dfd.Deformer, vertex: int) -> float:
-    """Where what looks like a vertex ends, as a handle finds it that has "auto"."""
-    number = deformer.add(vertex, reach="auto")
-    found = deformer.bound.reach(next(handle for handle in deformer.handles if handle.id == number))
-    deformer.undo()
-    return found
 
 
 # --- shapes: upright, about 1 high and mirrored at x = 0, as those of `dfd.samples`
