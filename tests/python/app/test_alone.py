@@ -113,7 +113,7 @@ def test_story_alone(
     # One leg is held: all four follow, and the head stays.
     went = np.linalg.norm(moved - mesh.vertices, axis=1) / way
     hooves = [went[sample.vertices_of("hoof", number)].mean() for number in range(4)]
-    assert min(hooves) > 0.9
+    assert min(hooves) > 0.8
     assert went[sample.vertices_of("head")].max() < 0.05
 
 
