@@ -1,5 +1,8 @@
 """`python -m bench.quality labelled` and `grip`: weights, parts and handles judged by the names that people gave.
 
+With `--turned` weights alone are judged, of each shape as it stands and turned: once by a random rotation, and once to
+lie along other axes of the file.
+
 All numbers are means over the handles of a label, the labels of a shape, the shapes of a category, and the categories.
 Constants may be chosen on the first half of each category; the second half judges.
 """
@@ -18,15 +21,18 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 import dfd
 from bench.quality.baselines import euclidean, geodesic
 from bench.quality.labelled_shapes import LabelledShape, labelled_shapes
 from bench.quality.measures import draw_handles, handle_precision
 from bench.quality.report import timed
+from bench.quality.shapes import Shape
 from bench.quality.sheet import heat
+from bench.quality.studies import turned
 from bench.tables import to_csv, to_markdown, write_text
-from dfd.common.linear_algebra import Bool, Float32, Int64
+from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.pictures.contact_sheet import contact_sheet
 from dfd.pictures.picture import save_png
 from dfd.segmentation.parts import Parts
@@ -51,6 +57,11 @@ LEGEND = {
     "leak": "weight beyond the label, of all weight",
     "counterparts": "counterparts of landmarks within 5 % of the diagonal of an instance of the landmark's handle",
     "too many": "instances of such a handle that are at no counterpart",
+    "at random": "precision of the shape turned by a random rotation",
+    "by axes": "precision of the shape turned to lie along other axes of the file",
+    "loss": "what a turn takes away from the precision as it stands",
+    "sure": "confidence in the up direction",
+    "off": "degrees between the upright axes found for the shape turned and as it stands",
 }
 
 
@@ -70,20 +81,24 @@ def main(arguments: Sequence[str]) -> None:
     os.environ["HF_HUB_OFFLINE"] = "1"
     if options.cache is not None:
         os.environ["DFD_CACHE"] = str(options.cache.absolute())
+    name = "turned" if options.turned else options.verb
     found: list[Judged] = []
-    for on in labelled_shapes(options.folder, quick=options.quick):
+    for on in labelled_shapes(options.folder, quick=options.quick, only=options.only):
         say(on.shape.name)
-        field = dfd.distill(on.shape.mesh, progress=False)
-        found.append(_grips(on, field) if options.verb == "grip" else _judged(on, field))
-        _write(options.output / options.verb, found)
-    if options.verb == "labelled":
+        if options.turned:
+            found.append(_turned(on))
+        else:
+            field = dfd.distill(on.shape.mesh, progress=False)
+            found.append(_grips(on, field) if options.verb == "grip" else _judged(on, field))
+        _write(options.output / name, found)
+    if name == "labelled":
         found.sort(key=lambda each: each.worst[0])
         pictures = [
             (heat(each.on.shape.mesh, each.worst[3].astype(np.float32), np.array([each.worst[2]])), each.worst[1])
             for each in found[:WORST]
         ]
         save_png(options.output / "labelled_worst.png", contact_sheet([("", pictures)], title="The worst parts"))
-    Console().print(f"{options.output / options.verb}.md", highlight=False, soft_wrap=True)
+    Console().print(f"{options.output / name}.md", highlight=False, soft_wrap=True)
 
 
 def _judged(on: LabelledShape, field: dfd.Field) -> Judged:
@@ -117,6 +132,34 @@ def _judged(on: LabelledShape, field: dfd.Field) -> Judged:
     name = on.shape.parts[on.labels[handles[at]]]
     caption = f"{on.shape.name}, {name}: {overlaps[at][0]:.2f}"
     return Judged(on, verdict, (overlaps[at][0], caption, int(handles[at]), masks[at]))
+
+
+def turns(name: str) -> dict[str, Float64]:
+    """Two rotations (3, 3) of a shape called `name`: any one, and one of the 20 that bring its up to another axis."""
+    generator = np.random.default_rng([*name.encode()])
+    random = Rotation.random(rng=generator).as_matrix()
+    along = [turn for turn in Rotation.create_group("O").as_matrix().round() if turn[1, 1] < 1]
+    return {"at random": random, "by axes": along[generator.integers(len(along))]}
+
+
+def _turned(on: LabelledShape) -> Judged:
+    """The precision of a shape as it stands and turned, and how far the upright axis that is found then is off."""
+    handles = draw_handles(on.labels, EACH)
+
+    def judge(shape: Shape) -> tuple[float, dict[str, Any]]:
+        field = dfd.distill(shape.mesh, progress=False)
+        weights = dfd.bind(field.features(shape.mesh), handles)
+        return _mean(on, handles, handle_precision(weights, on.labels, handles)), field.settings
+
+    stands, told = judge(on.shape)
+    verdict: Verdict = {"precision": stands, "sure": told.get("up_confidence", np.nan)}
+    for name, rotation in turns(on.shape.name).items():
+        precision, found = judge(turned(on.shape, rotation))
+        aligned = abs(np.dot(found.get("up_direction", rotation[:, 1]), rotation @ told.get("up_direction", [0, 1, 0])))
+        off = float(np.degrees(np.arccos(min(aligned, 1.0))))
+        verdict |= {name: precision, f"{name}: loss": stands - precision}
+        verdict |= {f"{name}: sure": found.get("up_confidence", np.nan), f"{name}: off": off}
+    return Judged(on, verdict, (0.0, "", 0, np.zeros(0, bool)))
 
 
 def _grips(on: LabelledShape, field: dfd.Field) -> Judged:
@@ -231,6 +274,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("verb", choices=("labelled", "grip"), help="everything, or handles as sessions make them")
     parser.add_argument("folder", type=Path, help="folder with a folder a category")
     parser.add_argument("--quick", action="store_true", help="one mesh a category")
+    parser.add_argument("--turned", action="store_true", help="precision alone, as shapes stand and turned")
+    parser.add_argument("--only", metavar="CATEGORY", action="append", help="only this category; may be repeated")
     parser.add_argument("--cache", type=Path, help="folder that keeps fields, in place of the user's cache")
     parser.add_argument("--output", type=Path, default=OUTPUT, help="folder to write to (%(default)s)")
     return parser

@@ -7,7 +7,7 @@ position a line) and `counterparts.info` (each line the landmarks that are each 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -50,12 +50,17 @@ class LabelledShape:
         return components_of(sides[self.labels[sides[:, 0]] == self.labels[sides[:, 1]]], len(self.labels))
 
 
-def labelled_shapes(folder: Path, *, quick: bool = False) -> Iterator[LabelledShape]:
+def labelled_shapes(
+    folder: Path, *, quick: bool = False, only: Collection[str] | None = None
+) -> Iterator[LabelledShape]:
     """Read every labelled mesh of `folder`; with `quick` the first of each category that is judged.
+
+    `only` are the categories that are read, None for all.
 
     Raises ValueError if there is none, or its files are not of that layout.
     """
-    categories = sorted(path for path in folder.iterdir() if any(path.glob("*_labels.txt")))
+    every = sorted(path for path in folder.iterdir() if any(path.glob("*_labels.txt")))
+    categories = [path for path in every if only is None or path.name in only]
     if not categories:
         raise ValueError(f"labelled: there is no CATEGORY/N_labels.txt in {folder}")
     for category in categories:

@@ -23,6 +23,7 @@ from bench.training.up_lessons import (
     FRAMES,
     LESSONS,
     TRUE,
+    Choice,
     Lesson,
     Odds,
     Tilted,
@@ -33,14 +34,14 @@ from bench.training.up_lessons import (
     left_out_odds,
 )
 from dfd.common.files import atomic_write
-from dfd.common.linear_algebra import Bool, Float64
+from dfd.common.linear_algebra import Float64
 from dfd.encoders.encode import Encoder, load_encoder
 from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.encoders.learned_file import encoder_identity
 from dfd.field.cache_key import FIELD_VERSION, hash_key
 from dfd.mesh.normalization import normalization
 from dfd.upright import probe_views
-from dfd.upright.find_up import CLEAR, EARLY_STOP_CONFIDENCE
+from dfd.upright.find_up import CLEAR, EARLY_STOP_CONFIDENCE, decide
 from dfd.upright.probe import FOLDER, UpProbe
 from dfd.upright.probe_views import CORNERS, SIDES, ProbeCameras, ViewTokens
 from dfd.upright.stability import StabilityCues
@@ -227,13 +228,11 @@ def _shares(odds: Sequence[Odds], priors: tuple[float, float]) -> list[str]:
     return [*columns, f"{at_once:.2f}", f"{tilted[0]:.2f} ({tilted[1]:.2f})"]
 
 
-def _found_tilted(odds: Float64, right: Bool) -> tuple[bool, bool]:
-    """Whether the likeliest axis is right, and whether one is of the two that have pictures."""
-    axes = np.logaddexp(odds[::2], odds[1::2])
-    either = right[::2] | right[1::2]
-    best, second = np.argsort(-axes)[:2]
-    clear = np.exp(axes[best] - np.logaddexp.reduce(axes)) >= CLEAR
-    return bool(either[best]), bool(either[best] or (not clear and either[second]))
+def _found_tilted(odds: Float64, choice: Choice) -> tuple[bool, bool]:
+    """Whether the likeliest axis is right, and whether one is of those that have pictures."""
+    up, either = decide(choice.frames, odds), choice.right[::2] | choice.right[1::2]
+    shown = [bool(np.repeat(either, 2)[(choice.frames == frame).all(axis=(1, 2))].any()) for frame in up.frames]
+    return shown[0], any(shown)
 
 
 if __name__ == "__main__":

@@ -174,6 +174,7 @@ class Choice:
 
     terms: Float64  # (K, 9)
     right: Bool  # (K,)
+    frames: Float64  # (K, 3, 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,11 +194,11 @@ def choices(lesson: Lesson, probe: UpProbe) -> Choices:
         frames = candidates(each.standing, each.standing.frame(), probe.votes(each.seen)[0])
         evidence = np.stack([each.standing.evidence(frame) for frame in frames])
         found = probe.terms(each.seen, frames[:, 1], evidence)
-        return Choice(found, frames[:, 1] @ each.ups[TRUE] > NEAR)
+        return Choice(found, frames[:, 1] @ each.ups[TRUE] > NEAR, frames)
 
     return Choices(
-        tuple(Choice(probe.terms(each, UPS, lesson.evidence), upright) for each in lesson.sides),
-        Choice(probe.terms(lesson.all_seen, UPS, lesson.evidence), upright),
+        tuple(Choice(probe.terms(each, UPS, lesson.evidence), upright, FRAMES) for each in lesson.sides),
+        Choice(probe.terms(lesson.all_seen, UPS, lesson.evidence), upright, FRAMES),
         # What has come to lie along the axes of a file after all is not looked at as tilted.
         tuple(of_tilted(each) for each in lesson.tilted if not np.array_equal(each.standing.frame(), np.eye(3))),
     )
@@ -266,11 +267,11 @@ def fit_odds(choices: Sequence[Choice], start: Float64 | None = None) -> Float64
 
 @dataclass(frozen=True, eq=False)
 class Odds:
-    """Log-odds of the candidates of a shape, see `Choices`; of what is tilted with which of them are right."""
+    """Log-odds of the candidates of a shape, see `Choices`; of what is tilted with the choice."""
 
     at_once: Float64  # (6, 6)
     along: Float64  # (6,)
-    tilted: tuple[tuple[Float64, Bool], ...] = ()
+    tilted: tuple[tuple[Float64, Choice], ...] = ()
 
 
 @cache
@@ -291,6 +292,6 @@ def left_out_odds(lessons: tuple[Lesson, ...], group: Group) -> dict[str, Odds]:
                 found[each.name] = Odds(
                     np.stack([choice.terms @ at_once for choice in told.at_once]),
                     told.along.terms @ along,
-                    tuple((choice.terms @ tilted, choice.right) for choice in told.tilted),
+                    tuple((choice.terms @ tilted, choice) for choice in told.tilted),
                 )
     return found

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-MESH_ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
+MESH_ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".fbx")
 MANIFEST_ENDINGS = (".csv", ".parquet")
 COLUMNS = ("path", "name", "field")
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.\-]{0,119}")

@@ -62,18 +62,26 @@ class Carried:
 
     deformer: Deformer  # a session of the other shape with the edit
     confidence: dict[str, float]  # of each handle and fixed point, by its name, in [0, 1]; see `dfd.editing.transfer`
+    unsure: tuple[str, ...] = ()  # those below the threshold, carried by `force`
 
 
 def carry(
-    original: Original, mesh: Mesh, field: Field, *, threshold: float | None = None, features: Any = None
+    original: Original,
+    mesh: Mesh,
+    field: Field,
+    *,
+    threshold: float | None = None,
+    force: bool = False,
+    features: Any = None,
 ) -> Carried:
     """Transfer an edit to another shape of its class; for its own shape it is unchanged.
 
     `field` is that of the other shape, by the same encoder; `features` are as `Deformer` takes them. `threshold`, in
-    [0, 1], is the lowest confidence that is taken; if left out 0.25 for fields with a learned metric, else 0.45.
+    [0, 1], is the lowest confidence that is taken; if left out 0.25 for fields with a learned metric, else 0.45. What
+    is below it is carried with `force`, and named in `Carried.unsure`.
 
-    Raises UnlikeError if the confidence of a handle or fixed point is below `threshold`; ValueError as `transfer` and
-    `Deformer`.
+    Raises UnlikeError if the confidence of a handle or fixed point is below `threshold` without `force`; ValueError as
+    `transfer` and `Deformer`.
     """
     if threshold is None:
         threshold = SURE_ENOUGH if field.settings.get("metric", "none") == "none" else SURE_ENOUGH_LEARNED
@@ -88,14 +96,14 @@ def carry(
         sure = [*(found.confidence[handle.id] for handle in edit.handles), *found.fixed_confidence]
     confidence = dict(zip(names, sure, strict=True))
     least = min(confidence, key=confidence.__getitem__)
-    if confidence[least] < lowest:
+    if confidence[least] < lowest and not force:
         raise UnlikeError(
             f"nothing looks enough like what {least} held: confidence {confidence[least]:.2f}, asked for {lowest:.2f}",
             confidence,
         )
     deformer = Deformer(mesh, field, features=features)
     deformer.apply(edit)
-    return Carried(deformer, confidence)
+    return Carried(deformer, confidence, tuple(name for name in names if confidence[name] < lowest))
 
 
 def before_and_after(deformer: Deformer, *, resolution: int) -> tuple[UInt8, UInt8]:

@@ -121,8 +121,8 @@ def check_output(option: str, path: Path | None, endings: Sequence[str] = ()) ->
     """
     if path is None:
         return
-    if endings and not path.name.lower().endswith(tuple(endings)):
-        raise ValueError(f"`{option}` must end in {', '.join(endings)}, got {path}")
+    if endings:
+        check.ending(None, option, path, endings)
     if path.is_dir():
         raise IsADirectoryError(f"`{option}`: {path} is a folder, not a file")
     if not path.parent.is_dir():
@@ -141,13 +141,16 @@ def file_in(output: Path | None, source: Path) -> Path | None: ...
 def file_in(output: Path | None, source: Path) -> Path | None:
     """The file that `output` names: in a folder that is there, one with the name of `source`, which stays as it is.
 
+    FBX files are only read: of one, a .glb is written there.
+
     Raises ValueError if that is `source` itself.
     """
     if output is None or not output.is_dir():
         return output
-    if (output / source.name).resolve() == source.resolve():
+    written = output / (f"{source.stem}.glb" if source.suffix.lower() == ".fbx" else source.name)
+    if written.resolve() == source.resolve():
         raise ValueError(f"`--output` must be another folder than that of {source}, which stays as it is")
-    return output / source.name
+    return written
 
 
 def given_besides(context: typer.Context, names: Sequence[str]) -> list[str]:

@@ -77,6 +77,9 @@ def deform(
         Path | None, Option(metavar="MESH", help="The shape that --edit was made on, if it is none of several shapes.")
     ] = None,
     threshold: ThresholdOption = None,
+    force: Annotated[
+        bool, Option("--force", help="Carry an edit to shapes that look less alike too; the sheet marks them unsure.")
+    ] = False,
     encoder: EncoderOption = DEFAULT_ENCODER,
     output: Annotated[
         Path | None,
@@ -98,13 +101,15 @@ def deform(
     """
     held = handles(context.params, context.meta)
     if is_many(meshes, made_on):
-        others = given_besides(context, ("meshes", "field", "edit", "made_on", "threshold", "encoder", "preset", *KEPT))
+        of_several = "meshes", "field", "edit", "made_on", "threshold", "force", "encoder", "preset"
+        others = given_besides(context, (*of_several, *KEPT))
         if others:
             raise ValueError(f"`{others[0]}` is for one MESH: several shapes are deformed by `--edit` alone")
         if edit is None or output is None:
             raise ValueError(f"`--{'edit' if edit is None else 'output'}` must be given for several shapes")
         deform_many(
-            meshes, BatchOptions(edit, output, field, made_on, encoder, chosen_preset(preset), threshold, picture)
+            meshes,
+            BatchOptions(edit, output, field, made_on, encoder, chosen_preset(preset), threshold, force, picture),
         )
         return
     mesh = Path(meshes[0])

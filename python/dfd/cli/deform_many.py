@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from dfd.batch.inputs import MESH_ENDINGS, has_magic, local_matches
+from dfd.cli.arguments import check_output, file_in
 
 if TYPE_CHECKING:
     from dfd.batch.one_edit import Original
@@ -35,6 +36,7 @@ class BatchOptions:
     encoder: str
     preset: Preset | None  # in place of the edit's own, and by what missing fields are made
     threshold: float | None  # None goes by the field
+    force: bool  # whether what is less sure is carried as well
     sheet: Path | None
 
 
@@ -87,13 +89,16 @@ def deform_many(meshes: Sequence[str], options: BatchOptions) -> None:
         shape = None
         try:
             shape = dfd.load(file)
-            carried = carry(original, shape, _field(file, shape, options), threshold=options.threshold)
-            shape.save(options.output / file.name, carried.deformer.vertices)
+            carried = carry(
+                original, shape, _field(file, shape, options), threshold=options.threshold, force=options.force
+            )
+            output = file_in(options.output, file)
+            shape.save(output, carried.deformer.vertices)
             carried.deformer.save(options.output / f"{file.stem}.edit.json")
-            sure = _listed(carried.confidence)
+            sure = _listed(carried.confidence, carried.unsure)
             before, after = before_and_after(carried.deformer, resolution=CELL)
             sheet.cells.append([(before, file.name), (after, sure)])
-            typer.echo(f"{options.output / file.name}: {sure}; {carried.deformer.report()}")
+            typer.echo(f"{output}: {sure}; {carried.deformer.report()}")
         except (ValueError, OSError, MemoryError) as error:
             left_out += 1
             why = " ".join(str(error).split())
@@ -125,8 +130,6 @@ def _files(patterns: Sequence[str]) -> list[Path]:
 
 def _check(files: Sequence[Path], options: BatchOptions) -> None:
     """Refuse, before the work, what could not be written after it."""
-    from dfd.cli.arguments import check_output
-
     for file in files:
         if file.suffix.lower() not in MESH_ENDINGS:
             raise ValueError(f"MESH must end in {', '.join(MESH_ENDINGS)}, got {file}")
@@ -135,8 +138,7 @@ def _check(files: Sequence[Path], options: BatchOptions) -> None:
         before = taken.setdefault(file.stem.lower(), file)
         if before is not file:
             raise ValueError(f"MESH: {before} and {file} would have one name in {options.output}")
-        if file.resolve() == (options.output / file.name).resolve():
-            raise ValueError(f"`--output` must be another folder than that of {file}, which stays as it is")
+        file_in(options.output, file)
     if options.output.exists() and not options.output.is_dir():
         raise NotADirectoryError(f"`--output` must be a folder for several shapes, got {options.output}")
     check_output("--output", options.output / "probe" if options.output.is_dir() else options.output)
@@ -190,5 +192,5 @@ def _field(file: Path, shape: Mesh, options: BatchOptions) -> Field:
     return dfd.distill(shape, options.encoder, **chosen)
 
 
-def _listed(confidence: dict[str, float]) -> str:
-    return ", ".join(f"{name} {sure:.2f}" for name, sure in confidence.items())
+def _listed(confidence: dict[str, float], unsure: Sequence[str] = ()) -> str:
+    return ", ".join(f"{name} {sure:.2f}{' (unsure)' if name in unsure else ''}" for name, sure in confidence.items())

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import warnings
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
@@ -14,7 +16,7 @@ from dfd.common import tensors
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Int64
 
-__all__ = ["array", "choice", "field", "number", "vertex_indices", "warn", "whole"]
+__all__ = ["array", "choice", "ending", "field", "number", "vertex_indices", "warn", "whole"]
 
 
 def _describe(shape: Sequence[int | str | None]) -> str:
@@ -115,6 +117,20 @@ def choice(function: str | None, name: str, value: Any, options: Any) -> Any:
     if not isinstance(value, str) or value not in words:
         raise ArgumentError(name, f"must be one of {', '.join(words)}, got {value!r}", function)
     return value
+
+
+def ending(function: str | None, name: str, path: str | os.PathLike[str], endings: Sequence[str]) -> str:
+    """Return which of the `endings` the name of a file to write has.
+
+    Raises ValueError if it has none of them; of FBX, which is read, the error says what other programs open instead.
+    """
+    target = Path(path)
+    for each in endings:
+        if target.name.lower().endswith(each):
+            return each
+    fbx = target.suffix.lower() == ".fbx"
+    instead = ": FBX is read, not written; other programs open .glb and .usdc" if fbx else ""
+    raise ArgumentError(name, f"must end in {', '.join(endings)}, got {target}{instead}", function)
 
 
 def field(function: str, value: Any) -> Any:

@@ -84,7 +84,7 @@ class DistillSettings(BaseModel):
     smoothing: float = _setting(
         0.3,
         "Distance over which features are smoothed along the surface before the fit, relative to half the longest side "
-        "of the box; 0 fits the pixels, as in the paper.",
+        "of the upright box; 0 fits the pixels, as in the paper.",
         paper=0.0,
         minimum=0.0,
         maximum=2.0,

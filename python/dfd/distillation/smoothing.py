@@ -52,7 +52,7 @@ NEIGHBORS = 10
 GAP_WEIGHT = 0.008
 GAP_NEIGHBORS = 4
 MIRROR_WEIGHT = 0.02
-MIRROR_REACH = 0.06  # from a point's mirror image to its linked points, normalized
+MIRROR_REACH = 0.06  # from a point's mirror image to its linked points, of half the longest side of the box
 SIMILARITY_SCALE = 0.8  # feature distance, relative to the mean, at which a mirror link's weight is 1/e
 DIRECTIONS = 128  # main directions that are smoothed, or all if features are narrower
 SIMILARITY_DIRECTIONS = 32  # main directions that decide similarity; more change nothing
@@ -69,6 +69,7 @@ class DiffusionProblem:
     points: Float64
     face: Int64
     area: float
+    size: float  # half the longest side of the box along the pictures' frame
     component: Int32  # (F,) the connected component of each face of the surface
     gathered: sparse.csr_matrix  # (N, tokens) the weight of each token in the mean at each point
     confidence: Float64  # (N,) visibility c_i of each point
@@ -87,9 +88,11 @@ def build_diffusion(views: Views, grid: TokenGrid, *, smoothing: float, seed: in
     seen = np.bincount(nearest, minlength=len(points)) / (len(chosen) / len(points))
     confidence = np.minimum(seen, SATURATED_COVERAGE) * area
     links = _surface_links(points, component[face], seen > 0, area)
-    factors = _factors(confidence, area, smoothing, links)
+    # A turned shape has another box along the mesh's axes, by which coordinates are normalized.
+    size = float(np.ptp(used_vertices(views.vertices, faces) @ views.frame.T, axis=0).max()) / 2
+    factors = _factors(confidence, area, smoothing * size, links)
     gathered = grid.means(chosen, nearest, len(points))
-    return DiffusionProblem(points, face, area, component, gathered, confidence, links, factors, generator)
+    return DiffusionProblem(points, face, area, size, component, gathered, confidence, links, factors, generator)
 
 
 def smooth_along_surface(
@@ -108,7 +111,7 @@ def smooth_along_surface(
     views, pixels
         The pictures' surface points with their faces, and the tokens at those points.
     smoothing
-        Diffusion distance in normalized coordinates; above 0.
+        Diffusion distance relative to half the longest side of the box along the pictures' frame; above 0.
     seed
         Seed of the random points.
     problem
@@ -125,8 +128,10 @@ def smooth_along_surface(
         directions = _main_directions(tokens, confidence)
         main = tokens @ directions.T
         appearance = unit(_solve(main[:, :SIMILARITY_DIRECTIONS], confidence, on.factors))
-        mirrored = _mirror_links(_centered(on.points, views), appearance, float(np.median(on.links.data)), generator)
-        smooth = _solve(main, confidence, _factors(confidence, on.area, smoothing, on.links + mirrored))  # Z
+        alike = float(np.median(on.links.data))
+        mirrored = _mirror_links(_centered(on.points, views) / on.size, appearance, alike, generator)
+        links = on.links + mirrored
+        smooth = _solve(main, confidence, _factors(confidence, on.area, smoothing * on.size, links))  # Z
         reached = np.linalg.norm(smooth, axis=1) > 1e-4
         one, other = (pixels.rows(some) for some in generator.integers(0, len(views.points), (2, PAIRS)))
         targets = restore_contrast(unit(smooth[reached]), DISTANCE_KEPT * mean_distance(one, other), generator)

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
 
+IDENTITY = np.eye(3, 4)
+
+
 class PosedShape:
     """The vertices of the newest edit that was asked for.
 
@@ -61,9 +64,11 @@ class PosedShape:
             return self._mesh.vertices
         if _acting(edit) == _acting(Edit()):
             return self._mesh.vertices  # no weight changes that
+        bent = self._weights.bent(edit)
+        if edit.default is None and all(np.array_equal(handle.matrix, IDENTITY) for handle in edit.handles):
+            return bent  # nothing but bends and twists, as in most drags of a tip
         weights, columns, overlap = self._weights.posing(edit)
-        how = self._arguments(edit, weights, columns, overlap)
-        return pose(self._weights.bent(edit), weights, **how)
+        return pose(bent, weights, **self._arguments(edit, weights, columns, overlap))
 
     def _arguments(self, edit: Edit, weights: Float32, columns: tuple[Column, ...], overlap: Overlap) -> dict[str, Any]:
         """What `pose` and `Drag` take for `edit`, besides vertices and weights."""

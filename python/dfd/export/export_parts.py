@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.files import atomic_write
 from dfd.common.linear_algebra import Int64
@@ -33,9 +34,7 @@ def export_parts(mesh: Mesh, parts: Sequence[Part], path: str | os.PathLike[str]
     what was there before stays.
     """
     target = Path(path)
-    ending = target.suffix.lower()
-    if ending not in ENDINGS:
-        raise ArgumentError("path", f"must end in {', '.join(ENDINGS)}, got {target}", "export_parts")
+    ending = check.ending("export_parts", "path", target, ENDINGS)
     if not parts:
         raise ArgumentError("parts", "must hold a part, got none", "export_parts")
     of_vertex = np.argmax([part.mask for part in parts], axis=0)

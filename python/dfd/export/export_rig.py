@@ -71,9 +71,7 @@ def export_rig(
     be written; what was there before stays.
     """
     target = Path(path)
-    ending = target.suffix.lower()
-    if ending not in ENDINGS:
-        raise ArgumentError("path", f"must end in {', '.join(ENDINGS)}, got {target}", "export_rig")
+    ending = check.ending("export_rig", "path", target, ENDINGS)
     form, note = form_for(session.mesh, target, form)
     most = _most(influences, ending)
     moments = checked_poses("export_rig", poses, session.edit)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from safetensors.numpy import save as save_safetensors
 
+from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.files import atomic_write
 from dfd.editing.deformer import Deformer
@@ -40,9 +41,7 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
     was there before stays.
     """
     target = Path(path)
-    ending = target.suffix.lower()
-    if ending not in ENDINGS:
-        raise ArgumentError("path", f"must end in {', '.join(ENDINGS)}, got {target}", "export_weights")
+    ending = check.ending("export_weights", "path", target, ENDINGS)
     if not session.edit.handles:
         raise ArgumentError("session", "must have a handle, got none: there would be no weights", "export_weights")
     arrays, texts = _arrays(session), _texts(session)

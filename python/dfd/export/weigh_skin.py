@@ -74,8 +74,7 @@ def weigh_skin(mesh: Mesh, field: Field, path: str | os.PathLike[str], *, influe
     Raises OSError if the file cannot be written; what was there before stays.
     """
     target = Path(path)
-    if target.suffix.lower() not in (".glb", ".gltf"):
-        raise ArgumentError("path", f"must end in .glb, .gltf, got {target}", "weigh_skin")
+    check.ending("weigh_skin", "path", target, (".glb", ".gltf"))
     most = check.whole("weigh_skin", "influences", influences, minimum=1)
     bones = bones_of(mesh)
     distances = BoneDistances(bones)

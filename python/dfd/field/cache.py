@@ -115,7 +115,7 @@ MOST_MESHES = 500  # noted; those noted first are forgotten first
 # To be raised by hand with every change that reads another mesh from the same file; golden files in the tests tell.
 MESH_VERSION = 1
 # With these words a mesh file names another one, whose content would count too: OBJ, PLY and glTF, in this order.
-_REFERENCES = (b"mtllib", b"texturefile", b'"uri"')
+_REFERENCES = (b"mtllib", b"texturefile", b'"uri"', b"relativefilename")
 
 
 @dataclass(frozen=True)

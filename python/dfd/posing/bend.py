@@ -81,17 +81,21 @@ class Sections:
         self._below = np.minimum(at.astype(np.int64), FINE - 1)
         above = at - self._below
         self._shares = np.stack([1 - above, above], axis=1)
-        self._columns = (4 * self._below[:, None] + np.arange(8)).astype(np.int32)
+        self._columns = (4 * self._below[:, None] + np.arange(8)).astype(np.int32).ravel()
+        self._rows = np.arange(0, 8 * len(moving) + 1, 8, dtype=np.int32)
+        self._rest = np.full((len(moving), 3), np.nan)  # where the vertices were last, before they moved
+        self._products = np.empty(8 * len(moving))  # of the shares with that
 
     def move(self, points: Float64, maps: Float64) -> None:
         """Move those of `points` (V, 3) in place, each by what lies between two of `maps` (513, 3, 4)."""
         turns = (maps != np.eye(3, 4)).any(axis=(1, 2))
         first = int(np.searchsorted(self._below, int(turns.argmax()) - 1)) if turns.any() else len(self._below)
-        moving = self.vertices[first:]
+        rest = points[self.vertices]
+        if not np.array_equal(rest, self._rest):  # as it is from frame to frame of a drag
+            self._rest = rest
+            placed = np.concatenate([rest, np.ones((len(rest), 1))], axis=1)
+            self._products = (self._shares[:, :, None] * placed[:, None]).ravel()
         # A row for each vertex, its position times the share of either map, makes one product of all of them.
-        shares = np.ones((len(moving), 1, 4))
-        shares[:, 0, :3] = points[moving]
-        shares = self._shares[first:, :, None] * shares
-        rows = np.arange(0, 8 * len(moving) + 1, 8, dtype=np.int32)
-        each = csr_array((shares.ravel(), self._columns[first:].ravel(), rows), shape=(len(moving), maps.size // 3))
-        points[moving] = each @ maps.transpose(0, 2, 1).reshape(-1, 3)
+        entries = self._products[8 * first :], self._columns[8 * first :], self._rows[: len(rest) - first + 1]
+        each = csr_array(entries, shape=(len(rest) - first, maps.size // 3))
+        points[self.vertices[first:]] = each @ maps.transpose(0, 2, 1).reshape(-1, 3)

@@ -27,7 +27,7 @@ class Up:
     """The up direction of a mesh."""
 
     frame: Float64  # (3, 3) rotation, rows in the mesh's coordinates: right, up, front
-    confidence: float  # probability that this axis is upright, up or down, 0 … 1; 1 if given
+    confidence: float  # probability that this axis, or one nearly alike, is upright, up or down, 0 … 1; 1 if given
     # source: "said" if given; "file" for +y, the likeliest or, with a confidence of 0, the fallback; "found";
     # "averaged" if uncertain, so that features of two directions stand side by side
     source: Literal["said", "file", "found", "averaged"]

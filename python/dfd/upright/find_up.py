@@ -25,7 +25,8 @@ CLEAR = 0.9
 # ever change it.
 EARLY_STOP_CONFIDENCE = 0.95
 SURE = 0.97  # likewise after pictures along all axes; below, pictures from the corners are added
-SAME = np.cos(np.radians(8))  # directions within this angle count as one
+SAME = np.cos(np.radians(8))  # directions within this angle are one candidate
+ALIKE = np.cos(np.radians(20))  # axes within this angle hold a shape upright alike
 UNALIGNED_PRIOR = 0.5  # factor of the prior for a shape aligned with none of the file's axes
 
 
@@ -84,8 +85,8 @@ def _along_the_file(standing: StabilityCues, frame: Float64, around: ProbeCamera
 def _tilted(standing: StabilityCues, frame: Float64, around: ProbeCameras, probe: UpProbe) -> Up:
     """Choose the up of a shape that is aligned with no axis of the file; `frame` holds its mirror plane.
 
-    Pictures along all axes give a first estimate, pictures of the likeliest candidates the final one. The file's axes
-    remain candidates, because the mirror plane may be wrong.
+    Pictures along the shape's own axes give a first estimate, pictures of the likeliest candidates the final one. The
+    file's axes remain candidates, because the mirror plane may be wrong.
     """
 
     def found() -> Up:
@@ -94,7 +95,7 @@ def _tilted(standing: StabilityCues, frame: Float64, around: ProbeCameras, probe
         before = UNALIGNED_PRIOR * np.array([prior(probe, each) for each in frames])
         return decide(frames, probe.terms(seen, frames[:, 1], evidence) @ probe.odds[2] + before)
 
-    seen = around.seen(np.stack(axis_frames(np.eye(3))), SIDES)
+    seen = around.seen(np.stack(axis_frames(frame)), SIDES)
     seen += around.seen(found().frames, CORNERS)
     return found()
 
@@ -125,12 +126,19 @@ def prior(probe: UpProbe, frame: Float64) -> float:
 
 
 def decide(frames: Float64, odds: Float64) -> Up:
-    """Choose among `frames` (2K, 3, 3), each followed by the same upside down, by their log-odds (2K,)."""
+    """Choose among `frames` (2K, 3, 3), each followed by the same upside down, by their log-odds (2K,).
+
+    Axes that are alike speak for each other: the doubt between them costs little, a second set of pictures more.
+    """
     chances = np.exp(odds - odds.max())
     of_axes = chances.reshape(-1, 2).sum(axis=1) / chances.sum()
-    ups = [2 * each + int(odds[2 * each + 1] > odds[2 * each]) for each in np.argsort(-of_axes, kind="stable")]
-    best, sure = frames[ups[0]], float(of_axes.max())
+    ups = frames[::2, 1]
+    alike = np.abs(ups @ ups.T) > ALIKE
+    first = int(of_axes.argmax())
+    second = int(np.where(alike[first], 0, of_axes).argmax())
+    best, other = frames[[2 * each + int(odds[2 * each + 1] > odds[2 * each]) for each in (first, second)]]
+    sure = float(of_axes[alike[first]].sum())
     if sure < CLEAR:
-        shares = np.sort(of_axes)[::-1][:2]
-        return Up(best, sure, "averaged", frames[ups[:2]], shares / shares.sum())
+        shares = np.array([sure, of_axes[alike[second] & ~alike[first]].sum()])
+        return Up(best, sure, "averaged", np.stack([best, other]), shares / shares.sum())
     return Up(best, sure, "file" if np.allclose(best[1], AXES["+y"]) else "found")

@@ -23,7 +23,7 @@ class Client:
     def __init__(self, deformer: Deformer) -> None:
         self.deformer, self.columns = deformer, Columns(deformer)
         self.entries: dict[int, dict[str, Any]] = {}
-        self.received = 0
+        self.received = self.shares = 0
 
     def listen(self) -> dict[str, Any]:
         message = self.columns.message()
@@ -38,8 +38,11 @@ class Client:
         while (later := self.columns.instances_message()) is not None:
             header, arrays = unpack(later)
             for entry in header["columns"]:
-                for instance in entry["instances"]:
-                    instance["share"] = arrays[instance["share"]] / 65535
+                before = self.entries[entry["column"]]["instances"]
+                for i, instance in enumerate(entry["instances"]):
+                    name = instance["share"]
+                    self.shares += name is not None
+                    instance["share"] = before[i]["share"] if name is None else arrays[name] / 65535
                 self.entries[entry["column"]]["instances"] = entry["instances"]
         assert not self.columns.has_pending
         return state_message(ViewState(), self.deformer, self.columns, after=0).model_dump()
@@ -58,6 +61,9 @@ class Client:
                 if entry["geodesic"] is not None:
                     weight = weight * (1 - entry["geodesic"]) ** handle["exponent"]
                 weight = handle["strength"] * np.minimum(handle["gain"] * weight, 1)
+                if handle["instances"] == "shared_pivot" and entry["instances"]:
+                    (whole,) = entry["instances"]
+                    weight = np.minimum(whole["gain"] * whole["share"] * weight, 1)
             columns.append(weight)
         return np.stack(columns, axis=1)
 
@@ -105,6 +111,40 @@ def test_reach_and_falloff_are_the_pages_own(client: Client, falloff: Any, reach
     atol = 2e-2 if falloff == "sphere" else 3e-4
     np.testing.assert_allclose(client.weights(), deformer.weights, atol=atol)
     assert client.received == 0
+
+
+@pytest.mark.parametrize("controls", [{}, {"excluded_instances": True}])
+def test_a_slider_of_reach_sends_what_instances_have_of_it(client: Client, controls: Any) -> None:
+    deformer = client.deformer
+    deformer.add(3, reach=1.0, level=True, instances="shared_pivot")
+    if controls:
+        likes = [instance.vertex for instance, _ in deformer.instances(1)][1:2]
+        deformer.change(1, excluded_instances=likes)
+    before = client.weights()
+    for reach in (0.8, 0.6, 1.2):
+        deformer.change(1, reach=reach)
+        after = client.weights()
+        bound, columns = deformer.bound.columns(deformer.edit)
+        assert [column.handle for column in columns] == [0]
+        np.testing.assert_allclose(after, bound, atol=5e-4)
+        assert client.received == 0
+    assert np.abs(after - before).max() > 0.05
+
+
+def test_shares_of_instances_that_stay_as_they_are_travel_once(client: Client) -> None:
+    deformer = client.deformer
+    deformer.add(3, reach=1.0, instances="own_pivot", level=True)
+    client.listen()
+    sent = client.shares
+    assert sent > 1
+    for reach in (0.99, 0.98):
+        deformer.change(1, reach=reach)
+        client.listen()
+    assert client.received == 0
+    assert client.shares == sent
+    client.columns.forget()
+    client.listen()
+    assert client.shares == 2 * sent
 
 
 def test_regions_and_limits_travel_as_weights(client: Client) -> None:

@@ -53,6 +53,9 @@ def test_a_shape_that_has_nothing_alike_is_refused_with_the_figures(other, origi
     with pytest.raises(UnlikeError) as refused:
         carry(original, other, field_of(other, seed=9), threshold=0.99)
     assert set(refused.value.confidence) == {"leg", "fixed 1"}
+    forced = carry(original, other, field_of(other, seed=9), threshold=0.99, force=True)
+    assert forced.confidence == refused.value.confidence
+    assert forced.unsure == tuple(name for name, sure in forced.confidence.items() if sure < 0.99) != ()
 
 
 def test_an_edit_that_moves_nothing_is_refused(chair, tmp_path):

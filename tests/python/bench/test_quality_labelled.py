@@ -88,3 +88,26 @@ def test_the_bench_writes_its_tables(folder, tmp_path, verb):
         assert 0 <= float(values[name]) <= 1
     assert "## Judged on these" in (tmp_path / f"{verb}.md").read_text()
     assert (tmp_path / "labelled_worst.png").exists() == (verb == "labelled")
+
+
+def test_turned_shapes_are_compared_with_those_that_stand(folder, tmp_path):
+    with mock.patch.object(dfd, "distill", lambda mesh, **_: field_of(mesh)):
+        main(["labelled", str(folder), "--turned", "--quick", "--only", "Chair", "--output", str(tmp_path)])
+    head, row = ((tmp_path / "turned.csv").read_text().splitlines())[:2]
+    values = dict(zip(head.split(","), row.split(","), strict=True))
+    for name in ("at random", "by axes"):
+        loss = float(values["precision"]) - float(values[name])
+        assert float(values[f"{name}: loss"]) == pytest.approx(loss, abs=1e-5)
+        assert 0 <= float(values[f"{name}: off"]) <= 90
+    with pytest.raises(ValueError, match="there is no CATEGORY"):
+        next(labelled_shapes(folder, only=["Table"]))
+
+
+def test_turns_are_the_same_each_time_and_leave_up_where_it_was_in_none():
+    turns = labelled.turns("Chair 10")
+    assert all(np.array_equal(turns[name], again) for name, again in labelled.turns("Chair 10").items())
+    for turn in turns.values():
+        assert np.allclose(turn @ turn.T, np.eye(3))
+        assert np.linalg.det(turn) == pytest.approx(1)
+        assert turn[1, 1] < 0.999
+    assert set(np.abs(turns["by axes"]).ravel()) == {0, 1}

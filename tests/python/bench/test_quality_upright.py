@@ -113,8 +113,8 @@ def test_odds_find_the_term_that_tells():
         rows = generator.normal(size=(4 + number % 5, len(TERMS)))
         right = np.arange(len(rows)) < 1 + number % 2
         rows[right, 3] += 4
-        choices.append(Choice(rows, right))
-    odds = fit_odds([*choices, Choice(np.ones((3, len(TERMS))), np.zeros(3, bool))])
+        choices.append(Choice(rows, right, FRAMES))
+    odds = fit_odds([*choices, Choice(np.ones((3, len(TERMS))), np.zeros(3, bool), FRAMES[:3])])
     assert odds.argmax() == 3
     assert np.mean([each.right[(each.terms @ odds).argmax()] for each in choices]) > 0.9
     assert np.allclose(odds, fit_odds(choices), atol=1e-3)  # where none is right there is nothing to learn

@@ -7,6 +7,8 @@ import pytest
 from mesh_files import CORNERS, CUBE
 
 from dfd.mesh.mesh import Mesh
+from dfd.mesh.normals import smooth_normals, updated_normals
+from dfd.samples import Sample
 
 FORMATS = ("obj", "ply", "stl", "off", "glb", "gltf")
 
@@ -69,3 +71,12 @@ def test_degenerate_and_duplicate_faces_are_kept() -> None:
 def test_bad_arrays_are_refused(vertices: object, faces: object, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         Mesh(vertices, faces)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.02, 0.2, 1.0])
+def test_normals_around_what_moved_are_those_of_the_whole(quadruped_sample: Sample, share: float) -> None:
+    mesh = quadruped_sample.mesh
+    after = mesh.vertices.copy()
+    after[: int(share * len(after))] += np.random.default_rng(0).normal(scale=0.01, size=(int(share * len(after)), 3))
+    updated = updated_normals(mesh.normals, mesh.vertices, after, mesh.faces)
+    np.testing.assert_allclose(updated, smooth_normals(after, mesh.faces), atol=1e-6)

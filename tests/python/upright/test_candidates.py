@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 import dfd
 from dfd.distillation.settings import DistillSettings
-from dfd.upright.candidates import UP_WORDS, Up, axis_frames, check_up, explicit_up
+from dfd.upright.candidates import UP_WORDS, Up, axis_frames, check_up, explicit_up, frame_facing
 from dfd.upright.find_up import CLEAR, SAME, UNALIGNED_PRIOR, candidates, decide, find_up, prior
 from dfd.upright.probe import FORM_TOKENS, FORMS, LOOKS, TERMS, VECTOR_TOKENS, VECTORS, find_probe
 from dfd.upright.probe_views import SIDES, ProbeCameras
@@ -173,6 +173,18 @@ def test_without_a_clear_axis_the_two_likeliest_stand_side_by_side():
     assert np.array_equal(found.frame, found.frames[0])
     assert found.sentence == "+y likeliest, 50% sure: +y and -z side by side"
     assert found.shares.tolist() == pytest.approx([5 / 9, 4 / 9])
+
+
+def test_axes_that_are_nearly_alike_speak_for_each_other():
+    lean = np.radians([0, 15, 90])
+    ups = np.stack([np.sin(lean), np.cos(lean), np.zeros(3)], axis=1)
+    frames = np.stack([frame_facing(sign * up, np.array([0.0, 0, 1])) for up in ups for sign in (1, -1)])
+    found = decide(frames, np.log([0.5, 0.02, 0.4, 0.02, 0.05, 0.01]))
+    assert (str(found), found.source) == ("+y", "file")
+    assert found.confidence == pytest.approx(0.94)
+    found = decide(frames, np.log([0.35, 0.05, 0.28, 0.02, 0.1, 0.2]))
+    assert [str(Up(frame, 1.0, "said")) for frame in found.frames] == ["+y", "-x"]
+    assert found.shares.tolist() == pytest.approx([0.7, 0.3])
 
 
 @pytest.mark.parametrize("up", range(6))

@@ -1,6 +1,6 @@
 import { defineConfig } from "vitest/config";
 
-/** The page of the docs that needs no server, `npm run build:alone`: beside its shapes, so that nothing there is deleted. */
+/** The page of the docs that needs no server, beside its shapes: nothing there is deleted. */
 const ALONE = { outDir: "../../../../build/docs/extra/try", emptyOutDir: false };
 const names = { entryFileNames: "[name].js", chunkFileNames: "[name].js", assetFileNames: "[name][extname]" };
 

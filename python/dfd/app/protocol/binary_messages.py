@@ -80,12 +80,16 @@ class DetailMessage(Binary):
 
 
 class InstanceEntry(Model):
-    """One of the places where a handle acts: `share` names the buffer uint16 (V,), how much of a vertex is its own."""
+    """One of the places where a handle acts.
+
+    `share` names the buffer uint16 (V,), how much of a vertex is its own; null where that is as it was sent before, of
+    the instance with the same number of the same column.
+    """
 
     frame: Frame  # rows of the matrix that turns or mirrors the handle's motion into its own
     position: Vector  # of its counterpart of the handle
     gain: float
-    share: str
+    share: str | None
 
 
 class ColumnEntry(Model):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +17,9 @@ from dfd.app.protocol.binary_messages import (
     InstancesMessage,
     pack,
 )
-from dfd.common.linear_algebra import Float32
+from dfd.common.linear_algebra import Float32, Float64
 from dfd.editing.presets import PARTLESS_REACH, PRESETS
+from dfd.posing.transforms import Vector
 from dfd.weights.bind import bind
 
 if TYPE_CHECKING:
@@ -33,6 +34,14 @@ UINT16_MAX = 65535  # quantization steps of a column
 Arrays = dict[str, NDArray[Any]]
 
 
+class Whole(NamedTuple):
+    """All instances of a handle as one: `share` (V,) times its gain is what they have of its weight."""
+
+    position: Vector
+    share: Float32
+    frame: Float64 = np.eye(3)
+
+
 class Columns:
     """The numbered columns of one session, and which of them (and of their instances) the page has received."""
 
@@ -40,6 +49,7 @@ class Columns:
         self._deformer = deformer
         self._numbers: dict[Hashable, int] = {}
         self._sent: set[int] = set()
+        self._shares: dict[int, list[NDArray[np.uint16]]] = {}  # of a column's instances, as last sent
         self._complete: dict[int, Hashable] = {}  # columns whose instances were sent as well, and what they depend on
 
     def of_handle(self, handle: Handle) -> int:
@@ -54,6 +64,7 @@ class Columns:
     def forget(self) -> None:
         """Mark all columns as not sent: a new page has connected."""
         self._sent.clear()
+        self._shares.clear()
         self._complete.clear()
 
     @property
@@ -84,6 +95,7 @@ class Columns:
                 entries.append(self._handle_entry(number, handle, arrays))
         message = pack(ColumnsMessage, arrays, columns=tuple(entries))
         self._sent |= set(missing)
+        self._shares = {number: known for number, known in self._shares.items() if number in self._sent - set(missing)}
         self._complete = {number: key for number, key in self._complete.items() if number in self._sent - set(missing)}
         return message
 
@@ -97,18 +109,29 @@ class Columns:
         self._complete[number] = self._instances_key(handle)  # before computing: a failure is not retried
         arrays: Arrays = {}
         found: list[InstanceEntry] = []
+        known, now = self._shares.get(number, []), list[NDArray[np.uint16]]()
         for instance, gain in self._acting(handle, index):
-            share = f"share{len(found)}"
             own = np.ones(len(self._deformer.mesh.vertices), np.float32) if instance.share is None else instance.share
-            arrays[share] = _packed(own, 1.0)
+            now.append(_packed(own, 1.0))
+            share = None
+            if len(now) > len(known) or not np.array_equal(now[-1], known[len(now) - 1]):
+                share = f"share{len(found)}"
+                arrays[share] = now[-1]
             frame: Any = tuple(map(tuple, np.asarray(instance.frame).tolist()))
             found.append(InstanceEntry(frame=frame, position=instance.position, gain=gain, share=share))
+        self._shares[number] = now
         return pack(InstancesMessage, arrays, columns=(InstancesEntry(column=number, instances=tuple(found)),))
 
-    def _acting(self, handle: Handle, index: int) -> list[tuple[Instance, float]]:
+    def _acting(self, handle: Handle, index: int) -> list[tuple[Instance | Whole, float]]:
         """The instances through which the handle at `index` acts, and the gain of each."""
         bound, edit = self._deformer.bound, self._deformer.edit
-        if handle.controls.instances == "own_pivot" and not handle.controls.level:
+        controls = handle.controls
+        if controls.instances == "shared_pivot":
+            # All instances turn about one pivot: together they are one, whose share is what they add up to.
+            share = bound.instance_share(edit, handle)
+            most = float(share.max(initial=0.0)) or 1.0
+            return [(Whole(handle.place.position, share / most), most)]
+        if controls.instances == "own_pivot" and not controls.level:
             # Gains are 1, so the weights of all handles need not be computed.
             return [(instance, 1.0) for instance, on in bound.instances(edit, handle) if on]
         columns = bound.columns(edit)[1]
@@ -176,13 +199,15 @@ class Columns:
 def column_kind(handle: Handle) -> Literal["distance", "weight"]:
     """What is sent of a handle: "weight" where weights are not a function of one distance per vertex."""
     controls = handle.controls
-    shared = controls.instances == "shared_pivot" and (controls.level or bool(controls.excluded_instances))
     limited = controls.mask is not None or controls.reach == "part"
-    return "weight" if handle.place.region is not None or limited or shared else "distance"
+    return "weight" if handle.place.region is not None or limited else "distance"
 
 
 def _instanced(handle: Handle) -> bool:
-    return handle.controls.instances != "shared_pivot"
+    """Whether the page has to know of the handle's instances, to make weights of its column."""
+    controls = handle.controls
+    told_apart = controls.level or bool(controls.excluded_instances)
+    return controls.instances != "shared_pivot" or (told_apart and column_kind(handle) == "distance")
 
 
 def heat_message(deformer: Deformer, place: Place, *, request: int) -> bytes:

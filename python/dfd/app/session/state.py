@@ -19,7 +19,7 @@ from dfd.common.preset import Preset
 from dfd.editing.edit import band_on, box_center
 from dfd.editing.influence.regions import Region, members
 from dfd.editing.presets import CONTROLS, PARTLESS_REACH, PRESETS
-from dfd.mesh.normals import smooth_normals
+from dfd.mesh.normals import updated_normals
 from dfd.pictures.colors import feature_colors
 from dfd.symmetry.plane import axis_name
 from dfd.weights.compact import CompactFeatures
@@ -136,8 +136,8 @@ def _default(transform: Transform, center: tuple[float, float, float]) -> PoseTr
 
 def positions_message(deformer: Deformer, *, request: int) -> bytes:
     """The answer to `compute`."""
-    posed = deformer.vertices
-    normals = smooth_normals(posed, deformer.mesh.faces)
+    posed, mesh = deformer.vertices, deformer.mesh
+    normals = updated_normals(mesh.normals, mesh.vertices, posed, mesh.faces)
     positions = (posed - center_of(deformer.mesh)).astype(np.float32)
     return pack(PositionsMessage, {"positions": positions, "normals": packed_normals(normals)}, id=request)
 

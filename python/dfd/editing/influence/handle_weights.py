@@ -229,6 +229,12 @@ class HandleWeights:
         found = self._instances.instances(handle, self._rows, edit.symmetry)
         return list(zip(found, self._instances.switches(handle, found, self._rows), strict=True))
 
+    def instance_share(self, edit: Edit, handle: Handle) -> Float32:
+        """(V,) what all instances of a handle that move with it have of its weight; more than 1 where gains are."""
+        self._follow(edit)
+        number = next(i for i, each in enumerate(edit.handles) if each.id == handle.id)
+        return self._instances.share(edit, handle, self._columns.between(number, number + 1)[:, 0], self._rows)
+
     def instance_counts(self, edit: Edit) -> list[int]:
         """(H,) how many instances pose each handle; those that hardly move with it do not count."""
         weights, columns = self.columns(edit)

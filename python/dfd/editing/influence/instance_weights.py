@@ -109,6 +109,14 @@ class InstanceColumns:
             self._made, self._key = (made.T, tuple(columns)), key
         return self._made
 
+    def share(self, edit: Edit, handle: Handle, weights: Float32, rows: HandleFeatures) -> Float32:
+        """(V,) what the instances of a handle that move have of its `weights` (V,), with their gains."""
+        total = np.zeros(len(weights), np.float32)
+        ones = np.ones(len(weights), np.float32)
+        for part in self._parts(handle, weights, self.instances(handle, rows, edit.symmetry), rows):
+            total += _weights_of(part, ones)
+        return total
+
     def switches(self, handle: Handle, instances: Sequence[Instance], rows: HandleFeatures) -> list[bool]:
         """Which of a handle's instances are on: off are those that have the most of a place in `excluded_instances`.
 

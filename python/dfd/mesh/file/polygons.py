@@ -48,6 +48,19 @@ def ranges(starts: Int64, lengths: Int64) -> Int64:
     return np.repeat(starts - before, lengths) + np.arange(int(lengths.sum()))
 
 
+def distinct_rows(rows: Int64) -> tuple[Int64, Int64]:
+    """Return the distinct rows (R, K), sorted, and which of them each of `rows` (C, K) is."""
+    key = np.zeros(len(rows), np.int64)
+    for column in rows.T:
+        shifted = column - column.min(initial=0)
+        span = int(shifted.max(initial=0)) + 1
+        if (int(key.max(initial=0)) + 1) * span >= 2**62:
+            key = np.unique(key, return_inverse=True)[1]
+        key = key * span + shifted
+    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+    return rows[first], inverse
+
+
 def _concave(positions: Float64, corners: Int64, sizes: Int64, first: Int64) -> Int64:
     """Return the polygons of more than three corners of which some corner turns the other way."""
     large = np.flatnonzero(sizes > 3)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dfd.common import check
 from dfd.common.files import atomic_write
 from dfd.common.linear_algebra import Bool, Float64, Int32
 from dfd.mesh.appearance import Appearance, Material
@@ -19,7 +20,7 @@ from dfd.mesh.file.gltf import patch as gltf_patch
 from dfd.mesh.file.obj import patch as obj_patch
 from dfd.mesh.file.obj import write as obj_write
 from dfd.mesh.file.primitives import MovedPrimitive, UniqueNames
-from dfd.mesh.file.read import ENDINGS
+from dfd.mesh.file.read import WRITTEN
 from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.normals import smooth_normals
 
@@ -41,9 +42,7 @@ def write(
     Raises what `Mesh.save` raises.
     """
     target = Path(path)
-    ending = target.suffix.lower()
-    if ending not in ENDINGS:
-        raise ValueError(f"Mesh.save: `path` must end in {', '.join(ENDINGS)}, got {target}")
+    ending = check.ending("Mesh.save", "path", target, WRITTEN)
     if ending not in (".obj", ".off") and np.abs(vertices).max() > np.finfo(np.float32).max:
         raise ValueError(f"Mesh.save: `vertices` must fit in 32-bit floats for a {ending} file; .obj, .off have more")
     if scene is not None:  # all vertices at one position move with the first of them

@@ -16,7 +16,7 @@ from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.images import ImageCache
 from dfd.mesh.file.materials import rgba
 from dfd.mesh.file.obj.text import ObjText, decoded, parse
-from dfd.mesh.file.polygons import ranges, triangulate
+from dfd.mesh.file.polygons import distinct_rows, ranges, triangulate
 from dfd.mesh.file.primitives import Geometry, MeshInstance
 
 _PICTURES = ("map_", "bump", "disp", "decal", "refl", "norm")  # prefixes of MTL keywords that name an image
@@ -66,7 +66,7 @@ def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInsta
     sizes = text.sizes[order]
     primitive = np.repeat(np.repeat(np.arange(len(begins)), counts), sizes)
     corners = ranges((np.cumsum(text.sizes) - text.sizes)[order], sizes)
-    rows, row = _distinct(np.column_stack([primitive, text.corners[corners]]))
+    rows, row = distinct_rows(np.column_stack([primitive, text.corners[corners]]))
     corner_rows = np.full(len(text.corners), -1, np.int32)
     corner_rows[corners] = row
     triangles = row[triangulate(text.positions, text.corners[corners, 0], sizes)]
@@ -104,19 +104,6 @@ def _geometry(text: ObjText, rows: Int64, faces: Int64, material: Material | Non
         None if text.colors is None else rgba(text.colors[rows[:, 0]]),
         material=material,
     )
-
-
-def _distinct(rows: Int64) -> tuple[Int64, Int64]:
-    """Return the distinct rows (R, K), sorted, and which of them each of `rows` (C, K) is."""
-    key = np.zeros(len(rows), np.int64)
-    for column in rows.T:
-        shifted = column - column.min(initial=0)
-        span = int(shifted.max(initial=0)) + 1
-        if (int(key.max(initial=0)) + 1) * span >= 2**62:
-            key = np.unique(key, return_inverse=True)[1]
-        key = key * span + shifted
-    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
-    return rows[first], inverse
 
 
 def _parts(text: ObjText, default: str) -> tuple[list[str], Int64]:

@@ -2,6 +2,7 @@
 
 import type { Payload, Received } from "../protocol/binary_messages";
 import { weightLayer } from "../posing/columns";
+import { surfaceOf } from "../posing/held";
 import type { ColumnsMessage, InstancesMessage, StateMessage } from "../protocol/messages";
 import { CLOSED, serverPoses, store, type ColumnData, type State } from "../store/state";
 import { PROTOCOL } from "./connection";
@@ -17,7 +18,18 @@ export function receive({ message, payload }: Received): void {
       store.set({ ...CLOSED, page: "start" });
       break;
     case "mesh":
-      store.set({ ...CLOSED, page: "shape", mesh: message, meshArrays: payload });
+      store.set({
+        ...CLOSED,
+        page: "shape",
+        mesh: message,
+        meshArrays: payload,
+        surface: surfaceOf(
+          message.vertices,
+          payload.get("positions", "float32"),
+          payload.get("triangles", "uint32"),
+          payload.get("vertex", "uint32"),
+        ),
+      });
       message.warnings.forEach((warning) => note(warning));
       break;
     case "detail":
@@ -124,11 +136,12 @@ function withInstances(message: InstancesMessage, payload: Payload): Map<number,
   const columns = new Map(store.get().columns);
   for (const entry of message.columns) {
     const data = columns.get(entry.column);
-    const instances = entry.instances.map(({ share, ...rest }) => ({
+    if (!data) continue;
+    const instances = entry.instances.map(({ share, ...rest }, i) => ({
       ...rest,
-      share: weightLayer(payload.get(share, "uint16")),
+      share: share === null ? data.instances[i].share : weightLayer(payload.get(share, "uint16")),
     }));
-    if (data) columns.set(entry.column, { ...data, instances });
+    columns.set(entry.column, { ...data, instances });
   }
   return columns;
 }

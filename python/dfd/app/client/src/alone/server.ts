@@ -1,6 +1,6 @@
 /**
- * The server's part where there is none: shapes that were prepared (docs/tools/shapes.py), and the paper's weights by the
- * core itself. It answers what such a page can do, in the server's own messages, and refuses the rest.
+ * The server's part where there is none: shapes that were prepared (docs/tools/shapes.py), and the paper's weights by
+ * the core itself. It answers what such a page can do, in the server's own messages, and refuses the rest.
  */
 
 import type { Link, LinkEvents } from "../actions/connection";

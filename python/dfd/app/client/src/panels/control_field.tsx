@@ -1,16 +1,13 @@
 import { change, slide } from "../actions/edit";
-import { heldPart } from "../posing/columns";
 import type { HandleState } from "../protocol/messages";
 import { store } from "../store/state";
 import { useParts } from "../store/use";
+import { held } from "../viewer/scene";
 import { percent, Segmented, Select, Served, Slider, Toggle } from "../widgets/controls";
 
 /** What a slider says of the present value, where that is more than a number. */
 const TEXTS: Partial<Record<string, (handle: HandleState, size: number) => string>> = {
-  reach: ({ reach, falloff, column }) => {
-    const layer = store.get().columns.get(column)?.layer;
-    return `holds ${percent(layer ? heldPart(layer, reach, falloff) : 0)}`;
-  },
+  reach: ({ handle }) => `holds ${percent(held(store.get(), handle))}`,
   locality: ({ locality, radius }) =>
     radius !== null ? "by radius" : locality === 0 ? "everywhere" : locality.toFixed(1),
   radius: ({ radius }, size) => (radius === null ? "no limit" : `${percent(radius / size)} of the size`),

@@ -1,10 +1,12 @@
 import { send } from "../actions/connection";
 import { change, moveTo } from "../actions/edit";
 import { otherPlaces, toggleInstance } from "../actions/similar";
+import { followed, LEAST_SEEN } from "../posing/held";
 import { niceStep, type PivotAt, type Transform } from "../posing/affine";
 import type { AxisMessage, HandleState } from "../protocol/messages";
-import { handleName, present, selectedHandle, store, type GizmoMode } from "../store/state";
-import { useParts, useStore } from "../store/use";
+import { handleName, present, selectedHandle, store, type GizmoMode, type State } from "../store/state";
+import { useStore } from "../store/use";
+import { columnsOf } from "../viewer/scene";
 import { drawsInSoftware } from "../viewer/stage";
 import {
   Button,
@@ -62,7 +64,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
       {field("reach")}
       <Served>
         {handle.instances !== "only" && field("level")}
-        <SimilarPlaces handle={id} />
+        <SimilarPlaces state={state} handle={id} />
         <Toggle
           label="Limit to part"
           hint="Nothing beyond the part that is held moves"
@@ -214,11 +216,11 @@ function Bend({ handle, transform: { bend, twist, joint }, set }: BendProps) {
   );
 }
 
-/** Each place that looks like the handle's own, and whether it moves along. */
-function SimilarPlaces({ handle }: { readonly handle: number }) {
-  const state = useParts();
+/** Each place that looks like the handle's own, and how much it moves along: grey where none of it is seen. */
+function SimilarPlaces({ state, handle }: { readonly state: State; readonly handle: number }) {
   const places = otherPlaces(state);
   if (places.length === 0) return null;
+  const columns = columnsOf(state, handle);
   return (
     <div class="instances" role="group" aria-label="Look-alikes">
       <Toggle
@@ -228,15 +230,19 @@ function SimilarPlaces({ handle }: { readonly handle: number }) {
         onChange={(showGhosts) => store.set({ showGhosts })}
       />
       <ul class="rows">
-        {places.map(({ vertex, weight, on }, i) => (
-          <li key={vertex}>
-            <Toggle
-              label={`Look-alike ${i + 1} · ${percent(weight)}`}
-              checked={on}
-              onChange={() => toggleInstance(handle, vertex)}
-            />
-          </li>
-        ))}
+        {places.map(({ vertex, on }, i) => {
+          const follows = followed(columns, vertex);
+          return (
+            <li key={vertex} class={on && follows < LEAST_SEEN ? "stays" : undefined}>
+              <Toggle
+                label={`Look-alike ${i + 1} · ${percent(follows)}`}
+                hint="How much of it follows"
+                checked={on}
+                onChange={() => toggleInstance(handle, vertex)}
+              />
+            </li>
+          );
+        })}
       </ul>
     </div>
   );

@@ -2,6 +2,7 @@
 
 import type { Frame, Transform, Vec3 } from "../posing/affine";
 import type { Layer } from "../posing/columns";
+import type { Surface } from "../posing/held";
 import type { Payload } from "../protocol/binary_messages";
 import type {
   AxisMessage,
@@ -78,6 +79,8 @@ export const CLOSED = {
   mesh: null as MeshMessage | null,
   /** The arrays of `mesh`. */
   meshArrays: null as Payload | null,
+  /** What of it how much a handle holds is measured on. */
+  surface: null as Surface | null,
   /** The whole of a mesh that came as its coarse level. */
   detail: null as { readonly message: DetailMessage; readonly arrays: Payload } | null,
   /** (V, 4) colors of the features' main directions. */

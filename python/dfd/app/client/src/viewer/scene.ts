@@ -13,6 +13,7 @@ import {
   type Vec3,
 } from "../posing/affine";
 import { EMPTY_SCENE, type Column, type Layer, type Mirror, type Scene } from "../posing/columns";
+import { heldPart } from "../posing/held";
 import type { NewHandle, Plane } from "../protocol/messages";
 import { present, type Instance, type State } from "../store/state";
 
@@ -97,6 +98,16 @@ export function sceneOf(state: State): Scene {
     defaultTransform: rest && relative(rest, center),
     mirror: symmetry && mirrorOf(symmetry, center),
   };
+}
+
+/** The columns by which a handle moves the shape. */
+export function columnsOf(state: State, handle: number): readonly Column[] {
+  return sceneOf(state).columns.filter((column) => column.handle === handle && column.acts);
+}
+
+/** The part of the surface that a handle holds, by the weights that move it. */
+export function held(state: State, handle: number): number {
+  return state.surface ? heldPart(columnsOf(state, handle), state.surface) : 0;
 }
 
 const PAINTED = 0.66;

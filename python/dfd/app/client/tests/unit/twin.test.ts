@@ -3,7 +3,6 @@ import { describe, expect, it } from "vitest";
 import { apply, matrixOf, REST, type Frame, type Vec3 } from "../../src/posing/affine";
 import {
   CURVES,
-  heldPart,
   mirrored,
   posePoint,
   weightOf,
@@ -156,14 +155,5 @@ describe("instancePivot", () => {
     };
     expect(instancePivot(REST, [2, 0, 0], instance)).toEqual([-2, 0, 0]);
     expect(instancePivot({ ...REST, pivot: [3, 1, 0] }, [2, 0, 0], instance)).toEqual([-3, 1, 0]);
-  });
-});
-
-describe("heldPart", () => {
-  it("counts the vertices that follow", () => {
-    const some = layer([0, 0.5, 0.9, 1.2]);
-    expect(heldPart(some, 1, "linear")).toBe(0.75);
-    expect(heldPart(some, 0.4, "linear")).toBe(0.25);
-    expect(heldPart(weights([1, 0.01]), 1, "linear")).toBe(0.5);
   });
 });

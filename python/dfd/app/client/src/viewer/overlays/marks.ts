@@ -4,9 +4,11 @@ import { send } from "../../actions/connection";
 import { select, hold } from "../../actions/edit";
 import { otherPlaces, toggleInstance } from "../../actions/similar";
 import { apply, matrixOf, subtract, type Vec3 } from "../../posing/affine";
-import { heldPart, posePoint, type Scene } from "../../posing/columns";
+import { posePoint, type Scene } from "../../posing/columns";
+import { followed, LEAST_SEEN } from "../../posing/held";
 import { handleColor, handleName, placeName, present, selectedHandle, type State } from "../../store/state";
-import { gripOf } from "../scene";
+import { percent } from "../../widgets/controls";
+import { columnsOf, gripOf, held } from "../scene";
 import type { Shape } from "../shape";
 import type { Mark, Ring } from "./markers";
 
@@ -65,12 +67,13 @@ export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
 function instanceMarks(state: State, posed: (vertex: number | null, position: Vec3) => Vec3): Mark[] {
   const { selected } = state;
   if (selected === null) return [];
+  const columns = columnsOf(state, selected);
   return otherPlaces(state).map(({ vertex, position, on }, i) => ({
     key: `instance ${selected} ${vertex}`,
     kind: "instance",
     at: posed(vertex, position),
     label: `Look-alike ${i + 1}: press to ${on ? "leave it behind" : "take it along"}`,
-    off: !on,
+    off: !on || followed(columns, vertex) < LEAST_SEEN,
     color: handleColor(selected),
     press: () => toggleInstance(selected, vertex),
   }));
@@ -80,9 +83,8 @@ export function ringOf(state: State): Ring | null {
   const known = selectedHandle(state);
   if (!state.dragging || !known || !state.mesh) return null;
   const handle = present(state, known);
-  const data = state.columns.get(handle.column);
-  if (!data) return null;
-  const held = heldPart(data.layer, handle.reach, handle.falloff);
+  if (!state.columns.has(handle.column)) return null;
+  const part = held(state, handle.handle);
   const at = gripOf(handle.transform, handle.position, state.mesh.center);
-  return { at, held, text: `reach ${handle.reach.toFixed(2)} · holds ${Math.round(100 * held)} %` };
+  return { at, held: part, text: `reach ${handle.reach.toFixed(2)} · holds ${percent(part)}` };
 }

@@ -1,0 +1,67 @@
+/** How much of the surface follows a handle, by the weights that move it. */
+
+import { weightOf, type Column } from "./columns";
+
+/** Vertices that stand for the surface, and the area around each. */
+export interface Surface {
+  readonly vertices: Uint32Array;
+  readonly areas: Float64Array;
+}
+
+/** What follows less is not seen to move. */
+export const LEAST_SEEN = 0.05;
+/** More vertices than these would not change a whole number of percent, and slow a slider down. */
+const MOST_SAMPLES = 20_000;
+
+/** Samples of `count` vertices: rows at (R, 3) `positions`, `triangles` (F, 3) of rows, and the `vertexOf` (R) each. */
+export function surfaceOf(
+  count: number,
+  positions: Float32Array,
+  triangles: Uint32Array,
+  vertexOf: Uint32Array,
+  most: number = MOST_SAMPLES,
+): Surface {
+  const around = new Float64Array(count);
+  const side = (from: number, to: number, axis: number) => positions[3 * to + axis] - positions[3 * from + axis];
+  for (let corner = 0; corner < triangles.length; corner += 3) {
+    const [a, b, c] = triangles.subarray(corner, corner + 3);
+    const [ux, uy, uz] = [side(a, b, 0), side(a, b, 1), side(a, b, 2)];
+    const [vx, vy, vz] = [side(a, c, 0), side(a, c, 1), side(a, c, 2)];
+    const area = Math.hypot(uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx);
+    for (const row of [a, b, c]) around[vertexOf[row]] += area;
+  }
+  // A coarse level has no triangles at most vertices.
+  const used = Uint32Array.from(around.keys()).filter((vertex) => around[vertex] > 0);
+  const step = Math.max(Math.ceil(used.length / most), 1);
+  const vertices = used.filter((_, i) => i % step === 0);
+  return { vertices, areas: Float64Array.from(vertices, (vertex) => around[vertex]) };
+}
+
+/** How much a vertex follows a handle, through all of its columns. */
+export function followed(columns: readonly Column[], vertex: number): number {
+  return Math.min(
+    columns.reduce((sum, column) => sum + weightOf(column, vertex), 0),
+    1,
+  );
+}
+
+/** What weights depend on: a drag, which changes none of it, measures once. */
+const MEASURED = ["layer", "fixed", "share", "shareGain", "reach", "falloff", "exponent", "gain", "strength"] as const;
+let last: { surface: Surface; columns: readonly Column[]; held: number } | null = null;
+
+/** Part of the surface that is seen to follow the `columns` of a handle. */
+export function heldPart(columns: readonly Column[], surface: Surface): number {
+  const before = last;
+  const unchanged =
+    before?.surface === surface &&
+    before.columns.length === columns.length &&
+    columns.every((column, k) => MEASURED.every((key) => column[key] === before.columns[k][key]));
+  if (unchanged) return before.held;
+  let [held, whole] = [0, 0];
+  surface.vertices.forEach((vertex, i) => {
+    whole += surface.areas[i];
+    if (followed(columns, vertex) >= LEAST_SEEN) held += surface.areas[i];
+  });
+  last = { surface, columns, held: whole > 0 ? held / whole : 0 };
+  return last.held;
+}
