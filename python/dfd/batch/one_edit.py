@@ -19,11 +19,12 @@ from dfd.mesh.mesh import Mesh
 from dfd.pictures.picture import picture
 from dfd.pictures.sheet import session_views
 
-# Below this confidence a handle has no similar region on the other shape. Without a learned metric, of a chair's leg
-# the legs of other chairs, of a bench, a couch and a nightstand have 0.40 to 0.71, the foot of a pedestal table 0.42,
-# and what comes nearest on a bird 0.29 to 0.34. A learned metric sets shapes farther apart: the legs of a chair and a
-# bench have 0.26 to 0.65, what comes nearest on a bird 0.16 to 0.28, on a whale and a snake 0.06 to 0.12.
-SURE_ENOUGH, SURE_ENOUGH_LEARNED = 0.45, 0.25
+# Below this confidence a handle has no similar region on the other shape: cosines of 0.45 and 0.25 by
+# `dfd.editing.transfer.RIGHT`. Without a learned metric, of a chair's leg the legs of other chairs, of a bench, a couch
+# and a nightstand have cosines of 0.40 to 0.71, the foot of a pedestal table 0.42, and what comes nearest on a bird
+# 0.29 to 0.34. A learned metric sets shapes farther apart: the legs of a chair and a bench have 0.26 to 0.65, what
+# comes nearest on a bird 0.16 to 0.28, on a whale and a snake 0.06 to 0.12.
+SURE_ENOUGH, SURE_ENOUGH_LEARNED = 0.45, 0.39
 
 
 @dataclass(frozen=True)
@@ -77,8 +78,8 @@ def carry(
     """Transfer an edit to another shape of its class; for its own shape it is unchanged.
 
     `field` is that of the other shape, by the same encoder; `features` are as `Deformer` takes them. `threshold`, in
-    [0, 1], is the lowest confidence that is taken; if left out 0.25 for fields with a learned metric, else 0.45. What
-    is below it is carried with `force`, and named in `Carried.unsure`.
+    [0, 1], is the lowest confidence that is taken; if left out 0.39 for fields with a learned metric, else 0.45. What
+    is below it is carried with `force`, and named in `Carried.unsure`; `force` takes a field of another shape too.
 
     Raises UnlikeError if the confidence of a handle or fixed point is below `threshold` without `force`; ValueError as
     `transfer` and `Deformer`.
@@ -101,7 +102,7 @@ def carry(
             f"nothing looks enough like what {least} held: confidence {confidence[least]:.2f}, asked for {lowest:.2f}",
             confidence,
         )
-    deformer = Deformer(mesh, field, features=features)
+    deformer = Deformer(mesh, field, features=features, other_shape=force)
     deformer.apply(edit)
     return Carried(deformer, confidence, tuple(name for name in names if confidence[name] < lowest))
 

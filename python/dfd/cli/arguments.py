@@ -37,6 +37,7 @@ FieldOption = Annotated[
         help="The shape's field, as `dfd distill` wrote it, or an .npy or .pt with another network's rows of vertices.",
     ),
 ]
+ForceOption = Annotated[bool, Option("--force", help="Take a field or an edit of another shape all the same.")]
 PresetOption = Annotated[
     str | None,
     Option(
@@ -57,7 +58,7 @@ EncoderOption = Annotated[
 ]
 ThresholdOption = Annotated[
     float | None,
-    Option(min=0.0, max=1.0, help="The least confidence of an edit; by default 0.25 of a learned metric, else 0.45."),
+    Option(min=0.0, max=1.0, help="The least confidence of an edit; by default 0.39 of a learned metric, else 0.45."),
 ]
 ViewsOption = Annotated[int, Option(min=1, max=36, help="From how many sides, all around.")]
 ResolutionOption = Annotated[int, Option(min=16, max=8192, help="Pixels along the side of each picture.")]

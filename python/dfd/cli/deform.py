@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -78,7 +79,12 @@ def deform(
     ] = None,
     threshold: ThresholdOption = None,
     force: Annotated[
-        bool, Option("--force", help="Carry an edit to shapes that look less alike too; the sheet marks them unsure.")
+        bool,
+        Option(
+            "--force",
+            help="Take a field or an edit of another shape all the same; of several shapes, carry the edit to those"
+            " that look less alike too, which the sheet marks as unsure.",
+        ),
     ] = False,
     encoder: EncoderOption = DEFAULT_ENCODER,
     output: Annotated[
@@ -137,11 +143,12 @@ def deform(
     stages = Stages()
     with stages.stage("read"):
         shape = load(mesh)
-        opened = None if field is None else Field.load(field, mesh=shape)
+        opened = None if field is None else Field.load(field, mesh=shape, other_shape=force)
     if opened is None:
         chosen: dict[str, Any] = {} if preset is None else {"preset": preset}
         opened = distill(shape, encoder, progress=stages, **chosen)
-    deformer = Deformer.load(edit, shape, opened) if edit else Deformer(shape, opened)
+    start = partial(Deformer.load, edit) if edit else Deformer
+    deformer: Deformer = start(shape, opened, other_shape=force)
     places = Places(shape)
     places.session = deformer
     set_whole = {name: described[name] for name in ("reach_targets", "mirrored_locality", "bridges")}

@@ -187,7 +187,7 @@ def _field(file: Path, shape: Mesh, options: BatchOptions) -> Field:
 
     path = field_path(file, options.fields)
     if path.is_file():
-        return dfd.Field.load(path, mesh=shape)
+        return dfd.Field.load(path, mesh=shape, other_shape=options.force)
     chosen: dict[str, Any] = {} if options.preset is None else {"preset": options.preset}
     return dfd.distill(shape, options.encoder, **chosen)
 

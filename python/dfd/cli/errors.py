@@ -70,6 +70,9 @@ OPTIONS = {
     "limits": "memory",
 }
 
+# What Python's remedies are called there.
+PHRASES = {"dfd.editing.transfer": "`dfd deform --made-on`", "other_shape=True": "`--force`"}
+
 
 def _in_options(error: ArgumentError, parameters: Sequence[Any]) -> str:
     """What an argument of a Python function must be, by the options of the command that passed it on."""
@@ -80,7 +83,10 @@ def _in_options(error: ArgumentError, parameters: Sequence[Any]) -> str:
             name = f"symmetry_{name}" if f"symmetry_{name}" in known else name
         return str(known.get(OPTIONS.get(name, name)) or known.get(name) or name)
 
-    return re.sub(r"`(\w+)", lambda found: f"`{option(found[1])}", f"`{error.argument}` {error.reason}")
+    said = re.sub(r"`(\w+)", lambda found: f"`{option(found[1])}", f"`{error.argument}` {error.reason}")
+    for theirs, ours in PHRASES.items():
+        said = said.replace(theirs, ours)
+    return said
 
 
 class _Interrupted(Exception):  # noqa: N818  # no error: somebody pressed Ctrl-C

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
-from dfd.cli.arguments import FieldOption, MeshArgument, PresetOption, check_output, chosen_preset, file_in
+from dfd.cli.arguments import FieldOption, ForceOption, MeshArgument, PresetOption, check_output, chosen_preset, file_in
 
 
 def export(
@@ -40,6 +40,7 @@ def export(
         Path | None, Option(metavar="FILE", help="Write the weights as arrays, to an .npz or .safetensors file.")
     ] = None,
     preset: PresetOption = None,
+    force: ForceOption = False,
 ) -> None:
     """Write MESH with the handles of an edit as joints, for Blender, game engines and other programs."""
     if output is None and weights is None:
@@ -68,7 +69,7 @@ def export(
         shape = load(mesh)
         if output is not None:
             form_for(shape, output, form)  # type: ignore[arg-type]  # refuses it before the work begins
-        session = Deformer.load(edit, shape, Field.load(field, mesh=shape))
+        session = Deformer.load(edit, shape, Field.load(field, mesh=shape, other_shape=force), other_shape=force)
         session.set(preset=chosen)
     with stages.stage("features", len(shape.vertices)) as advance:
         session.prepare(advance)
@@ -87,6 +88,7 @@ def rig(
     field: FieldOption,
     output: Annotated[Path, Option("--output", "-o", metavar="GLB", help="The file to write.")],
     influences: Annotated[int, Option(min=1, help="How many joints a vertex follows at most.")] = 4,
+    force: ForceOption = False,
 ) -> None:
     """Weigh the vertices of CHARACTER anew by its bones: what looks alike and is near follows."""
     output = file_in(output, character)
@@ -98,7 +100,7 @@ def rig(
     stages = Stages()
     with stages.stage("read"):
         shape = load(character)
-        opened = Field.load(field, mesh=shape)
+        opened = Field.load(field, mesh=shape, other_shape=force)
     with stages.stage("weigh"):
         report = weigh_skin(shape, opened, output, influences=influences)
     typer.echo(f"{output}: {report}", err=True)

@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Option
 
-from dfd.cli.arguments import MadeFieldOption, MeshArgument, ResolutionOption, ViewsOption, check_output, shown
+from dfd.cli.arguments import (
+    ForceOption,
+    MadeFieldOption,
+    MeshArgument,
+    ResolutionOption,
+    ViewsOption,
+    check_output,
+    shown,
+)
 from dfd.common.linear_algebra import Float64
 
 if TYPE_CHECKING:
@@ -40,6 +48,7 @@ def inspect(
         str, Option(metavar="DIRECTION", help="Which way is up: auto, file, +y, -z, …, or numbers such as 0,0,1.")
     ] = "auto",
     as_json: Annotated[bool, Option("--json", help="Print JSON, for programs.")] = False,
+    force: ForceOption = False,
 ) -> None:
     """Say what MESH is made of, what is odd about it, which way is up, and how much of it pictures do not show.
 
@@ -72,7 +81,7 @@ def inspect(
     }
     rows: list[tuple[str, dict[str, Any]]] = []
     if field is not None:
-        opened = Field.load(field, mesh=shape)
+        opened = Field.load(field, mesh=shape, other_shape=force)
         report["field"] = {
             "file": str(field),
             "dimension": opened.dimension,
@@ -80,7 +89,7 @@ def inspect(
         }
         planes = symmetry_planes(opened, shape)
         report["symmetry_planes"] = [asdict(plane) for plane in planes]
-        report["suggestions"], row = _suggested(shape, opened, suggestions, planes)
+        report["suggestions"], row = _suggested(shape, opened, suggestions, planes, force)
         rows.append(row)
         if cut:
             from dfd.pictures.sheet import parts_view
@@ -130,14 +139,14 @@ def _moved(shape: Mesh, other: Mesh) -> Float64:
 
 
 def _suggested(
-    shape: Mesh, field: Field, count: int, planes: list[SymmetryPlane]
+    shape: Mesh, field: Field, count: int, planes: list[SymmetryPlane], other_shape: bool
 ) -> tuple[list[dict[str, Any]], tuple[str, dict[str, Any]]]:
     """Handles worth taking, for the report, and a row of a sheet that shows them by their numbers."""
     from dfd import CompactFeatures, Deformer
     from dfd.editing.suggestions import suggest_handles
     from dfd.pictures.colors import feature_colors
 
-    features = Deformer(shape, field).features
+    features = Deformer(shape, field, other_shape=other_shape).features
     found = suggest_handles(shape, features, count=count, planes=planes)
     listed = [
         {
@@ -254,6 +263,7 @@ def parts(
     picture: Annotated[Path | None, Option(metavar="PNG", help="Draw them, numbered.")] = None,
     views: ViewsOption = 2,
     resolution: ResolutionOption = 768,
+    force: ForceOption = False,
 ) -> None:
     """Cut MESH into its parts: what looks alike, ends at creases, and would move as one."""
     check_output("--output", output, (".json", ".obj", ".glb", ".gltf"))
@@ -269,7 +279,8 @@ def parts(
     stages = Stages()
     with stages.stage("read"):
         shape = load(mesh)
-    opened = distill(shape, progress=stages) if field is None else Field.load(field, mesh=shape)
+    given = None if field is None else Field.load(field, mesh=shape, other_shape=force)
+    opened = given or distill(shape, progress=stages)
     with stages.stage("parts"):
         found = parts_of(opened, shape).cut()
     document = cut_document(found)

@@ -13,6 +13,7 @@ from typer import Argument, Option
 from dfd.cli.arguments import (
     PLACE,
     FixOption,
+    ForceOption,
     MeshArgument,
     Places,
     PresetOption,
@@ -54,6 +55,7 @@ def show(
     numbers: Annotated[bool, Option("--numbers", help="Write the indices of vertices that are seen.")] = False,
     legend: Annotated[bool, Option("--legend", help="Draw the scale of the heat beside it.")] = False,
     resolution: ResolutionOption = 768,
+    force: ForceOption = False,
     **described: Any,
 ) -> None:
     """Draw MESH: by itself, in the colours of its features, or the weights of handles as heat."""
@@ -81,7 +83,7 @@ def show(
         rows: list[tuple[str, dict[str, Any]]] = [("the mesh", {"handles": marked} if marked else {})]
     else:
         whole = {"preset": chosen_preset(preset)} | {key: described[key] for key in ("reach_targets", "bridges")}
-        rows = _rows(shape, field, handle or [], given, fix or [], whole, places, stages)
+        rows = _rows(shape, field, handle or [], given, fix or [], whole, places, stages, force)
     if heat and not legend and len(rows) * views > 1:
         legend = True
     with stages.stage("draw", len(rows) * views) as advance:
@@ -113,12 +115,13 @@ def _rows(
     whole: dict[str, Any],
     places: Places,
     stages: Any,
+    force: bool,
 ) -> list[tuple[str, dict[str, Any]]]:
     """What each row of pictures is called, and what `picture` is to draw in it."""
     from dfd import CompactFeatures, Deformer, Field
     from dfd.pictures.colors import feature_colors
 
-    deformer = Deformer(shape, Field.load(field, mesh=shape))
+    deformer = Deformer(shape, Field.load(field, mesh=shape, other_shape=force), other_shape=force)
     deformer.set(**whole)
     places.session = deformer
     for text in handles:

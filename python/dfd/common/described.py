@@ -6,7 +6,7 @@ options of it. Nothing of pydantic is imported here.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, fields
 from functools import cache
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
@@ -14,6 +14,20 @@ import numpy as np
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
+
+
+class Brief:
+    """A dataclass, `repr=False`, that shows only what differs from its defaults."""
+
+    def __repr__(self) -> str:
+        """Say it as Python makes it."""
+        told = []
+        for each in fields(self):  # type: ignore[arg-type]  # whoever derives is a dataclass
+            value = getattr(self, each.name)
+            default = each.default if each.default_factory is MISSING else each.default_factory()
+            if each.repr and (default is MISSING or value != default):
+                told.append(f"{each.name}={value!r}")
+        return f"{type(self).__name__}({', '.join(told)})"
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 
 from dfd.common import check
-from dfd.common.described import Tagged, check_fields
-from dfd.common.errors import ArgumentError
+from dfd.common.described import Brief, Tagged, check_fields
+from dfd.common.errors import ArgumentError, within
 from dfd.common.preset import Preset
 from dfd.editing.influence.regions import Region
 from dfd.editing.points import Place, place_on
@@ -24,8 +24,8 @@ __all__ = ["Controls", "Falloff", "GivenControls", "Instances", "controls_of", "
 DEFAULTS = PRESETS["default"]
 
 
-@dataclass(frozen=True)
-class Controls:
+@dataclass(frozen=True, repr=False)
+class Controls(Brief):
     """What a handle takes hold of besides where it is, each field as `dfd.editing.presets.CONTROLS` says.
 
     What is left out is as the preset "default" has it. Lengths are in mesh units; of `radius` and `locality` only one
@@ -111,7 +111,8 @@ def controls_on(mesh: Mesh, given: GivenControls) -> dict[str, Any]:
         elif name in ("radius", "mask_feather"):
             found[name] = length_on(mesh, name, value)
         elif name == "mask" and not (isinstance(value, str) and value == "everywhere"):
-            found[name] = place_on(mesh, value).region
+            with within(name):
+                found[name] = place_on(mesh, value).region
             if found[name] is None:
                 raise ArgumentError("mask", f"must be a region, got {value!r}")
     return found

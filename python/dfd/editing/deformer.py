@@ -88,10 +88,12 @@ class Deformer:
         (V, D) features of the vertices when they are at hand, in full or as `dfd.compact` makes them; the field is then
         asked for points in space alone. Otherwise it is asked once they are needed, above 16,384 vertices for compact
         ones, whose weights are within 0.01 of exact, judged by a sample (`features.error`); full ones never exist.
+    other_shape
+        Take a field of another shape all the same.
 
     Raises ValueError if there is no such preset, or `features` is not finite or not one row of the field's width per
-    vertex; without `features`, if the field's shape was of another size, below half or above twice the mesh's, or lay
-    elsewhere.
+    vertex; without `features` and `other_shape`, if the field's shape was of another size, below half or above twice
+    the mesh's, or lay elsewhere.
 
     Warns
     -----
@@ -104,12 +106,20 @@ class Deformer:
     page: Callable[..., Any] | None = None  # what shows a session: `dfd` puts the app's there
 
     @public
-    def __init__(self, mesh: MeshLike, field: Field, *, preset: Preset = "default", features: Any = None) -> None:
+    def __init__(
+        self,
+        mesh: MeshLike,
+        field: Field,
+        *,
+        preset: Preset = "default",
+        features: Any = None,
+        other_shape: bool = False,
+    ) -> None:
         self.mesh = as_mesh(mesh)
         self.field = check.field("Deformer", field)
         start = empty_edit(preset)
-        if features is None:
-            check_compatible(field, self.mesh)
+        if features is None and not other_shape:
+            check_compatible(field, self.mesh, allowed_by="other_shape=True")
         self._weights = HandleWeights(self.mesh, field, features)
         self._posed = PosedShape(self.mesh, self._weights)
         self._start(start)
@@ -120,7 +130,9 @@ class Deformer:
 
     def __repr__(self) -> str:
         """Say how much is being done to what."""
-        return f"Deformer({self.mesh!r}, {len(self.handles)} handles, {len(self.fixed)} fixed points)"
+        counts = (len(self.handles), "handle"), (len(self.fixed), "fixed point")
+        told = [f"{count} {what}" if count == 1 else f"{count} {what}s" for count, what in counts]
+        return f"Deformer({self.mesh!r}, {', '.join(told)})"
 
     # --- steps
 
@@ -519,13 +531,24 @@ class Deformer:
         write_edit(path, self.edit, self.mesh, self.field)
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str], mesh: MeshLike, field: Field, *, features: Any = None) -> Deformer:
+    def load(
+        cls,
+        path: str | os.PathLike[str],
+        mesh: MeshLike,
+        field: Field,
+        *,
+        features: Any = None,
+        other_shape: bool = False,
+    ) -> Deformer:
         """Open a session with the edit in `path`, made on `mesh` or on another resolution of the same shape.
+
+        With `other_shape` an edit or a field of another shape is taken all the same: places go by their positions, and
+        lengths stay what they are. `dfd.editing.transfer` carries an edit over by what things look like.
 
         Raises OSError if `path` cannot be read. Raises ValueError if it is no edit, or one of another shape; the
         message names the key and what was found there. Warns if a vertex of the edit is no longer where it was, and
         counts as a point of space.
         """
-        deformer = cls(mesh, field, features=features)
-        deformer._start(read_edit(path, deformer.mesh))
+        deformer = cls(mesh, field, features=features, other_shape=other_shape)
+        deformer._start(read_edit(path, deformer.mesh, other_shape=other_shape))
         return deformer

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypedDict
 import numpy as np
 
 from dfd.common import check
-from dfd.common.described import About, Written, check_fields
+from dfd.common.described import About, Brief, Written, check_fields
 from dfd.common.errors import ArgumentError, within
 from dfd.common.linear_algebra import Float64
 from dfd.common.preset import Preset
@@ -36,8 +36,8 @@ CONTROLS = Controls()
 DEFAULTS = PRESETS["default"]
 
 
-@dataclass(frozen=True)
-class Handle:
+@dataclass(frozen=True, repr=False)
+class Handle(Brief):
     """What is held of the shape, and what is done to it.
 
     Raises ValueError if `id` is below 1, `name` is no text, or the numbers are so large that the matrix is not finite.
@@ -71,8 +71,8 @@ class Handle:
         return self.transform.matrix(self.place.position)
 
 
-@dataclass(frozen=True)
-class Fixed:
+@dataclass(frozen=True, repr=False)
+class Fixed(Brief):
     """A point or a region that stays, and with it all that looks like it (Eq. 6)."""
 
     place: Place
@@ -92,8 +92,8 @@ class Fixed:
         return self.place.vertex
 
 
-@dataclass(frozen=True)
-class Edit:
+@dataclass(frozen=True, repr=False)
+class Edit(Brief):
     """Everything that a session has done to a shape; never changed, only replaced.
 
     Raises ValueError if two handles share an id, or any two handles or fixed points share a place, or a name is

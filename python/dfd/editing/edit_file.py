@@ -205,14 +205,16 @@ def write_edit(path: str | os.PathLike[str], edit: Edit, mesh: Mesh, field: Fiel
         temporary.write_text(text, encoding="utf-8")
 
 
-def read_edit(path: str | os.PathLike[str], mesh: Mesh) -> Edit:
+def read_edit(path: str | os.PathLike[str], mesh: Mesh, *, other_shape: bool = False) -> Edit:
     """Read an edit of `mesh`, or of another resolution of the same shape, from `path`.
+
+    With `other_shape` one of another shape is taken as well, its places by their positions.
 
     Raises OSError if `path` cannot be read. Raises ValueError if it is no such document, or one of another shape; the
     message names the key and what was found there. Warns if a vertex of the edit is no longer where it was, and counts
     as a point of space.
     """
-    return from_document(_parsed(path), mesh, name=os.fspath(path))
+    return from_document(_parsed(path), mesh, name=os.fspath(path), other_shape=other_shape)
 
 
 def read_made_on(path: str | os.PathLike[str]) -> tuple[Path | None, Path | None, str | None]:
@@ -293,8 +295,8 @@ def _spread(entry: dict[str, Any]) -> dict[str, Any]:
     return {**named, **{key: value for part in parts for key, value in part.items()}, **entry}
 
 
-def from_document(document: Any, mesh: Mesh, *, name: str = "edit") -> Edit:
-    """The edit of `mesh` in a parsed JSON document; `name` begins every message.
+def from_document(document: Any, mesh: Mesh, *, name: str = "edit", other_shape: bool = False) -> Edit:
+    """The edit of `mesh`, or with `other_shape` of any, in a parsed JSON document; `name` begins every message.
 
     Raises ValueError if it is no such document, or one of another shape; the message names the key and what was found
     there. Warns if a vertex of the edit is no longer where it was, and counts as a point of space.
@@ -306,7 +308,9 @@ def from_document(document: Any, mesh: Mesh, *, name: str = "edit") -> Edit:
         if edit.default is not None:
             with within("default"):
                 edit.default.matrix(box_center(mesh))
-        reading.check_shape(name)
+        if not other_shape:
+            reading.check_shape()
+        reading.warn_of_lost(name)
     except ArgumentError as error:
         raise ArgumentError(error.argument, error.reason, name) from None
     return edit
@@ -338,7 +342,8 @@ def _completed(document: dict[str, Any], mesh: Mesh | None = None) -> dict[str, 
     whole = {**meant["shape"], **({"reach_targets": False} if version == 1 else {}), **document, "version": VERSION}
     handles, fixed, plane = (whole.get(key) for key in ("handles", "fixed", "symmetry"))
     if isinstance(handles, list):
-        ids = {entry.get("id") for entry in handles if isinstance(entry, dict)}
+        named = (entry.get("id") for entry in handles if isinstance(entry, dict))
+        ids = {number for number in named if isinstance(number, int)}
         free = (number for number in range(1, 2 * len(handles) + 1) if number not in ids)
         whole["handles"] = [_grouped(entry, SPREAD, meant["handle"], free) for entry in handles]
     if isinstance(fixed, list):
@@ -424,21 +429,24 @@ class _Places:
             raise ArgumentError(f"{path}.vertex", f"must lie in 0 … {count - 1}, got {said.vertex}")
         return place_on(self.mesh, said.vertex)
 
-    def check_shape(self, name: str) -> None:
-        """Refuse an edit of another shape; say so where one of another resolution goes by positions."""
+    def check_shape(self) -> None:
+        """Refuse an edit of another shape."""
         made = self.made_for
-        if made is None or made.hash == self.mesh.content_hash:
+        if made is None or made.bounds is None or made.hash == self.mesh.content_hash:
             return
-        if made.bounds is not None:
-            was, now = np.asarray(made.bounds), np.asarray(self.mesh.bounds)
-            apart = np.linalg.norm(was - now, axis=1).max()
-            if apart > SAME_BOX * max(float(np.linalg.norm(was[1] - was[0])), self.mesh.diagonal):
-                raise ArgumentError(
-                    "mesh.bounds",
-                    f"must be those of this mesh, {now.tolist()}, got {was.tolist()}: "
-                    "the edit is one of another shape; dfd.editing.transfer carries it over",
-                )
-        if self.lost:
+        was, now = np.asarray(made.bounds), np.asarray(self.mesh.bounds)
+        apart = np.linalg.norm(was - now, axis=1).max()
+        if apart > SAME_BOX * max(float(np.linalg.norm(was[1] - was[0])), self.mesh.diagonal):
+            raise ArgumentError(
+                "mesh.bounds",
+                f"must be those of this mesh, {now.round(4).tolist()}, got {was.round(4).tolist()}: the edit is one of "
+                "another shape; dfd.editing.transfer carries it over, other_shape=True takes it all the same",
+            )
+
+    def warn_of_lost(self, name: str) -> None:
+        """Say so where an edit of another resolution goes by positions."""
+        made = self.made_for
+        if made is not None and made.hash != self.mesh.content_hash and self.lost:
             warnings.warn(
                 f"{name}: the edit was made on a mesh of {made.vertices} vertices, and this one has "
                 f"{len(self.mesh.vertices)}: {self.lost} of its vertices or sets of them are taken by position",

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import numpy as np
 
 from dfd.common import check
-from dfd.common.described import Tagged, Written
-from dfd.common.errors import ArgumentError
+from dfd.common.described import Brief, Tagged, Written
+from dfd.common.errors import ArgumentError, within
 from dfd.editing.influence.regions import Ball, Box, Group, HalfSpace, Part, Region, VertexSet, members
 from dfd.editing.presets import LARGEST
 from dfd.posing.transforms import Vector, vector
@@ -29,8 +29,8 @@ SIDE = re.compile(r"([xyz])\s*([<>])\s*(.+)")
 NOWHERE: Vector = (math.nan, math.nan, math.nan)
 
 
-@dataclass(frozen=True)
-class Place:
+@dataclass(frozen=True, repr=False)
+class Place(Brief):
     """Where a handle or a fixed point is on the resting shape: at a vertex, in a region, or at any point of space.
 
     Raises ValueError if it says nothing, or a number is out of its bounds.
@@ -178,5 +178,6 @@ def _region_place(mesh: Mesh, region: Region) -> Place:
 
 
 def _found(mesh: Mesh, said: str, region: Region) -> Found:
-    count = len(members(mesh, region))
+    with within("at"):
+        count = len(members(mesh, region))
     return Found(_region_place(mesh, region), f"{said} is {count} {'vertex' if count == 1 else 'vertices'}")

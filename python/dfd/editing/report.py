@@ -57,7 +57,12 @@ class Report:
     farthest: float  # how far the vertex moved that moved farthest, mesh units
     handles: tuple[HandleReport, ...]  # what became of each handle
     warning: str | None  # why nothing moved, where nothing did; None otherwise
-    advice: str | None = None  # what would help handles that did not arrive; None where all did, or nothing is known
+    # advice: which scales flatten or mirror, or what would help handles that did not arrive; None where neither is so
+    advice: str | None = None
+
+    def __repr__(self) -> str:
+        """Show the sentence."""
+        return f"Report({str(self)!r})"
 
     def __str__(self) -> str:
         """The sentence."""
@@ -116,12 +121,16 @@ def _handle_report(
 
 
 def _advice(edit: Edit, weights: HandleWeights, handles: Sequence[HandleReport]) -> str | None:
-    """What makes a shape flat, or else would help handles that are pushed by others which look alike."""
+    """What makes a shape flat or mirrors it, or else would help handles that others which look alike push."""
     flat = [f"handle {handle.id}" for handle in edit.handles if 0.0 in handle.transform.scale]
     if flat:
         return (
             f"{' and '.join(flat)} {'flattens' if len(flat) == 1 else 'flatten'} what follows: a factor of scale is 0"
         )
+    mirrored = [f"handle {handle.id}" for handle in edit.handles if np.prod(handle.transform.scale) < 0]
+    if mirrored:
+        what = f"{' and '.join(mirrored)} {'mirrors' if len(mirrored) == 1 else 'mirror'} what follows"
+        return f"{what}, whose faces then look inward: a factor of scale is negative"
     missed = np.array([not handle.arrived for handle in handles], bool)
     if edit.overlap == "interpolate" or len(handles) < 2 or not missed.any():
         return None

@@ -21,12 +21,12 @@ LARGEST_RATIO = 2.0
 FARTHEST_REACH = 1.5
 
 
-def check_compatible(field: Field, mesh: Mesh) -> None:
+def check_compatible(field: Field, mesh: Mesh, *, allowed_by: str = "") -> None:
     """Refuse a field whose own shape was of quite another size, or lay elsewhere.
 
     The field holds the longest side and the center of its shape's box and nothing else of it, so a stranger of the same
     size in the same position passes. So do other resolutions of the same shape, its parts down to half of its size, and
-    poses of it.
+    poses of it. `allowed_by` is what the message says a caller who knows better can give.
 
     Raises ValueError if the longest side of the mesh's box is less than half or more than twice that of the field's
     shape, or the box lies wholly outside the cube around that shape. Warns if the mesh reaches out of that cube by more
@@ -43,7 +43,10 @@ def check_compatible(field: Field, mesh: Mesh) -> None:
     )
     remedy = "bring the mesh to that shape's units, axes and position, or distill a field from it"
     if outside or not 1 / LARGEST_RATIO <= ratio <= LARGEST_RATIO:
-        raise ArgumentError("field", f"must belong to this mesh, but it was distilled from {sizes}: {remedy}")
+        known_better = f"; {allowed_by} takes it all the same" if allowed_by else ""
+        raise ArgumentError(
+            "field", f"must belong to this mesh, but it was distilled from {sizes}: {remedy}{known_better}"
+        )
     if reach > FARTHEST_REACH:
         warnings.warn(
             f"`field` was distilled from {sizes}: weights beyond that shape's box are a guess. "

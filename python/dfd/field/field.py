@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import hashlib
 import os
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,10 +17,11 @@ from numpy.typing import ArrayLike, NDArray
 
 import dfd._core as _core
 from dfd.common import check, tensors, threads
-from dfd.common.errors import ArgumentError
+from dfd.common.errors import ArgumentError, called
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.field import field_file
 from dfd.field.architecture import Architecture
+from dfd.field.compatibility import check_compatible
 from dfd.field.component_residuals import ComponentResiduals, components_of_vertices
 from dfd.field.given_features import FEATURE_FILES
 
@@ -226,7 +228,7 @@ class Field:
         field_file.write(path, content)
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str], *, mesh: Mesh | None = None) -> Field:
+    def load(cls, path: str | os.PathLike[str], *, mesh: Mesh | None = None, other_shape: bool = False) -> Field:
         """Read a field from `path`: a file of `save`, or one that another program wrote for a mesh.
 
         The latter are a `.pth` of the method's public reference implementation, and an `.npy` (MeshFM, PartField) or
@@ -236,7 +238,10 @@ class Field:
         Parameters
         ----------
         mesh
-            The mesh that a `.pth`, `.npy` or `.pt` is of; unused else.
+            The mesh that a `.pth`, `.npy` or `.pt` is of. A field in a file of `save` must belong to it, where it is
+            given, as `Deformer` says.
+        other_shape
+            Take a field of a shape of quite another size or position all the same.
 
         Raises
         ------
@@ -245,7 +250,7 @@ class Field:
         ValueError
             If it is not a field, is truncated, of another version, lacks tensors that its header names, or gives
             features that are not finite; if an `.npy` or `.pt` has not one row for each vertex, in the order of the
-            vertices, or for each face.
+            vertices, or for each face; if a field's own shape was of quite another size than `mesh`, or lay elsewhere.
         """
         if not Path(path).is_file():
             raise FileNotFoundError(f"Field.load: `path` {os.fspath(path)} does not exist or is no file")
@@ -276,6 +281,10 @@ class Field:
         corners = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
         if not np.isfinite(field(field.center + corners / field.scale)).all():
             raise ArgumentError("path", f"{os.fspath(path)} is damaged: its features are not finite", "Field.load")
+        if mesh is not None and not other_shape:
+            with called("Field.load"), warnings.catch_warnings():
+                warnings.simplefilter("ignore", UserWarning)  # the session that the field is for says it
+                check_compatible(field, mesh, allowed_by="other_shape=True")
         field.source = FieldSource.of(path)
         return field
 

@@ -58,6 +58,10 @@ class Geodesics:
         self._result: _Prepared | None = None
         self._tree: cKDTree | None = None
 
+    def __repr__(self) -> str:
+        """Say of what."""
+        return f"Geodesics({self._mesh!r}{'' if self._bridges else ', bridges=False'})"
+
     @property
     def extent(self) -> float:
         """The length, mesh units, that distance 1 stands for: about the largest between two connected vertices.

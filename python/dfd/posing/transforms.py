@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from dfd.common import check
-from dfd.common.described import Written
+from dfd.common.described import Brief, Written
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64
 
@@ -33,8 +33,8 @@ NOT_UNIT = 1e-3  # a quaternion's length may be off by as much without a word
 LARGEST_ANGLE = 1e9
 
 
-@dataclass(frozen=True)
-class Transform:
+@dataclass(frozen=True, repr=False)
+class Transform(Brief):
     """Scale, then rotation, then translation, about a pivot: p ↦ pivot + translation + R A S Aᵀ (p − pivot).
 
     Raises ValueError if an attribute has another shape or is not finite, a rotation is the quaternion 0 or beyond ±1e9

@@ -80,6 +80,10 @@ class Parts:
     def __init__(self, mesh: Mesh, features: Features) -> None:
         self._mesh, self._features = mesh, features
 
+    def __repr__(self) -> str:
+        """Say of what."""
+        return f"Parts({self._mesh!r})"
+
     def part(self, at: Any, level: Level = "part", *, alike: bool = True) -> Part:
         """Find the part that holds a place.
 

@@ -65,14 +65,14 @@ def test_an_edit_that_moves_nothing_is_refused(chair, tmp_path):
 
 
 def test_the_threshold_goes_by_the_metric(other, original, monkeypatch):
-    sure = dict.fromkeys((handle.id for handle in original.edit.handles), 0.3)
+    sure = dict.fromkeys((handle.id for handle in original.edit.handles), 0.4)
     found = Transferred(original.edit, sure, (1.0,) * len(original.edit.fixed))
     monkeypatch.setattr("dfd.batch.one_edit.transfer", lambda *_: found)
     plain = field_of(other, seed=3)
     for settings in ({}, {"metric": "none"}):
-        with pytest.raises(UnlikeError, match=r"confidence 0.30, asked for 0.45"):
+        with pytest.raises(UnlikeError, match=r"confidence 0.40, asked for 0.45"):
             carry(original, other, plain.with_settings(settings))
-    assert set(carry(original, other, plain.with_settings({"metric": "learned"})).confidence.values()) <= {0.3, 1.0}
+    assert set(carry(original, other, plain.with_settings({"metric": "learned"})).confidence.values()) <= {0.4, 1.0}
 
 
 def test_a_threshold_is_a_part(other, original):

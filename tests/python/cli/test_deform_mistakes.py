@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from command_runs import failed
+from command_runs import failed, worked
 
 DISTILL = sys.modules["dfd.cli.distill"]  # by its own name there is the command
 
@@ -50,7 +50,9 @@ DEFORM = ("deform", "MESH", "--field", "FIELD")
             ("--handle", 1, "--instances", "all"),
             "`--instances` must be one of own_pivot, shared_pivot, only, got 'all'",
         ),
-        (("--handle", 1, "--mask", "x>99"), "must hold a vertex"),
+        (("--handle", 1, "--mask", "x>99"), "`--mask` must hold a vertex"),
+        (("--handle", 1, "--mask", "part:leg"), "`--mask` must be a part of the scene"),
+        (("--handle", "part:leg"), "`--handle` must be a part of the scene"),
         (("--handle", 1, "--axes", "skew"), "`--axes` must be normal, limb, auto or 3 unit vectors at right angles"),
         (("--handle", 1, "--symmetry", "x=50"), "`--symmetry` must pass through the shape"),
         (("--handle", 1, "--overlap", "sum"), "`--overlap` must be one of add, interpolate, normalize, paper"),
@@ -150,9 +152,12 @@ def test_an_odd_edit_is_named(run, tmp_path, content, message):
 def test_a_field_of_a_shape_in_other_units_is_named(run, chair, command):
     chair.save("metres.obj", 0.01 * chair.vertices)
     rest = ("--handle", 1, "-o", "out.obj" if command == "deform" else "out.png")
+    moves = ("--scale", 2) if command == "deform" else ()
     result = run(command, "metres.obj", "--field", "FIELD", *rest)
     assert failed(result, "a longest side of 0.9897 around (0, 0.526, -0.007948), and this mesh has one of 0.009897")
+    assert result.stderr.endswith("; `--force` takes it all the same\n")
     assert [path.name for path in Path().iterdir()] == ["metres.obj"]
+    assert worked(run(command, "metres.obj", "--field", "FIELD", *rest, *moves, "--force"))
 
 
 @pytest.mark.parametrize("command", ["deform", "show", "inspect"])

@@ -32,8 +32,10 @@ def test_a_field_of_another_shape_is_refused(mesh, field, features, stranger):
         "Deformer: `field` must belong to this mesh, but it was distilled from a shape with a longest side of 0.9897 "
         f"around (0, 0.526, -0.007948), and this mesh has one of {max(other.extents):.4g} around "
     )
-    with pytest.raises(ValueError, match=re.escape(message) + r"\(.*\): bring the mesh to that shape's units"):
+    remedy = r"\(.*\): bring the mesh to that shape's units.*; other_shape=True takes it all the same$"
+    with pytest.raises(ValueError, match=re.escape(message) + remedy):
         dfd.Deformer(other, field)
+    dfd.Deformer(other, field, other_shape=True)
     dfd.Deformer(other, field, features=features)  # whoever brings features knows what they are
 
 
@@ -63,3 +65,24 @@ def test_a_mesh_that_reaches_far_out_of_the_field_s_box_is_told_so(mesh, field):
     lying = dfd.Mesh(standing.vertices @ [[1, 0, 0], [0, 0, 1], [0, -1, 0]], mesh.faces)
     with pytest.warns(UserWarning, match=r"weights beyond that shape's box are a guess\. Unless the mesh is a pose"):
         dfd.Deformer(lying, ground)
+
+
+def test_a_field_in_a_file_is_refused_for_another_shape_unless_it_is_wanted(mesh, field, tmp_path):
+    field.save(tmp_path / "field.safetensors")
+    other = moved(mesh, 100)
+    with pytest.raises(ValueError, match=r"Field.load: `field` must belong .*; other_shape=True takes it all the same"):
+        dfd.Field.load(tmp_path / "field.safetensors", mesh=other)
+    loaded = dfd.Field.load(tmp_path / "field.safetensors", mesh=other, other_shape=True)
+    np.testing.assert_array_equal(loaded(mesh.vertices), field(mesh.vertices))
+
+
+def test_an_edit_of_another_shape_is_taken_where_it_is_wanted(mesh, field, tmp_path):
+    session = dfd.Deformer(mesh, field)
+    session.add(5, translation=(0, 0.1, 0))
+    session.save(tmp_path / "edit.json")
+    other = moved(mesh, 3)
+    with pytest.raises(ValueError, match="one of another shape; .* other_shape=True takes it all the same"):
+        dfd.Deformer.load(tmp_path / "edit.json", other, made_field(16, center=other.bounds.mean(0), scale=0.7))
+    with pytest.warns(UserWarning, match="1 of its vertices or sets of them are taken by position"):
+        taken = dfd.Deformer.load(tmp_path / "edit.json", other, field, other_shape=True)
+    np.testing.assert_array_equal(taken.handles[0].place.position, mesh.vertices[5])

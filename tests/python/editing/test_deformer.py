@@ -1,6 +1,7 @@
 """The editing session: what each change does to the shape, and what is refused."""
 
 import math
+import re
 from dataclasses import replace
 from unittest import mock
 
@@ -295,6 +296,10 @@ def test_features_that_do_not_fit_are_refused(mesh, field, features, spoil, mess
 
 
 def test_it_says_what_it_holds(deformer):
-    deformer.add(5)
+    deformer.add(5, translation=(0, 1, 0))
     deformer.fix(6)
-    assert repr(deformer).endswith("1 handles, 1 fixed points)")
+    assert repr(deformer).endswith("1 handle, 1 fixed point)")
+    shown = repr(deformer.handle(1))
+    assert re.fullmatch(r"Handle\(id=1, place=Place\(position=\(.*\), vertex=5\), transform=Transform\(.*\)\)", shown)
+    assert shown.endswith("transform=Transform(translation=(0.0, 1.0, 0.0)))")
+    assert repr(deformer.report()).startswith("Report('moved ")

@@ -127,7 +127,7 @@ def test_face_groups_of_an_obj_file_are_known_by_name(grouped):
     assert str(place) == "group:ceiling tiles"
     np.testing.assert_array_equal(members(grouped, Group("tiles")), [1, 2, 3])
     np.testing.assert_allclose(distances_from(grouped, Group("tiles")), [1, 0, 0, 0])
-    message = r"`name` must be a face group of the file \(floor, ceiling tiles, ceiling, tiles\), got 'wall'"
+    message = r"`at` must be a face group of the file \(floor, ceiling tiles, ceiling, tiles\), got 'wall'"
     with pytest.raises(ValueError, match=message):
         find(grouped, "group:wall")
     with pytest.raises(ValueError, match="`at` must be a vertex index.* group:NAME"):
@@ -148,11 +148,11 @@ def test_a_session_holds_a_face_group_and_remembers_it(grouped, tmp_path):
 @pytest.mark.parametrize(
     ("at", "message"),
     [
-        ("group:door", r"`name` must be a face group, and the mesh has none, got 'door'"),
-        ("part:door", r"`name` must be a part of the scene \(body, front.*, got 'door'"),
+        ("group:door", r"`at` must be a face group, and the mesh has none, got 'door'"),
+        ("part:door", r"`at` must be a part of the scene \(body, front.*, got 'door'"),
         ("500,500,500", r"`at` must lie near the shape, but 500,500,500 is 86\d.* away, more than the diagonal"),
         ((500, 500, 500), r"`at` must lie near the shape"),
-        ("y>7", r"`region` must hold a vertex, but the side \(0, 1, 0\) · p ≥ 7 holds none of the mesh's 92"),
+        ("y>7", r"`at` must hold a vertex, but the side \(0, 1, 0\) · p ≥ 7 holds none of the mesh's 92"),
         ("ball:0,0,0,-1", r"`radius` must be above 0, got -1"),
         ("ball:0,0,0", r"`at` must be a vertex index, a point x,y,z, .* got 'ball:0,0,0'"),
         ("box:1,0,0,0,1,1", r"`low` must not exceed `high`, got \(1.0, 0.0, 0.0\) and \(0.0, 1.0, 1.0\)"),
@@ -190,7 +190,7 @@ def test_what_is_no_region_is_refused(make, message):
 
 
 def test_a_mesh_made_from_arrays_is_one_part(mesh):
-    with pytest.raises(ValueError, match=r"`name` must be a part of the scene \(mesh\), got 'seat'"):
+    with pytest.raises(ValueError, match=r"`at` must be a part of the scene \(mesh\), got 'seat'"):
         place_on(mesh, "part:seat")
 
 

@@ -114,3 +114,12 @@ def test_little_is_not_nothing(mesh, field):
     deformer = dfd.Deformer(mesh, field, features=features)
     deformer.add(5, translation=(0, 1, 0))
     assert str(deformer.report()).startswith("moved less than 1 % of the vertices, up to 1; handle 1 arrived")
+
+
+def test_a_negative_scale_is_told_to_mirror(deformer):
+    deformer.add(5, scale=(1, -1, 1))
+    assert str(deformer.report()).endswith(
+        "handle 1 mirrors what follows, whose faces then look inward: a factor of scale is negative"
+    )
+    deformer.move(1, scale=(-1, -1, 1))  # half a turn
+    assert deformer.report().advice is None

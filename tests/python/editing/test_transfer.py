@@ -82,6 +82,18 @@ def test_the_carried_edit_deforms_the_other_shape_as_the_first_one(mesh, moved, 
     np.testing.assert_allclose(there.vertices[number], 3 * session.vertices + (5, 0, 0), atol=1e-4)
 
 
+def test_confidence_of_the_learned_metric_is_how_often_such_a_place_is_right(mesh, moved, fields):
+    stranger = Known(3.0, (5, 0, 0), mesh)
+    stranger.signature = field_of(mesh, seed=9, scale=2)
+    session = dfd.Deformer(mesh, fields[0], features=fields[0].features(mesh))
+    session.add(5)
+    cosine = transfer(session.edit, mesh, fields[0], moved[0], stranger).confidence[1]
+    stranger.settings = {**stranger.settings, "metric": "learned"}
+    learned = transfer(session.edit, mesh, fields[0], moved[0], stranger)
+    assert 0 < cosine < 1
+    assert learned.confidence[1] == pytest.approx(np.interp(cosine, [0, 0.2, 0.45, 0.75, 1], [0, 0.38, 0.45, 0.8, 1]))
+
+
 def test_a_stranger_gets_little_confidence(mesh, moved, fields):
     stranger = Known(3.0, (5, 0, 0), mesh)
     stranger.signature = field_of(mesh, seed=9, scale=2)

@@ -226,7 +226,10 @@ Region = Ball | Box | Group | HalfSpace | Part | VertexSet
 
 def members(mesh: Mesh, region: Region) -> Indices:
     """(N,) ascending, the vertices of `mesh` in `region`; ValueError if there is none."""
-    found = np.flatnonzero(region.inside(mesh))
+    try:
+        found = np.flatnonzero(region.inside(mesh))
+    except ArgumentError as error:  # a name that the mesh does not have; who gave the region knows it as a whole
+        raise ArgumentError("region", error.reason) from None
     if len(found) == 0:
         raise ArgumentError("region", f"must hold a vertex, but {region} holds none of the mesh's {len(mesh.vertices)}")
     return found

@@ -22,7 +22,7 @@ import {
   Toggle,
   Triple,
 } from "../widgets/controls";
-import { Tip } from "../widgets/tips";
+import { Tip, useHint } from "../widgets/tips";
 import { ControlField } from "./control_field";
 
 /** Milliseconds between numbers that change with every frame of a drag: painting them costs more than the frame. */
@@ -189,6 +189,10 @@ interface BendProps {
 
 /** How far the tip bends, and turns about the part's own axis. */
 function Bend({ handle, transform: { bend, twist, joint }, set }: BendProps) {
+  const [bends, twists] = [
+    "How far the tip of what is held bends; drag it in the view for any direction",
+    "How far the tip turns about the part's own axis",
+  ];
   const degrees = Math.hypot(...bend);
   // What does not bend yet bends up, or to the front.
   const bendBy = (angle: number) =>
@@ -197,13 +201,13 @@ function Bend({ handle, transform: { bend, twist, joint }, set }: BendProps) {
       : set({ bend: bend.map((part) => (part * angle) / degrees) as unknown as Transform["bend"] });
   return (
     <div class="bend" role="group" aria-label="Bend and twist">
-      <label class="select" title="How far the tip of what is held bends; drag it in the view for any direction">
+      <label class="select" {...useHint(bends)}>
         <span>Bend °</span>
-        <NumberField label="Bend °" value={degrees} step={1} onChange={bendBy} />
+        <NumberField label="Bend °" value={degrees} step={1} hint={bends} onChange={bendBy} />
       </label>
-      <label class="select" title="How far the tip turns about the part's own axis">
+      <label class="select" {...useHint(twists)}>
         <span>Twist °</span>
-        <NumberField label="Twist °" value={twist} step={1} onChange={(angle) => set({ twist: angle })} />
+        <NumberField label="Twist °" value={twist} step={1} hint={twists} onChange={(angle) => set({ twist: angle })} />
       </label>
       <Select
         label="Bends"

@@ -7,6 +7,7 @@ import type { Vec3 } from "../posing/affine";
 import { shortcut, toggle } from "../actions/keyboard";
 import { useParts } from "../store/use";
 import { Icon, type IconName } from "./icons";
+import { useHint } from "./tips";
 
 export const count = new Intl.NumberFormat("en");
 
@@ -91,7 +92,7 @@ interface ChoiceProps<Value extends string> {
 /** One of a few words, all of them in sight. */
 export function Segmented<Value extends string>({ label, value, options, hint, onChange }: ChoiceProps<Value>) {
   return (
-    <div class="segmented" role="group" aria-label={label} title={hint}>
+    <div class="segmented" role="group" aria-label={label} aria-description={hint} {...useHint(hint)}>
       {options.map((option) => (
         <button key={option} type="button" aria-pressed={option === value} onClick={() => onChange(option)}>
           {titled(option)}
@@ -103,9 +104,9 @@ export function Segmented<Value extends string>({ label, value, options, hint, o
 
 export function Select<Value extends string>({ label, value, options, hint, named, onChange }: ChoiceProps<Value>) {
   return (
-    <label class="select" title={hint}>
+    <label class="select" {...useHint(hint)}>
       <span>{label}</span>
-      <select value={value} onChange={(event) => onChange(event.currentTarget.value as Value)}>
+      <select value={value} aria-description={hint} onChange={(event) => onChange(event.currentTarget.value as Value)}>
         {options.map((option) => (
           <option key={option} value={option}>
             {titled(named?.[option] ?? option)}
@@ -122,10 +123,11 @@ interface NumberFieldProps {
   readonly step: number;
   readonly onChange: (value: number) => void;
   readonly axis?: "x" | "y" | "z";
+  readonly hint?: string;
 }
 
 /** A number to type, or to change by the arrow keys; it is taken when the field is left, as by Enter. */
-export function NumberField({ label, value, step, onChange, axis }: NumberFieldProps) {
+export function NumberField({ label, value, step, onChange, axis, hint }: NumberFieldProps) {
   const [typed, setTyped] = useState<string | null>(null);
   const take = () => {
     if (typed === null) return;
@@ -140,6 +142,7 @@ export function NumberField({ label, value, step, onChange, axis }: NumberFieldP
         type="text"
         inputMode="decimal"
         aria-label={label}
+        aria-description={hint}
         value={typed ?? readable(value)}
         onFocus={(event) => event.currentTarget.select()}
         onInput={(event) => setTyped(event.currentTarget.value)}
@@ -175,7 +178,7 @@ interface TripleProps {
 /** Three numbers, one for each axis. */
 export function Triple({ label, of = "", hint, value, step, onChange, action }: TripleProps) {
   return (
-    <div class="triple" role="group" aria-label={`${label}${of}`} title={hint}>
+    <div class="triple" role="group" aria-label={`${label}${of}`} aria-description={hint} {...useHint(hint)}>
       <span class="triple-label">
         {label}
         {action}
@@ -231,7 +234,7 @@ export function Slider({ label, of = "", hint, value, range: [min, max, step], t
     return () => clearTimeout(timer);
   }, [held, value]);
   return (
-    <div class="slider" title={hint}>
+    <div class="slider" {...useHint(hint)}>
       <span aria-hidden="true">{label}</span>
       <output aria-hidden="true">{text}</output>
       <input
@@ -242,6 +245,7 @@ export function Slider({ label, of = "", hint, value, range: [min, max, step], t
         value={shown}
         aria-label={`${label}${of}`}
         aria-valuetext={text}
+        aria-description={hint}
         onInput={(event) => {
           setHeld(event.currentTarget.valueAsNumber);
           onInput(event.currentTarget.valueAsNumber);
@@ -260,11 +264,12 @@ interface ToggleProps {
 
 export function Toggle({ label, hint, checked, onChange }: ToggleProps) {
   return (
-    <label class="toggle" title={hint}>
+    <label class="toggle" {...useHint(hint)}>
       <span>{label}</span>
       <input
         type="checkbox"
         role="switch"
+        aria-description={hint}
         checked={checked}
         onChange={(event) => onChange(event.currentTarget.checked)}
       />

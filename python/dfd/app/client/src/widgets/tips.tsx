@@ -1,10 +1,10 @@
 /** Strips of small pictures beside what they explain; `tools/tips.py` draws them. */
 
-import type { ComponentChildren } from "preact";
-import { useEffect, useState } from "preact/hooks";
+import { type ComponentChildren, createContext } from "preact";
+import { useContext, useEffect, useState } from "preact/hooks";
 
 /** What each picture of a strip shows. */
-const CAPTIONS = {
+export const CAPTIONS = {
   reach: ["short", "longer", "longest"],
   falloff: ["linear", "sphere", "constant"],
   strength: ["30 %", "60 %", "100 %"],
@@ -24,18 +24,27 @@ export function hasTip(name: string): name is TipName {
   return name in CAPTIONS;
 }
 
+const Tipped = createContext(false);
+
+/** A control's hint as attributes: its title, or beside a strip a line of the strip's card. */
+export function useHint(hint: string | undefined) {
+  const tipped = useContext(Tipped);
+  if (hint === undefined) return {};
+  return tipped ? { "data-hint": hint } : { title: hint };
+}
+
 /** Show the strip of that name while the pointer or the focus is on the children. */
 export function Tip({ of, children }: { readonly of: TipName; readonly children: ComponentChildren }) {
   return (
     <div class="tipped" data-tip={of}>
-      {children}
+      <Tipped.Provider value={true}>{children}</Tipped.Provider>
     </div>
   );
 }
 
 /** The strip that is shown now. */
 export function Tips() {
-  const [shown, setShown] = useState<{ name: TipName; left: number; top: number } | null>(null);
+  const [shown, setShown] = useState<{ name: TipName; hint: string; left: number; top: number } | null>(null);
   useEffect(() => {
     const ended = new AbortController();
     let [timer, on] = [0, null as Element | null];
@@ -45,15 +54,16 @@ export function Tips() {
       setShown(null);
     };
     const show = ({ target }: Event) => {
-      const place = target instanceof Element ? target.closest<HTMLElement>("[data-tip]") : null;
-      if (place === on) return;
+      const within = (wanted: string) => (target instanceof Element ? target.closest<HTMLElement>(wanted) : null);
+      const [place, hinted] = [within("[data-tip]"), within("[data-hint]")];
+      if ((hinted ?? place) === on) return;
       hide();
-      on = place;
+      on = hinted ?? place;
       const name = place?.dataset.tip;
       if (!place || !name || !hasTip(name)) return;
       timer = window.setTimeout(() => {
         const { left, top } = place.getBoundingClientRect();
-        setShown({ name, left, top });
+        setShown({ name, hint: hinted?.dataset.hint ?? "", left, top });
       }, PATIENCE);
     };
     for (const name of ["pointerover", "focusin"]) addEventListener(name, show, { signal: ended.signal });
@@ -83,6 +93,7 @@ export function Tips() {
           <span key={caption}>{caption}</span>
         ))}
       </figcaption>
+      {shown.hint && <p style={{ width: 104 * captions.length }}>{shown.hint}</p>}
     </figure>
   );
 }
