@@ -14,6 +14,9 @@ from scipy.sparse.csgraph import connected_components
 
 import dfd
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
+from dfd.distillation.thickness import thicknesses
+from dfd.mesh.normalization import box_normalization
+from dfd.views.raycast import Scene
 
 PATIENCE = 120.0  # seconds that a peer gets for one shape
 
@@ -31,6 +34,23 @@ def euclidean(vertices: NDArray[np.floating], handles: NDArray[np.integer]) -> F
 def geodesic(geodesics: dfd.Geodesics, handles: NDArray[np.integer]) -> Float32:
     """1 − distance along the surface, of the farthest vertex's: (V, H)."""
     return 1 - geodesics.distances(handles).T
+
+
+def thickness(mesh: dfd.Mesh, handles: NDArray[np.integer]) -> Float64:
+    """1 − how many times thicker or thinner the shape is there, as a logarithm, of the largest such ratio: (V, H).
+
+    Of faces, and of vertices the mean of theirs (shape diameter function; see `dfd.distillation.thickness`).
+    """
+    center, scale = box_normalization(*mesh.bounds) or (np.zeros(3), 1.0)
+    vertices = (mesh.vertices - center) * scale
+    corners = vertices[mesh.faces]
+    component = components_of(mesh.faces, len(vertices))[mesh.faces[:, 0]]
+    thick = thicknesses(Scene(vertices, mesh.faces), corners, corners.mean(axis=1), component)
+    around = np.log(np.maximum(thick, 1e-3)).repeat(3)
+    total, count = (np.bincount(mesh.faces.ravel(), each, len(vertices)) for each in (around, np.ones_like(around)))
+    value = total / np.maximum(count, 1)
+    apart = np.abs(value[:, None] - value[handles])
+    return np.asarray(1 - apart / np.maximum(apart.max(axis=0), 1e-300))
 
 
 def rounds(labels: NDArray[np.integer], handles: NDArray[np.integer]) -> list[Int64]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -24,7 +24,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 import dfd
-from bench.quality.baselines import euclidean, geodesic
+from bench.quality.baselines import euclidean, geodesic, thickness
 from bench.quality.labelled_shapes import LabelledShape, labelled_shapes
 from bench.quality.measures import draw_handles, handle_precision
 from bench.quality.report import timed
@@ -89,7 +89,7 @@ def main(arguments: Sequence[str]) -> None:
             found.append(_turned(on))
         else:
             field = dfd.distill(on.shape.mesh, progress=False)
-            found.append(_grips(on, field) if options.verb == "grip" else _judged(on, field))
+            found.append(_grips(on, field) if options.verb == "grip" else _judged(on, field, paper=options.paper))
         _write(options.output / name, found)
     if name == "labelled":
         found.sort(key=lambda each: each.worst[0])
@@ -101,16 +101,20 @@ def main(arguments: Sequence[str]) -> None:
     Console().print(f"{options.output / name}.md", highlight=False, soft_wrap=True)
 
 
-def _judged(on: LabelledShape, field: dfd.Field) -> Judged:
+def _judged(on: LabelledShape, field: dfd.Field, *, paper: bool) -> Judged:
     mesh = on.shape.mesh
     features = field.features(mesh)
     handles = draw_handles(on.labels, EACH)
     verdict: Verdict = {}
-    for name, method in (
-        ("", partial(dfd.bind, features)),
-        ("Euclidean ", partial(euclidean, mesh.vertices)),
-        ("geodesic ", partial(geodesic, dfd.Geodesics(mesh))),
-    ):
+    methods: dict[str, Callable[[Int64], NDArray[np.floating]]] = {
+        "": partial(dfd.bind, features),
+        "Euclidean ": partial(euclidean, mesh.vertices),
+        "geodesic ": partial(geodesic, dfd.Geodesics(mesh)),
+        "thickness ": partial(thickness, mesh),
+    }
+    if paper:
+        methods["paper "] = partial(dfd.bind, dfd.distill(mesh, preset="paper", progress=False).features(mesh))
+    for name, method in methods.items():
         weights = method(handles)
         verdict[f"{name}precision"] = _mean(on, handles, handle_precision(weights, on.labels, handles))
         truths = [on.labels == on.labels[handle] for handle in handles]
@@ -275,6 +279,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("folder", type=Path, help="folder with a folder a category")
     parser.add_argument("--quick", action="store_true", help="one mesh a category")
     parser.add_argument("--turned", action="store_true", help="precision alone, as shapes stand and turned")
+    parser.add_argument("--paper", action="store_true", help="the paper's distillation beside ours, minutes a shape")
     parser.add_argument("--only", metavar="CATEGORY", action="append", help="only this category; may be repeated")
     parser.add_argument("--cache", type=Path, help="folder that keeps fields, in place of the user's cache")
     parser.add_argument("--output", type=Path, default=OUTPUT, help="folder to write to (%(default)s)")

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 from sphinx.application import Sphinx
+from sphinx.environment import BuildEnvironment
 from sphinx.util import logging
 from typer.testing import CliRunner
 
@@ -49,6 +50,7 @@ log = logging.getLogger(__name__)
 def setup(app: Sphinx) -> dict[str, bool]:
     """Run a page's code when the page is read."""
     app.connect("builder-inited", _make_shapes)
+    app.connect("env-before-read-docs", _show_last)
     app.connect("source-read", _run_page)
     return {"parallel_read_safe": False, "parallel_write_safe": True}
 
@@ -58,6 +60,11 @@ def _make_shapes(app: Sphinx) -> None:
     PICTURES.mkdir(exist_ok=True)
     if app.builder.name != "linkcheck":
         _Page(SHAPES).run((Path(app.srcdir) / f"{SHAPES}.md").read_text(encoding="utf-8"))
+
+
+def _show_last(app: Sphinx, env: BuildEnvironment, names: list[str]) -> None:
+    """Read the page last that shows what others draw."""
+    names.sort(key=SHAPES.__eq__)
 
 
 def _run_page(app: Sphinx, name: str, source: list[str]) -> None:

@@ -2,7 +2,8 @@
 
 FOLDER gets `session.json`, and a folder for each shape: `mesh.bin`, `colors.bin`, `state.json` and `suggestions.json`
 are messages of the app's server (`dfd.app.protocol`); `features.bin` is what one step of the compact features is worth,
-as float32, and then their bytes.
+as float32, and then their bytes. `grips.bin` is what handles with the reach "part" weigh, in bytes: the grip of each
+vertex, and for each grip (V) weights in 255 steps.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from typing import Any
 import numpy as np
 
 import dfd
-from dfd.app.protocol.answers import FieldState, NewHandle, SampleEntry, SessionMessage, Suggestion, SuggestionsMessage
+from dfd.app.protocol.answers import FieldState, SampleEntry, SessionMessage, Suggestion, SuggestionsMessage
+from dfd.app.protocol.parts import control_entries
 from dfd.app.session.columns import Columns
 from dfd.app.session.state import ViewState, feature_colors_message, state_message
 from dfd.app.session.surface import mesh_messages
@@ -28,6 +30,7 @@ from dfd.samples.polygonize import polygonize
 from dfd.weights.compact import CompactFeatures
 
 FACES = 20_000
+SAMPLED = 9  # vertices of a grip: what most of them weigh stands for all
 TOLERANCES = (0.01, 0.02, 0.04)  # of weights: the first that bytes meet
 Triple = tuple[float, float, float]
 
@@ -36,7 +39,7 @@ def main(folder: Path) -> None:
     """Write all shapes."""
     meshes = {name: make() for name, make in SHAPES.items()}
     for name, mesh in meshes.items():
-        write(mesh, dfd.distill(mesh, progress=False), name, folder / name)
+        write(dfd.Deformer(mesh, dfd.distill(mesh, progress=False)), name, folder / name)
         print(f"{name}: {sum(file.stat().st_size for file in (folder / name).iterdir()) / 1e6:.2f} MB", flush=True)
     write_session(meshes, folder)
 
@@ -44,26 +47,35 @@ def main(folder: Path) -> None:
 def write_session(meshes: dict[str, dfd.Mesh], folder: Path) -> None:
     """Write what lists the shapes."""
     entries = [SampleEntry(name=name, title=name.capitalize(), faces=len(mesh.faces)) for name, mesh in meshes.items()]
+    # The page has columns for the reach "part" and for a number, which is no word.
+    controls = tuple(
+        each.model_copy(update={"choices": ("part",)}) if each.name == "reach" else each for each in control_entries()
+    )
     session = SessionMessage(
-        session="0" * 32, resumed=False, dfd=version("dfd"), samples=tuple(entries), upload_bytes=0, formats=()
+        session="0" * 32,
+        resumed=False,
+        dfd=version("dfd"),
+        samples=tuple(entries),
+        upload_bytes=0,
+        formats=(),
+        controls=controls,
     )
     (folder / "session.json").write_text(session.model_dump_json(), encoding="utf-8")
 
 
-def write(mesh: dfd.Mesh, field: dfd.Field, name: str, folder: Path) -> None:
-    """Write what the page needs of one shape."""
+def write(deformer: dfd.Deformer, name: str, folder: Path) -> None:
+    """Write what the page needs of the shape of a session that has just begun."""
     folder.mkdir(parents=True, exist_ok=True)
-    features = stored(field.on(mesh))
-    deformer = dfd.Deformer(mesh, field)
-    planes = dfd.symmetry_planes(field, mesh)
+    mesh = deformer.mesh
+    features = stored(deformer.features)
+    planes = dfd.symmetry_planes(deformer.bound.field, mesh)
     suggested = suggest_handles(mesh, features, count=8, planes=planes)
-    # One handle is the page's pattern for all: it weighs by distances alone, and look-alikes are not told apart.
-    reach = round(float(np.median([reach_of(deformer, each.vertex) for each in suggested])), 2)
+    held = grips(deformer)
+    # One handle is the page's pattern for all: look-alikes turn about its pivot.
     deformer.blend = "linear"
-    deformer.add(suggested[0].vertex, reach=reach, instances="shared_pivot", level=False)
+    deformer.add(suggested[0].vertex, instances="shared_pivot")
     view = ViewState(FieldState(status="ready", origin="prepared"), planes={"default": planes})
     state = state_message(view, deformer, Columns(deformer), after=0)
-    state = state.model_copy(update={"new_handle": NewHandle(reach=reach, falloff=state.handles[0].falloff)})
     places = tuple(
         Suggestion(vertex=each.vertex, position=tuple(mesh.vertices[each.vertex].tolist()), name=f"Part {number}")
         for number, each in enumerate(suggested, 1)
@@ -73,11 +85,29 @@ def write(mesh: dfd.Mesh, field: dfd.Field, name: str, folder: Path) -> None:
         "mesh.bin": shape,
         "colors.bin": feature_colors_message(deformer, request=0),
         "features.bin": packed(features),
+        "grips.bin": held,
         "state.json": state.model_dump_json().encode(),
         "suggestions.json": SuggestionsMessage(suggestions=places).model_dump_json().encode(),
     }
     for file, data in files.items():
         (folder / file).write_bytes(data)
+
+
+def grips(deformer: dfd.Deformer) -> bytes:
+    """The file of what new handles weigh wherever they are put: most vertices share few columns."""
+    of_vertex = deformer.bound.parts.grips()
+    rows = []
+    for number in range(of_vertex.max() + 1):
+        own = np.flatnonzero(of_vertex == number)
+        found = []
+        for vertex in own[:: -(-len(own) // SAMPLED)].tolist():
+            handle = deformer.add(vertex, instances="shared_pivot")
+            found.append(deformer.following[:, 0])
+            deformer.remove(handle)
+        rows.append(np.rint(255 * np.median(found, axis=0)).astype(np.uint8))
+    if len(rows) > 256:
+        raise ArgumentError("mesh", f"must have at most 256 grips for a byte each, got {len(rows)}", "grips")
+    return of_vertex.astype(np.uint8).tobytes() + np.concatenate(rows).tobytes()
 
 
 def packed(features: CompactFeatures) -> bytes:
@@ -92,14 +122,6 @@ def stored(rows: Any) -> CompactFeatures:
         if features.precision == "int8":
             return features
     raise ArgumentError("tolerance", f"must be larger for features of 8 bits, got {TOLERANCES}", "stored")
-
-
-def reach_of(deformer: dfd.Deformer, vertex: int) -> float:
-    """Where what looks like a vertex ends, as a handle finds it that has "auto"."""
-    number = deformer.add(vertex, reach="auto")
-    found = deformer.bound.reach(next(handle for handle in deformer.handles if handle.id == number))
-    deformer.undo()
-    return found
 
 
 # --- shapes: upright, about 1 high and mirrored at x = 0, as those of `dfd.samples`

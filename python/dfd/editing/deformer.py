@@ -119,7 +119,7 @@ class Deformer:
         self.field = check.field("Deformer", field)
         start = empty_edit(preset)
         if features is None and not other_shape:
-            check_compatible(field, self.mesh, allowed_by="other_shape=True")
+            check_compatible(field.center, field.scale, self.mesh, allowed_by="other_shape=True")
         self._weights = HandleWeights(self.mesh, field, features)
         self._posed = PosedShape(self.mesh, self._weights)
         self._start(start)

@@ -342,7 +342,8 @@ def _completed(document: dict[str, Any], mesh: Mesh | None = None) -> dict[str, 
     whole = {**meant["shape"], **({"reach_targets": False} if version == 1 else {}), **document, "version": VERSION}
     handles, fixed, plane = (whole.get(key) for key in ("handles", "fixed", "symmetry"))
     if isinstance(handles, list):
-        ids = {entry.get("id") for entry in handles if isinstance(entry, dict)}
+        named = (entry.get("id") for entry in handles if isinstance(entry, dict))
+        ids = {number for number in named if isinstance(number, int)}
         free = (number for number in range(1, 2 * len(handles) + 1) if number not in ids)
         whole["handles"] = [_grouped(entry, SPREAD, meant["handle"], free) for entry in handles]
     if isinstance(fixed, list):

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Float64
 
 if TYPE_CHECKING:
-    from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
 # Of the longest sides. The nearest units that get mixed up, inch and centimetre, differ by 2.54; a shape that was only
@@ -21,10 +21,10 @@ LARGEST_RATIO = 2.0
 FARTHEST_REACH = 1.5
 
 
-def check_compatible(field: Field, mesh: Mesh, *, allowed_by: str = "") -> None:
-    """Refuse a field whose own shape was of quite another size, or lay elsewhere.
+def check_compatible(center: Float64, scale: float, mesh: Mesh, *, allowed_by: str = "") -> None:
+    """Refuse a field of `center` and `scale` whose own shape was of quite another size, or lay elsewhere.
 
-    The field holds the longest side and the center of its shape's box and nothing else of it, so a stranger of the same
+    A field holds the longest side and the center of its shape's box and nothing else of it, so a stranger of the same
     size in the same position passes. So do other resolutions of the same shape, its parts down to half of its size, and
     poses of it. `allowed_by` is what the message says a caller who knows better can give.
 
@@ -32,7 +32,6 @@ def check_compatible(field: Field, mesh: Mesh, *, allowed_by: str = "") -> None:
     shape, or the box lies wholly outside the cube around that shape. Warns if the mesh reaches out of that cube by more
     than half of its half side: there the field only guesses.
     """
-    center, scale = field.center, field.scale
     low, high = (np.asarray(mesh.bounds) - center) * scale  # in the field's own cube, [-1, 1]³
     ratio = float((high - low).max()) / 2.0
     reach = float(max(-low.min(), high.max()))

@@ -284,7 +284,7 @@ class Field:
         if mesh is not None and not other_shape:
             with called("Field.load"), warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)  # the session that the field is for says it
-                check_compatible(field, mesh, allowed_by="other_shape=True")
+                check_compatible(field.center, field.scale, mesh, allowed_by="other_shape=True")
         field.source = FieldSource.of(path)
         return field
 

@@ -149,6 +149,11 @@ class Parts:
             np.asarray(weights, np.float32), np.where(side, pieces[patches.of_node], -1)[patches.nodes.of_vertex]
         )
 
+    def grips(self) -> Int64:
+        """(V,) numbers from 0: at vertices of one number `grip` is the same, but for a seam that snaps to them."""
+        chosen = [self._chosen(patch, "part") for patch in range(self._patches.borders.count)]
+        return np.asarray(np.unique(chosen, return_inverse=True)[1], np.int64)[self._patches.of_vertex]
+
     def cut(self) -> list[Part]:
         """Cut the whole shape into parts, the largest first; every vertex belongs to one.
 

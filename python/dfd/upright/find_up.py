@@ -85,8 +85,8 @@ def _along_the_file(standing: StabilityCues, frame: Float64, around: ProbeCamera
 def _tilted(standing: StabilityCues, frame: Float64, around: ProbeCameras, probe: UpProbe) -> Up:
     """Choose the up of a shape that is aligned with no axis of the file; `frame` holds its mirror plane.
 
-    Pictures along the shape's own axes give a first estimate, pictures of the likeliest candidates the final one. The
-    file's axes remain candidates, because the mirror plane may be wrong.
+    Pictures along all axes give a first estimate, pictures of the likeliest candidates the final one. The file's axes
+    remain candidates, because the mirror plane may be wrong.
     """
 
     def found() -> Up:
@@ -95,7 +95,7 @@ def _tilted(standing: StabilityCues, frame: Float64, around: ProbeCameras, probe
         before = UNALIGNED_PRIOR * np.array([prior(probe, each) for each in frames])
         return decide(frames, probe.terms(seen, frames[:, 1], evidence) @ probe.odds[2] + before)
 
-    seen = around.seen(np.stack(axis_frames(frame)), SIDES)
+    seen = around.seen(np.stack(axis_frames(np.eye(3))), SIDES)
     seen += around.seen(found().frames, CORNERS)
     return found()
 

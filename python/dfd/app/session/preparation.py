@@ -133,7 +133,7 @@ class Preparation:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", UserWarning)
             field = Field.load(path, mesh=self._mesh)
-            check_compatible(field, self._mesh)
+            check_compatible(field.center, field.scale, self._mesh)
         messages = [str(each.message) for each in caught if issubclass(each.category, UserWarning)]
         count, done, reported = len(self._mesh.vertices), 0, 0.0
 

@@ -104,16 +104,19 @@ export function posed(handle: HandleState, { pivot, axes, ...pose }: PoseTransfo
 
 export const AT_REST: Transform = { translation: ORIGIN, rotation: ORIGIN, scale: ONE };
 
-/** A handle with those controls set that are given: those of which weights are a function of distances. */
+/** A handle with those controls set that are given: those by which a column that is there can be weighed. */
 export function controlled(handle: HandleState, given: Controls): HandleState {
   const { name, reach, falloff, strength, ...others } = given;
-  if (typeof reach === "string" || Object.values(others).some((value) => (value ?? null) !== null)) {
+  if (reach === "auto" || Object.values(others).some((value) => (value ?? null) !== null)) {
     throw new Unserved();
   }
+  const reachBy = (reach ?? null) === null ? handle.reach_by : reach === "part" ? reach : "number";
   return {
     ...handle,
     name: name ?? handle.name,
-    reach: reach ?? handle.reach,
+    reach: typeof reach === "number" ? reach : handle.reach,
+    reach_by: reachBy,
+    level: reachBy === "part",
     falloff: falloff ?? handle.falloff,
     strength: strength ?? handle.strength,
   };

@@ -1,6 +1,6 @@
 /**
- * The server's part where there is none: shapes that were prepared (docs/tools/shapes.py), and the paper's weights by
- * the core itself. It answers what such a page can do, in the server's own messages, and refuses the rest.
+ * The server's part where there is none: shapes that were prepared (docs/tools/shapes.py) with what is held of their
+ * parts, and the paper's weights by the core itself. It answers what such a page can do, in the server's own messages, and refuses the rest.
  */
 
 import type { Link, LinkEvents } from "../actions/connection";
@@ -27,12 +27,17 @@ import type {
 import { store } from "../store/state";
 import { Features, loadCore, type Core } from "./bind";
 import { AT_REST, controlled, History, moved, NO_EDIT, posed, Unserved, withHandle, type Edit } from "./edit";
+import { Grips } from "./grips";
 
 /** The largest distance between two features, and the steps of a column. */
 const FARTHEST = 2;
 const STEPS = 65535;
 /** What fixed points must leave of a handle's own weight, for it to be made good. */
 const LEAST_LEFT = 0.01;
+/** The number that stands for a part is at least this, and so many times how far most of the part differs. */
+const LEAST_REACH = 0.1;
+const MOST_OF_PART = 0.9;
+const AROUND_PART = 2;
 
 export function alone({ opened, received }: LinkEvents): Link {
   store.set({ alone: 'pip install "dfd[app]", then dfd app' });
@@ -51,6 +56,7 @@ interface Shape {
   readonly name: string;
   readonly mesh: Received;
   readonly features: Features;
+  readonly grips: Grips;
   /** As it is at first; its one handle is the pattern of all. */
   readonly state: StateMessage;
   readonly history: History;
@@ -140,16 +146,20 @@ class Server {
     this.say({ ...progress, stage: "read" });
     try {
       this.core ??= fetched("dfd.wasm").then(loadCore);
-      const [file, state, features] = await Promise.all([
+      const [file, state, features, grips] = await Promise.all([
         fetched(`shapes/${name}/mesh.bin`),
         asked(`shapes/${name}/state.json`).then((response) => response.json() as Promise<StateMessage>),
         fetched(`shapes/${name}/features.bin`),
+        fetched(`shapes/${name}/grips.bin`),
       ]);
       const mesh = decode(file);
       const { vertices } = mesh.message as MeshMessage;
-      const held = new Features(await this.core, vertices, features);
+      const held = {
+        features: new Features(await this.core, vertices, features),
+        grips: new Grips(vertices, new Uint8Array(grips)),
+      };
       this.close();
-      this.shape = { name, mesh, state, features: held, history: new History(NO_EDIT), poses: [] };
+      this.shape = { name, mesh, state, ...held, history: new History(NO_EDIT), poses: [] };
       this.tell(mesh);
       this.tellState(0);
     } finally {
@@ -192,7 +202,7 @@ class Server {
     const vertex = vertexOf(at);
     const position = this.position(vertex);
     const fresh: HandleState = { ...state.handles[0], handle: this.next++, vertex, position, pivot: position };
-    const added = controlled(moved(fresh, transform ?? {}), controls ?? {});
+    const added = this.numbered(controlled(moved(fresh, transform ?? {}), controls ?? {}));
     const edit = history.present;
     history.set({ ...edit, handles: [...edit.handles, added] });
     this.tellState(id);
@@ -228,7 +238,7 @@ class Server {
       }
       case "change":
         if (request.at) throw new Unserved();
-        return withHandle(edit, request.handle, (handle) => controlled(handle, request.controls ?? {}));
+        return withHandle(edit, request.handle, (handle) => this.numbered(controlled(handle, request.controls ?? {})));
       case "remove":
         return { ...edit, handles: edit.handles.filter(({ handle }) => handle !== request.handle) };
       case "clear":
@@ -258,6 +268,17 @@ class Server {
     }
   }
 
+  /** The handle with the number that comes nearest to the reach "part", to go on from. */
+  private numbered(handle: HandleState): HandleState {
+    if (handle.reach_by !== "part") return handle;
+    const { features, grips } = this.opened;
+    const vertex = handle.vertex ?? 0;
+    const weights = grips.weights(vertex);
+    const near = features.bind([vertex], FARTHEST).filter((_, at) => weights[at] > 0.5);
+    const least = near.sort()[Math.floor((1 - MOST_OF_PART) * near.length)];
+    return { ...handle, reach: Math.min(Math.max(AROUND_PART * FARTHEST * (1 - least), LEAST_REACH), FARTHEST) };
+  }
+
   private plane(wanted: Plane | "auto" | "x" | "y" | "z" | null): Plane | null {
     const found = this.opened.state.planes.at(0);
     if (wanted === null || typeof wanted !== "string") return wanted;
@@ -272,21 +293,27 @@ class Server {
 
   private tellState(after: number): void {
     const { state, history, poses } = this.opened;
-    const { handles, fixed, ...whole } = history.present;
-    const columns = new Map(handles.map(({ vertex }) => [this.number(`handle ${vertex}`), vertex ?? 0]));
+    const { fixed, ...whole } = history.present;
     const fixedColumn = fixed.length > 0 ? this.number(JSON.stringify(fixed)) : 0;
     const still = fixed.length > 0 ? this.still(fixed) : null;
-    const left = ({ vertex }: HandleState) => 1 - (still?.[vertex ?? 0] ?? 0);
-    this.tellColumns(columns, still, fixedColumn);
+    const handles = whole.handles.map((handle) => {
+      const vertex = handle.vertex ?? 0;
+      const left = 1 - (still?.[vertex] ?? 0);
+      const own = { ...handle, gain: left >= LEAST_LEFT ? 1 / left : 1 };
+      // What is sent as weights depends on all that they do.
+      return handle.reach_by === "part"
+        ? {
+            ...own,
+            column: this.number(`part ${vertex} ${handle.strength} ${fixedColumn}`),
+          }
+        : { ...own, column: this.number(`handle ${vertex}`) };
+    });
+    this.tellColumns(handles, still, fixedColumn);
     this.say({
       ...state,
       ...whole,
       after,
-      handles: handles.map((handle) => ({
-        ...handle,
-        column: this.number(`handle ${handle.vertex}`),
-        gain: left(handle) >= LEAST_LEFT ? 1 / left(handle) : 1,
-      })),
+      handles,
       fixed,
       fixed_column: fixedColumn,
       can_undo: history.canUndo,
@@ -303,20 +330,30 @@ class Server {
   }
 
   /** Send those columns, by number, that the page has not got. */
-  private tellColumns(handles: ReadonlyMap<number, number>, still: Float32Array | null, fixedColumn: number): void {
+  private tellColumns(handles: readonly HandleState[], still: Float32Array | null, fixedColumn: number): void {
     const arrays: Record<string, Uint16Array> = {};
     const columns: ColumnsMessage["columns"][number][] = [];
     const put = (column: number, kind: "distance" | "weight", values: () => Uint16Array) => {
-      if (this.sent.has(column)) return;
+      if (this.sent.has(column) || `values${column}` in arrays) return;
       arrays[`values${column}`] = values();
       const scale = kind === "distance" ? FARTHEST : 1;
       columns.push({ column, kind, values: `values${column}`, scale, geodesic: null });
     };
-    for (const [column, vertex] of handles) put(column, "distance", () => this.distances(vertex));
+    for (const handle of handles) {
+      if (handle.reach_by === "part") put(handle.column, "weight", () => this.weights(handle, still));
+      else put(handle.column, "distance", () => this.distances(handle.vertex ?? 0));
+    }
     if (still) put(fixedColumn, "weight", () => Uint16Array.from(still, (weight) => Math.round(weight * STEPS)));
     // The page forgets what the state does not name.
-    this.sent = new Set([...handles.keys(), fixedColumn]);
+    this.sent = new Set([...handles.map(({ column }) => column), fixedColumn]);
     if (columns.length > 0) this.tell(withArrays<ColumnsMessage>({ type: "columns", id: 0, columns }, arrays));
+  }
+
+  /** (V) what follows a handle that holds a part, in steps, with its strength and less what fixed places take away. */
+  private weights({ vertex, strength, gain }: HandleState, still: Float32Array | null): Uint16Array {
+    const weights = this.opened.grips.weights(vertex ?? 0);
+    const left = (weight: number, at: number) => Math.min(weight * (1 - (still?.[at] ?? 0)) * gain, 1);
+    return Uint16Array.from(weights, (weight, at) => Math.round(strength * left(weight, at) * STEPS));
   }
 
   /** (V) from a vertex, in steps of what is farthest: a handle that reaches so far weighs the rest of 1. */
@@ -334,8 +371,13 @@ class Server {
     );
   }
 
+  /** Distances of which the page makes, by its falloff, what a new handle would hold: its smooth curve turned round. */
   private heat(vertex: number): Received {
-    const values = this.distances(vertex);
+    const { reach } = this.opened.state.new_handle;
+    const within = (weight: number) => 0.5 - Math.sin(Math.asin(1 - 2 * weight) / 3);
+    const values = Uint16Array.from(this.opened.grips.weights(vertex), (weight) =>
+      Math.round((reach / FARTHEST) * (1 - within(weight)) * STEPS),
+    );
     return withArrays<HeatMessage>({ type: "heat", id: 0, vertex, scale: FARTHEST }, { values });
   }
 }

@@ -3,7 +3,7 @@ import type { HandleState } from "../protocol/messages";
 import { store } from "../store/state";
 import { useParts } from "../store/use";
 import { held } from "../viewer/scene";
-import { percent, Segmented, Select, Served, Slider, Toggle } from "../widgets/controls";
+import { percent, Segmented, Select, Slider, Toggle } from "../widgets/controls";
 import { hasTip, Tip } from "../widgets/tips";
 
 /** What a slider says of the present value, where that is more than a number. */
@@ -66,15 +66,13 @@ function PlainField({ name, handle }: ControlProps) {
   return (
     <>
       {field}
-      <Served>
-        <Segmented
-          label="Reach by"
-          hint="Up to the part's border, as far as suits what looks alike, or as set"
-          value={handle.reach_by}
-          options={[...choices, "number"]}
-          onChange={setBy}
-        />
-      </Served>
+      <Segmented
+        label="Reach by"
+        hint="Up to the part's border, as far as suits what looks alike, or as set"
+        value={handle.reach_by}
+        options={[...choices, "number"]}
+        onChange={setBy}
+      />
     </>
   );
 }

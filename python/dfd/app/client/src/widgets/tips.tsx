@@ -1,4 +1,4 @@
-/** Strips of small pictures beside what they explain; `tools/tips.py` draws them. */
+/** Strips of small pictures beside what they explain; `docs/tools/tips.py` draws them. */
 
 import { type ComponentChildren, createContext } from "preact";
 import { useContext, useEffect, useState } from "preact/hooks";

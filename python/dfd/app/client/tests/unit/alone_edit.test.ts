@@ -16,6 +16,8 @@ const HANDLE = {
   pivot_at: null,
   axes: null,
   reach: 0.5,
+  reach_by: "part",
+  level: true,
   falloff: "smooth",
   strength: 1,
   moved: false,
@@ -43,12 +45,19 @@ describe("a handle", () => {
     expect(posed(moved(HANDLE, { pivot: [9, 9, 9] }), pose)).toMatchObject({ pivot_set: false, moved: true });
   });
 
+  it("weighs by its part, or by a number without the look-alikes in full", () => {
+    const numbered = controlled(HANDLE, { reach: 0.3, falloff: "sharp" });
+    expect(numbered).toMatchObject({ reach: 0.3, reach_by: "number", level: false, falloff: "sharp" });
+    expect(controlled(numbered, { strength: 0.5 })).toMatchObject({ reach: 0.3, reach_by: "number", strength: 0.5 });
+    expect(controlled(numbered, { reach: "part" })).toMatchObject({ reach_by: "part", level: true });
+    expect(controlled(HANDLE, { name: "ear" })).toMatchObject({ reach_by: "part", level: true });
+  });
+
   it("refuses what takes a server", () => {
     for (const transform of [{ bend: 3 }, { twist: 1 }, { joint: 0.5 }, { axes: "normal" }, { pivot: "base" }] as const)
       expect(() => moved(HANDLE, transform)).toThrow("takes the app");
-    for (const controls of [{ locality: 2 }, { reach: "part" }, { level: true }, { radius: 1 }] as const)
+    for (const controls of [{ locality: 2 }, { reach: "auto" }, { level: true }, { radius: 1 }] as const)
       expect(() => controlled(HANDLE, controls)).toThrow("takes the app");
-    expect(controlled(HANDLE, { reach: 0.3, falloff: "sharp" })).toMatchObject({ reach: 0.3, falloff: "sharp" });
     expect(() => withHandle(HELD, 2, (handle) => handle)).toThrow("no handle 2");
   });
 });

@@ -1,5 +1,6 @@
 // The page without a server, out of a folder: a shape is held, dragged, undone, fixed and mirrored. DFD_OUT gets what was
-// seen, for others to judge: where the vertices went, bytes until the first drag, and frames a second of one.
+// seen, for others to judge: where the vertices went, bytes until the first drag, and frames a second of one. DFD_HELD
+// may name the vertices of which one is held.
 import assert from "node:assert/strict";
 import { writeFileSync } from "node:fs";
 import { join } from "node:path";
@@ -8,6 +9,7 @@ import { after, before, test } from "node:test";
 import { alive, drag, drawn, hold, launch, openTab, PATIENCE, shot, state, until, visibleVertex } from "../page.mjs";
 
 const SHAPE = process.env.DFD_SHAPE ?? "animal";
+const HELD = JSON.parse(process.env.DFD_HELD ?? "null");
 let browser, page, problems;
 const seen = {};
 
@@ -51,12 +53,13 @@ test("what would follow lights up under the pointer", { timeout: PATIENCE }, asy
 });
 
 test("a handle is dragged, and what looks alike follows", { timeout: PATIENCE }, async () => {
-  const vertex = await hold(page, null, 1);
+  const vertex = await hold(page, HELD, 1);
   await until(page, (s) => s.columns.size > 0);
   await drag(page, [0, -50], 60);
   await page.waitForTimeout(200);
   seen.handle = await state(page, (s) => s.edit.handles[0]);
   assert.equal(seen.handle.vertex, vertex);
+  assert.equal(seen.handle.reach_by, "part");
   seen.positions = await page.evaluate(() => {
     const { mesh } = window.dfd.store.get();
     const [rows, vertices] = [window.dfd.positions(), window.dfd.vertices()];
@@ -86,8 +89,14 @@ test("steps are undone and done again, one for a drag", { timeout: PATIENCE }, a
 
 test("the reach, a fixed place and a mirror act", { timeout: PATIENCE }, async () => {
   const before = await state(page, (s) => s.edit.handles[0].reach);
-  await page.keyboard.press("]");
-  await until(page, (s, reach) => s.edit.handles[0].reach > reach && s.ahead.size === 0, before);
+  await page.keyboard.press("[");
+  await until(page, (s, reach) => s.edit.handles[0].reach < reach && s.ahead.size === 0, before);
+  await until(page, (s) => s.edit.handles[0].reach_by === "number" && s.columns.size === 1);
+  const kind = (wanted) =>
+    until(page, (s, kind) => s.columns.get(s.edit.handles[0].column)?.layer.kind === kind, wanted);
+  await kind("distance");
+  await page.getByRole("group", { name: "Reach by" }).getByRole("button", { name: "Part" }).click();
+  await kind("weight");
   const held = await state(page, (s) => s.edit.handles[0].vertex);
   const others = await page.evaluate(() => window.dfd.vertices().filter((_, row) => row % 97 === 0));
   await page.keyboard.press("x");

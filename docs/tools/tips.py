@@ -1,4 +1,4 @@
-"""Draws the strips of pictures that tooltips show, `public/tips/CONTROL.webp`: python tools/tips.py.
+"""Draws the strips of pictures that tooltips show, `python -m docs.tools.tips`.
 
 They are of a made quadruped, whose features are its parts' labels, softened along the surface: nothing is learned.
 """
@@ -17,7 +17,7 @@ from dfd.field.vertex_field import VertexField
 from dfd.pictures.picture import picture
 
 CELL, DRAWN = 104, 416  # pixels along a picture, and along what it is made smaller from
-TARGET = Path(__file__).parents[1] / "public" / "tips"
+TARGET = Path(__file__).parents[2] / "python/dfd/app/client/public/tips"
 
 
 def features_of(sample: dfd.samples.Sample) -> np.ndarray:
