@@ -93,7 +93,7 @@ export function Tips() {
           <span key={caption}>{caption}</span>
         ))}
       </figcaption>
-      {shown.hint && <p style={{ width: 104 * captions.length }}>{shown.hint}</p>}
+      {shown.hint && <p style={{ width: `${104 * captions.length}px` }}>{shown.hint}</p>}
     </figure>
   );
 }
