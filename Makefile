@@ -142,24 +142,27 @@ fuzz: $(VENV)/installed-test
 
 # The kernels' own tests under each sanitizer, then the tests of arrays through nanobind under that of addresses.
 sanitize: $(VENV)/installed-test
-	for preset in asan tsan; do PATH="$(abspath $(BIN)):$$PATH" sh -c \
+	for preset in asan tsan; do $(BUILDERS_FIRST) sh -c \
 	  "cmake --preset $$preset && cmake --build --preset $$preset && ctest --preset $$preset" || exit 1; done
 	PATH="$(abspath $(BIN)):$$PATH" tests/sanitize/arrays
 
+# With CMake and ninja of the environment, and without make's jobs, which ninja would look for and not find.
+BUILDERS_FIRST = MAKEFLAGS= PATH="$(abspath $(BIN)):$$PATH"
+
 # The core's own tests on an ARM processor that qemu-user plays, by Debian's g++-aarch64-linux-gnu.
 arm64: $(VENV)/builders
-	PATH="$(abspath $(BIN)):$$PATH" sh -c \
+	$(BUILDERS_FIRST) sh -c \
 	  "cmake --preset arm64 && cmake --build --preset arm64 && ctest --preset arm64 --parallel $(JOBS)"
 
 # The core for browsers, by Debian's clang, lld, libc++-dev-wasm32, wasi-libc and libclang-rt-dev-wasm32.
 wasm: $(VENV)/builders
-	PATH="$(abspath $(BIN)):$$PATH" sh -c "cmake --preset wasm && cmake --build --preset wasm"
+	$(BUILDERS_FIRST) sh -c "cmake --preset wasm && cmake --build --preset wasm"
 
 # Whether the core and its tests compile for systems that are not at hand.
 cross: export DFD_PYTHON = $(abspath $(BIN)/python)
 cross: $(VENV)/builders
 	$(INSTALL) ziglang
-	for preset in macos windows; do PATH="$(abspath $(BIN)):$$PATH" sh -c \
+	for preset in macos windows; do $(BUILDERS_FIRST) sh -c \
 	  "cmake --preset $$preset && cmake --build --preset $$preset" || exit 1; done
 
 # Rebuilt whenever a source that ends up in the package changes.

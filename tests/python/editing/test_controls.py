@@ -332,7 +332,7 @@ def test_a_point_of_space_has_the_normal_of_the_nearest_vertex(session, mesh):
         ({"mask": "y>0", "mask_feather": -1}, r"Deformer.add: `mask_feather` must be at least 0, got -1"),
         ({"mask": "y>0", "mask_feather": "wide"}, r"Deformer.add: `mask_feather` must be a length or a percentage"),
         ({"mask": "top"}, r"Deformer.add: `mask` must be a region, got 'top'"),
-        ({"mask": "y>70"}, r"Deformer.add: `region` must hold a vertex, but the side"),
+        ({"mask": "y>70"}, r"Deformer.add: `mask` must hold a vertex, but the side"),
         ({"axes": np.ones((3, 3))}, r"Deformer.add: `axes` must be 3 unit vectors at right angles"),
     ],
 )
