@@ -1,6 +1,7 @@
 """Before and after one gesture with the defaults, on animals, people and things: `python docs/grips.py`, then look.
 
 What is held is grabbed at one place and moved in one way. Nothing may tear, crease or spike, and nothing else may move.
+Before it stand the parts of that place: the smallest, the one that a handle takes, and the one around it.
 Meshes come from the folders that DFD_MESHES names, with ":" between them; what is not there is left out.
 """
 
@@ -19,8 +20,10 @@ import numpy as np
 import dfd
 from dfd.pictures.contact_sheet import contact_sheet
 from dfd.pictures.picture import picture, save_png
+from dfd.segmentation.parts import Level
 
 CELL = 260
+LEVELS: tuple[Level, ...] = ("smaller", "part", "larger")
 ROWS = 4  # on a page
 Vector = tuple[float, float, float]
 
@@ -94,11 +97,15 @@ def _session(grip: Grip) -> dfd.Deformer | None:
 
 
 def _cells(grip: Grip, session: dfd.Deformer) -> Iterator[tuple[Any, str]]:
-    """What follows, the shape before, and after from two sides."""
+    """The parts there, what follows, the shape before, and after from two sides."""
     mesh, vertex = session.mesh, grip.on(session)
     moved, follows = session.vertices, session.following[:, 0]
     where: dict[str, Any] = {"elevation": grip.elevation, "frame": [mesh.vertices, moved], "resolution": CELL}
     dots = np.array([vertex])
+    for level in LEVELS:
+        inside = np.isin(np.arange(len(mesh.vertices)), session.part(vertex, level=level).indices)
+        drawn = picture(mesh, weights=inside, handles=dots, azimuth=grip.azimuth, **where)
+        yield drawn, f"{level}: {inside.mean():.0%}"
     told = session.report().handles[0]
     yield picture(mesh, weights=follows, handles=dots, azimuth=grip.azimuth, **where), f"{told}"
     for azimuth in (grip.azimuth, grip.azimuth + 60):
