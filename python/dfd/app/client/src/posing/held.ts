@@ -22,13 +22,22 @@ export function surfaceOf(
   most: number = MOST_SAMPLES,
 ): Surface {
   const around = new Float64Array(count);
+  // Millions of triangles while the page waits: no array is made for any of them.
   const side = (from: number, to: number, axis: number) => positions[3 * to + axis] - positions[3 * from + axis];
   for (let corner = 0; corner < triangles.length; corner += 3) {
-    const [a, b, c] = triangles.subarray(corner, corner + 3);
-    const [ux, uy, uz] = [side(a, b, 0), side(a, b, 1), side(a, b, 2)];
-    const [vx, vy, vz] = [side(a, c, 0), side(a, c, 1), side(a, c, 2)];
+    const a = triangles[corner];
+    const b = triangles[corner + 1];
+    const c = triangles[corner + 2];
+    const ux = side(a, b, 0);
+    const uy = side(a, b, 1);
+    const uz = side(a, b, 2);
+    const vx = side(a, c, 0);
+    const vy = side(a, c, 1);
+    const vz = side(a, c, 2);
     const area = Math.hypot(uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx);
-    for (const row of [a, b, c]) around[vertexOf[row]] += area;
+    around[vertexOf[a]] += area;
+    around[vertexOf[b]] += area;
+    around[vertexOf[c]] += area;
   }
   // A coarse level has no triangles at most vertices.
   const used = Uint32Array.from(around.keys()).filter((vertex) => around[vertex] > 0);
