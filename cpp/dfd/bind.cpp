@@ -59,7 +59,7 @@ public:
             quads_.assign(padded * dimension_ / 4, 0);
             pairs_.assign(2 * quads_.size(), 0);
             quad_squares_.assign(padded, 0);
-            narrow_.assign(padded, 1);
+            products_fit_.assign(padded, 1);
         } else {
             rows_.assign(padded * dimension_, 0.0f);
             squares_.assign(padded, 0.0f);
@@ -78,7 +78,7 @@ public:
         for (std::size_t p = 0; p < strengths.size(); ++p)
             if (strengths[p] == 0) offsets_[p] = std::numeric_limits<float>::max();  // holds nothing: far from everything
         rows = {rows_.data(),   squares_.data(),      quads_.data(),   pairs_.data(),
-                narrow_.data(), quad_squares_.data(), offsets_.data(), count};
+                products_fit_.data(), quad_squares_.data(), offsets_.data(), count};
     }
 
     PackedPoints(const PackedPoints&) = delete;
@@ -100,15 +100,15 @@ private:
 
     void pack_bytes(std::span<const float> row, std::size_t j)
     {
-        std::int32_t square = 0, sum = 0;
+        std::int32_t square = 0, sum = 0, before = 0;
         const std::size_t group = j / group_size * (dimension_ / 4);
         for (std::size_t k = 0; k < dimension_; ++k) {
             const auto entry = static_cast<std::int32_t>(std::lround(row[k]));
             require(entry >= -127 && entry <= 127, "bind: entries of bytes must lie within ±127");
             square += entry * entry;
             sum += entry;
-            const std::int32_t before = k % 2 == 0 ? 0 : static_cast<std::int32_t>(std::lround(row[k - 1]));
-            if (std::abs(before) + std::abs(entry) > most_narrow) narrow_[j] = 0;
+            if (k % 2 == 1 && std::abs(before) + std::abs(entry) > most_together) products_fit_[j] = 0;
+            before = entry;
             const std::size_t quad = group + k / 4, lane = j % group_size;
             put(quads_[quad * group_size + lane], entry & 0xff, k % 4 * 8);
             put(pairs_[(2 * quad + k % 2) * group_size + lane], entry & 0xffff, k % 4 / 2 * 16);
@@ -122,12 +122,12 @@ private:
     }
 
     // Of two neighbors: their products with bytes, up to 255 of each, add up within 16 bits.
-    static constexpr std::int32_t most_narrow = 128;
+    static constexpr std::int32_t most_together = 128;
 
     std::size_t dimension_;
     std::vector<float> rows_, squares_, offsets_;
     std::vector<std::int32_t> quads_, pairs_, quad_squares_;
-    std::vector<std::uint8_t> narrow_;
+    std::vector<std::uint8_t> products_fit_;
 };
 
 std::vector<Power> powers_of(std::span<const float> locality)

@@ -123,9 +123,9 @@ public:
 #if defined(__AVX512F__) || !defined(__x86_64__)
         add_products<Quad>(points, first, sum);
 #elif defined(__AVX2__)
-        bool narrow = true;
-        for (std::size_t j = 0; j < Count; ++j) narrow &= points.narrow[first + j] != 0;
-        if (narrow) add_products<Quad>(points, first, sum);
+        bool fit = true;
+        for (std::size_t j = 0; j < Count; ++j) fit &= points.products_fit[first + j] != 0;
+        if (fit) add_products<Quad>(points, first, sum);
         else add_products<WideQuad>(points, first, sum);
 #else
         add_products<WideQuad>(points, first, sum);

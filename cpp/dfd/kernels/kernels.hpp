@@ -44,7 +44,7 @@ struct PackedRows {
     const float* squares = nullptr;              // (16 G) squared length
     const std::int32_t* quads = nullptr;         // (G, D / 4, 16): four int8 entries of each handle of a group
     const std::int32_t* pairs = nullptr;         // (G, D / 4, 2, 16): the even and the odd ones of the four, as int16
-    const std::uint8_t* narrow = nullptr;        // (16 G) whether no two neighbors of the int8 are more than 128 together
+    const std::uint8_t* products_fit = nullptr;  // (16 G) whether those of two neighbors with bytes add up in 16 bits
     const std::int32_t* quad_squares = nullptr;  // (16 G) squared length + 256 times the sum of the entries
     const float* offsets = nullptr;              // (16 G) >= 0, added to the squared distance; 0 for points of the shape
     std::size_t count = 0;
