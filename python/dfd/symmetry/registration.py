@@ -10,7 +10,8 @@ from dfd.common.linear_algebra import Float64
 from dfd.symmetry.evidence import SurfaceFeatures
 
 _STEPS = 10
-_COARSE_STEPS, _COARSE = 6, 4  # the first steps, still far off, go by every fourth point
+_COARSE_STEPS, _COARSE = 6, 4  # the first steps, still far off, go by every fourth point, if these are enough
+_ENOUGH = 100  # of them for each parameter
 _FIRST_REACH, _SHRINK = 0.3, 0.7  # normalized: what is farther from the surface does not count, step by step less
 _LONGEST_STEP = 0.2
 _DIFFERENCE = 1e-6
@@ -28,7 +29,8 @@ def registered(evidence: SurfaceFeatures, vary: Callable[[Float64], Mapping], si
     """
     parameters = np.zeros(size)
     for step in range(_STEPS):
-        points = evidence.points[:: _COARSE if step < _COARSE_STEPS and len(evidence.points) > 400 * size else 1]
+        coarse = step < _COARSE_STEPS and len(evidence.points) > _COARSE * _ENOUGH * size
+        points = evidence.points[:: _COARSE if coarse else 1]
         images = vary(parameters)(points)
         reach = max(_FIRST_REACH * _SHRINK**step, 2.5 * evidence.spacing)
         distance, nearest = evidence.tree.query(images, distance_upper_bound=reach)
