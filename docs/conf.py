@@ -25,6 +25,7 @@ extensions = [
     "tools.equations",
     "tools.examples",
     "tools.generated",
+    "tools.links",
     "tools.videos",
 ]
 exclude_patterns = ["tools"]
