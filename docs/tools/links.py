@@ -1,4 +1,4 @@
-"""Every link, picture and video of the built pages leads to a file that is there, and to a place in it that has its name."""
+"""Every link, picture and video of the built pages leads to a file that is there, and to a name that stands in it."""
 
 from __future__ import annotations
 
