@@ -137,6 +137,8 @@ class Film {
     await this.click();
     await this.until((s) => s.edit.handles.length === 1 && s.columns.has(s.edit.handles[0].column));
     await before();
+    await this.page.mouse.move(...this.at);
+    await this.page.locator(".tip").waitFor({ state: "detached" });
     await this.picture(4);
   }
 

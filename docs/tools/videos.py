@@ -77,7 +77,7 @@ def _play(names: list[str], folder: str) -> None:
 def _encode(pictures: Path, target: Path) -> None:
     """Write a video of pictures, and one of them as what is seen before it plays."""
     paths = sorted(pictures.glob("*.png"))
-    options = {"crf": "28", "b": "0", "deadline": "good", "cpu-used": "2"}
+    options = {"crf": "28", "b": "0", "deadline": "good", "cpu-used": "4"}
     with av.open(str(target), "w") as container:
         stream = container.add_stream("libvpx-vp9", rate=PICTURES_A_SECOND, options=options)
         stream.width, stream.height = Image.open(paths[0]).size
