@@ -6,7 +6,19 @@ import { niceStep, REST, type Transform } from "../posing/affine";
 import type { FixedState, StateMessage } from "../protocol/messages";
 import { handleName, placeName, ready, selectedHandle, store } from "../store/state";
 import { useParts } from "../store/use";
-import { Button, Facts, IconButton, More, Panel, percent, Select, Served, Slider, titled, Toggle } from "../widgets/controls";
+import {
+  Button,
+  Facts,
+  IconButton,
+  More,
+  Panel,
+  percent,
+  Select,
+  Served,
+  Slider,
+  titled,
+  Toggle,
+} from "../widgets/controls";
 import { HandleList } from "./handle_list";
 import { HandlePanel, motionFields } from "./handle_panel";
 import { SymmetryPanel } from "./symmetry_panel";
