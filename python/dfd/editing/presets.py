@@ -56,8 +56,8 @@ CONTROLS = {
     ),
     "strength": About("From 0 to 1: a factor for what follows.", 0.0, 1.0, metavar="S", slider=(0.0, 1.0, 0.05)),
     "instances": About(
-        "Look-alikes move about their own pivots (own), the handle's (together, the paper), or not at all (only).",
-        metavar="own|together|only",
+        "Look-alikes move about their own pivots, about the handle's (shared_pivot, the paper), or not at all (only).",
+        metavar="own_pivot|shared_pivot|only",
         label="Look-alikes",
     ),
     "level": About(
@@ -66,7 +66,8 @@ CONTROLS = {
     ),
     "excluded_instances": About("A place on an instance that does not move along.", metavar="PLACE", repeated=True),
     "mask": About(
-        "Nothing follows beyond: part:NAME, group:NAME, 'x>0', ball:x,y,z,r or box:x,y,z,x,y,z.", metavar="REGION"
+        "Nothing follows beyond: part (the handle's), part:NAME, group:NAME, 'x>0', ball:x,y,z,r or box:x,y,z,x,y,z.",
+        metavar="REGION",
     ),
     "mask_feather": About(
         "How far beyond that region the weight fades to 0, mesh units or % of the box.",

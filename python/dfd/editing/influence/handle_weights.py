@@ -129,7 +129,7 @@ class HandleWeights:
         self._rows = HandleFeatures(mesh, field, features)
         self._distances = Distances(mesh)
         self._axes = SurfaceAxes(mesh, self._distances)
-        self._instances = InstanceColumns(mesh, field, self._axes, self._grip)
+        self._instances = InstanceColumns(mesh, field, self._axes, self._grip, self._near)
         self._limbs = HeldParts(mesh)
         self._columns = Columns(len(mesh.vertices))
         self._keys: list[Key] = []
@@ -303,6 +303,11 @@ class HandleWeights:
         key = self._key(handle, edit)
         distances, power = self._distances.falloff(key.sources, key.controls, key.bridges)
         return key.sources, None if distances is None else distances[0], power
+
+    def _near(self, edit: Edit, handle: Handle, vertices: Int64) -> Float64:
+        """(N,) the falloff (1 − G)^λ of a handle at vertices (N,)."""
+        _, distances, power = self.locality(edit, handle)
+        return np.ones(len(vertices)) if distances is None else (1.0 - distances[vertices].astype(np.float64)) ** power
 
     def axes(self, place: Place, along: Along) -> Frame | None:
         """Three axes whose third runs along the surface's normal or the limb at a place, as `SurfaceAxes.at`."""
