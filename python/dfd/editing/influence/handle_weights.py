@@ -250,7 +250,6 @@ class HandleWeights:
         handle = edit.handles[column.handle]
         places = [handle.place, *(fixed.place for fixed in edit.fixed)]
         still = [self._rows.vertices(each) if each.region is None else self._rows.members(each) for each in places]
-        still.append(np.array([column.vertex(self.anchor(handle))]))
         if handle.controls.mask is not None or handle.controls.radius is not None:
             still.append(np.flatnonzero(weights == 0.0))
         return np.concatenate(still)
