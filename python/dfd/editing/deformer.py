@@ -382,6 +382,13 @@ class Deformer:
     bridges: Setting[bool] = Setting(
         "Whether distances along the surface cross small gaps between components, as `dfd.Geodesics` says."
     )
+    smooth_seams: Setting[bool] = Setting(
+        """Whether weights are smoothed where they fade, so that no ledge or crease is left at the border.
+
+        What of a border is narrower than 2 % of the diagonal of the box is smoothed, and broad falloffs stay. What is
+        held or fixed keeps its weight, and nothing follows beyond a limit or a radius.
+        """
+    )
 
     @public
     def set(self, *, preset: Preset | None = None, merge: bool = False, **settings: Unpack[GivenSettings]) -> None:

@@ -89,6 +89,9 @@ WHOLE_SHAPE = {
     "reach_targets": About("Whether handles reach their target although fixed points hold back."),
     "mirrored_locality": About("Whether locality and radius start at the handle's mirror image as well."),
     "bridges": About("Whether locality and radius reach across small gaps."),
+    "smooth_seams": About(
+        "Whether ledges and creases are smoothed away where what follows borders on the rest.", label="Smooth seams"
+    ),
 }
 
 
@@ -107,12 +110,13 @@ class Defaults:
     level: bool = True
     # pivot: about what a handle turns and scales that says nothing of it: as `Deformer.add` has it, or the point held
     pivot: Literal["auto", "point"] = "auto"
-    # overlap, blend, reach_targets, mirrored_locality, bridges: of a new session, as the properties of `Deformer`
+    # overlap to smooth_seams: of a new session, as the properties of `Deformer`
     overlap: Overlap = "add"
     blend: BlendRule = "auto"
     reach_targets: bool = True
     mirrored_locality: bool = True
     bridges: bool = True
+    smooth_seams: bool = False
     # band: half width of the zone in which the sides of a mirror plane blend, as a part of the mesh's longest side
     band: float = DEFAULT_BAND
     # candidates, threshold: which planes symmetry "auto" takes, as `dfd.symmetry_planes` has them

@@ -129,6 +129,18 @@ step("the paper's preset is one switch and one step", async () => {
   assert.deepEqual(await state(page, told), was);
 });
 
+step("smooth seams are one switch, seen at rest as the kernel has them", async () => {
+  const seams = page.getByRole("switch", { name: "Smooth seams" });
+  await seams.click();
+  await until(page, (s) => s.edit.smooth_seams && s.posed !== null);
+  await page.waitForTimeout(300);
+  assert.ok((await shaderError(page)) <= TOLERANCE);
+  await shot(page, "smooth-seams");
+  await page.keyboard.press("Control+z");
+  await until(page, (s) => !s.edit.smooth_seams && s.posed === null);
+  assert.equal(await seams.isChecked(), false);
+});
+
 step("numbers can be typed, for moving, turning and scaling", async () => {
   for (const [label, value] of [
     ["Rotate ° z", "25"],
