@@ -169,6 +169,13 @@ class Film {
     await this.until((s, wanted) => s.edit.handles[0].reach === wanted && s.ahead.size === 0, Number(number));
   }
 
+  /** Click a switch of the inspector. */
+  async choose(control) {
+    const box = await control.boundingBox();
+    await this.go([box.x + box.width - 12, box.y + box.height / 2], 12);
+    await this.click();
+  }
+
   /** Press a key, which is shown for a while. */
   async type(key, shown) {
     await this.page.keyboard.press(key);
@@ -228,12 +235,20 @@ const SCENES = {
       await limit.scrollIntoViewIfNeeded();
     });
     await film.drag([0, -36], [0, -45]);
-    const box = await limit.boundingBox();
-    await film.go([box.x + box.width - 12, box.y + box.height / 2], 12);
-    await film.click();
+    await film.choose(limit);
     await film.until((s) => s.edit.handles[0].mask_part && s.columns.has(s.edit.handles[0].column));
     await film.picture(18);
     film.poster();
+  },
+
+  /** With a plane of symmetry both hands go out. */
+  async mirror(film) {
+    const planes = film.page.getByRole("group", { name: "Mirror plane" });
+    film.inspector = true;
+    await film.choose(planes.getByRole("button", { name: "X", exact: true }));
+    await film.until((s) => s.edit.symmetry !== null);
+    await film.hold([0.29, 0.3, 0.1]);
+    await film.drag([33, 9], [44, 12]);
   },
 };
 
@@ -243,6 +258,7 @@ const FILMS = {
   pull: ["chair", [0, 0], -4],
   bend: ["quadruped", [330, 0], 3],
   fix: ["quadruped", [0, 0], 1],
+  mirror: ["robot", [0, 0], 1],
   limit: ["quadruped", [0, 0], 1],
 };
 
