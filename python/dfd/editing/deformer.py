@@ -223,8 +223,8 @@ class Deformer:
             the shape; the "middle" of that part; "point", the handle itself, of a region its center; "plane", the point
             of the plane of symmetry that is nearest to it; "hinge", the middle between the outermost points of the
             part's border. If left out, the base of a limb, which is longer than wide and borders on the rest once, and
-            the middle of anything else, on the plane of symmetry if the part lies across it; with the preset "paper"
-            the handle itself.
+            the middle of anything else, such as a wheel, on the plane of symmetry if the part lies across it; with the
+            preset "paper" the handle itself.
         axes
             (3, 3) orthonormal vectors, one a row, along which it scales; "normal" for a frame whose third vector is the
             surface's normal at the handle, "limb" for one whose third vector runs along the limb there, so that
