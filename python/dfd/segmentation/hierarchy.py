@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.cluster.hierarchy import linkage
-from scipy.sparse import csr_array, diags_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import diags_array
 from scipy.sparse.linalg import splu
 
+import dfd._core as _core
 from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.segmentation.border import CRUMB
 from dfd.segmentation.patches import BRIDGE, Patches
@@ -29,8 +29,9 @@ LEAST_FLAT = 0.005  # likewise, of a piece that does not stand out
 LEAST_RAISED = 0.12  # surface in squares of a border's length, of a piece that does: a disc has 0.08, a half ball 0.16
 LEAST_SHOWN = 0.005  # likewise, for a part of the whole cut
 # Pieces so equal, of so similar a size as those of the likeliest part, belong to it where the part of all is as likely.
-EQUAL, SIMILAR, STILL_LIKELY = 0.7, 1.5, 0.4
+EQUAL, SIMILAR, STILL_LIKELY = 0.8, 1.3, 0.15
 UNCLEAR = 0.8  # of its likelihood, for a branch that a cut of it ends more clearly than: horns and ears are two parts
+CUT = 1.35  # times its likelihood, for a branch of the clearest cut: parts that people name lie side by side
 SHORT = 0.2  # diagonals: a border that is not much longer has to crease more, since chance creases short ones
 ROUNDING = 1e-12  # of the length of all borders: what is shorter is none
 LEAST_CONCAVITY = 0.02  # counts for every border: some parts end without a crease
@@ -46,11 +47,6 @@ class Branch:
     border: float  # length of its borders, in diagonals of the box
     concavity: float  # how much the surface creases along them
     step: float  # how much more the next larger branch differs within itself, in [0, 1]
-
-    @property
-    def clarity(self) -> float:
-        """How clearly it ends where it does; compared with that of other branches alone."""
-        return float((self.concavity + LEAST_CONCAVITY) * np.sqrt(self.step))
 
 
 class Hierarchy:
@@ -100,11 +96,12 @@ class Hierarchy:
         path = [patch]
         while self._parent[path[-1]] >= 0:
             path.append(int(self._parent[path[-1]]))
-        sized = (node for node in path if LEAST_AREA < self.branches[node].area < MOST_AREA)
-        return [node for node in sized if self._stands_out(node)] or path[-1:]
+        return [node for node in path if self._may_be_held(node)] or path[-1:]
 
-    def _stands_out(self, node: int) -> bool:
+    def _may_be_held(self, node: int) -> bool:
         """Whether pieces of a node are large, or have much surface inside a short border: a crease has neither."""
+        if not LEAST_AREA < self.branches[node].area < MOST_AREA:
+            return False
         area = self._pieces(node)[0].mean()
         whole = self._patches.node_area.sum()
         return bool(area > LEAST_FLAT or area * whole > LEAST_RAISED * self.around(node) ** 2)
@@ -117,7 +114,13 @@ class Hierarchy:
         """
         branch = self.branches[node]
         likely = (branch.concavity + LEAST_CONCAVITY) * branch.step / (self.around(node) + SHORT)
-        return likely if self.clear[node] else UNCLEAR * likely
+        return likely * (1.0 if self.clear[node] else UNCLEAR) * (CUT if node in self.cut else 1.0)
+
+    def clarity(self, node: int) -> float:
+        """How clearly a node ends where it does; compared with that of others alone."""
+        branch = self.branches[node]
+        clarity = (branch.concavity + LEAST_CONCAVITY) * branch.step**0.75 / (self.around(node) + SHORT) ** 0.3
+        return float(clarity)
 
     def meant(self, nodes: list[int]) -> int:
         """Which of the nodes that hold a patch, the smallest first, a person means who takes hold of it.
@@ -152,8 +155,7 @@ class Hierarchy:
         worth, clear = np.zeros(len(self._height)), np.zeros(len(self._height), bool)
         cuts = [[node] for node in range(count)]
         for node, (one, other) in enumerate(self._children, start=count):
-            branch = self.branches[node]
-            own = branch.area * branch.clarity if LEAST_AREA < branch.area < MOST_AREA else 0.0
+            own = self.branches[node].area * self.clarity(node) if self._may_be_held(node) else 0.0
             below = worth[one] + worth[other]
             worth[node], clear[node] = max(own, below), own > 0 and own >= below
             cuts.append([node] if clear[node] else cuts[one] + cuts[other])
@@ -213,10 +215,9 @@ class Hierarchy:
 
 def pieces_and_borders(patches: Patches, inside: Bool) -> tuple[Float64, int]:
     """Areas of the connected pieces of a part of patches `inside` (P,), but for crumbs, and how many borders it has."""
-    one, other = patches.borders.pairs.T
-    same = inside[one] == inside[other]
-    joined = csr_array((np.ones(same.sum()), (one[same], other[same])), shape=2 * (len(inside),))
-    piece = connected_components(joined, directed=False)[1]
+    pairs = patches.borders.pairs.astype(np.int32)
+    same = inside[pairs[:, 0]] == inside[pairs[:, 1]]
+    piece = _core.components(len(inside), np.zeros((0, 3), np.int32), pairs[same])
     areas = np.bincount(piece, patches.area)
     own = np.zeros(len(areas), bool)
     own[piece[inside]] = True

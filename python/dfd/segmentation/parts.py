@@ -195,7 +195,7 @@ class Parts:
         tree = self._hierarchy
         nodes = tree.holding(patch)
         area = np.array([tree.branches[node].area for node in nodes])
-        clarity = np.array([tree.branches[node].clarity for node in nodes])
+        clarity = np.array([tree.clarity(node) for node in nodes])
         best = nodes.index(tree.meant(nodes))
         among = np.array([best])
         if level == "larger":
