@@ -146,6 +146,19 @@ def test_a_session_smooths_by_one_switch_that_undoes(deformer):
         deformer.smooth_seams = 1
 
 
+def test_instances_that_meet_spread_without_adding_up_to_more(deformer):
+    """Each instance has a column of its own, and all of them one border where they meet."""
+    foot = int(deformer.mesh.vertices[:, 1].argmin())
+    deformer.add(foot, reach=1.0, falloff="constant", instances="own_pivot", level=True, scale=1.5)
+    other = deformer.add(int(deformer.mesh.vertices[:, 1].argmax()), reach=0.3)
+    deformer.overlap = "interpolate"
+    rough = deformer.following
+    deformer.smooth_seams = True
+    assert deformer.following.max(axis=0) == pytest.approx(rough.max(axis=0), abs=1e-6)
+    anchors = [foot, deformer.handle(other).place.vertex]
+    np.testing.assert_array_equal(deformer.following[anchors], rough[anchors])
+
+
 def test_nothing_follows_beyond_a_limit_and_one_rigid_motion_stays_one(deformer):
     top = deformer.mesh.vertices[:, 1] > np.median(deformer.mesh.vertices[:, 1])
     deformer.smooth_seams = True

@@ -138,7 +138,8 @@ class HandleWeights:
         self._given: Float32 | None = None  # what `of` gave out last, as long as it holds
         self._held: Float32 | None = None  # (V,) what the fixed points take away, as long as they stay
         self._seams = Seams(mesh)
-        self._smoothed: tuple[Float32, list[Int64], Float32] | None = None  # columns, what stays of each, smoothed ones
+        # columns, what stays of each, smoothed ones, and these where instances meet
+        self._smoothed: tuple[Float32, list[Int64], Float32, Float32] | None = None
         self._mixed: tuple[Float32, Float32] | None = None  # columns, and what makes their handles land exactly
         self._reaches: dict[tuple[Place, str], float] = {}
         self._grips: dict[Place, Grip | None] = {}
@@ -242,14 +243,15 @@ class HandleWeights:
                     column[:] = before[2][:, i]
                 else:
                     self._seams.smooth(column, still[i])
-            self._smoothed = weights, still, made
-        return self._smoothed[2], columns
+            self._smoothed = weights, still, made, _no_more_than(weights, made, columns)
+        return self._smoothed[3], columns
 
     def _still(self, edit: Edit, column: Column, weights: Float32) -> Int64:
-        """(N,) the vertices whose weights seams leave as they are: what is held, fixed, or beyond a limit."""
+        """(N,) the vertices whose weights seams leave as they are: handles, what is held, fixed, or beyond a limit."""
         handle = edit.handles[column.handle]
         places = [handle.place, *(fixed.place for fixed in edit.fixed)]
         still = [self._rows.vertices(each) if each.region is None else self._rows.members(each) for each in places]
+        still.append(self._anchors(edit))  # among handles nothing changes: those that could arrive still can
         if handle.controls.mask is not None or handle.controls.radius is not None:
             still.append(np.flatnonzero(weights == 0.0))
         return np.concatenate(still)
@@ -494,6 +496,17 @@ class HandleWeights:
     def _apart(self, place: Place) -> Float32:
         """(V,) feature distances from a place; with twice the paper's reach, none of unit features is cut off."""
         return 2.0 * (1.0 - bind(self.features, self._rows.points([place]), reach=2.0)[:, 0])
+
+
+def _no_more_than(weights: Float32, smoothed: Float32, columns: Sequence[Column]) -> Float32:
+    """`smoothed` (V, C), less where instances of a handle that each spread would add up to more than in `weights`."""
+    result = smoothed.copy(order="F")
+    for handle in {column.handle for column in columns if column.instance is not None}:
+        own = [i for i, column in enumerate(columns) if column.handle == handle]
+        total, most = smoothed[:, own].sum(axis=1), weights[:, own].sum(axis=1).max()
+        over = np.flatnonzero(total > most)
+        result[np.ix_(over, own)] *= (most / total[over])[:, None]
+    return result
 
 
 def _alike(one: Key, other: Key) -> bool:
