@@ -505,7 +505,7 @@ def _no_more_than(weights: Float32, smoothed: Float32, columns: Sequence[Column]
         own = [i for i, column in enumerate(columns) if column.handle == handle]
         total, most = smoothed[:, own].sum(axis=1), weights[:, own].sum(axis=1).max()
         over = np.flatnonzero(total > most)
-        result[np.ix_(over, own)] *= (most / total[over])[:, None]
+        result[over[:, None], own] *= (most / total[over])[:, None]
     return result
 
 
