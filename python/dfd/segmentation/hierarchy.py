@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.cluster.hierarchy import linkage
 from scipy.sparse import diags_array
 from scipy.sparse.linalg import splu
+from scipy.spatial.distance import cdist
 
 import dfd._core as _core
 from dfd.common.linear_algebra import Bool, Float64, Int64
@@ -35,6 +36,10 @@ CUT = 1.35  # times its likelihood, for a branch of the clearest cut: parts that
 SHORT = 0.2  # diagonals: a border that is not much longer has to crease more, since chance creases short ones
 ROUNDING = 1e-12  # of the length of all borders: what is shorter is none
 LEAST_CONCAVITY = 0.02  # counts for every border: some parts end without a crease
+# Two parts of several pieces each are one, such as the legs of two sets of teeth, if pieces and their borders differ in
+# size by no more times than this, if they differ less from each other than that often from what is around them, and if
+# both are sure to be parts.
+ALIKE, LESS_APART, SURE = 1.4, 2.0, 0.1
 EVEN = 0.05  # of height: what differs by less is alike, and steps from there to the next larger branch tell nothing
 
 
@@ -71,8 +76,21 @@ class Hierarchy:
 
     def __init__(self, patches: Patches, features: NDArray[np.floating]) -> None:
         self._patches = patches
-        count = len(features)
         values = smoothed(patches, features.astype(np.float64))
+        self._join(values)
+        # What sees front legs from the front and hind legs from behind parts them, however alike they are.
+        for _ in range(ROUNDS):
+            if not (twins := self._twins(values)):
+                break
+            for twin in twins:
+                mean, both = self._mean(values, twin), self._mean(values, twin.any(axis=0, keepdims=True))
+                for inside, own in zip(twin, mean, strict=True):
+                    values[inside] += both[0] - own
+            self._join(values)
+
+    def _join(self, values: Float64) -> None:
+        """Make the tree that joins patches with the least different `values` (P, D) first."""
+        count = len(values)
         merges = linkage(values, "average") if count > 1 else np.zeros((0, 4))
         self._height = np.concatenate([np.zeros(count), merges[:, 2]])
         self._parent = np.full(2 * count - 1, -1)
@@ -90,6 +108,35 @@ class Hierarchy:
         self._known_pieces: dict[int, tuple[Float64, int]] = {}
         self.branches = self._described()
         self.cut, self.clear = self._clearest_cut()
+
+    def _twins(self, values: Float64) -> list[Bool]:
+        """Pairs (2, P) of parts that are one, the most alike first; none has a patch with another in common."""
+        nodes = [node for node in self.cut if self._may_be_held(node) and self.holdable(node) >= SURE]
+        nodes = [node for node in nodes if len(self._pieces(node)[0]) > 1]
+        if len(nodes) < 2:
+            return []
+        inside = np.array([self.branches[node].inside for node in nodes])
+        touches = self._patches.borders.graph(np.ones(len(self._patches.borders.pairs)))
+        around = (touches @ inside.T > 0).T & ~inside
+        around[~around.any(axis=1)] = True  # a component: the whole shape
+        mean = self._mean(values, inside)
+        step = np.linalg.norm(mean - self._mean(values, around), axis=1)
+        size = np.log([[self._pieces(node)[0].mean(), self.around(node)] for node in nodes])
+        apart = cdist(mean, mean) / np.minimum(step[:, None], step)
+        one, other = np.nonzero(
+            np.triu((cdist(size, size, "chebyshev") < np.log(ALIKE)) & (apart < LESS_APART) & ~(around @ inside.T), 1)
+        )
+        found: dict[int, Bool] = {}
+        for pair in np.argsort(apart[one, other], kind="stable"):
+            both = int(one[pair]), int(other[pair])
+            if found.keys().isdisjoint(both):
+                found |= dict.fromkeys(both, inside[list(both)])
+        return list({id(twin): twin for twin in found.values()}.values())
+
+    def _mean(self, values: Float64, inside: Bool) -> Float64:
+        """(N, D) means of `values` (P, D) over parts (N, P), by area."""
+        area = inside * self._patches.area
+        return np.asarray(area @ values / area.sum(axis=1, keepdims=True), np.float64)
 
     def holding(self, patch: int) -> list[int]:
         """Nodes that hold a patch and that a person may hold, from the smallest on; at least one."""
