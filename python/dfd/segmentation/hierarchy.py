@@ -31,10 +31,13 @@ LEAST_SHOWN = 0.005  # likewise, for a part of the whole cut
 # Pieces so equal, of so similar a size as those of the likeliest part, belong to it where the part of all is as likely.
 EQUAL, SIMILAR, STILL_LIKELY = 0.8, 1.3, 0.15
 UNCLEAR = 0.8  # of its likelihood, for a branch that a cut of it ends more clearly than: horns and ears are two parts
+SMALLER = (
+    0.05  # power of the area by which the smaller of two likely parts is preferred: what is too large moves others
+)
 CUT = 1.35  # times its likelihood, for a branch of the clearest cut: parts that people name lie side by side
 SHORT = 0.2  # diagonals: a border that is not much longer has to crease more, since chance creases short ones
 ROUNDING = 1e-12  # of the length of all borders: what is shorter is none
-LEAST_CONCAVITY = 0.02  # counts for every border: some parts end without a crease
+LEAST_CONCAVITY = 0.01  # counts for every border: some parts end without a crease
 EVEN = 0.05  # of height: what differs by less is alike, and steps from there to the next larger branch tell nothing
 
 
@@ -114,13 +117,14 @@ class Hierarchy:
         """
         branch = self.branches[node]
         likely = (branch.concavity + LEAST_CONCAVITY) * branch.step / (self.around(node) + SHORT)
+        likely /= branch.area**SMALLER
         return likely * (1.0 if self.clear[node] else UNCLEAR) * (CUT if node in self.cut else 1.0)
 
     def clarity(self, node: int) -> float:
         """How clearly a node ends where it does; compared with that of others alone."""
         branch = self.branches[node]
-        clarity = (branch.concavity + LEAST_CONCAVITY) * branch.step**0.75 / (self.around(node) + SHORT) ** 0.3
-        return float(clarity)
+        clarity = (branch.concavity + LEAST_CONCAVITY) * branch.step**0.75
+        return float(clarity / np.sqrt(self.around(node) + SHORT))
 
     def meant(self, nodes: list[int]) -> int:
         """Which of the nodes that hold a patch, the smallest first, a person means who takes hold of it.
