@@ -5,8 +5,9 @@ that begin with `dfd`; where a command writes a mesh that the Python on the page
 a fence, these lines stand for what the build puts there:
 
     <!-- output -->        what the fence printed
-    <!-- draw NAME -->     pictures of a variable: a session before, with its weights, and after; or a dict, which has
-                           a caption for each session, picture, or pair of a mesh and what `picture` draws of it
+    <!-- draw NAME -->     pictures of a variable, as it is there or, where it comes later, at the page's end: a session
+                           before, with its weights, and after; or a dict, which has a caption for each session,
+                           picture, or pair of a mesh and what `picture` draws of it
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from dfd.views.raycast import Scene
 BUILD = Path(__file__).resolve().parents[2] / "build" / "docs"
 FILES, PICTURES = BUILD / "files", BUILD / "pictures"
 STEP = re.compile(r"^```(python|sh)\n(.*?)^```$|^<!-- (output|draw)(?: (\w+))? -->$", re.MULTILINE | re.DOTALL)
+LATER = re.compile(r"^<!-- draw (\w+) -->$", re.MULTILINE)
 RESOLUTION = 360
 TOLERANCE = 1e-4  # of the diagonal: a file has 32-bit floats
 MARGIN = 6  # pixels around what a strip shows
@@ -86,7 +88,8 @@ class _Page:
     def run(self, text: str) -> str:
         """Run all fences of the page, and put in what stands for what came of them."""
         with contextlib.chdir(FILES):
-            return STEP.sub(self._step, text)
+            text = STEP.sub(self._step, text)
+            return LATER.sub(lambda mark: self._draw(self.space[mark[1]]), text)
 
     def _step(self, step: re.Match[str]) -> str:
         language, code, mark, of = step.groups()
@@ -99,7 +102,7 @@ class _Page:
                 self.printed = "".join(map(self._command, code.replace("\\\n", "").splitlines()))
             elif mark == "output":
                 return f"```{{code-block}} text\n:class: output\n\n{self.printed.rstrip()}\n```"
-            else:
+            elif of in self.space:
                 return self._draw(self.space[of])
         except Exception as error:
             log.warning("%r in\n%s", error, step[0], location=self.name)

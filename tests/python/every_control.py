@@ -128,6 +128,7 @@ def _edited(
         for overlap in get_args(Overlap):  # `_posed` takes each with each
             _tried(setattr, session, "overlap", overlap)
             session.blend = random.choice(get_args(Blend))
+            session.smooth_seams = not session.smooth_seams
             _check(session)
     _measured(session)
     moved = session.vertices

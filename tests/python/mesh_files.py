@@ -111,7 +111,7 @@ def textured_quad(tmp_path: Path, **attributes: Any) -> Gltf:
 
 
 def scene_of_three(tmp_path: Path) -> Path:
-    """A textured square, and a coloured cube placed twice, once turned and shrunk."""
+    """A textured square, and a colored cube placed twice, once turned and shrunk."""
     gltf = textured_quad(tmp_path)
     colors = np.tile(np.array([(255, 0, 0, 255), (0, 255, 0, 255)], np.uint8), (4, 1))
     cube = gltf.mesh("cube", CORNERS, CUBE, attributes={"COLOR_0": gltf.accessor(colors, 5121, "VEC4")})

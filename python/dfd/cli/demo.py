@@ -67,7 +67,7 @@ def run(
         field, features, first = _distill(sample, model, preset, stages)
         field.save(output / f"{name}.field.safetensors")
         sample.mesh.save(output / f"{name}.glb")
-        rows.append((f"The {name}: what the encoder sees, and its features by colour", first))
+        rows.append((f"The {name}: what the encoder sees, and its features by color", first))
         with stages.stage("deform and draw"):
             stories = edits(sample, partial(Deformer, sample.mesh, field, preset=preset, features=features), output)
         rows += [story.row() for story in stories]

@@ -58,7 +58,7 @@ def show(
     force: ForceOption = False,
     **described: Any,
 ) -> None:
-    """Draw MESH: by itself, in the colours of its features, or the weights of handles as heat."""
+    """Draw MESH: by itself, in the colors of its features, or the weights of handles as heat."""
     given = controls(context.params)
     heat = field is not None and bool(handle)
     if field is None and (given or fix):

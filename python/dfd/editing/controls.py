@@ -120,7 +120,7 @@ def controls_on(mesh: Mesh, given: GivenControls) -> dict[str, Any]:
 
 def _points_on(mesh: Mesh, places: Any) -> tuple[Place, ...]:
     """The places of a list of them, once each."""
-    if isinstance(places, str) or not isinstance(places, Iterable):
+    if isinstance(places, str) or not isinstance(places, Iterable) or getattr(places, "ndim", 1) == 0:
         raise ArgumentError("excluded_instances", f"must be a list of vertices or points, got {places!r}")
     found = tuple(dict.fromkeys(place_on(mesh, at) for at in places))
     if any(place.region is not None for place in found):

@@ -223,8 +223,8 @@ class Deformer:
             the shape; the "middle" of that part; "point", the handle itself, of a region its center; "plane", the point
             of the plane of symmetry that is nearest to it; "hinge", the middle between the outermost points of the
             part's border. If left out, the base of a limb, which is longer than wide and borders on the rest once, and
-            the middle of anything else, on the plane of symmetry if the part lies across it; with the preset "paper"
-            the handle itself.
+            the middle of anything else, such as a wheel, on the plane of symmetry if the part lies across it; with the
+            preset "paper" the handle itself.
         axes
             (3, 3) orthonormal vectors, one a row, along which it scales; "normal" for a frame whose third vector is the
             surface's normal at the handle, "limb" for one whose third vector runs along the limb there, so that
@@ -381,6 +381,13 @@ class Deformer:
     )
     bridges: Setting[bool] = Setting(
         "Whether distances along the surface cross small gaps between components, as `dfd.Geodesics` says."
+    )
+    smooth_seams: Setting[bool] = Setting(
+        """Whether weights are smoothed where they fade, so that no ledge or crease is left at the border.
+
+        What of a border is narrower than 2 % of the diagonal of the box is smoothed, and broad falloffs stay. What is
+        held or fixed keeps its weight, and nothing follows beyond a limit or a radius.
+        """
     )
 
     @public

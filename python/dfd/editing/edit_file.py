@@ -43,7 +43,8 @@
       "blend": "linear",
       "reach_targets": true,
       "mirrored_locality": true,
-      "bridges": true
+      "bridges": true,
+      "smooth_seams": false
     }
 
 Required: `format`, `version`, and for every handle and fixed point a `vertex`, a `position` or a `region`. All else may

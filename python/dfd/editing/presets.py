@@ -56,8 +56,8 @@ CONTROLS = {
     ),
     "strength": About("From 0 to 1: a factor for what follows.", 0.0, 1.0, metavar="S", slider=(0.0, 1.0, 0.05)),
     "instances": About(
-        "Look-alikes move about their own pivots (own), the handle's (together, the paper), or not at all (only).",
-        metavar="own|together|only",
+        "Look-alikes move about their own pivots, about the handle's (shared_pivot, the paper), or not at all (only).",
+        metavar="own_pivot|shared_pivot|only",
         label="Look-alikes",
     ),
     "level": About(
@@ -66,7 +66,8 @@ CONTROLS = {
     ),
     "excluded_instances": About("A place on an instance that does not move along.", metavar="PLACE", repeated=True),
     "mask": About(
-        "Nothing follows beyond: part:NAME, group:NAME, 'x>0', ball:x,y,z,r or box:x,y,z,x,y,z.", metavar="REGION"
+        "Nothing follows beyond: part (the handle's), part:NAME, group:NAME, 'x>0', ball:x,y,z,r or box:x,y,z,x,y,z.",
+        metavar="REGION",
     ),
     "mask_feather": About(
         "How far beyond that region the weight fades to 0, mesh units or % of the box.",
@@ -88,6 +89,9 @@ WHOLE_SHAPE = {
     "reach_targets": About("Whether handles reach their target although fixed points hold back."),
     "mirrored_locality": About("Whether locality and radius start at the handle's mirror image as well."),
     "bridges": About("Whether locality and radius reach across small gaps."),
+    "smooth_seams": About(
+        "Whether ledges and creases are smoothed away where what follows borders on the rest.", label="Smooth seams"
+    ),
 }
 
 
@@ -106,12 +110,13 @@ class Defaults:
     level: bool = True
     # pivot: about what a handle turns and scales that says nothing of it: as `Deformer.add` has it, or the point held
     pivot: Literal["auto", "point"] = "auto"
-    # overlap, blend, reach_targets, mirrored_locality, bridges: of a new session, as the properties of `Deformer`
+    # overlap to smooth_seams: of a new session, as the properties of `Deformer`
     overlap: Overlap = "add"
     blend: BlendRule = "auto"
     reach_targets: bool = True
     mirrored_locality: bool = True
     bridges: bool = True
+    smooth_seams: bool = False
     # band: half width of the zone in which the sides of a mirror plane blend, as a part of the mesh's longest side
     band: float = DEFAULT_BAND
     # candidates, threshold: which planes symmetry "auto" takes, as `dfd.symmetry_planes` has them

@@ -25,6 +25,7 @@ FARTHEST = 0.2  # of the length: so far a vertex's nearest point may lie from wh
 SEAM = 0.6  # in radii at the base: over so much of the surface, motion along the axis begins
 NEAR_JOINT = 0.12  # of the length: a joint so near to where the part is held is meant
 SLENDER = 0.75  # times its width is the least length of a limb
+ROUND, FLAT = 0.95, 0.7  # of the largest variance of a wheel's surface: the least of the second, the most of the third
 CARRIED = 0.5  # of the rest of the shape: what is smaller and lies beyond a part goes along with it
 CRUMB = 0.05  # of a region: a smaller connected piece of it has no axis of its own
 
@@ -43,6 +44,7 @@ class PartAxis:
     borders: int  # in how many places it does
     middle: Float64  # (3,) the center of its surface, mesh units
     rest: Float64  # (3,) the center of what is around the base and does not belong to the part
+    spread: Float64  # (3,) variances of its surface along the axes of its own, ascending
 
     @property
     def length(self) -> float:
@@ -61,7 +63,9 @@ class PartAxis:
 
     @property
     def is_limb(self) -> bool:
-        """Whether it meets the rest in one place and is longer than wide."""
+        """Whether it meets the rest in one place, is longer than wide, and no wheel, which turns about its middle."""
+        if self.spread[1] > ROUND * self.spread[2] and self.spread[0] < FLAT * self.spread[2]:
+            return False
         return self.borders == 1 and self.length > SLENDER * 2 * float(np.sqrt(np.square(self.radius).mean()))
 
     @cached_property
@@ -174,14 +178,15 @@ class PartAxes:
         mix = np.clip(away / max(seam, 1e-300), 0.0, 1.0)
         parameter = np.clip(parameter, 0.0, 1.0) * mix * mix * (3 - 2 * mix)
         weight = self._vertex_areas[own]
-        points = mesh.vertices[own]
-        middle = np.average(points, axis=0, weights=weight) if weight.sum() > 0 else points.mean(axis=0)
+        points, weight = mesh.vertices[own], weight if weight.sum() > 0 else np.ones(len(own))
+        middle = np.average(points, axis=0, weights=weight)
+        spread = np.linalg.eigvalsh(np.cov(points.T, aweights=weight, ddof=0)).astype(np.float64)
         near = np.flatnonzero(is_rest)
         near = near[np.linalg.norm(mesh.vertices[near] - nodes[0], axis=1) < np.linalg.norm(nodes[-1] - nodes[0])]
         rest = mesh.vertices[near].mean(axis=0) if len(near) else nodes[0]
         hanging = np.flatnonzero((group >= 0) & np.isin(group, around) & ~is_rest)
         vertices, parameter = self._with_hanging(own, parameter, hanging, group)
-        return PartAxis(vertices, parameter, nodes, radius, mesh.vertices[seeds], borders, middle, rest)
+        return PartAxis(vertices, parameter, nodes, radius, mesh.vertices[seeds], borders, middle, rest, spread)
 
     def _end(self, local: csr_matrix, own: Int64) -> Int64:
         """Which vertices of a part that nothing surrounds are its base: those at the end nearer to the whole shape."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64, UInt8
 
-GREY = 0.8  # display-referred color of a surface without a material
+GRAY = 0.8  # display-referred color of a surface without a material
 
 Wrap = Literal["repeat", "mirror", "clamp"]
 
@@ -23,7 +23,7 @@ class _Digest(Protocol):
 class Material:
     """A surface material; colors are display-referred (sRGB) in [0, 1]."""
 
-    color: tuple[float, float, float, float] = (GREY, GREY, GREY, 1.0)  # multiplies texture and vertex colors
+    color: tuple[float, float, float, float] = (GRAY, GRAY, GRAY, 1.0)  # multiplies texture and vertex colors
     texture: UInt8 | None = None  # (rows, columns, 4) RGBA, first row on top
     wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")  # addressing outside [0, 1] along u and v
     alpha_mode: Literal["OPAQUE", "MASK", "BLEND"] = "OPAQUE"

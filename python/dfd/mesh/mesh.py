@@ -305,7 +305,7 @@ def load(
     Warns
     -----
     UserWarning
-        If a texture or materials file cannot be read: what it would color is shown grey. If an OBJ file has faces of
+        If a texture or materials file cannot be read: what it would color is shown gray. If an OBJ file has faces of
         fewer than three corners: they are left out.
     """
     check.choice("load", "pose", pose, _Pose)

@@ -15,7 +15,7 @@ from dfd.pictures.labels import font, wrapped
 Rows = Sequence[tuple[str, Sequence[tuple[UInt8, str]]]]  # a heading, and pictures with their captions
 Box = tuple[int, int, int, int]  # left, top, width, height, pixels
 
-INK, GREY, RULE = (28, 30, 36), (100, 104, 112), (220, 222, 226)
+INK, GRAY, RULE = (28, 30, 36), (100, 104, 112), (220, 222, 226)
 SMALLEST_CELL, LARGEST_CELL = 16, 8192
 NARROWEST = 96  # pixels that a heading may use however narrow the rows are
 
@@ -76,10 +76,10 @@ def heat_bar(height: int) -> UInt8:
     top = (height - long) // 2
     ramp = (weight_colors(np.linspace(1, 0, long)) * 255 + 0.5).astype(np.uint8)
     image.paste(Image.fromarray(np.repeat(ramp[:, None], thick, axis=1)), (0, top))
-    draw.text((0, top - size), "weight", GREY, typeface, anchor="ls")
+    draw.text((0, top - size), "weight", GRAY, typeface, anchor="ls")
     for value in (0.0, 0.5, 1.0):
         at = top + (1 - value) * (long - 1)
-        draw.text((thick + max(3, size // 2), at), f"{value:g}", GREY, typeface, anchor="lm")
+        draw.text((thick + max(3, size // 2), at), f"{value:g}", GRAY, typeface, anchor="lm")
     return np.asarray(image)
 
 
@@ -108,7 +108,7 @@ def _row(
         boxes.append((left, start, image.width, cell))
         for index, words in enumerate(text):
             corner = (left + image.width / 2, start + cell + size // 2 + index * line)
-            draw.text(corner, words, GREY, font(size), anchor="ma")
+            draw.text(corner, words, GRAY, font(size), anchor="ma")
         left += image.width + gap
     return row, boxes
 

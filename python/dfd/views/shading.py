@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dfd.common.linear_algebra import Float32, Int32, UInt8
-from dfd.mesh.appearance import GREY, blend
+from dfd.mesh.appearance import GRAY, blend
 from dfd.views.raycast import Hits, Scene
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ class Shading:
     def colors(self, hits: Hits, directions: Float32) -> Float32:
         """Lit color and opacity of each hit, (K, 4) in [0, 1]; `directions` are those of all rays."""
         if self._appearance is None:
-            rgba = np.full((len(hits.ray), 4), GREY, np.float32)
+            rgba = np.full((len(hits.ray), 4), GRAY, np.float32)
             rgba[:, 3] = 1
         else:
             rgba = self._appearance.albedo(hits.face, hits.barycentric)

@@ -111,8 +111,8 @@ def test_in_gray_a_mesh_has_no_colors(monkeypatch):
     first = lab.field("one", mesh)
     assert lab.field("one", mesh, texture=False) != first
     assert lab.field("one", mesh) == first
-    (coloured, settings), (gray, others) = seen
-    assert coloured is mesh
+    (colored, settings), (gray, others) = seen
+    assert colored is mesh
     assert gray.appearance is None
     assert np.array_equal(gray.vertices, mesh.vertices)
     assert np.array_equal(gray.faces, mesh.faces)

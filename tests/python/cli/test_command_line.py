@@ -49,13 +49,13 @@ def test_a_warning_is_one_line(run, folder):
 
         with warnings.catch_warnings():
             warnings.simplefilter("always")
-            warnings.warn("the texture cannot be read:\nit is shown grey", UserWarning, stacklevel=1)
+            warnings.warn("the texture cannot be read:\nit is shown gray", UserWarning, stacklevel=1)
             warnings.warn("old", DeprecationWarning, stacklevel=1)
 
     with mock.patch("dfd.cli.demo.run", warns):
         result = run("demo")
     assert worked(result)
-    assert result.stderr == "dfd: the texture cannot be read: it is shown grey\n"
+    assert result.stderr == "dfd: the texture cannot be read: it is shown gray\n"
 
 
 def test_help_lists_every_command_and_option(run):

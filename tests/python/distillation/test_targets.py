@@ -41,9 +41,9 @@ def test_tokens_stand_at_patch_centres_and_blend_between(views: Views, tokens: n
     def unit(row: np.ndarray) -> np.ndarray:
         return row / np.linalg.norm(row)
 
-    np.testing.assert_allclose(targets[0], unit(tokens[0, 0, 0]), atol=1e-6)  # pixel 1.5 of 8 is patch centre 0 of 2
+    np.testing.assert_allclose(targets[0], unit(tokens[0, 0, 0]), atol=1e-6)  # pixel 1.5 of 8 is patch center 0 of 2
     np.testing.assert_allclose(targets[1], unit(tokens[0].mean(axis=(0, 1))), atol=1e-6)  # the picture's middle
-    np.testing.assert_allclose(targets[2], unit(tokens[1, 0, 1]), atol=1e-6)  # above the first centre: held, not led on
+    np.testing.assert_allclose(targets[2], unit(tokens[1, 0, 1]), atol=1e-6)  # above the first center: held, not led on
     np.testing.assert_allclose(targets[3], unit(tokens[1, 1, 1]), atol=1e-6)
 
 

@@ -241,7 +241,7 @@ def test_a_handle_can_sit_elsewhere_and_its_pivot_comes_along(deformer, mesh):
         (lambda d: d.move(99, scale=2), r"Deformer.move: `handle` must be the id of a handle \(1\), got 99"),
         (lambda d: d.move(1, translation=(0, math.inf, 0)), r"Deformer.move: `translation` must be finite"),
         (lambda d: d.move(1, rotation=(0, 0)), r"Deformer.move: `rotation` must be a rotation vector"),
-        (lambda d: d.move(1, pivot="centre"), r"Deformer.move: `pivot` must be auto, base, middle, point"),
+        (lambda d: d.move(1, pivot="center"), r"Deformer.move: `pivot` must be auto, base, middle, point"),
         (lambda d: d.move(1, towards="up"), r"Deformer.move: `bend` must be given: it is what `towards` is for"),
         (lambda d: d.move(1, bend=(1, 2)), r"Deformer.move: `bend` must be 3 numbers"),
         (

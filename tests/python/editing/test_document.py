@@ -285,7 +285,7 @@ MISSING = object()
         (("mesh", "vertices"), 0, r"`mesh.vertices` must be a whole number of at least 1, got 0"),
         (("made_on",), {"mesh": ""}, r"`made_on.mesh` must"),
         (("made_on",), {"field_sha256": "ab"}, r"`made_on.field_sha256` must"),
-        (("colour",), 1, r"`colour` is an unknown key"),
+        (("color",), 1, r"`color` is an unknown key"),
         (("handles",), {}, r"`handles` must be a list, got \{\}"),
         (("handles", 0), 5, r"`handles\[0\]` must be an object, got 5"),
         (("handles", 0, "rotaton"), [0, 0, 0], r"`handles\[0\].rotaton` is an unknown key; known are id, name, .*"),

@@ -116,6 +116,18 @@ def test_level_keeps_the_strength_of_a_handle(session, sample, mesh, asked, foot
     np.testing.assert_allclose(session.vertices[legs], mesh.vertices[legs] - (0, 0.1, 0), atol=1e-6)
 
 
+@pytest.mark.parametrize("near", [{"locality": 3.0}, {"radius": 1.5}])
+def test_level_makes_up_for_looks_and_not_for_distance(session, sample, asked, foot, near):
+    session.add(foot, translation=(0, -0.2, 0), level=True, reach=0.7)
+    full = session.following[:, 0].copy()
+    session.change(1, **near)
+    sources, distances, power = session.bound.locality(session.edit, session.edit.handles[0])
+    assert sources == (foot,)
+    legs = sample.vertices_of("leg")
+    np.testing.assert_allclose(session.following[legs, 0], (full * (1 - distances) ** power)[legs], atol=1e-4)
+    assert session.following[leg(sample, 2), 0].max() < 0.7
+
+
 def test_level_leaves_what_is_hardly_alike_where_it_is(session, sample, mesh, asked, foot, monkeypatch):
     monkeypatch.setattr(instance_weights, "LEAST_ALIKE", 0.8)  # the back legs follow by half
     session.add(foot, translation=(0, -0.2, 0), level=True, reach=0.7)

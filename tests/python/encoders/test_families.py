@@ -44,7 +44,7 @@ def test_the_token_of_a_changed_corner_changes_most(name: str, saved: Callable[[
     tokens = encoder.encode(images)
     change = np.linalg.norm(tokens[1] - tokens[0], axis=-1)
     row, column = np.unravel_index(change.argmax(), change.shape)
-    # SAM's networks blur their tokens with their neighbours, so the quarter of the picture is what is certain.
+    # SAM's networks blur their tokens with their neighbors, so the quarter of the picture is what is certain.
     assert row < change.shape[0] / 2
     assert column >= change.shape[1] / 2
 

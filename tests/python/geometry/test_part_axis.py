@@ -65,6 +65,19 @@ def test_what_is_wider_than_long_is_no_limb_and_a_middle_piece_has_two_borders()
     assert not axis.is_limb
 
 
+def test_a_wheel_is_no_limb_and_turns_about_its_hub():
+    import trimesh
+
+    wheel = trimesh.creation.cylinder(radius=1.0, height=0.4, sections=24).subdivide()
+    body = trimesh.creation.box((6.0, 1.0, 2.0)).apply_translation((1.0, 1.55, 0.0)).subdivide().subdivide()
+    mesh = Mesh(*(lambda both: (both.vertices, both.faces))(trimesh.util.concatenate([wheel, body])))
+    (axis,) = PartAxes(mesh).of(np.arange(len(mesh.vertices)) < len(wheel.vertices))
+    assert axis.borders == 1
+    assert axis.base[1] > 0.5  # where the body is, above the hub
+    assert not axis.is_limb
+    np.testing.assert_allclose(axis.middle, 0.0, atol=0.02)
+
+
 def test_what_hangs_on_a_part_has_one_place_on_its_axis():
     mesh = straight(6.0, 121)
     held = (mesh.vertices[:, 1] > 4) & (mesh.vertices[:, 1] < 5)

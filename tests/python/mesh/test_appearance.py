@@ -1,4 +1,4 @@
-"""Colours of surface points: textures, vertex colours, materials, and what happens when they cannot be read."""
+"""Colors of surface points: textures, vertex colors, materials, and what happens when they cannot be read."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 import trimesh
 from mesh_files import CORNERS, CUBE, checkered, obj_cube, textured_quad, write
 
-from dfd.mesh.appearance import GREY, Appearance, Material, linear, srgb
+from dfd.mesh.appearance import GRAY, Appearance, Material, linear, srgb
 from dfd.mesh.mesh import Mesh, load
 
 RED, GREEN, BLUE, WHITE = (1, 0, 0, 1), (0, 1, 0, 1), (0, 0, 1, 1), (1, 1, 1, 1)
@@ -28,7 +28,7 @@ def albedo(mesh: Mesh, faces: np.ndarray, barycentric: np.ndarray) -> np.ndarray
 
 
 def at(mesh: Mesh, points: list[tuple[float, float]]) -> np.ndarray:
-    """Colours of points (x, y) of the square."""
+    """Colors of points (x, y) of the square."""
     faces = np.array([0 if x >= y else 1 for x, y in points])
     weights = [(1 - x, x - y, y) if x >= y else (1 - y, x, y - x) for x, y in points]
     return albedo(mesh, faces, np.array(weights))
@@ -101,7 +101,7 @@ def test_the_samplers_wrap_is_read_from_the_file(tmp_path: Path) -> None:
     assert look.materials[0].wrap == ("clamp", "mirror")
 
 
-def test_factor_texture_and_vertex_colours_multiply(tmp_path: Path) -> None:
+def test_factor_texture_and_vertex_colors_multiply(tmp_path: Path) -> None:
     half = 0.5
     gltf = textured_quad(tmp_path, COLOR_0=(np.tile((0.25, 1.0, 1.0, 1.0), (4, 1)), 5126, "VEC4"))
     gltf.header["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = [1, half, 1, 1]
@@ -131,7 +131,7 @@ def test_each_face_has_its_own_material(tmp_path: Path) -> None:
     assert np.allclose(found, [RED, (0, 0.5, 0, 1)], atol=0.005)
 
 
-def test_vertex_and_face_colours_of_ply(tmp_path: Path) -> None:
+def test_vertex_and_face_colors_of_ply(tmp_path: Path) -> None:
     cube = trimesh.Trimesh(CORNERS, CUBE, process=False)
     cube.visual.vertex_colors = np.tile([(255, 0, 0, 255), (0, 0, 255, 255)], (4, 1))
     cube.export(tmp_path / "vertices.ply")
@@ -146,17 +146,17 @@ def test_vertex_and_face_colours_of_ply(tmp_path: Path) -> None:
     assert np.allclose(found, [RED, GREEN, RED, GREEN])
 
 
-def test_nothing_known_is_none_and_partly_known_is_grey(tmp_path: Path) -> None:
+def test_nothing_known_is_none_and_partly_known_is_gray(tmp_path: Path) -> None:
     assert load(write(tmp_path / "cube.obj", obj_cube())).appearance is None
     gltf = textured_quad(tmp_path)
     gltf.node(name="cube", mesh=gltf.mesh("cube", CORNERS + 2, CUBE))
     mesh = load(write(tmp_path / "both.glb", gltf.glb()))
     found = albedo(mesh, np.arange(2, 14), np.full((12, 3), 1 / 3))
-    assert np.allclose(found, [(GREY, GREY, GREY, 1)] * 12)
+    assert np.allclose(found, [(GRAY, GRAY, GRAY, 1)] * 12)
 
 
 @pytest.mark.parametrize("damage", ["absent", "text", "cut"])
-def test_a_texture_that_cannot_be_read_is_grey_and_one_warning(damage: str, tmp_path: Path) -> None:
+def test_a_texture_that_cannot_be_read_is_gray_and_one_warning(damage: str, tmp_path: Path) -> None:
     checkered(tmp_path / "paint.png", 64)
     write(tmp_path / "cube.mtl", "newmtl paint\nmap_Kd paint.png\n")
     if damage == "absent":
@@ -176,11 +176,11 @@ def test_a_texture_that_cannot_be_read_is_grey_and_one_warning(damage: str, tmp_
     assert caught[0].filename == __file__
     if mesh.appearance is not None:
         found = albedo(mesh, np.arange(12), np.full((12, 3), 1 / 3))
-        assert np.allclose(found, (GREY, GREY, GREY, 1))
+        assert np.allclose(found, (GRAY, GRAY, GRAY, 1))
 
 
 @pytest.mark.parametrize("damage", ["text", "cut"])
-def test_a_damaged_picture_inside_a_glb_is_grey_and_one_warning(damage: str, tmp_path: Path) -> None:
+def test_a_damaged_picture_inside_a_glb_is_gray_and_one_warning(damage: str, tmp_path: Path) -> None:
     gltf = textured_quad(tmp_path)
     view = gltf.header["bufferViews"][gltf.header["images"][0]["bufferView"]]
     start, length = view["byteOffset"], view["byteLength"]
@@ -188,11 +188,11 @@ def test_a_damaged_picture_inside_a_glb_is_grey_and_one_warning(damage: str, tmp
         gltf.data = gltf.data[:start] + b"no picture" + gltf.data[start + 10 :]
     else:
         gltf.data = gltf.data[: start + 45] + bytes(length - 45) + gltf.data[start + length :]
-    with pytest.warns(UserWarning, match="could not be read; what it would color is grey") as caught:
+    with pytest.warns(UserWarning, match="could not be read; what it would color is gray") as caught:
         mesh = load(write(tmp_path / "quad.glb", gltf.glb()))
     assert len(caught) == 1
     if mesh.appearance is not None:
-        assert np.allclose(at(mesh, [(0.3, 0.2)]), (GREY, GREY, GREY, 1))
+        assert np.allclose(at(mesh, [(0.3, 0.2)]), (GRAY, GRAY, GRAY, 1))
 
 
 def test_a_texture_outside_the_files_folder_is_not_read(tmp_path: Path) -> None:
@@ -204,7 +204,7 @@ def test_a_texture_outside_the_files_folder_is_not_read(tmp_path: Path) -> None:
         load(write(inside / "cube.obj", "mtllib cube.mtl\nusemtl paint\n" + obj_cube()))
 
 
-def test_the_content_hash_sees_every_colour(tmp_path: Path) -> None:
+def test_the_content_hash_sees_every_color(tmp_path: Path) -> None:
     gltf = textured_quad(tmp_path)
     hashes = {load(write(tmp_path / "a.glb", gltf.glb())).content_hash}
     gltf.header["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = [1, 0.5, 1, 1]
@@ -215,7 +215,7 @@ def test_the_content_hash_sees_every_colour(tmp_path: Path) -> None:
     assert len(hashes) == 3
 
 
-def test_row_colours_are_the_albedo_at_the_corners() -> None:
+def test_row_colors_are_the_albedo_at_the_corners() -> None:
     texture = np.random.default_rng(0).integers(0, 255, (8, 8, 4), dtype=np.uint8)
     look = square(texture)
     assert np.allclose(look.row_colors()[[0, 1, 2]], look.albedo(np.zeros(3, int), np.eye(3)))
@@ -228,6 +228,6 @@ def test_display_curve_is_undone_by_its_inverse() -> None:
     assert srgb(np.array([0.5]))[0] == pytest.approx(0.7353569, abs=1e-6)
 
 
-def test_no_points_have_no_colours() -> None:
+def test_no_points_have_no_colors() -> None:
     look = square(np.zeros((2, 2, 4), np.uint8))
     assert look.albedo(np.zeros(0, int), np.zeros((0, 3))).shape == (0, 4)

@@ -1,4 +1,4 @@
-"""Colours that stand for numbers."""
+"""Colors that stand for numbers."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_feature_colors_do_not_depend_on_scale_place_or_order() -> None:
 
 
 @pytest.mark.parametrize("features", [np.ones((5, 4)), np.ones((1, 3)), np.zeros((4, 1))])
-def test_features_without_spread_are_grey(features: np.ndarray) -> None:
+def test_features_without_spread_are_gray(features: np.ndarray) -> None:
     np.testing.assert_allclose(feature_colors(features), 0.5, atol=1e-6)
 
 

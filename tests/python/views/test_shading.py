@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dfd import Mesh
-from dfd.mesh.appearance import GREY, Appearance, Material, blend
+from dfd.mesh.appearance import GRAY, Appearance, Material, blend
 from dfd.mesh.normals import smooth_normals
 from dfd.views.cameras import Camera, camera_towards
 from dfd.views.raycast import Hits, Scene
@@ -48,7 +48,7 @@ def test_light_is_at_the_eye_and_back_faces_are_lit_alike(side: int) -> None:
     image, hits, camera = look(Mesh(SQUARE, TWO), (0.3, 0.2, side), field_of_view=50)
     for index, ray in enumerate(hits.ray[:: len(hits.ray) // 10]):
         row, column = divmod(int(ray), 21)
-        assert image[row, column] == pytest.approx(np.full(3, lit(GREY, camera, 21, row, column)), abs=0.51), index
+        assert image[row, column] == pytest.approx(np.full(3, lit(GRAY, camera, 21, row, column)), abs=0.51), index
     missed = np.ones(21 * 21, bool)
     missed[hits.ray] = False
     assert missed.any()
@@ -89,10 +89,10 @@ def test_a_sheet_with_faces_on_both_sides_is_lit_by_its_own_normal() -> None:
     image, _, camera = look(mesh, (0, 0.5, 1))
     plain, _, _ = look(Mesh(SQUARE, TWO), (0, 0.5, 1))
     assert np.abs(image.astype(int) - plain).max() <= 1
-    assert image[10, 10, 0] == pytest.approx(lit(GREY, camera), abs=0.51)
+    assert image[10, 10, 0] == pytest.approx(lit(GRAY, camera), abs=0.51)
 
 
-def test_normals_of_neighbours_wound_the_other_way_are_lit_evenly() -> None:
+def test_normals_of_neighbors_wound_the_other_way_are_lit_evenly() -> None:
     image, hits, _ = look(Mesh(SQUARE, np.array([[0, 1, 2], [0, 3, 2]])))
     plain, _, _ = look(Mesh(SQUARE, TWO))
     assert len(hits.ray) > 100

@@ -138,6 +138,7 @@ class StateMessage(Answer):
     new_handle: NewHandle
     overlap: Overlap
     blend: BlendRule
+    smooth_seams: bool = False
     can_undo: bool = False
     can_redo: bool = False
     field: FieldState

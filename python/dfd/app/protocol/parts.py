@@ -109,7 +109,7 @@ def control_types(types: dict[str, Any]) -> dict[str, Any]:
 def control_entries() -> tuple[ControlEntry, ...]:
     """How panels show the controls, in order; what takes places and regions has a panel of its own."""
     entries = []
-    whole_shape = {name: about(Edit)[name] for name in ("preset", "overlap", "blend")}
+    whole_shape = {name: about(Edit)[name] for name in ("preset", "overlap", "blend", "smooth_seams")}
     for name, (kind, said) in {**about(editing.Controls), **whole_shape}.items():
         if said is None or said.repeated or name == "mask":
             continue

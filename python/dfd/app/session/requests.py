@@ -47,7 +47,7 @@ from dfd.app.session.script import as_command, as_python
 from dfd.app.session.session import Session
 from dfd.app.session.state import feature_colors_message, positions_message
 from dfd.common.preset import Preset
-from dfd.editing.edit import Fixed, empty_edit
+from dfd.editing.edit import Fixed, GivenSettings, empty_edit
 from dfd.editing.influence.held_parts import pivot_on
 from dfd.editing.influence.regions import VertexSet
 from dfd.editing.points import place_on
@@ -328,16 +328,15 @@ def set_symmetry(
 
 @request
 def set_mode(
-    session: Session, preset: Preset | None = None, overlap: Overlap | None = None, blend: BlendRule | None = None
+    session: Session,
+    preset: Preset | None = None,
+    overlap: Overlap | None = None,
+    blend: BlendRule | None = None,
+    smooth_seams: bool | None = None,
 ) -> None:
     """Set how handles act together, as one step; a preset replaces all settings that it defines."""
-
-    def work(deformer: Any) -> None:
-        for name, value in (("preset", preset), ("overlap", overlap), ("blend", blend)):
-            if value is not None:
-                setattr(deformer, name, value)
-
-    session.change(work)
+    settings: GivenSettings = {"overlap": overlap, "blend": blend, "smooth_seams": smooth_seams}
+    session.change(lambda deformer: deformer.set(preset=preset, **settings))
 
 
 @request

@@ -23,6 +23,7 @@ from dfd.editing.influence.instance_weights import (
     wanted_of,
 )
 from dfd.editing.influence.instances import Instance, SurfaceAxes
+from dfd.editing.influence.seams import Seams
 from dfd.editing.points import Place
 from dfd.editing.presets import PARTLESS_REACH, WITHIN_PART
 from dfd.posing.pose import Overlap
@@ -128,7 +129,7 @@ class HandleWeights:
         self._rows = HandleFeatures(mesh, field, features)
         self._distances = Distances(mesh)
         self._axes = SurfaceAxes(mesh, self._distances)
-        self._instances = InstanceColumns(mesh, field, self._axes, self._grip)
+        self._instances = InstanceColumns(mesh, field, self._axes, self._grip, self._near)
         self._limbs = HeldParts(mesh)
         self._columns = Columns(len(mesh.vertices))
         self._keys: list[Key] = []
@@ -136,6 +137,8 @@ class HandleWeights:
         self._reach_targets = True
         self._given: Float32 | None = None  # what `of` gave out last, as long as it holds
         self._held: Float32 | None = None  # (V,) what the fixed points take away, as long as they stay
+        self._seams = Seams(mesh)
+        self._smoothed: tuple[Float32, list[Int64], Float32] | None = None  # columns, what stays of each, smoothed ones
         self._mixed: tuple[Float32, Float32] | None = None  # columns, and what makes their handles land exactly
         self._reaches: dict[tuple[Place, str], float] = {}
         self._grips: dict[Place, Grip | None] = {}
@@ -212,7 +215,7 @@ class HandleWeights:
         Those of handles whose instances are told apart are interpolating already: instances of several handles may
         stand at one vertex, and only the handles themselves have to arrive.
         """
-        weights, columns = self.columns(edit)
+        weights, columns = self._moving(edit)
         if edit.overlap != "interpolate" or all(column.instance is None for column in columns):
             return weights, columns, edit.overlap
         if self._mixed is None or self._mixed[0] is not weights:
@@ -221,8 +224,35 @@ class HandleWeights:
 
     def following(self, edit: Edit) -> Float32:
         """(V, H) how much vertices follow each handle, over all of its instances."""
-        weights, columns = self.columns(edit)
+        weights, columns = self._moving(edit)
         return followed_by(weights, columns, len(edit.handles))
+
+    def _moving(self, edit: Edit) -> tuple[Float32, tuple[Column, ...]]:
+        """What `columns` gives, with smooth seams where they are asked for."""
+        weights, columns = self.columns(edit)
+        if not edit.smooth_seams:
+            return weights, columns
+        if self._smoothed is None or self._smoothed[0] is not weights:
+            still = [self._still(edit, column, weights[:, i]) for i, column in enumerate(columns)]
+            made = np.array(weights, np.float32, order="F")
+            before = self._smoothed
+            for i, column in enumerate(made.T):
+                same = before is not None and i < len(before[1]) and np.array_equal(before[1][i], still[i])
+                if before is not None and same and np.array_equal(before[0][:, i], column):
+                    column[:] = before[2][:, i]
+                else:
+                    self._seams.smooth(column, still[i])
+            self._smoothed = weights, still, made
+        return self._smoothed[2], columns
+
+    def _still(self, edit: Edit, column: Column, weights: Float32) -> Int64:
+        """(N,) the vertices whose weights seams leave as they are: what is held, fixed, or beyond a limit."""
+        handle = edit.handles[column.handle]
+        places = [handle.place, *(fixed.place for fixed in edit.fixed)]
+        still = [self._rows.vertices(each) if each.region is None else self._rows.members(each) for each in places]
+        if handle.controls.mask is not None or handle.controls.radius is not None:
+            still.append(np.flatnonzero(weights == 0.0))
+        return np.concatenate(still)
 
     def instances(self, edit: Edit, handle: Handle) -> list[tuple[Instance, bool]]:
         """The places that look like the one a handle holds, its own first, and whether each moves with it."""
@@ -272,6 +302,11 @@ class HandleWeights:
         key = self._key(handle, edit)
         distances, power = self._distances.falloff(key.sources, key.controls, key.bridges)
         return key.sources, None if distances is None else distances[0], power
+
+    def _near(self, edit: Edit, handle: Handle, vertices: Int64) -> Float64:
+        """(N,) the falloff (1 − G)^λ of a handle at vertices (N,)."""
+        _, distances, power = self.locality(edit, handle)
+        return np.ones(len(vertices)) if distances is None else (1.0 - distances[vertices].astype(np.float64)) ** power
 
     def axes(self, place: Place, along: Along) -> Frame | None:
         """Three axes whose third runs along the surface's normal or the limb at a place, as `SurfaceAxes.at`."""

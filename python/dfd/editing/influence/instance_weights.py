@@ -57,12 +57,20 @@ class Column(NamedTuple):
 class InstanceColumns:
     """The columns of one mesh, kept as long as what they depend on stays."""
 
-    def __init__(self, mesh: Mesh, field: Field, axes: SurfaceAxes, grip: Callable[[Place], Grip | None]) -> None:
-        """`grip` finds the part that a handle at a place holds."""
+    def __init__(
+        self,
+        mesh: Mesh,
+        field: Field,
+        axes: SurfaceAxes,
+        grip: Callable[[Place], Grip | None],
+        near: Callable[[Edit, Handle, Int64], Float64],
+    ) -> None:
+        """`grip` finds the part that a handle at a place holds, `near` its falloff (1 − G)^λ at vertices."""
         self._mesh = mesh
         self._field = field
         self._axes = axes
         self._grip = grip
+        self._near = near
         self.finder = InstanceFinder(mesh)
         self._found: dict[Hashable, tuple[Instance, ...]] = {}
         self._key: Hashable = None
@@ -95,7 +103,7 @@ class InstanceColumns:
                     instances = self.instances(handle, rows, edit.symmetry)
                     found[_asked(handle, edit.symmetry)] = instances
                     instances = self._axes.turned(handle, rows.anchor(handle.place), instances)
-                own = self._parts(handle, weights[:, i], instances, rows)
+                own = self._parts(edit, handle, weights[:, i], instances, rows)
                 apart = bool(instances) and handle.controls.instances != "shared_pivot"
                 parts += [[part] for part in own] if apart else [own]
                 columns += [Column(i, *part) for part in own] if apart else [Column(i, None)]
@@ -113,7 +121,7 @@ class InstanceColumns:
         """(V,) what the instances of a handle that move have of its `weights` (V,), with their gains."""
         total = np.zeros(len(weights), np.float32)
         ones = np.ones(len(weights), np.float32)
-        for part in self._parts(handle, weights, self.instances(handle, rows, edit.symmetry), rows):
+        for part in self._parts(edit, handle, weights, self.instances(handle, rows, edit.symmetry), rows):
             total += _weights_of(part, ones)
         return total
 
@@ -142,7 +150,7 @@ class InstanceColumns:
         return self.finder.find(looks, vertex, handle.place.position, held=held, pieces=pieces, planes=planes)
 
     def _parts(
-        self, handle: Handle, weights: Float32, instances: Sequence[Instance], rows: HandleFeatures
+        self, edit: Edit, handle: Handle, weights: Float32, instances: Sequence[Instance], rows: HandleFeatures
     ) -> list[Portion]:
         """What of a handle's weights moves: all, or its instances that are on."""
         controls = handle.controls
@@ -152,7 +160,8 @@ class InstanceColumns:
             return [(instances[0], 1.0)]
         gains = [1.0] * len(instances)
         if controls.level:
-            instances, gains = _leveled(weights, instances)
+            near = self._near(edit, handle, np.array([one.vertex for one in instances]))
+            instances, gains = _leveled(weights, instances, near)
         on = self.switches(handle, instances, rows)
         return [(one, gain) for one, gain, is_on in zip(instances, gains, on, strict=True) if is_on]
 
@@ -213,12 +222,13 @@ def _weights_of(part: Portion, weights: Float32) -> Float32:
     return own if gain == 1.0 else own * np.float32(gain)
 
 
-def _leveled(weights: Float32, instances: Sequence[Instance]) -> tuple[list[Instance], list[float]]:
-    """Instances with gains by which each follows as much as the handle's own.
+def _leveled(weights: Float32, instances: Sequence[Instance], near: Float64) -> tuple[list[Instance], list[float]]:
+    """Instances with gains by which each follows as much as the handle's own, but for their falloff `near` (N,).
 
+    Those that are less alike are made up for, and not those that are farther away: locality is there to leave them out.
     Where gains add up to more weight than there is anywhere, between two instances, their shares are less.
     """
-    tops = [float(weights[one.vertex]) for one in instances]
+    tops = [float(weights[one.vertex]) / part if part > 0 else 0.0 for one, part in zip(instances, near, strict=True)]
     alike = [one.weight >= LEAST_ALIKE and tops[i] >= LEAST_LEVELED * tops[0] > 0 for i, one in enumerate(instances)]
     gains = [tops[0] / top if is_alike else 1.0 for top, is_alike in zip(tops, alike, strict=True)]
     total = np.zeros(len(weights), np.float32)

@@ -87,6 +87,7 @@ def _roots(header: Header) -> list[int]:
     if not objects(header, "scenes"):
         below = parents(header)
         header["scenes"] = [{"nodes": [index for index in range(len(header["nodes"])) if index not in below]}]
+        header["scene"] = 0
     header.setdefault("scene", 0)
     scene = header["scenes"][header["scene"]]
     return scene.setdefault("nodes", [])

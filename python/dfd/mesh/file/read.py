@@ -68,7 +68,7 @@ def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
         names = ", ".join(each[:100] for each in sorted(assets.unreadable)[:_MOST_NAMED])
         names += ", …" if len(assets.unreadable) > _MOST_NAMED else ""
         warnings.warn(
-            f"load: `path` {path} names {names}, which could not be read; what it would color is grey", stacklevel=3
+            f"load: `path` {path} names {names}, which could not be read; what it would color is gray", stacklevel=3
         )
     return scene
 

@@ -83,7 +83,7 @@ def test_what_is_shown_as_a_picture_must_be_one(name: str, slot: str, tmp_path: 
 
     path = outside(folder, show)
     if slot == "baseColorTexture":
-        with pytest.warns(UserWarning, match="could not be read; what it would color is grey"):
+        with pytest.warns(UserWarning, match="could not be read; what it would color is gray"):
             mesh = load(path)
         assert mesh.appearance is None
     else:
@@ -140,7 +140,7 @@ def large_picture(width: int, height: int) -> bytes:
     return stream.getvalue()
 
 
-def test_a_picture_too_large_to_decode_is_grey(tmp_path: Path) -> None:
+def test_a_picture_too_large_to_decode_is_gray(tmp_path: Path) -> None:
     gltf = textured_quad(tmp_path)
     gltf.header["images"][0]["bufferView"] = gltf.view(large_picture(12_000, 12_000))
     path = write(tmp_path / "bomb.glb", gltf.glb())

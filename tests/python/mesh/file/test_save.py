@@ -36,7 +36,7 @@ def test_text_formats_keep_every_bit(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("ending", ["glb", "gltf", "obj"])
-def test_a_scene_keeps_parts_materials_and_colours(ending: str, tmp_path: Path) -> None:
+def test_a_scene_keeps_parts_materials_and_colors(ending: str, tmp_path: Path) -> None:
     mesh = load(scene_of_three(tmp_path))
     mesh.save(tmp_path / f"out.{ending}")
     again = load(tmp_path / f"out.{ending}")
@@ -152,7 +152,7 @@ def test_a_mirrored_placing_keeps_normals_outside(tmp_path: Path) -> None:
     assert np.all(np.einsum("ij,ij->i", geometry.vertex_normals, outward) > 0)
 
 
-def test_textures_become_vertex_colours_in_ply(tmp_path: Path) -> None:
+def test_textures_become_vertex_colors_in_ply(tmp_path: Path) -> None:
     mesh = load(write(tmp_path / "quad.glb", textured_quad(tmp_path).glb()))
     mesh.save(tmp_path / "quad.ply")
     look = load(tmp_path / "quad.ply").appearance
@@ -188,7 +188,7 @@ def test_saving_an_obj_overwrites_no_other_files_texture(tmp_path: Path) -> None
     assert np.array_equal(look.materials[0].texture, own.materials[0].texture)
 
 
-def test_colours_and_jpeg_textures_cross_formats_unharmed(tmp_path: Path) -> None:
+def test_colors_and_jpeg_textures_cross_formats_unharmed(tmp_path: Path) -> None:
     picture = np.random.default_rng(0).integers(0, 255, (32, 32, 3), dtype=np.uint8)
     Image.fromarray(picture).save(tmp_path / "paint.jpg")
     write(tmp_path / "quad.mtl", "newmtl paint\nmap_Kd paint.jpg\nnewmtl plain\nKd 0.25 0.5 0.75\n")

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
-from dfd.mesh.appearance import GREY, Material
+from dfd.mesh.appearance import GRAY, Material
 from dfd.mesh.file.images import as_png
 from dfd.mesh.file.obj.library import Companions
 from dfd.mesh.file.primitives import UniqueNames
@@ -74,7 +74,7 @@ def encode_scene(
             normal_count += len(own_normals)
         used = library.add(material)
         if used is None and several:  # a primitive without one would inherit the previous one's
-            used = library.plain(1.0 if each.geometry.colors is not None else GREY)
+            used = library.plain(1.0 if each.geometry.colors is not None else GRAY)
         if used is not None:
             body.append(f"usemtl {used}\n".encode())
         body.append(_faces(columns))
@@ -107,12 +107,12 @@ class _MaterialLibrary:
             self.text += "\n".join([*lines, "", ""])
         return self._names[id(material)]
 
-    def plain(self, grey: float) -> str:
-        """Return the name of a grey material, written on first use."""
-        if (grey_id := -int(1000 * grey)) not in self._names:
-            name = self._names[grey_id] = self._unused("plain")
-            self.text += f"newmtl {name}\nKd {grey} {grey} {grey}\n\n"
-        return self._names[grey_id]
+    def plain(self, gray: float) -> str:
+        """Return the name of a gray material, written on first use."""
+        if (gray_id := -int(1000 * gray)) not in self._names:
+            name = self._names[gray_id] = self._unused("plain")
+            self.text += f"newmtl {name}\nKd {gray} {gray} {gray}\n\n"
+        return self._names[gray_id]
 
     def _unused(self, name: str) -> str:
         return self._unique.unique(_SEPARATORS.sub("_", name)[:_LONGEST_NAME] or "material")

@@ -222,7 +222,7 @@ def test_ktx2_pictures_are_read(tmp_path: Path) -> None:
         load(write(tmp_path / "cut.glb", gltf.glb()))
 
 
-def test_ktx2_without_its_library_is_grey_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ktx2_without_its_library_is_gray_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     without(monkeypatch, "opengl_basisu")
     with pytest.warns(UserWarning, match=rf"the {BASISU} texture of material 'paint' \(`pip install dfd\[gltf\]`"):
         mesh = load(write(tmp_path / "ktx2.glb", ktx2_quad(tmp_path).glb()))

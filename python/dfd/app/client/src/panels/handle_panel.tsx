@@ -229,7 +229,7 @@ function Bend({ handle, transform: { bend, twist, joint }, set }: BendProps) {
   );
 }
 
-/** Each place that looks like the handle's own, and how much it moves along: grey where none of it is seen. */
+/** Each place that looks like the handle's own, and how much it moves along: gray where none of it is seen. */
 function SimilarPlaces({ state, handle }: { readonly state: State; readonly handle: number }) {
   const places = otherPlaces(state);
   if (places.length === 0) return null;

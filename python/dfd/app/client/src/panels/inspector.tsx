@@ -6,7 +6,19 @@ import { niceStep, REST, type Transform } from "../posing/affine";
 import type { FixedState, StateMessage } from "../protocol/messages";
 import { handleName, placeName, ready, selectedHandle, store } from "../store/state";
 import { useParts } from "../store/use";
-import { Button, Facts, IconButton, More, Panel, percent, Select, Served, Slider, titled } from "../widgets/controls";
+import {
+  Button,
+  Facts,
+  IconButton,
+  More,
+  Panel,
+  percent,
+  Select,
+  Served,
+  Slider,
+  titled,
+  Toggle,
+} from "../widgets/controls";
 import { HandleList } from "./handle_list";
 import { HandlePanel, motionFields } from "./handle_panel";
 import { SymmetryPanel } from "./symmetry_panel";
@@ -140,6 +152,7 @@ const MODES = ["preset", "overlap", "blend"];
 function ShapePanel({ known }: { readonly known: StateMessage }) {
   const { mesh, report, session } = useParts();
   const controls = session?.controls.filter(({ name }) => MODES.includes(name)) ?? [];
+  const smoothing = session?.controls.find(({ name }) => name === "smooth_seams");
   const { status, origin } = known.field;
   const features = status === "ready" ? (origin ?? "ready") : status === "none" ? "not learned yet" : `${status}…`;
   const counts: [string, number][] = mesh
@@ -151,6 +164,16 @@ function ShapePanel({ known }: { readonly known: StateMessage }) {
     : [];
   return (
     <Panel title="Shape">
+      {status === "ready" && smoothing && (
+        <Served>
+          <Toggle
+            label={smoothing.label}
+            hint={smoothing.hint}
+            checked={known.smooth_seams}
+            onChange={(on) => send({ type: "set_mode", smooth_seams: on })}
+          />
+        </Served>
+      )}
       {status === "ready" && (
         <More>
           <Served>

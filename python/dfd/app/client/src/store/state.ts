@@ -183,11 +183,11 @@ export function present(state: State, handle: HandleState): HandleState & { read
 /** Degrees: what turns farther keeps its volume where blending is "auto", as `Edit.blending` says. */
 const MOST_LINEAR = 30;
 
-/** Whether what is seen has to be posed by the server: the shader adds linear motions, and bends nothing. */
+/** Whether what is seen has to be posed by the server: the shader adds linear motions, bends and smooths nothing. */
 export function serverPoses(state: State): boolean {
   const { edit } = state;
   if (!edit || state.comparing) return false;
-  if (edit.overlap !== "add" || !["linear", "auto"].includes(edit.blend)) return true;
+  if (edit.smooth_seams || edit.overlap !== "add" || !["linear", "auto"].includes(edit.blend)) return true;
   return edit.handles.some((handle) => {
     const { rotation, bend, twist } = present(state, handle).transform;
     const turns = edit.blend === "auto" && Math.hypot(...rotation) > MOST_LINEAR;

@@ -30,6 +30,8 @@ export class Pointer {
   private frame = 0;
   private timer = 0;
   private last: PointerEvent | null = null;
+  /** As of the last event, of mouse or keyboard: Alt may be pressed between a move and its frame. */
+  private alt = false;
   private slowness = 0;
 
   constructor(
@@ -68,6 +70,7 @@ export class Pointer {
 
   private moved(event: PointerEvent): void {
     this.last = event;
+    this.alt = event.altKey;
     const [x, y] = this.at(event);
     if (this.down && Math.hypot(x - this.down.x, y - this.down.y) > CLICK_DISTANCE) this.down.moved = true;
     if (this.frame !== 0) return;
@@ -110,13 +113,16 @@ export class Pointer {
 
   /** Alt shows parts, also where the pointer rests. */
   private altered(event: KeyboardEvent): void {
-    if (event.key !== "Alt" || event.repeat || !this.last) return;
+    if (event.key !== "Alt" || event.repeat) return;
+    this.alt = event.type === "keydown";
+    if (!this.last) return;
     event.preventDefault();
     clearTimeout(this.timer);
-    if (!this.down && !this.events.busy()) this.point(this.last, event.type === "keydown");
+    if (!this.down && !this.events.busy()) this.point(this.last);
   }
 
-  private point(event: PointerEvent, part = event.altKey): void {
+  private point(event: PointerEvent): void {
+    const part = this.alt;
     const begun = performance.now();
     const [x, y] = this.at(event);
     const picked = this.events.pick(x, y);

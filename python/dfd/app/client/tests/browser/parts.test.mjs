@@ -23,19 +23,12 @@ const shown = () =>
     return { part, colored: [...colored].sort((a, b) => a - b) };
   });
 
-/** Point at a place with Alt until the part is shown; a busy machine may want the pointer moved again. */
+/** Point at a place with Alt until the part is shown. */
 async function point(at) {
-  for (let tries = 0; tries < 6; tries++) {
-    await page.mouse.move(at[0] + 1, at[1]);
-    await page.mouse.move(...at);
-    await page.keyboard.down("Alt");
-    for (let waits = 0; waits < 100; waits++) {
-      if (await state(page, (s) => s.probe?.part > 0)) return;
-      await page.waitForTimeout(100);
-    }
-    await page.keyboard.up("Alt");
-  }
-  throw new Error(`No part is shown: ${JSON.stringify(await state(page, (s) => [s.hover, s.probe?.part, s.tool]))}`);
+  await page.mouse.move(at[0] + 1, at[1]);
+  await page.mouse.move(...at);
+  await page.keyboard.down("Alt");
+  await until(page, (s) => s.probe?.part > 0);
 }
 
 /** Alt-click a vertex with what else is held down. */

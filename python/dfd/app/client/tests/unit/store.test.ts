@@ -1,5 +1,7 @@
 import { describe, expect, it, vi } from "vitest";
 
+import type { StateMessage } from "../../src/protocol/messages";
+import { serverPoses, store as pageStore } from "../../src/store/state";
 import { createStore } from "../../src/store/store";
 
 describe("createStore", () => {
@@ -39,5 +41,16 @@ describe("createStore", () => {
     store.set({ a: 2 });
     expect(later).not.toHaveBeenCalled();
     expect(store.get()).toEqual({ a: 2, b: 1 });
+  });
+});
+
+describe("serverPoses", () => {
+  it("is so where seams are smoothed, which the shader does not, unless the resting shape is compared", () => {
+    const edit = { overlap: "add", blend: "auto", smooth_seams: false, handles: [] } as unknown as StateMessage;
+    const state = { ...pageStore.get(), edit };
+    expect(serverPoses(state)).toBe(false);
+    const smooth = { ...state, edit: { ...edit, smooth_seams: true } };
+    expect(serverPoses(smooth)).toBe(true);
+    expect(serverPoses({ ...smooth, comparing: true })).toBe(false);
   });
 });
