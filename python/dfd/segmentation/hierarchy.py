@@ -32,10 +32,11 @@ LEAST_SHOWN = 0.005  # likewise, for a part of the whole cut
 # Pieces so equal, of so similar a size as those of the likeliest part, belong to it where the part of all is as likely.
 EQUAL, SIMILAR, STILL_LIKELY = 0.8, 1.3, 0.15
 UNCLEAR = 0.8  # of its likelihood, for a branch that a cut of it ends more clearly than: horns and ears are two parts
+SMALLER = 0.05  # power of the area that its likelihood is divided by: what is too large moves what should stay
 CUT = 1.35  # times its likelihood, for a branch of the clearest cut: parts that people name lie side by side
 SHORT = 0.2  # diagonals: a border that is not much longer has to crease more, since chance creases short ones
 ROUNDING = 1e-12  # of the length of all borders: what is shorter is none
-LEAST_CONCAVITY = 0.02  # counts for every border: some parts end without a crease
+LEAST_CONCAVITY = 0.01  # counts for every border: some parts end without a crease
 # Two parts of several pieces each are one, such as the legs of two sets of teeth, if pieces and their borders differ in
 # size by no more times than this, if they differ less from each other than that often from what is around them, and if
 # both are sure to be parts.
@@ -161,13 +162,14 @@ class Hierarchy:
         """
         branch = self.branches[node]
         likely = (branch.concavity + LEAST_CONCAVITY) * branch.step / (self.around(node) + SHORT)
+        likely /= branch.area**SMALLER
         return likely * (1.0 if self.clear[node] else UNCLEAR) * (CUT if node in self.cut else 1.0)
 
     def clarity(self, node: int) -> float:
         """How clearly a node ends where it does; compared with that of others alone."""
         branch = self.branches[node]
-        clarity = (branch.concavity + LEAST_CONCAVITY) * branch.step**0.75 / (self.around(node) + SHORT) ** 0.3
-        return float(clarity)
+        clarity = (branch.concavity + LEAST_CONCAVITY) * branch.step**0.75
+        return float(clarity / np.sqrt(self.around(node) + SHORT))
 
     def meant(self, nodes: list[int]) -> int:
         """Which of the nodes that hold a patch, the smallest first, a person means who takes hold of it.

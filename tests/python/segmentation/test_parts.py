@@ -189,7 +189,7 @@ def test_legs_that_differ_a_little_are_held_together(chair):
     """Front legs are told from hind legs, but what is above them holds all four: they are equal pieces."""
     rows = noisy(chair)
     back = np.concatenate([chair.vertices_of("leg", 2), chair.vertices_of("leg", 3)])
-    rows[back] += 1.5 * np.random.default_rng(5).normal(size=16).astype(np.float32) / 4
+    rows[back] += 2 * np.random.default_rng(5).normal(size=16).astype(np.float32) / 4
     rows /= np.linalg.norm(rows, axis=1, keepdims=True)
     found = Parts(chair.mesh, lambda some: rows[some])
     legs = chair.labels == chair.parts.index("leg")
