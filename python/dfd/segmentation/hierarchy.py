@@ -36,10 +36,10 @@ SMALLER = 0.05  # power of the area that its likelihood is divided by: what is t
 CUT = 1.35  # times its likelihood, for a branch of the clearest cut: parts that people name lie side by side
 SHORT = 0.2  # diagonals: a border that is not much longer has to crease more, since chance creases short ones
 ROUNDING = 1e-12  # of the length of all borders: what is shorter is none
-LEAST_CONCAVITY = 0.01  # counts for every border: some parts end without a crease
-# Two parts of several pieces each are one, such as the legs of two sets of teeth, if pieces and their borders differ in
-# size by no more times than this, if they differ less from each other than that often from what is around them, and if
-# both are sure to be parts.
+LEAST_CONCAVITY = 0.02  # counts for every border: some parts end without a crease
+# Two parts of several pieces each are one if none has pieces or borders more than ALIKE times as large, if they differ
+# from each other by less than LESS_APART times what each differs from its surroundings, and if both are at least this
+# likely to be held.
 ALIKE, LESS_APART, SURE = 1.4, 2.0, 0.1
 EVEN = 0.05  # of height: what differs by less is alike, and steps from there to the next larger branch tell nothing
 
@@ -79,14 +79,14 @@ class Hierarchy:
         self._patches = patches
         values = smoothed(patches, features.astype(np.float64))
         self._join(values)
-        # What sees front legs from the front and hind legs from behind parts them, however alike they are.
+        # Features know where on a body a thing is: front legs and hind legs may join it before they join each other.
         for _ in range(ROUNDS):
             if not (twins := self._twins(values)):
                 break
             for twin in twins:
-                mean, both = self._mean(values, twin), self._mean(values, twin.any(axis=0, keepdims=True))
-                for inside, own in zip(twin, mean, strict=True):
-                    values[inside] += both[0] - own
+                both = self._mean(values, twin[:1] | twin[1:])[0]
+                for inside, own in zip(twin, self._mean(values, twin), strict=True):
+                    values[inside] += both - own
             self._join(values)
 
     def _join(self, values: Float64) -> None:
@@ -111,7 +111,7 @@ class Hierarchy:
         self.cut, self.clear = self._clearest_cut()
 
     def _twins(self, values: Float64) -> list[Bool]:
-        """Pairs (2, P) of parts that are one, the most alike first; none has a patch with another in common."""
+        """Pairs (2, P) of parts of the clearest cut that are one, the most alike first; each part is in one at most."""
         nodes = [node for node in self.cut if self._may_be_held(node) and self.holdable(node) >= SURE]
         nodes = [node for node in nodes if len(self._pieces(node)[0]) > 1]
         if len(nodes) < 2:
@@ -121,18 +121,19 @@ class Hierarchy:
         around = (touches @ inside.T > 0).T & ~inside
         around[~around.any(axis=1)] = True  # a component: the whole shape
         mean = self._mean(values, inside)
-        step = np.linalg.norm(mean - self._mean(values, around), axis=1)
-        size = np.log([[self._pieces(node)[0].mean(), self.around(node)] for node in nodes])
+        step = np.maximum(np.linalg.norm(mean - self._mean(values, around), axis=1), 1e-9)
         apart = cdist(mean, mean) / np.minimum(step[:, None], step)
-        one, other = np.nonzero(
-            np.triu((cdist(size, size, "chebyshev") < np.log(ALIKE)) & (apart < LESS_APART) & ~(around @ inside.T), 1)
-        )
-        found: dict[int, Bool] = {}
+        size = np.log([[self._pieces(node)[0].mean(), self.around(node)] for node in nodes])
+        alike = (apart < LESS_APART) & (cdist(size, size, "chebyshev") < np.log(ALIKE)) & ~(around @ inside.T)
+        one, other = np.nonzero(np.triu(alike, 1))
+        twins: list[Bool] = []
+        taken: set[int] = set()
         for pair in np.argsort(apart[one, other], kind="stable"):
-            both = int(one[pair]), int(other[pair])
-            if found.keys().isdisjoint(both):
-                found |= dict.fromkeys(both, inside[list(both)])
-        return list({id(twin): twin for twin in found.values()}.values())
+            both = [int(one[pair]), int(other[pair])]
+            if taken.isdisjoint(both):
+                taken.update(both)
+                twins.append(inside[both])
+        return twins
 
     def _mean(self, values: Float64, inside: Bool) -> Float64:
         """(N, D) means of `values` (P, D) over parts (N, P), by area."""

@@ -23,7 +23,7 @@ from dfd.segmentation.patches import Patches
 
 Level = Literal["smaller", "part", "larger"]
 LARGER = 1.25  # times the area is the least by which two levels differ
-LEAST_HOLDABLE = 0.025  # what chance finds on a ball has up to 0.017, parts that people name 0.033 to 1.5
+LEAST_HOLDABLE = 0.033  # what chance finds on a ball has up to 0.031, parts that people name 0.08 to 2
 # Of the seam in which a grip fades: width in diagonals of the box, and of the way around a limb; how much lies
 # beyond the border. Most lies within: what moves beside a part is what people mind the most.
 SEAM, THICKNESS, BEYOND = 0.05, 0.25, 0.3
