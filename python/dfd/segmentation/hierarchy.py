@@ -77,6 +77,7 @@ class Hierarchy:
 
     def __init__(self, patches: Patches, features: NDArray[np.floating]) -> None:
         self._patches = patches
+        self._known_pieces: dict[bytes, tuple[Float64, int]] = {}  # by patches: most nodes of one tree are in the next
         values = smoothed(patches, features.astype(np.float64))
         self._join(values)
         # Features know where on a body a thing is: front legs and hind legs may join it before they join each other.
@@ -106,7 +107,6 @@ class Hierarchy:
             first[other] = first[one] + self._size[one]
         self._first, self._order = first, np.argsort(first[:count], kind="stable")
         self._children = children
-        self._known_pieces: dict[int, tuple[Float64, int]] = {}
         self.branches = self._described()
         self.cut, self.clear = self._clearest_cut()
 
@@ -195,9 +195,11 @@ class Hierarchy:
         return float(length) / self._pieces(node)[1]
 
     def _pieces(self, node: int) -> tuple[Float64, int]:
-        if node not in self._known_pieces:
-            self._known_pieces[node] = pieces_and_borders(self._patches, self.branches[node].inside)
-        return self._known_pieces[node]
+        inside = self.branches[node].inside
+        key = np.packbits(inside).tobytes()
+        if key not in self._known_pieces:
+            self._known_pieces[key] = pieces_and_borders(self._patches, inside)
+        return self._known_pieces[key]
 
     def _clearest_cut(self) -> tuple[list[int], Bool]:
         """What `cut` and `clear` are: the best cut of a node is the node itself, or those of what it joins."""
