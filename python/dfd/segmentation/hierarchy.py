@@ -41,6 +41,8 @@ LEAST_CONCAVITY = 0.02  # counts for every border: some parts end without a crea
 # from each other by less than LESS_APART times what each differs from its surroundings, and if both are at least this
 # likely to be held.
 ALIKE, LESS_APART, SURE = 1.4, 2.0, 0.1
+SCRAP = 0.2  # of the area of a part, what joins it and leaves it what it is
+BESIDE = 0.35  # of the shorter border of two parts, they have at most so much with each other if they lie side by side
 EVEN = 0.05  # of height: what differs by less is alike, and steps from there to the next larger branch tell nothing
 
 
@@ -65,7 +67,7 @@ class Hierarchy:
     cut
         Nodes that share out all patches: of all such cuts the one with the most clarity over the whole surface.
     clear
-        (N,) which nodes end more clearly than any cut of them.
+        (N,) which nodes end more clearly than any cut of them, and are not two things.
 
     Parameters
     ----------
@@ -161,10 +163,13 @@ class Hierarchy:
         People name what creases off, differs from what is around it, and has short borders: limbs, heads, handles. The
         length that counts is that of one border, so that four legs with four borders do as well as one leg with one.
         """
+        return self._likely(node) * (1.0 if self.clear[node] else UNCLEAR) * (CUT if node in self.cut else 1.0)
+
+    def _likely(self, node: int) -> float:
+        """How likely a node is by its own borders."""
         branch = self.branches[node]
         likely = (branch.concavity + LEAST_CONCAVITY) * branch.step / (self.around(node) + SHORT)
-        likely /= branch.area**SMALLER
-        return likely * (1.0 if self.clear[node] else UNCLEAR) * (CUT if node in self.cut else 1.0)
+        return float(likely / branch.area**SMALLER)
 
     def clarity(self, node: int) -> float:
         """How clearly a node ends where it does; compared with that of others alone."""
@@ -204,14 +209,32 @@ class Hierarchy:
     def _clearest_cut(self) -> tuple[list[int], Bool]:
         """What `cut` and `clear` are: the best cut of a node is the node itself, or those of what it joins."""
         count = self._patches.borders.count
-        worth, clear = np.zeros(len(self._height)), np.zeros(len(self._height), bool)
+        worth, clear, two = np.zeros(len(self._height)), *np.zeros((2, len(self._height)), bool)
         cuts = [[node] for node in range(count)]
         for node, (one, other) in enumerate(self._children, start=count):
-            own = self.branches[node].area * self.clarity(node) if self._may_be_held(node) else 0.0
+            own = 0.0
+            if self._may_be_held(node):
+                area = self.branches[node].area
+                large = max(one, other, key=lambda child: self.branches[child].area)
+                still = two[large] and self.branches[large].area > (1 - SCRAP) * area
+                two[node] = still or self._two_things(node, one, other)
+                own = 0.0 if two[node] else area * self.clarity(node)
             below = worth[one] + worth[other]
             worth[node], clear[node] = max(own, below), own > 0 and own >= below
             cuts.append([node] if clear[node] else cuts[one] + cuts[other])
         return cuts[-1], clear
+
+    def _two_things(self, node: int, one: int, other: int) -> bool:
+        """Whether a node joins two parts of several pieces that differ in size and meet at their sides: ears, horns."""
+        joined, *both = (self.branches[each] for each in (node, one, other))
+        shared = sum(each.border for each in both) - joined.border
+        if shared > 2 * BESIDE * min(each.border for each in both):
+            return False  # thighs and shins are legs
+        counts = [len(self._pieces(each)[0]) for each in (node, one, other)]
+        if min(counts) < 2 or counts[0] == counts[1] + counts[2]:
+            return False
+        size = self._pieces(one)[0].mean() / self._pieces(other)[0].mean()
+        return max(size, 1 / size) > ALIKE and min(self._likely(one), self._likely(other)) >= SURE
 
     def shown(self) -> Int64:
         """(P,) the part of each patch in `cut`; what is too small for one goes where its border is the longest."""

@@ -205,6 +205,38 @@ def test_equal_legs_are_held_together_unless_their_surroundings_are_more_alike(c
     assert overlap(found.mask, chair.labels == chair.parts.index("leg")) > 0.85 * pieces / 4
 
 
+def horns_and_ears():
+    """A plate with two ridges and peaks on each: tall ones 1, low ones 2, ridges 3, between them by features, too."""
+    side = np.linspace(0, 1, 97)
+    x, y = (each.ravel() for each in np.meshgrid(side, side, indexing="ij"))
+    height, label = np.zeros_like(x), np.zeros(len(x), int)
+    for middle in (0.25, 0.75):
+        for number, at, radius, top in ((1, 0.36, 0.11, 0.35), (2, 0.6, 0.07, 0.2)):
+            inwards = radius - np.hypot(x - middle, y - at)
+            height = np.maximum(height, top * np.clip(inwards / (0.5 * radius), 0, 1))
+            label[inwards > 0] = number
+        ridge = (np.abs(x - middle) < 0.06) & (y > 0.36) & (y < 0.6) & (label == 0)
+        height[ridge], label[ridge] = np.maximum(height[ridge], 0.1), 3
+    index = np.arange(len(x)).reshape(97, 97)
+    corner, across, along, beyond = index[:-1, :-1], index[1:, :-1], index[:-1, 1:], index[1:, 1:]
+    faces = np.stack([corner, beyond, across, corner, along, beyond], axis=-1).reshape(-1, 3)
+    random = np.random.default_rng(1)
+    look = random.normal(size=(4, 16))
+    look[2] = look[1] + 1.5 * look[2]
+    look[3] = (look[1] + look[2]) / 2
+    rows = look[label] + 0.3 * random.normal(size=(len(x), 16))
+    rows /= np.linalg.norm(rows, axis=1, keepdims=True)
+    return dfd.Mesh(np.stack([x, height, y], axis=1), faces), label, rows.astype(np.float32)
+
+
+def test_parts_that_differ_in_size_and_meet_at_their_sides_are_two():
+    mesh, label, rows = horns_and_ears()
+    parts = Parts(mesh, lambda some: rows[some])
+    tip = int(mesh.vertices[:, 1].argmax())
+    assert overlap(parts.part(tip).mask, label == 1) > 0.7
+    assert overlap(parts.part(tip, level="larger").mask, label > 0) > 0.7
+
+
 def test_a_part_carries_what_hangs_on_the_rest_through_it(chair):
     """The upper half of the legs is held: the feet go with it, and the seat stays."""
     patches = Patches(chair.mesh)
