@@ -31,7 +31,8 @@ LEAST_RAISED = 0.12  # surface in squares of a border's length, of a piece that 
 LEAST_SHOWN = 0.005  # likewise, for a part of the whole cut
 # Pieces so equal, of so similar a size as those of the likeliest part, belong to it where the part of all is as likely.
 EQUAL, SIMILAR, STILL_LIKELY = 0.8, 1.3, 0.15
-UNCLEAR = 0.8  # of its likelihood, for a branch that a cut of it ends more clearly than: horns and ears are two parts
+UNCLEAR = 0.8  # of its likelihood, for a branch that a cut of it ends more clearly than
+TWO = 0.5  # likewise, for one that joins two things
 SMALLER = 0.05  # power of the area that its likelihood is divided by: what is too large moves what should stay
 CUT = 1.35  # times its likelihood, for a branch of the clearest cut: parts that people name lie side by side
 SHORT = 0.2  # diagonals: a border that is not much longer has to crease more, since chance creases short ones
@@ -110,7 +111,7 @@ class Hierarchy:
         self._first, self._order = first, np.argsort(first[:count], kind="stable")
         self._children = children
         self.branches = self._described()
-        self.cut, self.clear = self._clearest_cut()
+        self.cut, self.clear, self._two = self._clearest_cut()
 
     def _twins(self, values: Float64) -> list[Bool]:
         """Pairs (2, P) of parts of the clearest cut that are one, the most alike first; each part is in one at most."""
@@ -163,7 +164,8 @@ class Hierarchy:
         People name what creases off, differs from what is around it, and has short borders: limbs, heads, handles. The
         length that counts is that of one border, so that four legs with four borders do as well as one leg with one.
         """
-        return self._likely(node) * (1.0 if self.clear[node] else UNCLEAR) * (CUT if node in self.cut else 1.0)
+        unclear = TWO if self._two[node] else UNCLEAR
+        return self._likely(node) * (1.0 if self.clear[node] else unclear) * (CUT if node in self.cut else 1.0)
 
     def _likely(self, node: int) -> float:
         """How likely a node is by its own borders."""
@@ -206,8 +208,8 @@ class Hierarchy:
             self._known_pieces[key] = pieces_and_borders(self._patches, inside)
         return self._known_pieces[key]
 
-    def _clearest_cut(self) -> tuple[list[int], Bool]:
-        """What `cut` and `clear` are: the best cut of a node is the node itself, or those of what it joins."""
+    def _clearest_cut(self) -> tuple[list[int], Bool, Bool]:
+        """What `cut` and `clear` are, and (N,) which nodes are two things: the best cut of a node is the node itself, or those of what it joins."""
         count = self._patches.borders.count
         worth, clear, two = np.zeros(len(self._height)), *np.zeros((2, len(self._height)), bool)
         cuts = [[node] for node in range(count)]
@@ -222,7 +224,7 @@ class Hierarchy:
             below = worth[one] + worth[other]
             worth[node], clear[node] = max(own, below), own > 0 and own >= below
             cuts.append([node] if clear[node] else cuts[one] + cuts[other])
-        return cuts[-1], clear
+        return cuts[-1], clear, two
 
     def _two_things(self, node: int, one: int, other: int) -> bool:
         """Whether a node joins two parts of several pieces that differ in size and meet at their sides: ears, horns."""
