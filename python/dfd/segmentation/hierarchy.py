@@ -209,7 +209,10 @@ class Hierarchy:
         return self._known_pieces[key]
 
     def _clearest_cut(self) -> tuple[list[int], Bool, Bool]:
-        """What `cut` and `clear` are, and (N,) which nodes are two things: the best cut of a node is the node itself, or those of what it joins."""
+        """What `cut` and `clear` are, and (N,) which nodes are two things.
+
+        The best cut of a node is the node itself, or those of what it joins.
+        """
         count = self._patches.borders.count
         worth, clear, two = np.zeros(len(self._height)), *np.zeros((2, len(self._height)), bool)
         cuts = [[node] for node in range(count)]
