@@ -30,7 +30,7 @@ LEAST_FLAT = 0.005  # likewise, of a piece that does not stand out
 LEAST_RAISED = 0.12  # surface in squares of a border's length, of a piece that does: a disc has 0.08, a half ball 0.16
 LEAST_SHOWN = 0.005  # likewise, for a part of the whole cut
 # Pieces so equal, of so similar a size as those of the likeliest part, belong to it where the part of all is as likely.
-EQUAL, SIMILAR, STILL_LIKELY = 0.8, 1.3, 0.15
+EQUAL, SIMILAR, STILL_LIKELY = 0.8, 1.4, 0.15
 UNCLEAR = 0.8  # of its likelihood, for a branch that a cut of it ends more clearly than
 TWO = 0.5  # likewise, for one that joins two things
 SMALLER = 0.05  # power of the area that its likelihood is divided by: what is too large moves what should stay
