@@ -35,6 +35,9 @@ UNCLEAR = 0.8  # of its likelihood, for a branch that a cut of it ends more clea
 TWO = 0.5  # likewise, for one that joins two things
 SMALLER = 0.05  # power of the area that its likelihood is divided by: what is too large moves what should stay
 CUT = 1.35  # times its likelihood, for a branch of the clearest cut: parts that people name lie side by side
+# Of the surface: what is larger ends where something small begins, such as a body at its head, whose border it is. An
+# arm is meant before it, if it is at least so likely and half as likely as the body.
+MOST_MEANT, LEAST_WITHIN = 0.8, 0.15
 SHORT = 0.2  # diagonals: a border that is not much longer has to crease more, since chance creases short ones
 ROUNDING = 1e-12  # of the length of all borders: what is shorter is none
 LEAST_CONCAVITY = 0.02  # counts for every border: some parts end without a crease
@@ -182,10 +185,17 @@ class Hierarchy:
     def meant(self, nodes: list[int]) -> int:
         """Which of the nodes that hold a patch, the smallest first, a person means who takes hold of it.
 
-        The likeliest, or one above it that joins it with as many equal pieces again: front legs take the hind legs.
+        The likeliest, but hardly most of the shape, or one above it that joins it with as many equal pieces again: hind
+        wheels follow front ones.
         """
         likely = [self.holdable(node) for node in nodes]
-        best = chosen = int(np.argmax(likely))
+        best = int(np.argmax(likely))
+        if self.branches[nodes[best]].area > MOST_MEANT:
+            within = [
+                i for i in range(best) if self.clear[nodes[i]] and likely[i] >= max(LEAST_WITHIN, likely[best] / 2)
+            ]
+            best = max(within, key=lambda i: likely[i], default=best)
+        chosen = best
         for above in range(best + 1, len(nodes)):
             own, all_of_it = self._pieces(nodes[chosen])[0], self._pieces(nodes[above])[0]
             equal = all_of_it.min() >= EQUAL * all_of_it.max()

@@ -205,36 +205,58 @@ def test_equal_legs_are_held_together_unless_their_surroundings_are_more_alike(c
     assert overlap(found.mask, chair.labels == chair.parts.index("leg")) > 0.85 * pieces / 4
 
 
-def horns_and_ears():
-    """A plate with two ridges and peaks on each: tall ones 1, low ones 2, ridges 3, between them by features, too."""
+def relief(peaks, ridges=0):
+    """A plate with peaks: of each its label, place, radius, width of its slope, and height; `ridges` is that of ridges."""
     side = np.linspace(0, 1, 97)
     x, y = (each.ravel() for each in np.meshgrid(side, side, indexing="ij"))
     height, label = np.zeros_like(x), np.zeros(len(x), int)
-    for middle in (0.25, 0.75):
-        for number, at, radius, top in ((1, 0.36, 0.11, 0.35), (2, 0.6, 0.07, 0.2)):
-            inwards = radius - np.hypot(x - middle, y - at)
-            height = np.maximum(height, top * np.clip(inwards / (0.5 * radius), 0, 1))
-            label[inwards > 0] = number
-        ridge = (np.abs(x - middle) < 0.06) & (y > 0.36) & (y < 0.6) & (label == 0)
-        height[ridge], label[ridge] = np.maximum(height[ridge], 0.1), 3
+    for number, at, radius, slope, top in peaks:
+        inwards = radius - np.hypot(x - at[0], y - at[1])
+        height = np.maximum(height, top * np.clip(inwards / slope, 0, 1))
+        label[inwards > 0] = number
+    if ridges:
+        ridge = (np.abs(np.abs(x - 0.5) - 0.25) < 0.06) & (y > 0.36) & (y < 0.6) & (label == 0)
+        height[ridge], label[ridge] = np.maximum(height[ridge], 0.1), ridges
     index = np.arange(len(x)).reshape(97, 97)
     corner, across, along, beyond = index[:-1, :-1], index[1:, :-1], index[:-1, 1:], index[1:, 1:]
     faces = np.stack([corner, beyond, across, corner, along, beyond], axis=-1).reshape(-1, 3)
+    return dfd.Mesh(np.stack([x, height, y], axis=1), faces), label
+
+
+def parts_by(mesh, label, look, noise, random):
+    rows = look[label] + noise * random.normal(size=(len(label), look.shape[1]))
+    rows = (rows / np.linalg.norm(rows, axis=1, keepdims=True)).astype(np.float32)
+    return Parts(mesh, lambda some: rows[some])
+
+
+def test_parts_that_differ_in_size_and_meet_at_their_sides_are_two():
+    """Two ridges that bear a tall and a low peak each, as a head has ears beside its horns."""
+    peaks = [
+        (number, (x, y), *size)
+        for x in (0.25, 0.75)
+        for number, y, *size in ((1, 0.36, 0.11, 0.055, 0.35), (2, 0.6, 0.07, 0.035, 0.2))
+    ]
+    mesh, label = relief(peaks, ridges=3)
     random = np.random.default_rng(1)
     look = random.normal(size=(4, 16))
     look[2] = look[1] + 1.5 * look[2]
     look[3] = (look[1] + look[2]) / 2
-    rows = look[label] + 0.3 * random.normal(size=(len(x), 16))
-    rows /= np.linalg.norm(rows, axis=1, keepdims=True)
-    return dfd.Mesh(np.stack([x, height, y], axis=1), faces), label, rows.astype(np.float32)
-
-
-def test_parts_that_differ_in_size_and_meet_at_their_sides_are_two():
-    mesh, label, rows = horns_and_ears()
-    parts = Parts(mesh, lambda some: rows[some])
+    parts = parts_by(mesh, label, look, 0.3, random)
     tip = int(mesh.vertices[:, 1].argmax())
     assert overlap(parts.part(tip).mask, label == 1) > 0.7
     assert overlap(parts.part(tip, level="larger").mask, label > 0) > 0.7
+
+
+def test_who_takes_hold_of_an_arm_does_not_mean_the_whole_body_below_the_head():
+    """All but the high peak ends as clearly as that peak does; the low ones differ little from what is around them."""
+    mesh, label = relief([*((1, (x, 0.35), 0.17, 0.085, 0.15) for x in (0.25, 0.75)), (2, (0.5, 0.8), 0.1, 0.03, 0.5)])
+    random = np.random.default_rng(0)
+    look = random.normal(size=(3, 16))
+    look[1:] = look[0] + [[0.3], [4.0]] * look[1:]
+    parts = parts_by(mesh, label, look, 0.2, random)
+    low = int(np.hypot(*(mesh.vertices - (0.25, 0, 0.35))[:, ::2].T).argmin())
+    assert overlap(parts.part(low).mask, label == 1) > 0.85
+    assert parts.part(low, level="larger").share > 0.7
 
 
 def test_a_part_carries_what_hangs_on_the_rest_through_it(chair):
