@@ -206,7 +206,7 @@ def test_equal_legs_are_held_together_unless_their_surroundings_are_more_alike(c
 
 
 def relief(peaks, ridges=0):
-    """A plate with peaks: of each its label, place, radius, width of its slope, and height; `ridges` is that of ridges."""
+    """A plate with peaks: of each its label, place, radius, width of its slope and height; ridges have `ridges`."""
     side = np.linspace(0, 1, 97)
     x, y = (each.ravel() for each in np.meshgrid(side, side, indexing="ij"))
     height, label = np.zeros_like(x), np.zeros(len(x), int)
