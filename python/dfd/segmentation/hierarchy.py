@@ -29,10 +29,11 @@ LEAST_AREA, MOST_AREA = 0.002, 0.95  # of the whole surface: of other sizes noth
 LEAST_FLAT = 0.005  # likewise, of a piece that does not stand out
 LEAST_RAISED = 0.12  # surface in squares of a border's length, of a piece that does: a disc has 0.08, a half ball 0.16
 LEAST_SHOWN = 0.005  # likewise, for a part of the whole cut
-# Pieces so equal, of so similar a size as those of the likeliest part, belong to it where the part of all is as likely.
-EQUAL, SIMILAR, STILL_LIKELY = 0.8, 1.4, 0.15
+ALIKE = 1.4  # times as large, at most: pieces of a size
+# Pieces of such a size as those of the likeliest part, so equal, belong to it where the part of all is as likely.
+EQUAL, STILL_LIKELY = 0.8, 0.15
 UNCLEAR = 0.8  # of its likelihood, for a branch that a cut of it ends more clearly than
-TWO = 0.5  # likewise, for one that joins two things
+TWO_THINGS = 0.5  # likewise, for one that joins two things
 SMALLER = 0.05  # power of the area that its likelihood is divided by: what is too large moves what should stay
 CUT = 1.35  # times its likelihood, for a branch of the clearest cut: parts that people name lie side by side
 # Of the surface: what is larger ends where something small begins, such as a body at its head, whose border it is. An
@@ -41,12 +42,13 @@ MOST_MEANT, LEAST_WITHIN = 0.8, 0.15
 SHORT = 0.2  # diagonals: a border that is not much longer has to crease more, since chance creases short ones
 ROUNDING = 1e-12  # of the length of all borders: what is shorter is none
 LEAST_CONCAVITY = 0.02  # counts for every border: some parts end without a crease
-# Two parts of several pieces each are one if none has pieces or borders more than ALIKE times as large, if they differ
-# from each other by less than LESS_APART times what each differs from its surroundings, and if both are at least this
-# likely to be held.
-ALIKE, LESS_APART, SURE = 1.4, 2.0, 0.1
-SCRAP = 0.2  # of the area of a part, what joins it and leaves it what it is
-BESIDE = 0.35  # of the shorter border of two parts, they have at most so much with each other if they lie side by side
+SURE = 0.1  # likelihood, at least, of each of two parts that are told to be one or two
+# Two parts of several pieces each are one if pieces and borders are of a size, and if they differ from each other by
+# less than so many times what each differs from its surroundings. Joined pairs may be pairs again, so often.
+LESS_APART, TWIN_ROUNDS = 2.0, 3
+# Two parts are two if of the shorter border they have at most so much with each other: they lie side by side. What then
+# joins them and is so much of the whole, or less, leaves them two.
+BESIDE, SCRAP = 0.35, 0.2
 EVEN = 0.05  # of height: what differs by less is alike, and steps from there to the next larger branch tell nothing
 
 
@@ -83,11 +85,11 @@ class Hierarchy:
 
     def __init__(self, patches: Patches, features: NDArray[np.floating]) -> None:
         self._patches = patches
-        self._known_pieces: dict[bytes, tuple[Float64, int]] = {}  # by patches: most nodes of one tree are in the next
+        self._pieces_by_patches: dict[bytes, tuple[Float64, int]] = {}  # most nodes of one tree are in the next
         values = smoothed(patches, features.astype(np.float64))
         self._join(values)
         # Features know where on a body a thing is: front legs and hind legs may join it before they join each other.
-        for _ in range(ROUNDS):
+        for _ in range(TWIN_ROUNDS):
             if not (twins := self._twins(values)):
                 break
             for twin in twins:
@@ -113,8 +115,9 @@ class Hierarchy:
             first[other] = first[one] + self._size[one]
         self._first, self._order = first, np.argsort(first[:count], kind="stable")
         self._children = children
+        self._known_pieces: dict[int, tuple[Float64, int]] = {}
         self.branches = self._described()
-        self.cut, self.clear, self._two = self._clearest_cut()
+        self.cut, self.clear, self._two_things = self._clearest_cut()
 
     def _twins(self, values: Float64) -> list[Bool]:
         """Pairs (2, P) of parts of the clearest cut that are one, the most alike first; each part is in one at most."""
@@ -167,7 +170,7 @@ class Hierarchy:
         People name what creases off, differs from what is around it, and has short borders: limbs, heads, handles. The
         length that counts is that of one border, so that four legs with four borders do as well as one leg with one.
         """
-        unclear = TWO if self._two[node] else UNCLEAR
+        unclear = TWO_THINGS if self._two_things[node] else UNCLEAR
         return self._likely(node) * (1.0 if self.clear[node] else unclear) * (CUT if node in self.cut else 1.0)
 
     def _likely(self, node: int) -> float:
@@ -199,7 +202,7 @@ class Hierarchy:
         for above in range(best + 1, len(nodes)):
             own, all_of_it = self._pieces(nodes[chosen])[0], self._pieces(nodes[above])[0]
             equal = all_of_it.min() >= EQUAL * all_of_it.max()
-            alike = 1 / SIMILAR <= all_of_it.mean() / own.mean() <= SIMILAR
+            alike = self._of_a_size(nodes[above], nodes[chosen])
             if len(all_of_it) >= 2 * len(own) and equal and alike and likely[above] >= STILL_LIKELY * likely[best]:
                 chosen = above
         return nodes[chosen]
@@ -211,12 +214,19 @@ class Hierarchy:
         length = branch.border or np.sqrt(branch.area * self._patches.node_area.sum())
         return float(length) / self._pieces(node)[1]
 
+    def _of_a_size(self, one: int, other: int) -> bool:
+        """Whether the mean pieces of two nodes are."""
+        ratio = self._pieces(one)[0].mean() / self._pieces(other)[0].mean()
+        return bool(1 / ALIKE <= ratio <= ALIKE)
+
     def _pieces(self, node: int) -> tuple[Float64, int]:
-        inside = self.branches[node].inside
-        key = np.packbits(inside).tobytes()
-        if key not in self._known_pieces:
-            self._known_pieces[key] = pieces_and_borders(self._patches, inside)
-        return self._known_pieces[key]
+        if node not in self._known_pieces:
+            inside = self.branches[node].inside
+            key = np.packbits(inside).tobytes()
+            if key not in self._pieces_by_patches:
+                self._pieces_by_patches[key] = pieces_and_borders(self._patches, inside)
+            self._known_pieces[node] = self._pieces_by_patches[key]
+        return self._known_pieces[node]
 
     def _clearest_cut(self) -> tuple[list[int], Bool, Bool]:
         """What `cut` and `clear` are, and (N,) which nodes are two things.
@@ -232,14 +242,14 @@ class Hierarchy:
                 area = self.branches[node].area
                 large = max(one, other, key=lambda child: self.branches[child].area)
                 still = two[large] and self.branches[large].area > (1 - SCRAP) * area
-                two[node] = still or self._two_things(node, one, other)
+                two[node] = still or self._joins_two_things(node, one, other)
                 own = 0.0 if two[node] else area * self.clarity(node)
             below = worth[one] + worth[other]
             worth[node], clear[node] = max(own, below), own > 0 and own >= below
             cuts.append([node] if clear[node] else cuts[one] + cuts[other])
         return cuts[-1], clear, two
 
-    def _two_things(self, node: int, one: int, other: int) -> bool:
+    def _joins_two_things(self, node: int, one: int, other: int) -> bool:
         """Whether a node joins two parts of several pieces that differ in size and meet at their sides: ears, horns."""
         joined, *both = (self.branches[each] for each in (node, one, other))
         shared = sum(each.border for each in both) - joined.border
@@ -248,8 +258,7 @@ class Hierarchy:
         counts = [len(self._pieces(each)[0]) for each in (node, one, other)]
         if min(counts) < 2 or counts[0] == counts[1] + counts[2]:
             return False
-        size = self._pieces(one)[0].mean() / self._pieces(other)[0].mean()
-        return max(size, 1 / size) > ALIKE and min(self._likely(one), self._likely(other)) >= SURE
+        return not self._of_a_size(one, other) and min(self._likely(one), self._likely(other)) >= SURE
 
     def shown(self) -> Int64:
         """(P,) the part of each patch in `cut`; what is too small for one goes where its border is the longest."""

@@ -138,8 +138,7 @@ class HandleWeights:
         self._given: Float32 | None = None  # what `of` gave out last, as long as it holds
         self._held: Float32 | None = None  # (V,) what the fixed points take away, as long as they stay
         self._seams = Seams(mesh)
-        # columns, what stays of each, smoothed ones, and these where instances meet
-        self._smoothed: tuple[Float32, list[Int64], Float32, Float32] | None = None
+        self._smoothed: _Smoothed | None = None
         self._mixed: tuple[Float32, Float32] | None = None  # columns, and what makes their handles land exactly
         self._reaches: dict[tuple[Place, str], float] = {}
         self._grips: dict[Place, Grip | None] = {}
@@ -233,28 +232,30 @@ class HandleWeights:
         weights, columns = self.columns(edit)
         if not edit.smooth_seams:
             return weights, columns
-        if self._smoothed is None or self._smoothed[0] is not weights:
-            still = [self._still(edit, column, weights[:, i]) for i, column in enumerate(columns)]
-            made = np.array(weights, np.float32, order="F")
-            before = self._smoothed
-            for i, column in enumerate(made.T):
-                same = before is not None and i < len(before[1]) and np.array_equal(before[1][i], still[i])
-                if before is not None and same and np.array_equal(before[0][:, i], column):
-                    column[:] = before[2][:, i]
+        before = self._smoothed
+        if before is None or before.weights is not weights:
+            anchors = self._anchors(edit)
+            still = [self._still(edit, column, weights[:, i], anchors) for i, column in enumerate(columns)]
+            alone = np.array(weights, np.float32, order="F")
+            for i, column in enumerate(alone.T):
+                if before is not None and before.has(i, column, still[i]):
+                    column[:] = before.alone[:, i]
                 else:
                     self._seams.smooth(column, still[i])
-            self._smoothed = weights, still, made, _no_more_than(weights, made, columns)
-        return self._smoothed[3], columns
+            self._smoothed = before = _Smoothed(weights, still, alone, _no_more_than(weights, alone, columns))
+        return before.together, columns
 
-    def _still(self, edit: Edit, column: Column, weights: Float32) -> Int64:
-        """(N,) the vertices whose weights seams leave as they are: handles, what is held, fixed, or beyond a limit."""
+    def _still(self, edit: Edit, column: Column, weights: Float32, anchors: Int64) -> Int64:
+        """(N,) the vertices whose weights seams leave as they are: what is held, fixed, or beyond a limit, and anchors.
+
+        Among handles nothing changes, so that those that could arrive still can.
+        """
         handle = edit.handles[column.handle]
         places = [handle.place, *(fixed.place for fixed in edit.fixed)]
         still = [self._rows.vertices(each) if each.region is None else self._rows.members(each) for each in places]
-        still.append(self._anchors(edit))  # among handles nothing changes: those that could arrive still can
         if handle.controls.mask is not None or handle.controls.radius is not None:
             still.append(np.flatnonzero(weights == 0.0))
-        return np.concatenate(still)
+        return np.concatenate([*still, anchors])
 
     def instances(self, edit: Edit, handle: Handle) -> list[tuple[Instance, bool]]:
         """The places that look like the one a handle holds, its own first, and whether each moves with it."""
@@ -496,6 +497,20 @@ class HandleWeights:
     def _apart(self, place: Place) -> Float32:
         """(V,) feature distances from a place; with twice the paper's reach, none of unit features is cut off."""
         return 2.0 * (1.0 - bind(self.features, self._rows.points([place]), reach=2.0)[:, 0])
+
+
+class _Smoothed(NamedTuple):
+    """Columns (V, C) before and after their seams are smoothed."""
+
+    weights: Float32  # before
+    still: list[Int64]  # which vertices of each column stayed
+    alone: Float32  # each smoothed by itself, which holds for as long as it and what stays of it are the same
+    together: Float32  # and less where instances of a handle meet
+
+    def has(self, index: int, column: Float32, still: Int64) -> bool:
+        """Whether column `index` was this one, and the same of it stayed."""
+        same = index < len(self.still) and np.array_equal(self.still[index], still)
+        return same and np.array_equal(self.weights[:, index], column)
 
 
 def _no_more_than(weights: Float32, smoothed: Float32, columns: Sequence[Column]) -> Float32:
