@@ -6,19 +6,13 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c c
 
 CLIENT := python/dfd/app/client
 
-# docs/try.md is what it is where npm and Debian's compiler for WebAssembly are there.
-ALONE := build/docs/extra/try
-ifneq ($(and $(shell command -v npm),$(wildcard /usr/include/wasm32-wasi/c++),$(shell command -v wasm-ld)),)
-TRY := try
-endif
-
 # How many targets are made, and test files run, at the same time.
 JOBS ?= 2
 ifeq ($(MAKELEVEL),0)
 MAKEFLAGS += --jobs=$(JOBS)
 endif
 
-.PHONY: app client validator demo docs try links test test-all test-slow test-blender ctest lint bench blender quality gallery \
+.PHONY: app client validator demo docs links test test-all test-slow test-blender ctest lint bench blender quality \
   wheel fuzz sanitize arm64 cross wasm clean
 
 app: $(VENV)/installed
@@ -28,17 +22,9 @@ demo: $(VENV)/installed
 	$(BIN)/dfd demo
 
 # The pages, in build/docs/html. Their code is run and their pictures are drawn by the build; a warning is an error.
-docs: $(VENV)/installed-docs $(TRY)
+docs: $(VENV)/installed-docs
 	$(BIN)/python -m sphinx -E -W --keep-going -q -b html docs build/docs/html
 	@echo build/docs/html/index.html
-
-# The page of docs/try.md that needs no server: the client, the core as WebAssembly and shapes with their features.
-try: $(CLIENT)/node_modules/.package-lock.json $(ALONE)/shapes/session.json wasm
-	cd $(CLIENT) && npm run --silent build:alone
-	cp build/wasm/cpp/wasm/dfd.wasm $(ALONE)
-
-$(ALONE)/shapes/session.json: docs/tools/shapes.py $(VENV)/installed-docs
-	$(BIN)/python docs/tools/shapes.py $(ALONE)/shapes
 
 # Whether the addresses that the pages name still answer; links between the pages are checked by `make docs`.
 links: $(VENV)/installed-docs
@@ -104,14 +90,9 @@ endif
 
 bench: $(VENV)/installed-bench
 	$(BIN)/python -m bench.speed
-	$(BIN)/python -m bench.app
 
 quality: $(VENV)/installed-bench
 	$(BIN)/python -m bench.quality --quick
-
-gallery: $(VENV)/installed
-	$(BIN)/python docs/gallery.py gallery
-	$(BIN)/python docs/grips.py gallery
 
 # Blender as a Python package opens what is exported; it takes a Python of its own version, and 1 GB.
 BLENDER_PYTHON ?= python3.11
@@ -201,4 +182,4 @@ $(VENV)/installed-docs: $(SOURCES) | $(VENV)/bin/python
 	touch $(VENV)/installed $@
 
 clean:
-	rm -rf $(VENV) $(BLENDER) build dist demo gallery
+	rm -rf $(VENV) $(BLENDER) build dist demo

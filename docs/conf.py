@@ -26,7 +26,6 @@ extensions = [
     "tools.examples",
     "tools.generated",
     "tools.links",
-    "tools.videos",
 ]
 exclude_patterns = ["tools"]
 
@@ -47,13 +46,8 @@ default_role = "code"
 
 html_theme = "furo"
 html_title = "dfd"
-# What no page of Sphinx's is: the app's page of `try.md`, where `make docs` could build it.
-html_extra_path = [str(path) for path in [HERE.parent / "build" / "docs" / "extra"] if path.is_dir()]
-VIDEOS = HERE.parent / "build" / "docs" / "videos"
-VIDEOS.mkdir(parents=True, exist_ok=True)
-html_static_path = ["tools/style.css", "tools/motion.js", str(VIDEOS)]
+html_static_path = ["tools/style.css"]
 html_css_files = ["style.css"]
-html_js_files = [("motion.js", {"defer": "defer"})]
 html_math_renderer = "mathml"
 html_show_sphinx = False
 html_theme_options = {

@@ -31,16 +31,6 @@ def _put_in(app: Sphinx, name: str, source: list[str]) -> None:
     source[0] = MARK.sub(lambda mark: globals()[mark[1]](), source[0])
 
 
-def try_page() -> str:
-    """The app's page that needs no server, or why it is missing."""
-    if not (Path(__file__).resolve().parents[2] / "build" / "docs" / "extra" / "try" / "index.html").exists():
-        return "These pages were built without npm or a compiler for WebAssembly, so that there is nothing to try here."
-    return (
-        '<p><a href="try/index.html">Open it in a window of its own</a>.</p>\n'
-        '<iframe class="try" src="try/index.html" title="The app\'s page" loading="lazy"></iframe>\n'
-    )
-
-
 def command_line() -> str:
     """Every command with its options, as `--help` has them."""
     group = typer.main.get_command(commands)

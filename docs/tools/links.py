@@ -1,4 +1,4 @@
-"""Every link, picture and video of the built pages leads to a file that is there, and to a name that stands in it."""
+"""Every link and picture of the built pages leads to a file that is there, and to a name that stands in it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class _Page(HTMLParser):
         for name, value in attrs:
             if value and name == "id":
                 self.names.add(value)
-            elif value and name in ("href", "src", "poster"):
+            elif value and name in ("href", "src"):
                 self.links.add(value)
 
 
