@@ -13,7 +13,7 @@ MAKEFLAGS += --jobs=$(JOBS)
 endif
 
 .PHONY: app client validator demo docs links test test-all test-slow test-blender ctest lint bench blender quality \
-  wheel fuzz sanitize arm64 cross wasm clean
+  wheel fuzz sanitize arm64 cross clean
 
 app: $(VENV)/installed
 	$(BIN)/dfd app --sample quadruped
@@ -136,10 +136,6 @@ BUILDERS_FIRST = MAKEFLAGS= PATH="$(abspath $(BIN)):$$PATH"
 arm64: $(VENV)/builders
 	$(BUILDERS_FIRST) sh -c \
 	  "cmake --preset arm64 && cmake --build --preset arm64 && ctest --preset arm64 --parallel $(JOBS)"
-
-# The core for browsers, by Debian's clang, lld, libc++-dev-wasm32, wasi-libc and libclang-rt-dev-wasm32.
-wasm: $(VENV)/builders
-	$(BUILDERS_FIRST) sh -c "cmake --preset wasm && cmake --build --preset wasm"
 
 # Whether the core and its tests compile for systems that are not at hand.
 cross: export DFD_PYTHON = $(abspath $(BIN)/python)

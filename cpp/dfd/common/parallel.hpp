@@ -6,18 +6,15 @@
 #include <atomic>
 #include <cstddef>
 #include <exception>
+#include <thread>
 #include <vector>
 
 #ifdef DFD_OPENMP
 #include <omp.h>
 #endif
-#ifndef __wasm__
-#include <thread>
-#endif
 
 namespace dfd {
 
-#ifndef __wasm__
 /// Starts `count` threads, or as many as the system has room for, that call copies of `run` with 1, 2, …; it must not
 /// throw.
 template <class Run>
@@ -31,7 +28,6 @@ std::vector<std::thread> start_threads(std::size_t count, const Run& run)
     }
     return threads;
 }
-#endif
 
 #ifdef DFD_OPENMP
 /// As many of `workers` threads as can be had, this one among them. OpenMP ends the process where it cannot start one of
@@ -52,7 +48,7 @@ inline std::size_t available_workers(std::size_t workers)
 
 /// Calls `work(worker, task)` for each task of 0 … `count` on an OpenMP team of `workers` threads, this one being worker
 /// 0; the team may be smaller than was asked for. `work` must not throw. Built without OpenMP, threads are started for
-/// the call; WebAssembly has none.
+/// the call.
 template <class Work>
 void parallel_for(std::size_t count, std::size_t workers, const Work& work)
 {
@@ -63,9 +59,6 @@ void parallel_for(std::size_t count, std::size_t workers, const Work& work)
 #pragma omp for schedule(dynamic) nowait
         for (std::size_t task = 0; task < count; ++task) work(worker, task);
     }
-#elif defined(__wasm__)
-    static_cast<void>(workers);
-    for (std::size_t task = 0; task < count; ++task) work(0, task);
 #else
     std::atomic<std::size_t> next = 0;
     const auto take_tasks = [&](std::size_t worker) {

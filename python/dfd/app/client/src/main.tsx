@@ -1,7 +1,6 @@
 import { render } from "preact";
 
 import { ask, start as connect, drop } from "./actions/connection";
-import { alone } from "./alone/server";
 import { listen } from "./actions/keyboard";
 import { receive } from "./actions/receive";
 import { followPosed } from "./actions/edit";
@@ -62,8 +61,7 @@ function start(): void {
   followSimilar();
   followAxis();
   followPosed();
-  // Built in this mode, the page has no server.
-  connect(receive, import.meta.env.MODE === "alone" ? alone : socket);
+  connect(receive, socket);
   // What tests ask the page by.
   if (new URLSearchParams(location.search).has("test")) {
     Object.assign(window, { dfd: { store, viewer, ask, drop, posePoint, sceneOf } });

@@ -27,9 +27,8 @@ export function toggleFixed(vertex: number): void {
  * Shift it is added to what the handle holds, with Ctrl taken away.
  */
 export async function takePart(vertex: number, { shiftKey, ctrlKey, metaKey }: PointerEvent): Promise<void> {
-  const { edit, tool, selected, alone } = store.get();
-  if (alone !== null) note(`To find parts takes the app: ${alone}.`);
-  else if (!edit?.field.parts) note("Parts are being found: try again in a moment.");
+  const { edit, tool, selected } = store.get();
+  if (!edit?.field.parts) note("Parts are being found: try again in a moment.");
   else if (tool === "fix") send({ type: "fix", at: { part: vertex } });
   else if (tool === "hold") {
     const how = shiftKey ? "add" : ctrlKey || metaKey ? "remove" : "take";

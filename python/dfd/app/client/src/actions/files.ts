@@ -7,12 +7,8 @@ import { seenTransforms } from "./edit";
 import { note, problem } from "./toasts";
 
 export async function upload(files: readonly File[]): Promise<void> {
-  const { session, alone } = store.get();
+  const { session } = store.get();
   if (files.length === 0) return;
-  if (alone !== null) {
-    note(`To open files takes the app: ${alone}.`);
-    return;
-  }
   if (!session) {
     problem("There is no connection to the server yet: try again in a moment.");
     return;
@@ -40,7 +36,6 @@ export async function upload(files: readonly File[]): Promise<void> {
 
 /** Ask for files with the browser's own dialog. */
 export function chooseFiles(): void {
-  if (store.get().alone !== null) return;
   const input = document.createElement("input");
   input.type = "file";
   input.multiple = true;

@@ -3,7 +3,6 @@ import { useEffect, useState } from "preact/hooks";
 import { upload } from "../actions/files";
 import { useParts } from "../store/use";
 import type { Viewer } from "../viewer/viewer";
-import { Tips } from "../widgets/tips";
 import { Help } from "./help";
 import { Inspector } from "./inspector";
 import { Start } from "./start";
@@ -39,7 +38,6 @@ export function App({ viewer }: { readonly viewer: Viewer }) {
       <DropTarget />
       <Toasts />
       <Help />
-      <Tips />
       <Ended />
     </>
   );

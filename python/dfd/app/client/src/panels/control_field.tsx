@@ -4,7 +4,6 @@ import { store } from "../store/state";
 import { useParts } from "../store/use";
 import { held } from "../viewer/scene";
 import { percent, Segmented, Select, Slider, Toggle } from "../widgets/controls";
-import { hasTip, Tip } from "../widgets/tips";
 
 /** What a slider says of the present value, where that is more than a number. */
 const TEXTS: Partial<Record<string, (handle: HandleState, size: number) => string>> = {
@@ -23,11 +22,6 @@ interface ControlProps {
 
 /** A control of a handle as the server describes it. */
 export function ControlField({ name, handle }: ControlProps) {
-  const field = <PlainField name={name} handle={handle} />;
-  return hasTip(name) ? <Tip of={name}>{field}</Tip> : field;
-}
-
-function PlainField({ name, handle }: ControlProps) {
   const { session, mesh } = useParts();
   const entry = session?.controls.find((each) => each.name === name);
   const size = mesh?.diagonal ?? 1;

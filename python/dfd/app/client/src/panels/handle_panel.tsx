@@ -18,11 +18,9 @@ import {
   percent,
   Scale,
   Select,
-  Served,
   Toggle,
   Triple,
 } from "../widgets/controls";
-import { Tip, useHint } from "../widgets/tips";
 import { ControlField } from "./control_field";
 
 /** Milliseconds between numbers that change with every frame of a drag: painting them costs more than the frame. */
@@ -52,11 +50,11 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
   const verb = {
     ...motionFields(transform, step, set),
     bend: (
-      <Served key="bend">
-        <Tip of="bend">
+      <>
+        <>
           <Bend handle={id} transform={transform} set={set} />
-        </Tip>
-      </Served>
+        </>
+      </>
     ),
   };
   const others = (Object.keys(verb) as GizmoMode[]).filter((name) => name !== state.gizmo);
@@ -64,23 +62,23 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
     <Panel title={handleName(handle)} action={reset}>
       {verb[state.gizmo]}
       {state.gizmo !== "translate" && (
-        <Tip of="pivot">
+        <>
           <PivotChoice handle={handle} axis={state.axis} />
-        </Tip>
+        </>
       )}
       {field("reach")}
-      <Served>
+      <>
         {handle.instances !== "only" && field("level")}
         <SimilarPlaces state={state} handle={id} />
-        <Tip of="mask">
+        <>
           <Toggle
             label="Limit to part"
             hint="Nothing beyond the part that is held moves"
             checked={handle.mask_part}
             onChange={(on) => change(id, { mask: on ? "part" : "everywhere" })}
           />
-        </Tip>
-      </Served>
+        </>
+      </>
       <More>
         {others.map((name) => verb[name])}
         <Triple
@@ -91,7 +89,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
           onChange={(pivot) => set({ pivot, pivotAt: null })}
         />
         {["falloff", "strength"].map(field)}
-        <Served>
+        <>
           <Toggle
             label="Scale along the surface"
             hint="Along the surface's normal and across it, not along x, y and z"
@@ -117,7 +115,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
           </div>
           {handle.mask > 0 && field("mask_feather")}
           {field("instances")}
-        </Served>
+        </>
       </More>
     </Panel>
   );
@@ -201,11 +199,11 @@ function Bend({ handle, transform: { bend, twist, joint }, set }: BendProps) {
       : set({ bend: bend.map((part) => (part * angle) / degrees) as unknown as Transform["bend"] });
   return (
     <div class="bend" role="group" aria-label="Bend and twist">
-      <label class="select" {...useHint(bends)}>
+      <label class="select" title={bends}>
         <span>Bend °</span>
         <NumberField label="Bend °" value={degrees} step={1} hint={bends} onChange={bendBy} />
       </label>
-      <label class="select" {...useHint(twists)}>
+      <label class="select" title={twists}>
         <span>Twist °</span>
         <NumberField label="Twist °" value={twist} step={1} hint={twists} onChange={(angle) => set({ twist: angle })} />
       </label>

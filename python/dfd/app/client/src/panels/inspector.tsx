@@ -6,26 +6,14 @@ import { niceStep, REST, type Transform } from "../posing/affine";
 import type { FixedState, StateMessage } from "../protocol/messages";
 import { handleName, placeName, ready, selectedHandle, store } from "../store/state";
 import { useParts } from "../store/use";
-import {
-  Button,
-  Facts,
-  IconButton,
-  More,
-  Panel,
-  percent,
-  Select,
-  Served,
-  Slider,
-  titled,
-  Toggle,
-} from "../widgets/controls";
+import { Button, Facts, IconButton, More, Panel, percent, Select, Slider, titled, Toggle } from "../widgets/controls";
 import { HandleList } from "./handle_list";
 import { HandlePanel, motionFields } from "./handle_panel";
 import { SymmetryPanel } from "./symmetry_panel";
 
 export function Inspector() {
   const state = useParts();
-  const { inspector, edit, tool, painted, alone } = state;
+  const { inspector, edit, tool, painted } = state;
   const handle = selectedHandle(state);
   if (!inspector) return null;
   return (
@@ -37,7 +25,6 @@ export function Inspector() {
       {edit && ready(state) && <SymmetryPanel known={edit} />}
       {edit && <ShapePanel known={edit} />}
       {edit && state.more && ready(state) && <DefaultPanel known={edit} />}
-      {alone && <p class="empty">What is gray takes the app: {alone}.</p>}
     </aside>
   );
 }
@@ -165,18 +152,18 @@ function ShapePanel({ known }: { readonly known: StateMessage }) {
   return (
     <Panel title="Shape">
       {status === "ready" && smoothing && (
-        <Served>
+        <>
           <Toggle
             label={smoothing.label}
             hint={smoothing.hint}
             checked={known.smooth_seams}
             onChange={(on) => send({ type: "set_mode", smooth_seams: on })}
           />
-        </Served>
+        </>
       )}
       {status === "ready" && (
         <More>
-          <Served>
+          <>
             {controls.map(({ name, label, hint, choices }) => (
               <Select
                 key={name}
@@ -187,7 +174,7 @@ function ShapePanel({ known }: { readonly known: StateMessage }) {
                 onChange={(choice) => send({ type: "set_mode", [name]: choice })}
               />
             ))}
-          </Served>
+          </>
         </More>
       )}
       <Facts entries={[...counts, ["Features", features]]} />

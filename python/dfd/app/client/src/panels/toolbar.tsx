@@ -6,21 +6,12 @@ import { IconButton, KeyButton } from "../widgets/controls";
 const TOOLS = { hold: "H", fix: "X", paint: "B", box: "M", pivot: "P" } as const;
 const MODES = { translate: "W", rotate: "E", scale: "R", bend: "D" } as const;
 
-/** What takes a server. */
-const SERVED: readonly string[] = ["paint", "box", "bend"];
-
 export function Toolbar() {
-  const { edit, tool, gizmo, space, snap, comparing, suggestions, xray, isolated, selected, alone } = useParts();
+  const { edit, tool, gizmo, space, snap, comparing, suggestions, xray, isolated, selected } = useParts();
   const off = !ready({ edit });
   const compare = (on: boolean) => () => store.set({ comparing: on });
   const keyed = (icon: keyof typeof TOOLS | keyof typeof MODES, keys: string, pressed: boolean) => (
-    <KeyButton
-      key={keys}
-      icon={icon}
-      keys={keys}
-      pressed={pressed}
-      disabled={off || (alone !== null && SERVED.includes(icon))}
-    />
+    <KeyButton key={keys} icon={icon} keys={keys} pressed={pressed} disabled={off} />
   );
   return (
     <nav class="toolbar" aria-label="Tools">

@@ -15,14 +15,11 @@ const THEMES: Record<Theme, readonly [icon: IconName, next: Theme, label: string
   dark: ["moon", "system", "Dark theme"],
 };
 
-/** A line of a menu that takes a server. */
-const served = (text: string, hint: string, run: () => unknown, possible = true): MenuItem => [
+const exported = (text: string, hint: string, format: Export["format"], possible = true): MenuItem => [
   text,
   hint,
-  possible && store.get().alone === null ? () => void run() : null,
+  possible ? () => void exportAs(format) : null,
 ];
-const exported = (text: string, hint: string, format: Export["format"], possible = true) =>
-  served(text, hint, () => exportAs(format), possible);
 
 const VIEWS: readonly (readonly MenuItem[])[] = [
   ["F", "Shift F"],
@@ -40,7 +37,7 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
   const [themeIcon, nextTheme, themeLabel] = THEMES[theme];
   const moves = (edit?.poses.length ?? 0) > 1;
   const open: MenuItem[] = [
-    served("Open a mesh or session…", "Ctrl O", chooseFiles),
+    ["Open a mesh or session…", "Ctrl O", chooseFiles],
     ["Close", "", () => send({ type: "close_mesh" })],
   ];
   const saved = [
@@ -67,8 +64,8 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
     exported("Weights", "NPZ", "weights", held),
   ];
   const scripts: MenuItem[] = [
-    served("Copy as Python", "and its files", () => copyScript("python")),
-    served("Copy as command", "and its files", () => copyScript("command")),
+    ["Copy as Python", "and its files", () => void copyScript("python")],
+    ["Copy as command", "and its files", () => void copyScript("command")],
   ];
   return (
     <header class="topbar">

@@ -19,7 +19,6 @@ const ARRAYS = {
 } as const;
 
 type Arrays = typeof ARRAYS;
-const ALIGNMENT = 8;
 
 export class Payload {
   private readonly entries: Map<string, Buffer>;
@@ -68,20 +67,4 @@ export function decode(data: string | ArrayBuffer): Received {
   const message = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length))) as ServerMessage;
   const buffers = "buffers" in message ? message.buffers : [];
   return { message, payload: new Payload(data, 4 + length, buffers) };
-}
-
-/** A message with arrays as it is received, made here. */
-export function withArrays<Message extends Extract<ServerMessage, { buffers: unknown }>>(
-  message: Omit<Message, "buffers">,
-  arrays: Readonly<Record<string, Uint16Array>>,
-): Received {
-  let end = 0;
-  const buffers: Buffer[] = Object.entries(arrays).map(([name, { length, byteLength }]) => {
-    const offset = end;
-    end += Math.ceil(byteLength / ALIGNMENT) * ALIGNMENT;
-    return { name, dtype: "uint16", shape: [length], offset };
-  });
-  const data = new ArrayBuffer(end);
-  buffers.forEach(({ name, offset }) => new Uint16Array(data, offset, arrays[name].length).set(arrays[name]));
-  return { message: { ...message, buffers } as unknown as Message, payload: new Payload(data, 0, buffers) };
 }

@@ -115,8 +115,6 @@ const INITIAL = {
   /** Why the connection is closed for good. */
   ended: null as string | null,
   session: null as SessionMessage | null,
-  /** Where there is no server: how to get what takes one. */
-  alone: null as string | null,
   page: "waiting" as "waiting" | "start" | "shape",
   progress: null as ProgressMessage | null,
   uploading: null as string | null,

@@ -7,7 +7,6 @@ import type { Vec3 } from "../posing/affine";
 import { shortcut, toggle } from "../actions/keyboard";
 import { useParts } from "../store/use";
 import { Icon, type IconName } from "./icons";
-import { useHint } from "./tips";
 
 export const count = new Intl.NumberFormat("en");
 
@@ -92,7 +91,7 @@ interface ChoiceProps<Value extends string> {
 /** One of a few words, all of them in sight. */
 export function Segmented<Value extends string>({ label, value, options, hint, onChange }: ChoiceProps<Value>) {
   return (
-    <div class="segmented" role="group" aria-label={label} aria-description={hint} {...useHint(hint)}>
+    <div class="segmented" role="group" aria-label={label} aria-description={hint} title={hint}>
       {options.map((option) => (
         <button key={option} type="button" aria-pressed={option === value} onClick={() => onChange(option)}>
           {titled(option)}
@@ -104,7 +103,7 @@ export function Segmented<Value extends string>({ label, value, options, hint, o
 
 export function Select<Value extends string>({ label, value, options, hint, named, onChange }: ChoiceProps<Value>) {
   return (
-    <label class="select" {...useHint(hint)}>
+    <label class="select" title={hint}>
       <span>{label}</span>
       <select value={value} aria-description={hint} onChange={(event) => onChange(event.currentTarget.value as Value)}>
         {options.map((option) => (
@@ -178,7 +177,7 @@ interface TripleProps {
 /** Three numbers, one for each axis. */
 export function Triple({ label, of = "", hint, value, step, onChange, action }: TripleProps) {
   return (
-    <div class="triple" role="group" aria-label={`${label}${of}`} aria-description={hint} {...useHint(hint)}>
+    <div class="triple" role="group" aria-label={`${label}${of}`} aria-description={hint} title={hint}>
       <span class="triple-label">
         {label}
         {action}
@@ -234,7 +233,7 @@ export function Slider({ label, of = "", hint, value, range: [min, max, step], t
     return () => clearTimeout(timer);
   }, [held, value]);
   return (
-    <div class="slider" {...useHint(hint)}>
+    <div class="slider" title={hint}>
       <span aria-hidden="true">{label}</span>
       <output aria-hidden="true">{text}</output>
       <input
@@ -264,7 +263,7 @@ interface ToggleProps {
 
 export function Toggle({ label, hint, checked, onChange }: ToggleProps) {
   return (
-    <label class="toggle" {...useHint(hint)}>
+    <label class="toggle" title={hint}>
       <span>{label}</span>
       <input
         type="checkbox"
@@ -355,17 +354,6 @@ export function Menu({ icon, label, text, groups }: MenuProps) {
         </div>
       )}
     </div>
-  );
-}
-
-/** What takes a server: grayed out where there is none. */
-export function Served({ children }: Pick<PanelProps, "children">) {
-  const { alone } = useParts();
-  if (alone === null) return <>{children}</>;
-  return (
-    <fieldset class="unserved" disabled title={`This takes the app: ${alone}`}>
-      {children}
-    </fieldset>
   );
 }
 

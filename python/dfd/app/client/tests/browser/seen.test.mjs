@@ -33,28 +33,6 @@ test("what is rarely needed is folded, and stays open once it is opened", { time
 });
 
 test(
-  "a control with a strip has its hint in the strip's card, and no title beside it",
-  { timeout: PATIENCE },
-  async () => {
-    await page.evaluate(() => window.dfd.store.set({ more: true }));
-    const tipped = page.locator("[data-tip]");
-    await page.locator("[data-tip=locality]").waitFor();
-    assert.equal(await tipped.locator("[title]").count(), 0);
-    const name = await tipped.first().getAttribute("data-tip");
-    const described = tipped.first().locator("[aria-description]").first();
-    await described.hover();
-    const card = page.locator(".tip");
-    await card.waitFor();
-    assert.equal(await card.locator("p").innerText(), await described.getAttribute("aria-description"));
-    await page.waitForFunction((of) => document.querySelector(`.tip img[src$="/${of}.webp"]`)?.naturalWidth > 0, name);
-    await shot(page, "tip");
-    await page.mouse.move(400, 300);
-    await card.waitFor({ state: "detached" });
-    await page.evaluate(() => window.dfd.store.set({ more: false }));
-  },
-);
-
-test(
   "the tip of what is held is dragged, and what is held bends as the kernel bends it",
   { timeout: PATIENCE },
   async () => {
