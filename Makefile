@@ -92,7 +92,7 @@ bench: $(VENV)/installed-bench
 	$(BIN)/python -m bench.speed
 
 quality: $(VENV)/installed-bench
-	$(BIN)/python -m bench.quality --quick
+	$(BIN)/python -m bench.quality labelled --quick
 
 # Blender as a Python package opens what is exported; it takes a Python of its own version, and 1 GB.
 BLENDER_PYTHON ?= python3.11

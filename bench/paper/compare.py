@@ -16,10 +16,9 @@ from bench.paper.context import PRESETS, Context, Shape, named, session
 from bench.paper.drawing import aim, blank, heat, silhouettes
 from bench.paper.handles import Case
 from bench.paper.peers import PEERS
-from bench.paper.peers.peer import Job, run
+from bench.paper.peers.peer import Job, PeerError, run
 from bench.paper.report import Row as Drawn
 from bench.paper.report import Table
-from bench.quality.baselines import PeerError
 from dfd.common.linear_algebra import Float64, Int64, UInt8
 from dfd.common.preset import Preset
 from dfd.geometry.metrics import SurfaceMetrics, surface_metrics

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 import dfd
-from bench.quality.baselines import components_of
+from bench.quality.measures import components_of
 from dfd.common.linear_algebra import Int64
 from dfd.geometry.topology import face_areas, face_components, first_at_place
 

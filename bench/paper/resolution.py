@@ -17,9 +17,8 @@ from bench.paper.context import PRESETS, BoxHandle, Context, Shape, named, sessi
 from bench.paper.drawing import aim, before_after
 from bench.paper.measures import NEAR, defects, gap, subdivided
 from bench.paper.peers import PEERS
-from bench.paper.peers.peer import Job, run
+from bench.paper.peers.peer import Job, PeerError, run
 from bench.paper.report import Page, Section, Table
-from bench.quality.baselines import PeerError
 from bench.speed.measure import measure
 from dfd.common.preset import Preset
 from dfd.common.progress import Stages

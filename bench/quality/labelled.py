@@ -24,17 +24,13 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 import dfd
-from bench.quality.baselines import euclidean, geodesic, thickness
 from bench.quality.labelled_shapes import LabelledShape, labelled_shapes
-from bench.quality.measures import draw_handles, handle_precision
-from bench.quality.report import timed
-from bench.quality.shapes import Shape
-from bench.quality.sheet import heat
-from bench.quality.studies import turned
+from bench.quality.measures import draw_handles, euclidean, geodesic, handle_precision, thickness
 from bench.tables import to_csv, to_markdown, write_text
-from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
+from dfd.common.linear_algebra import Bool, Float32, Float64, Int64, UInt8
 from dfd.pictures.contact_sheet import contact_sheet
-from dfd.pictures.picture import save_png
+from dfd.pictures.picture import picture, save_png
+from dfd.pictures.viewpoint import azimuth_towards
 from dfd.segmentation.parts import Parts
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "quality"
@@ -74,17 +70,17 @@ class Judged:
     worst: tuple[float, str, int, Mask]
 
 
-def main(arguments: Sequence[str]) -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Judge a folder of labelled meshes."""
     options = _parser().parse_args(arguments)
-    say = timed()
+    console = Console(stderr=True, highlight=False)
     os.environ["HF_HUB_OFFLINE"] = "1"
     if options.cache is not None:
         os.environ["DFD_CACHE"] = str(options.cache.absolute())
     name = "turned" if options.turned else options.verb
     found: list[Judged] = []
     for on in labelled_shapes(options.folder, quick=options.quick, only=options.only):
-        say(on.shape.name)
+        console.print(on.shape.name)
         if options.turned:
             found.append(_turned(on))
         else:
@@ -93,12 +89,16 @@ def main(arguments: Sequence[str]) -> None:
         _write(options.output / name, found)
     if name == "labelled":
         found.sort(key=lambda each: each.worst[0])
-        pictures = [
-            (heat(each.on.shape.mesh, each.worst[3].astype(np.float32), np.array([each.worst[2]])), each.worst[1])
-            for each in found[:WORST]
-        ]
+        pictures = [(_heat(each), each.worst[1]) for each in found[:WORST]]
         save_png(options.output / "labelled_worst.png", contact_sheet([("", pictures)], title="The worst parts"))
     Console().print(f"{options.output / name}.md", highlight=False, soft_wrap=True)
+
+
+def _heat(judged: Judged) -> UInt8:
+    """Draw the worst part of a shape from the side that its handle is on."""
+    mesh, (_, _, handle, mask) = judged.on.shape.mesh, judged.worst
+    azimuth = azimuth_towards(mesh, mesh.vertices[[handle]])
+    return picture(mesh, weights=mask.astype(np.float32), handles=[handle], azimuth=azimuth, resolution=320)
 
 
 def _judged(on: LabelledShape, field: dfd.Field, *, paper: bool) -> Judged:
@@ -150,15 +150,16 @@ def _turned(on: LabelledShape) -> Judged:
     """The precision of a shape as it stands and turned, and how far the upright axis that is found then is off."""
     handles = draw_handles(on.labels, EACH)
 
-    def judge(shape: Shape) -> tuple[float, dict[str, Any]]:
-        field = dfd.distill(shape.mesh, progress=False)
-        weights = dfd.bind(field.features(shape.mesh), handles)
+    def judge(mesh: dfd.Mesh) -> tuple[float, dict[str, Any]]:
+        field = dfd.distill(mesh, progress=False)
+        weights = dfd.bind(field.features(mesh), handles)
         return _mean(on, handles, handle_precision(weights, on.labels, handles)), field.settings
 
-    stands, told = judge(on.shape)
+    mesh = on.shape.mesh
+    stands, told = judge(mesh)
     verdict: Verdict = {"precision": stands, "sure": told.get("up_confidence", np.nan)}
     for name, rotation in turns(on.shape.name).items():
-        precision, found = judge(turned(on.shape, rotation))
+        precision, found = judge(dfd.Mesh(mesh.vertices @ rotation.T, mesh.faces, appearance=mesh.appearance))
         aligned = abs(np.dot(found.get("up_direction", rotation[:, 1]), rotation @ told.get("up_direction", [0, 1, 0])))
         off = float(np.degrees(np.arccos(min(aligned, 1.0))))
         verdict |= {name: precision, f"{name}: loss": stands - precision}
@@ -175,12 +176,7 @@ def _grips(on: LabelledShape, field: dfd.Field) -> Judged:
     return Judged(on, verdict, (0.0, "", 0, np.zeros(0, bool)))
 
 
-GRIPS: Mapping[str, Mapping[str, Any]] = {
-    "default": {},
-    "0.7": {"reach": 0.7},
-    "auto": {"reach": "auto"},
-    "paper": {"preset": "paper"},
-}
+GRIPS: Mapping[str, Mapping[str, Any]] = {"default": {}, "0.7": {"reach": 0.7}, "paper": {"preset": "paper"}}
 
 
 def _grip(on: LabelledShape, field: dfd.Field, features: Float32, handles: Int64, how: Mapping[str, Any]) -> Verdict:
@@ -276,7 +272,7 @@ def _row(verdict: Verdict, names: Sequence[str]) -> list[float | None]:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser("python -m bench.quality", description=__doc__)
     parser.add_argument("verb", choices=("labelled", "grip"), help="everything, or handles as sessions make them")
-    parser.add_argument("folder", type=Path, help="folder with a folder a category")
+    parser.add_argument("folder", type=Path, nargs="?", help="folder with a folder per category (samples of dfd)")
     parser.add_argument("--quick", action="store_true", help="one mesh a category")
     parser.add_argument("--turned", action="store_true", help="precision alone, as shapes stand and turned")
     parser.add_argument("--paper", action="store_true", help="the paper's distillation beside ours, minutes a shape")

@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import dfd
-from bench.quality.baselines import components_of
-from bench.quality.measures import area_fractions
-from bench.quality.shapes import Shape
+from bench.quality.measures import area_fractions, components_of
+from bench.quality.shapes import Shape, made
 from dfd.common.linear_algebra import Float64, Int32, Int64
 from dfd.geometry.topology import face_areas
+
+FEW_FACES, FACES = 4_000, 20_000  # of samples
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,14 +52,18 @@ class LabelledShape:
 
 
 def labelled_shapes(
-    folder: Path, *, quick: bool = False, only: Collection[str] | None = None
+    folder: Path | None, *, quick: bool = False, only: Collection[str] | None = None
 ) -> Iterator[LabelledShape]:
-    """Read every labelled mesh of `folder`; with `quick` the first of each category that is judged.
+    """Read every labelled mesh of `folder`, or make the samples of dfd if it is None.
 
-    `only` are the categories that are read, None for all.
+    `quick` reads the first of each category that is judged; `only` are the categories that are read, None for all.
 
     Raises ValueError if there is none, or its files are not of that layout.
     """
+    if folder is None:
+        for shape in made(FEW_FACES if quick else FACES):
+            yield LabelledShape(shape.name, True, shape, np.full(0, -1), ())
+        return
     every = sorted(path for path in folder.iterdir() if any(path.glob("*_labels.txt")))
     categories = [path for path in every if only is None or path.name in only]
     if not categories:

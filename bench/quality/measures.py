@@ -1,14 +1,18 @@
-"""Numbers that say how good weights are."""
+"""Measures of weights against labelled parts, and weights by distance to compare with."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 import dfd
-from dfd.common.linear_algebra import Bool, Float64, Int64
+from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64
+from dfd.distillation.thickness import thicknesses
 from dfd.geometry.topology import face_areas
+from dfd.mesh.normalization import box_normalization
+from dfd.views.raycast import Scene
 
 MOVES = 0.01  # a vertex of less weight stays where it is, as far as anyone can see
 
@@ -62,43 +66,44 @@ def part_precision(weights: Weights, labels: Labels, handles: Handles) -> dict[i
     return {int(each): float(precision[known & (part == each)].mean()) for each in np.unique(part[known])}
 
 
-def spread(weights: Weights, labels: Labels, handles: Handles) -> tuple[float, float]:
-    """How many times more weight the same kind of part gets than the rest, and the share of vertices that move.
+def moving(weights: Weights, labels: Labels) -> float:
+    """Return the share of the vertices with a part that a handle moves, mean over the handles."""
+    return float((weights[labels >= 0] > MOVES).mean())
 
-    The ratio is the median over handles, the share their mean; vertices without a part do not count.
+
+def components_of(corners: NDArray[np.integer], count: int) -> Int32:
+    """Return the connected component (count,) of each vertex; elements (E, K), such as faces, connect their corners."""
+    edges = corners[:, [[a, a + 1] for a in range(corners.shape[1] - 1)]].reshape(-1, 2)
+    graph = coo_array((np.ones(len(edges), bool), (edges[:, 0], edges[:, 1])), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], np.int32)
+
+
+# --- weights by methods that know no features
+
+
+def euclidean(vertices: NDArray[np.floating], handles: Handles) -> Float64:
+    """Return 1 − distance through space over that of the farthest vertex: (V, H)."""
+    distance = np.linalg.norm(vertices[:, None] - vertices[handles], axis=2)
+    return 1 - distance / np.maximum(distance.max(axis=0), 1e-300)
+
+
+def geodesic(geodesics: dfd.Geodesics, handles: Handles) -> Float32:
+    """Return 1 − distance along the surface over that of the farthest vertex: (V, H)."""
+    return 1 - geodesics.distances(handles).T
+
+
+def thickness(mesh: dfd.Mesh, handles: Handles) -> Float64:
+    """Return 1 − |log of the ratio of shape diameters| over the largest such value: (V, H).
+
+    A vertex has the mean of its faces' shape diameters, see `dfd.distillation.thickness`.
     """
-    ratios, moving = [], []
-    counts = labels >= 0
-    for column, handle in enumerate(handles):
-        same = labels == labels[handle]
-        moving.append((weights[counts, column] > MOVES).mean())
-        if (counts & ~same).any():
-            ratios.append(weights[same, column].mean() / max(weights[counts & ~same, column].mean(), 1e-6))
-    return float(np.median(ratios)) if ratios else float("nan"), float(np.mean(moving))
-
-
-def mirror_image(vertices: NDArray[np.floating]) -> tuple[Float64, Float64]:
-    """The image (V, 3) of every vertex across x, and its distance (V,) to a vertex, of the longest side of the box."""
-    center = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
-    image = (vertices - center) * [-1, 1, 1] + center
-    miss, _ = cKDTree(vertices).query(image)
-    return image, miss / np.ptp(vertices, axis=0).max()
-
-
-def difference(weights: Weights, reference: Weights) -> float:
-    """Mean of |W − W'| over vertices and handles, relative to the mean of the reference W'."""
-    return float(np.abs(weights - reference).mean() / max(reference.mean(), 1e-12))
-
-
-def dirichlet_energy(weights: Weights, vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> float:
-    """∫ ‖∇w‖² over the surface, mean over the columns; the same for a shape of any size. Less is smoother.
-
-    Weights are linear over every face; faces without area have none.
-    """
-    corners = (vertices / max(np.ptp(vertices, axis=0).max(), 1e-300))[faces]
-    opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)  # the edge across from each corner
-    double_area = np.linalg.norm(np.cross(opposite[:, 0], opposite[:, 1]), axis=1)
-    sound = double_area > 1e-14
-    products = np.einsum("fck,fdk->fcd", opposite[sound], opposite[sound]) / (2 * double_area[sound, None, None])
-    values = weights[faces[sound]].astype(np.float64)
-    return float(np.einsum("fch,fcd,fdh->", values, products, values, optimize=True) / weights.shape[1])
+    center, scale = box_normalization(*mesh.bounds) or (np.zeros(3), 1.0)
+    vertices = (mesh.vertices - center) * scale
+    corners = vertices[mesh.faces]
+    component = components_of(mesh.faces, len(vertices))[mesh.faces[:, 0]]
+    thick = thicknesses(Scene(vertices, mesh.faces), corners, corners.mean(axis=1), component)
+    around = np.log(np.maximum(thick, 1e-3)).repeat(3)
+    total, count = (np.bincount(mesh.faces.ravel(), each, len(vertices)) for each in (around, np.ones_like(around)))
+    value = total / np.maximum(count, 1)
+    apart = np.abs(value[:, None] - value[handles])
+    return np.asarray(1 - apart / np.maximum(apart.max(axis=0), 1e-300))

@@ -65,13 +65,6 @@ FAMILIES = (
 )
 
 
-def sides_as_one(joint: str) -> str:
-    """A joint's name without its side and number: "upperarm.l", "LeftUpperArm" and "UpperArm_R" give "upperarm"."""
-    name = re.sub(r"(?<=[a-z])[LR](?=$|[^A-Za-z])|^[lr](?=[A-Z])", "", joint).lower()
-    name = re.sub(r"left|right|[._\-\s][lr]\b|\b[lr][._\-\s]|[._\-\s][lr](?=[._\-\s])", "", name)
-    return re.sub(r"^[._\-\s]+|[._\-\s\d]+$", "", name)
-
-
 def merged(joint: str) -> str | None:
     """The part that every character has: head, torso, arm, hand, leg or foot; None for a joint of no such part."""
     for part, pattern in MERGED:

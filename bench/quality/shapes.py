@@ -1,23 +1,17 @@
-"""The shapes that the weights are judged on: made ones, and what lies in the folder that DFD_MESHES names."""
+"""Shapes with labelled parts: samples, and rigs whose joints name the parts."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 import dfd
-from bench.quality.measures import mirror_image
-from bench.quality.parts import kind_of_part, label_vertices, merged, only, sides_as_one, strongest_joints, without_few
-from dfd.common.linear_algebra import Float64
+from bench.quality.parts import kind_of_part, label_vertices, merged, only, strongest_joints, without_few
 
-# A shape is its own mirror image when so many vertices have another one that near to their images, of the longest side:
-# the surface may be the same on both sides where the triangles are not.
-MOST, NEAR = 0.95, 0.01
 UNREADABLE = (ValueError, OSError, KeyError, IndexError, TypeError)  # what a file with a broken skin raises
 
 
@@ -30,20 +24,6 @@ class Shape:
     labels: NDArray[np.integer] | None = None  # (V,) index into `parts`, −1 where a vertex belongs to none
     parts: tuple[str, ...] = ()
 
-    @property
-    def image(self) -> Float64:
-        """(V, 3) the mirror image of every vertex across the middle of x."""
-        return self._mirror[0]
-
-    @property
-    def is_its_mirror(self) -> bool:
-        """Whether the shape is its own mirror image, or nearly so."""
-        return bool(np.quantile(self._mirror[1], MOST) < NEAR)
-
-    @cached_property
-    def _mirror(self) -> tuple[Float64, Float64]:
-        return mirror_image(self.mesh.vertices)
-
 
 def made(faces: int) -> list[Shape]:
     """The labelled samples of dfd, of about `faces` faces."""
@@ -55,9 +35,9 @@ def made(faces: int) -> list[Shape]:
 
 
 def characters(folder: Path, say: Callable[[str], None]) -> Iterator[Shape]:
-    """Every skinned GLB in `folder`, four times: whole and only what is skinned, each by merged and by the rig's names.
+    """Yield every skinned GLB in `folder` with the merged names of its parts, whole and without accessories.
 
-    What cannot be read is told to `say` and left out.
+    Tell `say` what cannot be read and leave it out.
     """
     for path in sorted(folder.glob("*.glb")):
         try:
@@ -70,11 +50,10 @@ def characters(folder: Path, say: Callable[[str], None]) -> Iterator[Shape]:
         if not skinned.any():
             continue
         bare, old = only(whole, skinned)
-        for naming, kind in (("merged", merged), ("rig", sides_as_one)):
-            labels, parts = label_vertices(joints, kind)
-            yield Shape(f"{path.stem}, {naming} names", whole, labels, parts)
-            if len(old) < len(whole.vertices):
-                yield Shape(f"{path.stem} without accessories, {naming} names", bare, labels[old], parts)
+        labels, parts = label_vertices(joints, merged)
+        yield Shape(f"{path.stem}, merged names", whole, labels, parts)
+        if len(old) < len(whole.vertices):
+            yield Shape(f"{path.stem} without accessories, merged names", bare, labels[old], parts)
 
 
 def rigs(folder: Path, say: Callable[[str], None], *, under: str = "rigs") -> Iterator[Shape]:
@@ -104,9 +83,3 @@ def rig(path: Path) -> Shape:
     if len(parts) < 2:
         raise ValueError(f"rig: fewer than two kinds of parts, got {', '.join(parts) or 'none'}")
     return Shape(path.stem, mesh, labels, parts)
-
-
-def unlabelled(folder: Path | None, name: str) -> Shape | None:
-    """A mesh of `folder` without labels, if it is there."""
-    path = None if folder is None else folder / name
-    return Shape(path.stem, dfd.load(path)) if path is not None and path.is_file() else None

@@ -24,9 +24,9 @@ from bench.training.up_lessons import (
     LESSONS,
     TRUE,
     Choice,
-    Lesson,
     Odds,
     Tilted,
+    UpLesson,
     by_family,
     by_shape,
     learned_odds,
@@ -89,7 +89,7 @@ def upright_shapes(folder: Path, lessons: Path | None = None) -> Iterator[tuple[
         yield make.__name__, make().mesh
 
 
-def lesson(name: str, mesh: dfd.Mesh, encoder: Encoder) -> Lesson:
+def lesson(name: str, mesh: dfd.Mesh, encoder: Encoder) -> UpLesson:
     """What there is to learn from one shape."""
     center, scale = normalization(mesh)
     vertices = (mesh.vertices - center) * scale
@@ -102,7 +102,7 @@ def lesson(name: str, mesh: dfd.Mesh, encoder: Encoder) -> Lesson:
     of_frames = map(ViewTokens, np.split(sides.tokens, len(FRAMES)), np.split(sides.axes, len(FRAMES)))
     corners = look_once(mesh, encoder, FRAMES, CORNERS)
     evidence = np.stack([standing.evidence(frame) for frame in FRAMES])
-    return Lesson(name, tuple(of_frames), corners, (tilted,), evidence)
+    return UpLesson(name, tuple(of_frames), corners, (tilted,), evidence)
 
 
 def look_once(mesh: dfd.Mesh, encoder: Encoder, frames: Float64, eyes: Float64) -> ViewTokens:
@@ -124,7 +124,7 @@ def look_once(mesh: dfd.Mesh, encoder: Encoder, frames: Float64, eyes: Float64) 
         return ViewTokens(arrays["tokens"], arrays["axes"])
 
 
-def learn(lessons: Sequence[Lesson], encoder: Encoder) -> UpProbe:
+def learn(lessons: Sequence[UpLesson], encoder: Encoder) -> UpProbe:
     """The probe of all lessons: odds by votes that never saw a shape's family or itself, the prior by the last."""
     votes = learned_votes(tuple(lessons)).without()
     along = {name: odds.along for name, odds in left_out_odds(tuple(lessons), by_shape).items()}
@@ -133,7 +133,7 @@ def learn(lessons: Sequence[Lesson], encoder: Encoder) -> UpProbe:
     return UpProbe(votes.mean, votes.form, votes.vector, odds, up, down, Z_SHARE * up, *identity)
 
 
-def own_names(lessons: Sequence[Lesson]) -> set[str]:
+def own_names(lessons: Sequence[UpLesson]) -> set[str]:
     """Those that are not from `--lessons`."""
     return {each.name for each in lessons if not each.name.startswith(LESSONS)}
 
@@ -185,7 +185,7 @@ def least_priors(odds: Mapping[str, Float64], own: Collection[str] = ()) -> tupl
 COLUMNS = ("family", "shapes", "without a prior", "kept upright", "found z up", "found, 24 turns", "at once", "tilted")
 
 
-def report(lessons: Sequence[Lesson]) -> str:
+def report(lessons: Sequence[UpLesson]) -> str:
     """How often the right direction is found, each shape judged by what others taught."""
     along = {name: odds.along for name, odds in left_out_odds(tuple(lessons), by_shape).items()}
     priors = least_priors(along, own_names(lessons))

@@ -27,7 +27,7 @@ FOLDS = 16
 NEAR = np.cos(np.radians(20))  # of a tilted shape a candidate so near to its up is right
 TILTED = 0.5  # what pictures along random axes count, beside those along the shape's own
 
-Group = Callable[["Lesson"], str]
+Group = Callable[["UpLesson"], str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class Tilted:
 
 
 @dataclass(frozen=True, eq=False)
-class Lesson:
+class UpLesson:
     """A shape that stands as it should, +y up, and what is learned from it."""
 
     name: str
@@ -65,12 +65,12 @@ class Lesson:
         return sum(self.sides, self.corners)
 
 
-def by_family(lesson: Lesson) -> str:
+def by_family(lesson: UpLesson) -> str:
     """Leave a shape's family out when it is judged."""
     return lesson.family
 
 
-def by_shape(lesson: Lesson) -> str:
+def by_shape(lesson: UpLesson) -> str:
     """Leave the shape alone out when it is judged."""
     return lesson.name
 
@@ -85,7 +85,7 @@ class Rows:
     counts: Float64
 
 
-def rows_of(lesson: Lesson, mean: Float32) -> tuple[Rows, Rows]:
+def rows_of(lesson: UpLesson, mean: Float32) -> tuple[Rows, Rows]:
     """For the form, which tells the upright axis, and for the vector, which tells its end; all about their means."""
     forms, vectors = [], []
     for seen, ups in ((lesson.all_seen, UPS), *((each.seen, each.ups) for each in lesson.tilted)):
@@ -147,7 +147,7 @@ class Ridge:
 class Votes:
     """What pictures teach: probes that vote, without odds."""
 
-    def __init__(self, lessons: Sequence[Lesson]) -> None:
+    def __init__(self, lessons: Sequence[UpLesson]) -> None:
         tokens = [lesson.all_seen.tokens[:, 0].mean(axis=0) for lesson in lessons]
         self._mean: Float32 = np.stack(tokens).mean(axis=0, dtype=np.float64).astype(np.float32)
         self._rows = {lesson.name: rows_of(lesson, self._mean) for lesson in lessons}
@@ -163,7 +163,7 @@ class Votes:
 
 
 @cache
-def learned_votes(lessons: tuple[Lesson, ...]) -> Votes:
+def learned_votes(lessons: tuple[UpLesson, ...]) -> Votes:
     """What all lessons teach."""
     return Votes(lessons)
 
@@ -186,7 +186,7 @@ class Choices:
     tilted: tuple[Choice, ...]
 
 
-def choices(lesson: Lesson, probe: UpProbe) -> Choices:
+def choices(lesson: UpLesson, probe: UpProbe) -> Choices:
     """What `probe` and the surface say of a lesson's shape."""
     upright = np.arange(len(FRAMES)) == TRUE
 
@@ -205,7 +205,7 @@ def choices(lesson: Lesson, probe: UpProbe) -> Choices:
 
 
 @cache
-def left_out_choices(lessons: tuple[Lesson, ...], group: Group) -> dict[str, Choices]:
+def left_out_choices(lessons: tuple[UpLesson, ...], group: Group) -> dict[str, Choices]:
     """`choices` of every shape by votes that were learned without its group."""
     votes = learned_votes(lessons)
     found: dict[str, Choices] = {}
@@ -216,7 +216,7 @@ def left_out_choices(lessons: tuple[Lesson, ...], group: Group) -> dict[str, Cho
     return found
 
 
-def learned_odds(lessons: tuple[Lesson, ...], without: Collection[str] = (), start: Float64 | None = None) -> Float64:
+def learned_odds(lessons: tuple[UpLesson, ...], without: Collection[str] = (), start: Float64 | None = None) -> Float64:
     """(3, 9) see `UpProbe.odds`, of all lessons but those of some names; `start` only saves time.
 
     From votes that never saw a shape's family, and from votes that only never saw the shape: what comes to be judged
@@ -275,7 +275,7 @@ class Odds:
 
 
 @cache
-def left_out_odds(lessons: tuple[Lesson, ...], group: Group) -> dict[str, Odds]:
+def left_out_odds(lessons: tuple[UpLesson, ...], group: Group) -> dict[str, Odds]:
     """Log-odds of every shape's candidates, by votes that were learned without its group, and odds without its fold.
 
     A fold is some groups: nine numbers hardly know one of hundreds of shapes.

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.sparse import coo_array, csc_array, diags_array
 from scipy.sparse.linalg import splu
 
-from bench.paper.peers.peer import Body
-from bench.quality.baselines import PeerError, components_of
+from bench.paper.peers.peer import Body, PeerError, libigl
+from bench.quality.measures import components_of
 from dfd.common.linear_algebra import Float64, Int64
 
 # The tetrahedron's corners but one, seen counterclockwise from outside.
@@ -115,8 +115,7 @@ def bilaplacian(nodes: Float64, cells: Int64) -> csc_array:
     (L + N)ᵀ M⁻¹ (L + N), where L integrates −∇φ·∇u over the volume and N adds ∂u/∂n over the boundary's triangles, so
     that an affine u gives 0 at every node. Nodes are taken at unit size, which scales the energy alone.
     """
-    import igl
-
+    igl = libigl()
     positions = (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()
     cells = _outwards(positions, cells)
     at = positions[cells]

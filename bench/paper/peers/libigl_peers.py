@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from bench.paper.peers.biharmonic import on_nodes
-from bench.paper.peers.peer import Body
-from bench.quality.baselines import bounded_weights, check_components, libigl
+from bench.paper.peers.peer import Body, PeerError, check_components, libigl
 from dfd.common.linear_algebra import Float64, Int64
 
 ITERATIONS = 100
@@ -48,14 +47,16 @@ class Bounded:
 
     def bind(self, held: Int64, group: Int64) -> None:
         """Solve the quadratic program of every group."""
+        nodes, cells = self.within.nodes, self.within.cells
         handles, first = on_nodes(self.body, held)
-        check_components(self.within.cells, len(self.within.nodes), handles)
-        self.held, self.groups = held, group
-        columns = np.unique(group)
-        ones = (group[first][:, None] == columns).astype(np.float64)
-        self.columns, self.weights = columns, np.ones((len(self.within.nodes), 1))
-        if len(columns) > 1:
-            weights = bounded_weights(self.within.nodes, self.within.cells, handles, ones)
+        check_components(cells, len(nodes), handles)
+        self.held, self.groups, self.columns = held, group, np.unique(group)
+        self.weights = np.ones((len(nodes), 1))
+        if len(self.columns) > 1:
+            ones = (group[first][:, None] == self.columns).astype(np.float64)
+            weights = np.asarray(libigl().bbw(nodes, cells, handles, ones))
+            if weights.shape != (len(nodes), len(self.columns)) or not np.isfinite(weights).all():
+                raise PeerError("finds no solution")
             self.weights = weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-300)
 
     def deform(self, targets: Float64) -> Float64:

@@ -1,20 +1,58 @@
-"""What every peer can do, and how one is run and timed where it can neither hang nor crash the bench."""
+"""What every peer can do, and how one is run and timed where it can neither hang nor crash the bench.
+
+Tetrahedra within a surface are those of fTetWild; Hu et al., "Fast Tetrahedral Meshing in the Wild", 2020.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import multiprocessing
+import os
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any, Protocol
 
+import fast_simplification
 import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 import dfd
-from bench.paper.peers.tetrahedra import MOST_FACES, Tetrahedra, tetrahedra
-from bench.quality.baselines import PeerError, in_child
+from bench.quality.measures import components_of
 from dfd.common.linear_algebra import Float64, Int64
 
 PATIENCE = 300.0  # seconds for all that one peer does with one shape
+FILLING_PATIENCE = 900.0  # seconds for its tetrahedra
+EDGE = 0.05  # of the diagonal: the length of tetrahedra's edges
+MOST_FACES = 6_000  # of the surface that is filled: fTetWild takes minutes beyond on two cores
+AWAY = 0.08  # of the diagonal: a surface that is farther from the tetrahedra was not filled
+
+
+class PeerError(RuntimeError):
+    """A peer gave no usable result; the message says why."""
+
+
+@dataclass(frozen=True)
+class Tetrahedra:
+    """What fills a surface, and where the surface's vertices lie on the boundary."""
+
+    nodes: Float64  # (N, 3)
+    cells: Int64  # (T, 4)
+    corners: Int64  # (V, 3) nodes of the boundary's triangle nearest to each vertex of the surface
+    barycentric: Float64  # (V, 3) coordinates there
+    seconds: float  # that it took
+
+    def nearest(self, points: Float64) -> Int64:
+        """Return the node nearest to each of the points (P, 3)."""
+        return KDTree(self.nodes).query(points)[1].astype(np.int64)
+
+    def on_surface(self, values: Float64) -> Float64:
+        """Interpolate values (N, D) of nodes at the surface's vertices (V, D)."""
+        return np.einsum("vk,vkd->vd", self.barycentric, values[self.corners])
 
 
 @dataclass(frozen=True)
@@ -41,7 +79,7 @@ class Peer(Protocol):
         """Take vertices (N,) that will be moved; those of one `group` (N,) move alike, and stay where it is below 0."""
 
     def deform(self, targets: Float64) -> Float64:
-        """The vertices (V, 3) when the held ones are at `targets` (N, 3), as near as the method can."""
+        """Return the vertices (V, 3) when the held ones are at `targets` (N, 3), as near as the method can."""
 
 
 @dataclass(frozen=True)
@@ -76,19 +114,19 @@ def run(
     Raises PeerError if the peer is not installed, cannot do the shape or the handles, fails, crashes or takes too long.
     """
     used, faces = np.unique(mesh.faces, return_inverse=True)  # a vertex of no face makes equations singular
-    faces = faces.reshape(-1, 3).astype(np.int64)
-    filled = {} if most_faces else {"patience": patience, "most_faces": None}
-    body = Body(mesh.vertices[used], faces, tetrahedra(mesh.vertices[used], faces, **filled) if make().volume else None)
+    vertices, faces = mesh.vertices[used], faces.reshape(-1, 3).astype(np.int64)
+    filling = FILLING_PATIENCE if most_faces else patience
+    body = Body(vertices, faces, tetrahedra(vertices, faces, filling, most_faces) if make().volume else None)
     own = [Job(np.searchsorted(used, mesh.representative[job.held]), job.group, job.targets) for job in jobs]
     done = []
     for moved, seconds in in_child(_run, make, body, own, seconds=patience):
         if not np.isfinite(moved).all():
             raise PeerError("gives NaN")
-        vertices = mesh.vertices.copy()
-        vertices[used] = moved
+        result = mesh.vertices.copy()
+        result[used] = moved
         if body.within is not None:
             seconds = {"tetrahedra": body.within.seconds, **seconds}
-        done.append(Done(vertices[mesh.representative], seconds))
+        done.append(Done(result[mesh.representative], seconds))
     return done
 
 
@@ -105,3 +143,122 @@ def _run(make: Callable[[], Peer], body: Body, jobs: Sequence[Job]) -> list[tupl
         moved = peer.deform(job.targets)
         done.append((moved, {"prepare": prepared, "bind": bound - start, "pose": time.perf_counter() - bound}))
     return done
+
+
+def check_components(corners: NDArray[np.integer], count: int, held: NDArray[np.integer]) -> None:
+    """Raise PeerError unless every component of elements (E, K), of `count` vertices, holds one of `held`."""
+    component = components_of(corners, count)
+    if len(np.unique(component[held])) <= component.max():
+        raise PeerError(f"needs a handle or a fixed point on every one of the {component.max() + 1} components")
+
+
+def libigl() -> Any:
+    """Return the module, or raise PeerError where it is not installed."""
+    try:
+        import igl
+    except ImportError:
+        raise PeerError("libigl is not installed") from None
+    return igl
+
+
+# --- a process of its own
+
+
+def in_child(function: Callable[..., Any], *arguments: Any, seconds: float) -> Any:
+    """Return what `function` returns in a process of its own.
+
+    Raises PeerError if it raises, dies, or takes longer than `seconds`.
+    """
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    child = context.Process(target=_answer, args=(theirs,), daemon=True)
+    child.start()
+    theirs.close()
+    try:
+        ours.send((function, arguments))  # not at the start, where a child that dies at once would never be noticed
+        if not ours.poll(seconds):
+            raise PeerError(f"takes longer than {seconds:g} s")
+        fine, result = ours.recv()
+    except (EOFError, BrokenPipeError, ConnectionResetError):
+        child.join()
+        raise PeerError(f"crashes (exit code {child.exitcode})") from None
+    finally:
+        child.kill()
+        child.join()
+        ours.close()
+    if not fine:
+        raise PeerError(result)
+    return result
+
+
+def _answer(connection: Connection) -> None:
+    function, arguments = connection.recv()
+    try:
+        answer = (True, function(*arguments))
+    except Exception as error:  # whatever a peer raises is its result
+        answer = (False, (str(error).splitlines() or [type(error).__name__])[0])
+    connection.send(answer)
+
+
+# --- tetrahedra
+
+known: dict[str, Tetrahedra | PeerError] = {}  # several peers and pages ask for one shape's
+
+
+def tetrahedra(vertices: Float64, faces: Int64, patience: float, most_faces: int | None) -> Tetrahedra:
+    """Fill a surface with tetrahedra, once in a process; one of more than `most_faces` faces is simplified before.
+
+    Raises PeerError if `wildmeshing` or libigl is not installed, or the surface cannot be filled, or not within
+    `patience` seconds.
+    """
+    key = hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest() + f" {most_faces}"
+    if key not in known:
+        try:
+            known[key] = in_child(_fill, vertices, faces, most_faces, seconds=patience)
+        except PeerError as error:
+            known[key] = error
+    found = known[key]
+    if isinstance(found, PeerError):
+        raise found
+    return found
+
+
+def _fill(vertices: Float64, faces: Int64, most: int | None) -> Tetrahedra:
+    begin = time.perf_counter()
+    igl = libigl()
+    points, sides = vertices, faces
+    if most is not None and len(faces) > most:
+        points, sides = fast_simplification.simplify(vertices.astype(np.float32), faces, target_count=most)
+    nodes, cells = _fill_by_ftetwild(np.asarray(points, np.float64), np.asarray(sides))
+    boundary = np.ascontiguousarray(igl.boundary_facets(cells)[0])
+    squared, face, closest = igl.point_mesh_squared_distance(np.ascontiguousarray(vertices), nodes, boundary)
+    farthest = np.sqrt(squared.max()) / np.linalg.norm(np.ptp(vertices, axis=0))
+    if farthest > AWAY:
+        raise PeerError(f"cannot be filled with tetrahedra: parts stay {100 * farthest:.0f} % of the diagonal away")
+    corners = boundary[face].astype(np.int64)
+    barycentric = igl.barycentric_coordinates(closest, *(np.ascontiguousarray(nodes[corner]) for corner in corners.T))
+    return Tetrahedra(nodes, cells, corners, np.asarray(barycentric), time.perf_counter() - begin)
+
+
+def _fill_by_ftetwild(points: Float64, faces: NDArray[np.integer]) -> tuple[Float64, Int64]:
+    """Return nodes (N, 3) and tetrahedra (T, 4) within what a surface nearly closes off.
+
+    It writes every step to stdout, and a file into its working folder, hence a process of its own.
+    """
+    try:
+        import wildmeshing
+    except ImportError:
+        raise PeerError("needs wildmeshing, which is not installed") from None
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    center, before = points.mean(axis=0), Path.cwd()
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)
+        tetrahedralizer = wildmeshing.Tetrahedralizer(stop_quality=30, max_its=30, edge_length_r=EDGE)
+        tetrahedralizer.set_mesh(points - center, faces.astype(np.int32))
+        tetrahedralizer.tetrahedralize()
+        nodes, cells = tetrahedralizer.get_tet_mesh()[:2]
+        os.chdir(before)
+    if len(cells) == 0:
+        raise PeerError("cannot be filled with tetrahedra: the surface encloses nothing")
+    used, corners = np.unique(cells, return_inverse=True)
+    return np.ascontiguousarray(nodes[used] + center), corners.reshape(-1, 4).astype(np.int64)

@@ -19,7 +19,7 @@ from bench.paper.__main__ import PAGES, main
 from bench.paper.compare import compare, methods_of, solve
 from bench.paper.context import Context, Shape, session
 from bench.paper.handles import FIXED, USER, Case, find, read_apap, read_meta_handles
-from bench.quality.baselines import PeerError
+from bench.paper.peers.peer import PeerError
 from dfd.mesh.normalization import normalization
 
 MOVE = np.array([0.0, 0.5, 0.25])

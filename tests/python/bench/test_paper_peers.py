@@ -13,9 +13,7 @@ import dfd
 from bench.paper.comparisons import farthest
 from bench.paper.peers import PEERS
 from bench.paper.peers.biharmonic import bilaplacian
-from bench.paper.peers.peer import Body, Job, run
-from bench.paper.peers.tetrahedra import Tetrahedra
-from bench.quality.baselines import PeerError
+from bench.paper.peers.peer import Body, Job, PeerError, Tetrahedra, run
 
 igl = pytest.importorskip("igl")
 
