@@ -25,12 +25,10 @@ class Timing:
     best: float
     median: float
     spread: float
-    repeats: int
 
-
-def clock() -> Callable[[], float]:
-    """The thread's own processor time if the kernels run on one thread, which other programs disturb least."""
-    return time.thread_time if dfd.get_num_threads() == 1 else time.perf_counter
+    def scaled(self, factor: float) -> Timing:
+        """Return the same times `factor`."""
+        return Timing(self.best * factor, self.median * factor, self.spread * factor)
 
 
 def measure(call: Callable[[], object], *, seconds: float = 1.0, least: int = 5, most: int = 400) -> Timing:
@@ -45,7 +43,8 @@ def together(
     taken: dict[str, list[float]] = {name: [] for name in calls}
     for call in calls.values():
         call()
-    now = clock()
+    # The thread's own processor time is disturbed least by other programs.
+    now = time.thread_time if dfd.get_num_threads() == 1 else time.perf_counter
     end = time.perf_counter() + seconds * len(calls)
     rounds = 0
     while rounds < least or (rounds < most and time.perf_counter() < end):
@@ -54,12 +53,8 @@ def together(
             start = now()
             call()
             taken[name].append(now() - start)
-    return {name: _timing(times) for name, times in taken.items()}
-
-
-def _timing(times: list[float]) -> Timing:
-    low, middle, high = (float(value) for value in np.quantile(times, [0.25, 0.5, 0.75]))
-    return Timing(min(times), middle, high - low, len(times))
+    quartiles = {name: np.quantile(times, [0.25, 0.5, 0.75]) for name, times in taken.items()}
+    return {name: Timing(min(taken[name]), mid, high - low) for name, (low, mid, high) in quartiles.items()}
 
 
 # --- ceilings

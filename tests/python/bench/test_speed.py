@@ -1,0 +1,19 @@
+"""The table of speed on a small shape, each call made once or twice."""
+
+from __future__ import annotations
+
+import bench.speed.__main__ as speed
+from bench.speed import measure
+
+
+def test_every_line_of_the_table_is_measured(monkeypatch):
+    together = measure.together
+
+    def short(calls, **_):
+        return together(calls, seconds=0.0, least=1)
+
+    monkeypatch.setattr(measure, "together", short)
+    monkeypatch.setattr(speed, "together", short)
+    rows = list(speed.lines(1_000, 500))
+    assert {"bind 1", "bind 100", "pose 1", "pose 100", "drag frame with 100 handles"} <= {row[0] for row in rows}
+    assert all(len(row) == len(speed.COLUMNS) and float(row[1]) > 0 for row in rows)
