@@ -46,7 +46,7 @@ test-all: test
 	@if command -v $(BLENDER_PYTHON) > /dev/null; then $(MAKE) --no-print-directory test-blender; \
 	else echo "$(BLENDER_PYTHON) was not found: nothing is opened in Blender"; fi
 
-# Ray is large, and only tests of batches on several machines need it.
+# Ray is large, and only one slow test needs it.
 test-slow: client validator $(VENV)/installed-test
 	$(BIN)/python -c "import ray" 2> /dev/null || $(INSTALL) ray
 	$(PYTEST) -m "$(SLOW)"

@@ -1,185 +1,106 @@
-"""Which shapes a batch is of: files, globs or a manifest, here or wherever fsspec reads."""
+"""Which shapes a batch is of: files, globs or a CSV manifest."""
 
 from __future__ import annotations
 
 import csv
 import glob
-import io
+import hashlib
+import os
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
-from typing import Any
+from pathlib import Path
 
-MESH_ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".fbx")
-MANIFEST_ENDINGS = (".csv", ".parquet")
-COLUMNS = ("path", "name", "field")
-NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.\-]{0,119}")
+MESH_ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
+LONGEST_NAME = 100  # characters; the names of the files in a shape's folder are longer by their endings
 
 
 @dataclass(frozen=True)
 class Shape:
     """One shape of a batch."""
 
-    name: str  # what its folder is called, distinct from all others also where case does not count
-    path: str  # its file: a path here, or a URL that fsspec reads
-    field: str | None = None  # its field, if one is given
+    name: str  # of its folder; no other shape has it, also where case does not count
+    path: str  # of its file, absolute
+    field: str | None = None  # the path of its field, where one is given
 
 
 def find_shapes(inputs: Sequence[str]) -> list[Shape]:
-    """The shapes that `inputs` name, ordered by name.
+    """Return the shapes that `inputs` name, ordered by name.
 
-    `inputs` are mesh files and globs, whose names follow from where they lie below the folder that all of them share;
-    or one manifest, CSV or Parquet, with a column `path`, and optionally `name` and `field`. Paths in a manifest are
-    relative to it. Anything may be a URL such as s3://bucket/shapes/*.glb.
+    `inputs` are mesh files and globs, or one CSV manifest with a column `path`, and optionally `name` and `field`.
+    Paths in a manifest are relative to it. Shapes of globs are named by their paths below the folder that all of them
+    share. A name that no folder can have, or that another shape has, is changed and ends in a hash of the path.
 
-    Raises ValueError if two shapes have one name, a name cannot be that of a folder, or a manifest lacks a column or a
-    value; OSError if a glob matches nothing, or a manifest cannot be read.
+    Raises ValueError if a manifest lacks the column or a path; OSError if a glob matches nothing, or a manifest cannot
+    be read.
     """
     if not inputs:
         raise ValueError("`MESH` must name a mesh, a glob or a manifest, got none")
-    manifests = [each for each in inputs if each.lower().endswith(MANIFEST_ENDINGS)]
+    manifests = [each for each in inputs if each.lower().endswith(".csv")]
     if manifests and len(inputs) > 1:
         raise ValueError(f"`MESH` must be meshes and globs or one manifest, got {manifests[0]} and others")
-    shapes = _of_manifest(inputs[0]) if manifests else _of_globs(inputs)
-    _check_names(shapes)
-    return sorted(shapes, key=lambda shape: shape.name)
+    found = _of_manifest(Path(inputs[0])) if manifests else _of_globs(inputs)
+    shapes: dict[str, Shape] = {}
+    for wanted, path, field in found:
+        name = re.sub(r"[^A-Za-z0-9_.\-]", "_", wanted).lstrip(".-")
+        if len(name) > LONGEST_NAME or name.casefold() in shapes or not name:
+            name = f"{name[:LONGEST_NAME]}-{hashlib.sha256(os.fsencode(path)).hexdigest()[:12]}"
+        shapes[name.casefold()] = Shape(name, str(path), None if field is None else str(field))
+    return sorted(shapes.values(), key=lambda shape: shape.name)
 
 
-def is_remote(path: str) -> bool:
-    """Whether a path is a URL for fsspec."""
-    return "://" in path
+def matches(pattern: str) -> list[Path]:
+    """Return the file that `pattern` names, or the meshes that it matches, in order.
 
-
-def has_magic(pattern: str) -> bool:
-    """Whether a pattern stands for several files."""
-    return glob.has_magic(pattern)
-
-
-def local_matches(pattern: str) -> list[Path]:
-    """The meshes that a pattern matches here, in order; FileNotFoundError if there is none."""
+    Raises FileNotFoundError if there is none.
+    """
+    if not has_magic(pattern):
+        if not Path(pattern).is_file():
+            raise FileNotFoundError(f"`MESH`: {pattern} does not exist or is no file")
+        return [Path(pattern)]
     found = [Path(path) for path in sorted(glob.glob(pattern, recursive=True))]  # noqa: PTH207  # also absolute ones
     meshes = [path for path in found if path.suffix.lower() in MESH_ENDINGS]
     if not meshes:
-        raise FileNotFoundError(f"nothing matches {pattern}")
+        raise FileNotFoundError(f"`MESH`: nothing matches {pattern}")
     return meshes
 
 
-def _of_globs(patterns: Sequence[str]) -> list[Shape]:
-    found: dict[str, None] = {}
-    for pattern in patterns:
-        found |= dict.fromkeys(_matches(pattern))
-    # Relative to the folder that the patterns share, not the files: then an added file renames no other one.
-    roots = [_fixed(pattern) for pattern in patterns]
-    shared = roots[0]
-    while not all(root[: len(shared)] == shared for root in roots):
-        shared = shared[:-1]
-    return [Shape(_name(PurePosixPath(_posix(path)).parts[len(shared) :]), path) for path in found]
+def has_magic(pattern: str) -> bool:
+    """Return whether a pattern stands for several files: brackets in the name of a file are no wildcards."""
+    return glob.has_magic(pattern) and not Path(pattern).exists()
 
 
-def _matches(pattern: str) -> list[str]:
-    if not is_remote(pattern):
-        if has_magic(pattern) and not Path(pattern).exists():
-            return [str(path) for path in local_matches(pattern)]
-        if not Path(pattern).exists():
-            raise FileNotFoundError(f"`MESH`: {pattern} does not exist")
-        return [pattern]
-    if not has_magic(pattern):
-        return [pattern]
-    system, inside = _fsspec().core.url_to_fs(pattern)
-    scheme = pattern.partition("://")[0]
-    found = sorted(path for path in system.glob(inside) if path.lower().endswith(MESH_ENDINGS))
-    if not found:
-        raise FileNotFoundError(f"`MESH`: nothing matches {pattern}")
-    return [path if is_remote(path) else f"{scheme}://{path}" for path in found]
+def _of_globs(patterns: Sequence[str]) -> Iterator[tuple[str, Path, None]]:
+    paths = dict.fromkeys(path.absolute() for pattern in patterns for path in matches(pattern))
+    # Relative to the folder that the patterns share, not the files: an added file then renames no other one.
+    shared = Path(os.path.commonpath([_fixed(Path(pattern).absolute()) for pattern in patterns]))
+    return (("-".join(path.relative_to(shared).parts), path, None) for path in paths)
 
 
-def _fixed(pattern: str) -> tuple[str, ...]:
-    """The folders of a pattern before its first wildcard, or before the file that it names."""
-    parts = PurePosixPath(_posix(pattern)).parts
-    fixed = next((number for number, part in enumerate(parts) if has_magic(part)), len(parts))
-    return parts[: min(fixed, len(parts) - 1)]
+def _fixed(pattern: Path) -> Path:
+    """The folder of a pattern before its first wildcard, or of the file that it names."""
+    folder = pattern.parent
+    while has_magic(str(folder)):
+        folder = folder.parent
+    return folder
 
 
-def _posix(path: str) -> str:
-    return path if is_remote(path) else Path(path).as_posix()
-
-
-def _name(parts: Iterable[str]) -> str:
-    return re.sub(r"[^A-Za-z0-9_.\-]", "_", "-".join(parts)).lstrip(".-")
-
-
-def _of_manifest(manifest: str) -> list[Shape]:
-    rows = _rows(manifest)
-    base = manifest.rpartition("/")[0]
-
-    def beside_manifest(path: str) -> str:
-        return path if is_remote(path) or Path(path).is_absolute() or not base else f"{base}/{path}"
-
-    shapes = []
-    for number, row in enumerate(rows, 1):
-        values = {column: str(row[column]).strip() for column in COLUMNS if row.get(column) not in (None, "")}
-        if "path" not in values:
-            raise ValueError(f"`MESH`: row {number} of {manifest} has no path")
-        path = beside_manifest(values["path"])
-        field = beside_manifest(values["field"]) if "field" in values else None
-        shapes.append(Shape(values.get("name") or _name([PurePosixPath(_posix(path)).name]), path, field))
-    if not shapes:
-        raise ValueError(f"`MESH`: {manifest} has no rows")
-    return shapes
-
-
-def _rows(manifest: str) -> list[dict[str, Any]]:
-    """The rows of a CSV or Parquet file; ValueError if it is no such file, or lacks the column `path`."""
-    data = _read(manifest)
-    if manifest.lower().endswith(".csv"):
-        try:
-            reader = csv.DictReader(io.StringIO(data.decode("utf-8-sig")), strict=True)
-            columns, rows = list(reader.fieldnames or ()), list(reader)
-        except (UnicodeDecodeError, csv.Error) as error:
-            raise ValueError(f"`MESH`: {manifest} is no CSV file in UTF-8: {error}") from None
-    else:
-        import pyarrow
-        from pyarrow import parquet
-
-        try:
-            table = parquet.read_table(pyarrow.BufferReader(data))
-        except (pyarrow.ArrowException, OSError) as error:
-            raise ValueError(f"`MESH`: {manifest} is no Parquet file: {error}") from None
-        columns, rows = table.column_names, table.to_pylist()
-    if "path" not in columns:
-        raise ValueError(f"`MESH`: {manifest} must have a column path, got {', '.join(map(str, columns)) or 'none'}")
-    return rows
-
-
-def _read(path: str) -> bytes:
-    if not is_remote(path):
-        return Path(path).read_bytes()
-    with _fsspec().open(path, "rb") as stream:
-        data: bytes = stream.read()
-    return data
-
-
-def _fsspec() -> Any:
-    """fsspec, with its own way of finding what reads a kind of URL; ValueError if it is not installed."""
+def _of_manifest(manifest: Path) -> Iterable[tuple[str, Path, Path | None]]:
     try:
-        import fsspec
-    except ImportError:
-        raise ValueError("`MESH`: URLs need fsspec: pip install 'dfd[batch]'") from None
-    return fsspec
-
-
-def _check_names(shapes: Sequence[Shape]) -> None:
-    taken: dict[str, Shape] = {}
-    for shape in shapes:
-        if not NAME.fullmatch(shape.name):
-            raise ValueError(
-                f"`name` must be letters, digits, _, - and dots, at most 120 and no dot first, "
-                f"got {shape.name!r} for {shape.path}"
-            )
-        before = taken.setdefault(shape.name.casefold(), shape)
-        if before is not shape:
-            raise ValueError(
-                f"`name` must be distinct, but {before.path} and {shape.path} are both {shape.name}; "
-                "a manifest with a column name tells them apart"
-            )
+        with manifest.open(encoding="utf-8-sig", newline="") as stream:
+            reader = csv.DictReader(stream, strict=True)
+            columns, rows = reader.fieldnames or (), list(reader)
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ValueError(f"`MESH`: {manifest} is no CSV file in UTF-8: {error}") from None
+    if "path" not in columns:
+        raise ValueError(f"`MESH`: {manifest} must have a column path, got {', '.join(columns) or 'none'}")
+    if not rows:
+        raise ValueError(f"`MESH`: {manifest} has no rows")
+    folder, shapes = manifest.absolute().parent, []
+    for number, row in enumerate(rows, 1):
+        values = {column: (row.get(column) or "").strip() for column in ("path", "name", "field")}
+        if not values["path"]:
+            raise ValueError(f"`MESH`: row {number} of {manifest} has no path")
+        path, field = folder / values["path"], folder / values["field"] if values["field"] else None
+        shapes.append((values["name"] or path.name, path, field))
+    return shapes

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from dfd.common import check
 from dfd.common.linear_algebra import UInt8
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit
-from dfd.editing.edit_file import read_edit
+from dfd.editing.edit_file import read_edit, read_made_on
 from dfd.editing.transfer import transfer
-from dfd.field.field import Field
-from dfd.mesh.mesh import Mesh
+from dfd.field.field import Field, FieldSource
+from dfd.mesh.mesh import Mesh, load
 from dfd.pictures.picture import picture
 from dfd.pictures.sheet import session_views
 
@@ -117,3 +118,44 @@ def before_and_after(deformer: Deformer, *, resolution: int) -> tuple[UInt8, UIn
 def field_path(mesh: Path, folder: Path | None = None) -> Path:
     """The default path of a mesh file's field: next to it or in `folder`, with the mesh's name."""
     return (mesh.parent if folder is None else folder) / f"{mesh.stem}.field.safetensors"
+
+
+class EditFiles(NamedTuple):
+    """An edit, and the mesh and the field that it was made on."""
+
+    edit: Path
+    mesh: Path
+    field: Path
+
+    def original(self) -> Original:
+        """Read all three; raises as `Original.read` and `Field.load`."""
+        mesh = load(self.mesh)
+        return Original.read(self.edit, mesh, Field.load(self.field, mesh=mesh))
+
+    def hash(self) -> str:
+        """The SHA-256 of their bytes, 64 hexadecimal digits."""
+        return hashlib.sha256(b"".join(path.read_bytes() for path in self)).hexdigest()
+
+
+def find_files(edit: Path, made_on: Path | None = None) -> EditFiles:
+    """The files of an edit: the given mesh or the one it names, and the field it names or the one next to the mesh.
+
+    Raises ValueError if it is no edit, or says no mesh and none is named; OSError if it or the mesh that it says cannot
+    be read, or there is no field.
+    """
+    named, field, sha256 = read_made_on(edit)
+    mesh = named if made_on is None else made_on
+    if mesh is None:
+        raise ValueError(f"`--made-on` must name the mesh that {edit} was made on: it does not say")
+    if not mesh.is_file():
+        hint = "" if made_on is not None else ": `--made-on` must say where it is now"
+        raise FileNotFoundError(f"{mesh}, on which {edit} was made, does not exist{hint}")
+    beside = field_path(mesh)
+    if named is None or not (named.is_file() and named.samefile(mesh)):
+        field = None  # it is of another mesh
+    if field is not None and field.is_file() and sha256 in (None, FieldSource.of(field).sha256):
+        return EditFiles(edit, mesh, field)
+    if beside.is_file():
+        return EditFiles(edit, mesh, beside)
+    changed = "" if field is None else f", and {field} is {'another one' if field.is_file() else 'gone'}"
+    raise FileNotFoundError(f"{beside}, the field of {mesh}, does not exist{changed}: `dfd distill` makes it")

@@ -1,222 +1,178 @@
-"""The driver of a batch: hands out shapes, records the results, and writes the table and the page.
+"""The driver of a batch: a Ray task for each shape that is not finished, then the list of records and the page.
 
 All its state is in the folder, so it may be interrupted at any moment: the next run resumes.
 """
 
 from __future__ import annotations
 
+import os
+import sys
 import time
-from collections import Counter, deque
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
-from typing import Protocol
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
-from dfd.batch.folder import BatchFolder
 from dfd.batch.inputs import Shape
-from dfd.batch.page import gather, write_page, write_table
-from dfd.batch.pool import Slots
-from dfd.batch.record import (
-    CAUSES,
-    FAILED_EXPORT,
-    Cause,
-    Job,
-    Limits,
-    Record,
-    Stopped,
-    WorkerDied,
-    exit_reason,
-    modified,
-    new_token,
-)
+from dfd.batch.page import write_page
+from dfd.batch.record import Cause, Record, modified, read_record, write_record
 from dfd.batch.settings import BatchSettings
 
-ATTEMPTS = 2  # at a shape whose worker dies without a note: the system may have killed it for other tasks' memory
-LOOK_EVERY = 1.0  # seconds
+RETRIES = 1  # of a task whose process dies: the system may have ended it for other tasks' memory
+OBJECT_STORE = 128 * 2**20  # bytes; records are small, and memory is for the tasks
+# Bytes of one task: with torch, the encoder and a shape of a million faces, and without an encoder.
+DISTILLING, LOOKING = int(2.5 * 2**30), int(1.5 * 2**30)
 
 
-class Watcher(Protocol):
-    """Receives the progress of a batch."""
+@dataclass(frozen=True)
+class Resources:
+    """Where tasks run, and what each may use."""
 
-    def begun(self, total: int, finished: int) -> None:
-        """So many shapes in all, and so many finished by earlier runs."""
-
-    def ended(self, record: Record) -> None:
-        """A shape is finished."""
-
-    def looked(self) -> None:
-        """Called at least every second or so."""
-
-
-@dataclass
-class Summary:
-    """The results of a run."""
-
-    # done, failed: shapes of this run's rank, those of earlier runs included
-    done: int = 0
-    failed: int = 0
-    causes: Counter[str] = field(default_factory=Counter)  # how many failed of what
-    missing: int = 0  # shapes of all ranks that are not finished
-    # seconds, busy: wall time, and the sum over the shapes of this run
-    seconds: float = 0.0
-    busy: float = 0.0
-
-    def count(self, record: Record) -> None:
-        """Count a finished shape."""
-        if record.status == "done":
-            self.done += 1
-        else:
-            self.failed += 1
-            self.causes[record.cause or "error"] += 1
+    address: str | None = None  # of a Ray cluster; None starts Ray on this machine
+    workers: int | None = None  # tasks at a time on this machine; None goes by processors and memory
+    threads: int = 1
+    gpus: float = 0.0
+    timeout: float | None = None  # seconds
 
 
 def run_batch(
     shapes: Sequence[Shape],
     settings: BatchSettings,
-    folder: BatchFolder,
-    slots: Slots,
-    limits: Limits,
-    watcher: Watcher,
+    root: Path,
+    resources: Resources,
     *,
-    rank: int = 0,
-    world_size: int = 1,
     retry: bool = False,
-) -> Summary:
-    """Finish every shape of this rank, each once, and write the table and the page when no rank has one left.
+    tell: Callable[[Record], object] = lambda record: None,
+) -> list[Record]:
+    """Process every shape that has no record in the folder `root`, and write `shapes.jsonl` and `index.html`.
 
-    `shapes` are those of all ranks, in one order; `retry` repeats what failed before.
+    `retry` repeats what failed before; `tell` is called with each record, those of earlier runs first. Returned are the
+    records in the order of `shapes`.
 
-    Raises OSError if the folder can no longer be written.
+    Raises ValueError if Ray is not installed, or has not the resources of one task; OSError if the folder cannot be
+    written, or no cluster answers.
     """
-    start, summary = time.perf_counter(), Summary()
-    mine = shapes[rank::world_size]
-    folder.sweep()
-    todo: deque[tuple[Shape, int]] = deque()
-    for shape in mine:
-        record = folder.record(shape.name)
-        if record is not None and _stands(record, shape, settings, retry):
-            summary.count(record)
-        else:
-            todo.append((shape, 1))
-    watcher.begun(len(mine), summary.done + summary.failed)
-    root, running = str(folder.root.resolve()), 0
-    while todo or running:
-        while todo and slots.free():
-            shape, attempt = todo.popleft()
-            if attempt == 1:
-                folder.retire(shape.name)  # of another file, or a failure that is retried
-            slots.submit(Job(root=root, **asdict(shape), attempt=attempt, token=new_token(), limits=limits))
-            running += 1
-        for job, outcome in slots.wait(LOOK_EVERY):
-            running -= 1
-            if isinstance(outcome, Stopped):
-                raise OSError(f"`--output`: {outcome.why}")
-            record = _after_death(job, outcome, settings, folder) if isinstance(outcome, WorkerDied) else outcome
-            if record is None:
-                todo.append((Shape(job.name, job.path, job.field), job.attempt + 1))
-                continue
-            summary.count(record)
-            summary.busy += record.seconds
-            watcher.ended(record)
-        watcher.looked()
-    summary.missing = sum(not folder.finished(shape.name) for shape in shapes)
-    if summary.missing == 0:
-        table = gather((record for shape in shapes if (record := folder.record(shape.name))), settings)
-        write_table(folder.root, table)
-        write_page(folder, settings, table)
-    summary.seconds = time.perf_counter() - start
-    return summary
+    records: dict[str, Record] = {}
+    for shape in shapes:
+        record = read_record(root, shape)
+        if record is not None and (record.status == "done" or not retry):
+            records[shape.name] = record
+            tell(record)
+    rest = [shape for shape in shapes if shape.name not in records]
+    if rest:
+        ray = _connect(resources)
+        try:
+            for record in _on_ray(ray, rest, settings, root, resources):
+                records[record.name] = record
+                tell(record)
+        finally:
+            ray.shutdown()
+    ordered = [records[shape.name] for shape in shapes]
+    write_page(root, settings.steps, ordered)
+    return ordered
 
 
-def _stands(record: Record, shape: Shape, settings: BatchSettings, retry: bool) -> bool:
-    """Whether a record of an earlier run is that of this shape's present file, under these settings."""
-    if record.settings != settings.hash() or record.path != shape.path:
-        return False
-    if record.modified is not None and record.modified != modified(shape.path):
-        return False
-    return record.status == "done" or not retry
+def import_ray() -> Any:
+    """Return the module; ValueError if it is not installed."""
+    try:
+        import ray
+    except ImportError:
+        raise ValueError('`dfd batch` runs on Ray: pip install "dfd[batch]"') from None
+    return ray
 
 
-def _after_death(job: Job, died: WorkerDied, settings: BatchSettings, folder: BatchFolder) -> Record | None:
-    """The record of a shape whose worker ended, or None where it is to be tried again."""
-    published = folder.record(job.name)  # it may have been published before the worker died
-    if published is not None:
-        return published
-    note, seconds = folder.clear_away(job.name, job.token)
-    known = exit_reason(note, job.limits)
-    if known is None and job.attempt < ATTEMPTS:
-        return None
-    cause: Cause
-    cause, message = known or ("crash", f"{died.how}, {job.attempt} times")
-    when = modified(job.path)
-    record = job.record(settings.hash(), seconds=seconds, cause=cause, message=message, modified=when)
-    return folder.publish(folder.begin_attempt(job.name, new_token()), record)
+def _connect(resources: Resources) -> Any:
+    """Join the Ray cluster at the address, or start Ray on this machine, and return the module.
+
+    Raises ValueError if Ray is not installed; OSError if no cluster answers, or Ray cannot be started.
+    """
+    ray = import_ray()
+    options: dict[str, Any] = {"log_to_driver": False, "logging_level": "error"}
+    if resources.address is None:
+        cpus = None if resources.workers is None else resources.workers * resources.threads
+        options |= {"num_cpus": cpus, "include_dashboard": False, "object_store_memory": OBJECT_STORE}
+    try:
+        ray.init(address=resources.address or "local", **options)
+    except Exception as error:  # Ray has no class of its own for a start that fails
+        where = "on this machine" if resources.address is None else f"at {resources.address}"
+        raise ConnectionError(f"Ray does not answer {where}: {type(error).__name__}: {_first_line(error)}") from None
+    return ray
 
 
-A_LINE_EACH = 1000  # shapes; of more only those that failed have a line
-LINE_EVERY = 30.0  # seconds between two lines of a log
+def _on_ray(
+    ray: Any, shapes: Sequence[Shape], settings: BatchSettings, root: Path, resources: Resources
+) -> Iterator[Record]:
+    """The records of `shapes`, as they end."""
+    there = ray.cluster_resources()
+    memory = min(DISTILLING if "distill" in settings.steps else LOOKING, there.get("memory", 0.0))
+    needs = {"CPU": resources.threads, "GPU": resources.gpus, "memory": memory}
+    room = min(int(there.get(name, 0.0) / needed + 1e-9) for name, needed in needs.items() if needed)
+    if room == 0:
+        has = ", ".join(f"{there.get(name, 0.0):g} {name}" for name in ("CPU", "GPU"))
+        raise ValueError(f"`--threads` and `--gpus` must be at most what Ray has, {has}")
+    # `max_calls`: by default Ray starts a process for each task with a GPU, which would load the encoder anew.
+    options = {"num_cpus": resources.threads, "num_gpus": resources.gpus, "memory": memory, "max_calls": 0}
+    task = ray.remote(max_retries=RETRIES, **options)(_task)
+    waiting, running, late = deque(shapes), dict[Any, tuple[Shape, float]](), set[Any]()
+    while waiting or running:
+        while waiting and len(running) < room:  # no task waits in Ray, so its time begins when it is handed out
+            shape = waiting.popleft()
+            running[task.remote(root, shape, settings, resources.threads)] = shape, time.monotonic()
+        ended, _ = ray.wait(list(running), timeout=1.0)
+        for reference in ended:
+            shape, start = running.pop(reference)
+            failed = partial(_failed, root, shape, time.monotonic() - start)
+            try:
+                yield ray.get(reference)
+            except ray.exceptions.RayTaskError as error:
+                if not isinstance(error.cause, OSError):
+                    raise
+                raise OSError(f"`--output`: {root} cannot be written: {_first_line(error.cause)}") from None
+            except ray.exceptions.RayError as error:
+                if reference in late:
+                    yield failed("timeout", f"took longer than {resources.timeout:g} s")
+                elif isinstance(error, ray.exceptions.OutOfMemoryError):
+                    yield failed("memory", "its process was ended by Ray when memory ran out")
+                else:
+                    yield failed("crash", f"its process ended: {_first_line(error)}")
+        for reference, (_, start) in running.items():
+            if resources.timeout is not None and time.monotonic() - start > resources.timeout and reference not in late:
+                late.add(reference)
+                ray.cancel(reference, force=True)
 
 
-class BatchProgress:
-    """Draws on standard error: shapes a minute, time left, failures so far."""
+def _failed(root: Path, shape: Shape, seconds: float, cause: Cause, message: str) -> Record:
+    """The record of a shape whose process ended, after writing it."""
+    record = Record(
+        shape.name, shape.path, modified(shape.path), status="failed", cause=cause, message=message, seconds=seconds
+    )
+    write_record(root, record)
+    return record
 
-    def __init__(self) -> None:
-        self._console = Console(stderr=True, highlight=False)
-        self._bar = Progress(
-            TextColumn("shapes"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TextColumn("{task.fields[rate]:.1f} a minute"),
-            TextColumn("{task.fields[failed]} failed"),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-            console=self._console,
-        )
-        self._task = self._bar.add_task("shapes", total=None, rate=0.0, failed=0)
-        self._total = self._before = self._ended = self._failed = 0
-        self._start = self._told = time.monotonic()
 
-    @contextmanager
-    def shown(self) -> Iterator[BatchProgress]:
-        """Draw for as long as the block lasts."""
-        if self._console.is_terminal:
-            with self._bar:
-                yield self
-        else:
-            yield self
+def _task(root: Path, shape: Shape, settings: BatchSettings, threads: int) -> Record:
+    """One task, in a worker of Ray."""
+    from dfd.batch.steps import process
 
-    def begun(self, total: int, finished: int) -> None:
-        self._total, self._before = total, finished
-        self._start = self._told = time.monotonic()
-        self._bar.update(self._task, total=total, completed=finished)
-        if finished:
-            self._console.print(f"{finished} of {total} shapes were finished before")
+    _use_threads(threads)
+    return process(root, shape, settings)
 
-    def ended(self, record: Record) -> None:
-        self._ended += 1
-        self._failed += record.status == "failed"
-        if record.cause is not None:
-            self._console.print(f"{record.name} failed: {CAUSES[record.cause]}: {record.message}", markup=False)
-        elif self._total <= A_LINE_EACH:
-            self._console.print(f"{record.name} done in {record.seconds:.1f} s", markup=False)
-        for why in (text for name, text in record.figures.items() if name.endswith(FAILED_EXPORT) and text):
-            self._console.print(f"{record.name}: not exported: {why}", markup=False)
-        self._bar.update(self._task, advance=1, rate=self._rate(), failed=self._failed)
 
-    def looked(self) -> None:
-        """Write a line from time to time where there is no terminal, and shapes have none of their own."""
-        if self._total > A_LINE_EACH and not self._console.is_terminal and time.monotonic() - self._told >= LINE_EVERY:
-            self._told = time.monotonic()
-            rate, left = self._rate(), self._total - self._before - self._ended
-            time_left = f"{left / rate:.0f} minutes left" if rate > 0 else "time left unknown"
-            self._console.print(
-                f"{self._before + self._ended} of {self._total} shapes, {rate:.1f} a minute, {time_left}, "
-                f"{self._failed} failed"
-            )
+@lru_cache(maxsize=1)
+def _use_threads(count: int) -> None:
+    """Compute on `count` threads from now on, against the environment: Ray sets OMP_NUM_THREADS by itself."""
+    from threadpoolctl import threadpool_limits
 
-    def _rate(self) -> float:
-        """Shapes a minute, of this run."""
-        return 60.0 * self._ended / max(time.monotonic() - self._start, 1e-3)
+    from dfd.common.threads import set_num_threads
+
+    set_num_threads(count)
+    os.environ["OMP_NUM_THREADS"] = str(count)  # torch begins with it, where something loads torch later
+    if "torch" in sys.modules:
+        sys.modules["torch"].set_num_threads(count)
+    threadpool_limits(count)  # BLAS
+
+
+def _first_line(error: BaseException) -> str:
+    return next((line.strip() for line in str(error).splitlines() if line.strip()), type(error).__name__)[:300]

@@ -2,37 +2,40 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
+from pathlib import Path
 from typing import Any, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
+from dfd.common.files import atomic_write
 from dfd.encoders.known import DEFAULT_ENCODER
 
 Step = Literal["inspect", "distill", "features", "symmetry", "parts", "pictures", "edits", "exports"]
 STEPS: tuple[Step, ...] = get_args(Step)
-# What `exports` can be, which is also how the files' names end: moved shapes, and what other programs pose.
+# The endings of exported files: deformed shapes, rigs and weights.
 MOVED = ("glb", "obj", "ply", "stl", "off")
-RIGS = ("rig.glb", "rig.usdc", "rig.usdz")
+RIGS = ("rig.glb",)
 WEIGHTS = ("weights.npz", "weights.safetensors")
 EXPORTS = (*MOVED, *RIGS, *WEIGHTS)
 
 
 class EditSource(BaseModel):
-    """An edit that is carried to every shape: its name, and the hash of the edit, its mesh and its field together."""
+    """An edit that is carried to every shape, with the mesh and the field that it was made on."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     name: str
-    mesh: str  # the name of its file in the batch's folder `edits`
-    sha256: str
+    # edit, mesh, field: absolute paths
+    edit: str
+    mesh: str
+    field: str
+    sha256: str  # of the three files together
 
 
 class BatchSettings(BaseModel):
     """All settings that the results of a shape depend on.
 
-    Raises ValueError if a step or format is unknown, or a step lacks what it works on.
+    Raises ValueError if a step or format is unknown, or a step lacks its input.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -46,17 +49,14 @@ class BatchSettings(BaseModel):
     edits: tuple[EditSource, ...] = ()
     threshold: float | None = Field(default=None, ge=0.0, le=1.0)
     exports: tuple[str, ...] = ()
-    sharded: bool = False
 
     @field_validator("steps", mode="before")
     @classmethod
     def _ordered(cls, value: Any) -> Any:
-        """Each once, in the order in which they work."""
+        """Each once, in the order in which they run."""
         unknown = [step for step in value if step not in STEPS]
-        if unknown:
-            raise ValueError(f"`--step` must be of {', '.join(STEPS)}, got {unknown[0]}")
-        if not value:
-            raise ValueError(f"`--step` must name at least one of {', '.join(STEPS)}")
+        if unknown or not value:
+            raise ValueError(f"`--step` must be of {', '.join(STEPS)}, got {unknown[0] if unknown else 'none'}")
         return tuple(step for step in STEPS if step in value)
 
     @field_validator("exports")
@@ -68,18 +68,42 @@ class BatchSettings(BaseModel):
         return value
 
     def model_post_init(self, context: Any, /) -> None:
-        """Refuse steps that have nothing to work on."""
-        for step, name in (("edits", "edits"), ("exports", "exports")):
-            if (step in self.steps) != bool(getattr(self, name)):
-                raise ValueError(f"`--{name.removesuffix('s')}` and the step {step} must be given together")
+        """Refuse steps without their input."""
+        for step, given in (("edits", self.edits), ("exports", self.exports)):
+            if (step in self.steps) != bool(given):
+                raise ValueError(f"`--{step.removesuffix('s')}` and the step {step} must be given together")
         if "exports" in self.steps and "edits" not in self.steps:
             raise ValueError("`--step` must hold edits for exports: they are what is written")
 
-    def hash(self) -> str:
-        """SHA-256, 64 hexadecimal digits: records with another hash are not reused."""
-        return hashlib.sha256(json.dumps(self.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
-
     @property
     def needs_field(self) -> bool:
-        """Whether a step asks for a field."""
+        """Whether a step works with a field."""
         return bool({"features", "symmetry", "parts", "edits", "exports"} & set(self.steps))
+
+
+def begin_folder(root: Path, settings: BatchSettings) -> None:
+    """Make the folder of a batch, or check that the batch in it has the same settings.
+
+    Raises ValueError if it holds something else, or a batch with other settings; OSError if it cannot be written.
+    """
+    file = root / "batch.json"
+    if root.exists() and not root.is_dir():
+        raise NotADirectoryError(f"`--output` must be a folder, but {root} is a file")
+    if not root.parent.is_dir():
+        raise FileNotFoundError(f"`--output`: the folder {root.parent} does not exist")
+    if file.is_file():
+        try:
+            before = BatchSettings.model_validate_json(file.read_bytes())
+        except ValidationError as error:
+            first = error.errors()[0]
+            where = ".".join(map(str, first["loc"]))
+            raise ValueError(f"`--output`: {file} is no batch of this version: {where}: {first['msg']}") from None
+        was, now = before.model_dump(), settings.model_dump()
+        differ = ", ".join(f"{key} {was[key]}, now {now[key]}" for key in was if was[key] != now[key])
+        if differ:
+            raise ValueError(f"`--output`: {root} was begun with other settings ({differ})")
+    elif root.is_dir() and any(root.iterdir()):
+        raise ValueError(f"`--output` must be a new folder or one of an earlier batch, got {root}")
+    root.mkdir(exist_ok=True)
+    with atomic_write(file, "output") as temporary:
+        temporary.write_text(settings.model_dump_json(indent=2) + "\n", "utf-8")

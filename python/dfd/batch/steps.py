@@ -1,24 +1,26 @@
-"""The steps of processing one shape, in the folder of its attempt."""
+"""The steps of a batch on one shape: from its file to a folder of results and a record."""
 
 from __future__ import annotations
 
-import hashlib
+import errno
 import json
 import shutil
+import time
+import traceback
+import warnings
 from collections.abc import Callable
 from dataclasses import asdict
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
-import fsspec
 import numpy as np
 
 import dfd
-from dfd.batch.inputs import is_remote
+from dfd.batch.inputs import Shape
 from dfd.batch.one_edit import Original, UnlikeError, before_and_after, carry
-from dfd.batch.record import FAILED_EXPORT, Figure, Job
-from dfd.batch.settings import MOVED, RIGS, WEIGHTS, BatchSettings
+from dfd.batch.record import FAILED_EXPORT, Cause, Figure, Record, modified, shape_folder, write_record
+from dfd.batch.settings import MOVED, RIGS, WEIGHTS, BatchSettings, EditSource
 from dfd.common.files import atomic_write, plain
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillSettings
@@ -28,7 +30,6 @@ from dfd.export.export_weights import export_weights
 from dfd.field.field import Field
 from dfd.geometry import topology
 from dfd.geometry.findings import findings
-from dfd.mesh.mesh import Mesh
 from dfd.pictures.colors import feature_colors
 from dfd.pictures.picture import picture, save_png
 from dfd.pictures.sheet import parts_view
@@ -37,64 +38,83 @@ from dfd.segmentation.parts import parts as parts_of
 from dfd.symmetry.search import symmetry_planes
 from dfd.weights.compact import compact
 
-FIELD, THUMBNAIL = "field.safetensors", "thumbnail.png"
+FIELD = "field.safetensors"
 PIXELS = 256  # along the side of a picture
-CHUNK = 1 << 20  # bytes read at a time
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)  # errors of the folder, by which every other shape would fail too
 
 
-class Work:
-    """The processing of one shape."""
+def process(root: Path, shape: Shape, settings: BatchSettings) -> Record:
+    """Do all steps for one shape, and return its record, which is also in its folder; an error becomes a failed record.
 
-    sha256: str | None = None  # of the shape's file, once `read` is done
-    size: int | None = None  # its bytes
+    Raises OSError if the batch's folder `root` cannot be written.
+    """
+    folder = shape_folder(root, shape.name)
+    shutil.rmtree(folder, ignore_errors=True)  # what an attempt left that was ended
+    folder.mkdir(parents=True)
+    start, clock, when = time.perf_counter(), Stages(show=False), modified(shape.path)
+    work = _Work(shape, settings, folder)
+    cause: Cause | None = None
+    message = None
+    with warnings.catch_warnings(record=True) as shown:
+        warnings.simplefilter("always", UserWarning)
+        try:
+            for step in ("read", *settings.steps):
+                with clock.stage(step):
+                    getattr(work, step)()  # the method of its name
+        except MemoryError as error:
+            cause, message = "memory", _one_line(error) or "memory ran out"
+        except (OSError, ValueError) as error:
+            if isinstance(error, OSError) and error.errno in FULL:
+                raise
+            cause, message = "input", _one_line(error)
+        except Exception as error:
+            frame = traceback.extract_tb(error.__traceback__)[-1]
+            cause = "error"
+            message = f"{type(error).__name__}: {_one_line(error)} ({Path(frame.filename).name}, line {frame.lineno})"
+    if cause is not None:
+        shutil.rmtree(folder)
+        folder.mkdir()
+    record = Record(
+        shape.name,
+        shape.path,
+        when,
+        status="done" if cause is None else "failed",
+        cause=cause,
+        message=message,
+        seconds=time.perf_counter() - start,
+        timings=clock.seconds,
+        figures=work.figures,
+        files=sorted(path.name for path in folder.iterdir()),
+        warnings=sorted({_one_line(each.message) for each in shown if issubclass(each.category, UserWarning)}),
+    )
+    write_record(root, record)
+    return record
 
-    def __init__(self, job: Job, settings: BatchSettings, folder: Path) -> None:
-        self.job, self.settings, self.folder = job, settings, folder
-        self.figures: dict[str, Figure] = {}  # what was found, for the table
 
-    def run(self, clock: Stages) -> None:
-        """Read the shape and do all steps, each timed under its name."""
-        with clock.stage("read"):
-            self.read()
-        for step in self.settings.steps:
-            with clock.stage(step):
-                getattr(self, step)()  # the method of its name
+def _one_line(error: object) -> str:
+    return " ".join(str(error).split())
+
+
+class _Work:
+    """The steps, a method each, and what they share."""
+
+    def __init__(self, shape: Shape, settings: BatchSettings, folder: Path) -> None:
+        self.shape, self.settings, self.folder = shape, settings, folder
+        self.figures: dict[str, Figure] = {}
 
     def read(self) -> None:
-        """Hash the file and load the mesh; remote files are downloaded first."""
-        path = self.job.path
-        here = Path(path)
-        if is_remote(path):
-            here = self.folder / f"source{Path(path).suffix.lower()}"
-            with fsspec.open(path, "rb") as far, here.open("wb") as near:
-                shutil.copyfileobj(far, near, CHUNK)
-        digest, self.size = hashlib.sha256(), 0
-        with here.open("rb") as stream:
-            while data := stream.read(CHUNK):
-                digest.update(data)
-                self.size += len(data)
-        self.sha256 = digest.hexdigest()
-        self.mesh: Mesh = dfd.load(here)
-        if is_remote(path):
-            here.unlink()
+        """Load the mesh."""
+        self.mesh = dfd.load(self.shape.path)
         self.figures |= {"vertices": len(self.mesh.vertices), "faces": len(self.mesh.faces)}
 
     @cached_property
     def field(self) -> Field:
-        """The field that the step distill made, or the one that came with the shape; ValueError if there is none."""
+        """The field that the step distill made, or the one given with the shape; ValueError if there is none."""
         if (self.folder / FIELD).exists():
             return Field.load(self.folder / FIELD)
-        if self.job.field is None:
+        if self.shape.field is None:
             raise ValueError("no field: the step distill makes one, or a column field of a manifest names it")
-        if not is_remote(self.job.field):
-            return Field.load(self.job.field, mesh=self.mesh)
-        near = self.folder / "given-field.safetensors"
-        with fsspec.open(self.job.field, "rb") as far:
-            near.write_bytes(far.read())
-        try:
-            return Field.load(near)
-        finally:
-            near.unlink()
+        return Field.load(self.shape.field, mesh=self.mesh)
 
     @cached_property
     def session(self) -> Deformer:
@@ -115,8 +135,8 @@ class Work:
         }
 
     def distill(self) -> None:
-        """The field, with the encoder that this worker has loaded; a given field replaces it."""
-        if self.job.field is not None:
+        """Make the field, unless one is given."""
+        if self.shape.field is not None:
             return
         of_encoder = DistillSettings(**self.settings.distill).of_encoder()
         encoder = loaded_encoder(self.settings.encoder, self.settings.device, **of_encoder)
@@ -140,7 +160,7 @@ class Work:
 
     def pictures(self) -> None:
         """A thumbnail, and one in the colors of the features where there is a field."""
-        save_png(self.folder / THUMBNAIL, picture(self.mesh, resolution=PIXELS))
+        save_png(self.folder / "thumbnail.png", picture(self.mesh, resolution=PIXELS))
         if self.settings.needs_field or (self.folder / FIELD).exists():
             features = self.session.features
             shown = features if isinstance(features, np.ndarray) else features.principal(3)
@@ -150,8 +170,7 @@ class Work:
         """Every edit that fits, with a picture of what it did; where one does not fit, the figures say so."""
         self.carried: dict[str, Deformer] = {}
         for source in self.settings.edits:
-            original = loaded_original(self.job.root, source.name, source.mesh)
-            name = source.name
+            original, name = loaded_original(source), source.name
             try:
                 found = carry(
                     original, self.mesh, self.field, threshold=self.settings.threshold, features=self.session.features
@@ -196,23 +215,17 @@ class Work:
 
 @lru_cache(maxsize=1)
 def loaded_encoder(name: str, device: str, **options: Any) -> Any:
-    """The encoder, loaded once in a worker's life."""
+    """Return the encoder, loaded once in a worker's life."""
     from dfd.encoders.encode import load_encoder
 
     return load_encoder(name, device=device, **options)
 
 
 @lru_cache(maxsize=16)
-def loaded_original(root: str, name: str, mesh: str) -> Original:
-    """An edit of the batch, with its mesh and field."""
-    path, edit, field = source_of(Path(root) / "edits", name, mesh)
-    shape = dfd.load(path)
-    return Original.read(edit, shape, Field.load(field, mesh=shape))
-
-
-def source_of(folder: Path, name: str, mesh: str) -> tuple[Path, Path, Path]:
-    """The mesh, the edit and the field of an edit in a batch's folder."""
-    return folder / mesh, folder / f"{name}.edit.json", folder / f"{name}.field.safetensors"
+def loaded_original(source: EditSource) -> Original:
+    """Return an edit of the batch with its mesh and field, loaded once in a worker's life."""
+    mesh = dfd.load(source.mesh)
+    return Original.read(source.edit, mesh, Field.load(source.field, mesh=mesh))
 
 
 WRITERS: dict[str, Callable[[Path, Deformer], object]] = {

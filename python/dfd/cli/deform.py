@@ -25,7 +25,7 @@ from dfd.cli.arguments import (
     plane_text,
     with_controls,
 )
-from dfd.cli.deform_many import BatchOptions, deform_many, is_many
+from dfd.cli.deform_many import ManyOptions, deform_many, is_many
 from dfd.cli.handles import handles, with_handle_options
 from dfd.encoders.known import DEFAULT_ENCODER
 
@@ -114,8 +114,7 @@ def deform(
         if edit is None or output is None:
             raise ValueError(f"`--{'edit' if edit is None else 'output'}` must be given for several shapes")
         deform_many(
-            meshes,
-            BatchOptions(edit, output, field, made_on, encoder, chosen_preset(preset), threshold, force, picture),
+            meshes, ManyOptions(edit, output, field, made_on, encoder, chosen_preset(preset), threshold, force, picture)
         )
         return
     mesh = Path(meshes[0])

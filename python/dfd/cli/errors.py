@@ -19,6 +19,21 @@ BAD_INPUT = 2
 INTERRUPTED = 130
 
 
+def say(text: str, *, result: bool = False) -> None:
+    """Print a line for people on standard error, or a `result` on standard output.
+
+    Control characters of names are escaped: a terminal would obey them.
+    """
+    typer.echo(printable(text), err=not result)
+
+
+def printable(text: str) -> str:
+    """Return `text` with its control characters, and what is not UTF-8, as escape sequences of Python."""
+    return "".join(
+        each if each.isprintable() or each == "\n" else each.encode("unicode_escape").decode() for each in text
+    )
+
+
 class CommandGroup(TyperGroup):
     """A group of commands whose errors are one line each."""
 
@@ -94,7 +109,7 @@ class _Interrupted(Exception):  # noqa: N818  # no error: somebody pressed Ctrl-
 
 
 def _fail(message: str, code: int) -> int:
-    typer.echo(f"dfd: {' '.join(message.split())}", err=True)
+    say(f"dfd: {' '.join(message.split())}")
     return code
 
 
@@ -110,4 +125,4 @@ def _show_warning(
     message: Warning | str, category: type[Warning], filename: str, lineno: int, file: Any = None, line: Any = None
 ) -> None:
     if not issubclass(category, DeprecationWarning | PendingDeprecationWarning | ResourceWarning):
-        typer.echo(f"dfd: {' '.join(str(message).split())}", err=True)
+        say(f"dfd: {' '.join(str(message).split())}")
