@@ -13,7 +13,6 @@ import { sceneOf } from "./viewer/scene";
 import { Viewer } from "./viewer/viewer";
 
 const THEME_KEY = "dfd-theme";
-const QUALITY_KEY = "dfd-quality";
 const MORE_KEY = "dfd-more";
 
 function element(tag: "div" | "canvas" | "p", name: string): HTMLElement {
@@ -38,12 +37,10 @@ function start(): void {
   const saved = localStorage.getItem(THEME_KEY);
   store.set({
     theme: saved === "light" || saved === "dark" ? saved : "system",
-    quality: localStorage.getItem(QUALITY_KEY) === "full" ? "full" : "auto",
     inspector: innerWidth >= 720,
     more: localStorage.getItem(MORE_KEY) === "true",
   });
   store.on("more", (more) => localStorage.setItem(MORE_KEY, String(more)));
-  store.on("quality", (quality) => localStorage.setItem(QUALITY_KEY, quality));
 
   let viewer: Viewer;
   try {

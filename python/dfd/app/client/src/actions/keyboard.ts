@@ -36,10 +36,6 @@ function toggleSpace(): void {
   store.set({ space: store.get().space === "world" ? "local" : "world" });
 }
 
-function toggleQuality(): void {
-  store.set({ quality: store.get().quality === "auto" ? "full" : "auto" });
-}
-
 const withSelected = (run: (handle: number) => void) => () => {
   const { selected } = store.get();
   if (selected !== null) run(selected);
@@ -83,7 +79,6 @@ export const SHORTCUTS: readonly Shortcut[] = [
   ["G", "Tools", "Suggest handles", edit.suggest],
   ["Shift G", "Tools", "Hold the next suggestion", holdNext],
   ["Z", "View", "Wireframe", () => toggle("wireframe")],
-  ["Q", "View", "Full quality while moving", toggleQuality],
   ["V", "View", "X-ray", () => toggle("xray")],
   ["/", "View", "Only what is held", () => toggle("isolated")],
   ["F", "View", "Frame what is held", look("selection")],

@@ -32,9 +32,6 @@ export function receive({ message, payload }: Received): void {
       });
       message.warnings.forEach((warning) => note(warning));
       break;
-    case "detail":
-      if (message.mesh === store.get().mesh?.mesh) store.set({ detail: { message, arrays: payload } });
-      break;
     case "state":
       store.set(followed(message));
       break;

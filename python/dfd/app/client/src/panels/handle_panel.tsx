@@ -5,9 +5,8 @@ import { followed, LEAST_SEEN } from "../posing/held";
 import { niceStep, type PivotAt, type Transform } from "../posing/affine";
 import type { AxisMessage, HandleState } from "../protocol/messages";
 import { handleName, present, selectedHandle, store, type GizmoMode, type State } from "../store/state";
-import { useStore } from "../store/use";
+import { readably, useParts } from "../store/use";
 import { columnsOf } from "../viewer/scene";
-import { drawsInSoftware } from "../viewer/stage";
 import {
   Button,
   count,
@@ -23,11 +22,8 @@ import {
 } from "../widgets/controls";
 import { ControlField } from "./control_field";
 
-/** Milliseconds between numbers that change with every frame of a drag: painting them costs more than the frame. */
-const readably = () => (store.get().dragging ? (drawsInSoftware() ? 1000 : 100) : 0);
-
 export function HandlePanel({ known }: { readonly known: HandleState }) {
-  const state = useStore((all) => all, readably);
+  const state = useParts(readably);
   const handle = present(state, known);
   const { transform } = handle;
   const id = handle.handle;

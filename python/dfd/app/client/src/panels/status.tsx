@@ -1,9 +1,10 @@
 import { send } from "../actions/connection";
 import { toggle } from "../actions/keyboard";
 import { dismiss } from "../actions/toasts";
-import { ready } from "../store/state";
-import { useParts } from "../store/use";
-import { Button, count, IconButton, titled } from "../widgets/controls";
+import { present, ready, selectedHandle, type State } from "../store/state";
+import { readably, useParts } from "../store/use";
+import { held } from "../viewer/scene";
+import { Button, count, IconButton, percent, titled } from "../widgets/controls";
 
 const HINTS = {
   hold: "Click to take hold · drag to orbit",
@@ -14,15 +15,15 @@ const HINTS = {
 } as const;
 
 export function StatusLine() {
-  const state = useParts();
-  const { link, tool, hover, dragging, report, edit, timeline, ahead, comparing, seen, probe } = state;
+  const state = useParts(readably);
+  const { link, tool, hover, dragging, report, edit, timeline, ahead, comparing, probe } = state;
   const { gizmo, selected, axis } = state;
   const said = report && !dragging ? report.text : "";
   const bends = gizmo === "bend" && tool === "hold" && selected !== null && axis?.handle === selected;
   const usual = bends ? (axis.tip ? "Drag the tip: what is held bends" : "Nothing that is held can bend") : HINTS[tool];
   const part = probe?.part ? `Part of ${count.format(probe.part)} vertices · Alt-click to hold it` : "";
   const hint =
-    part || (dragging ? "Wheel changes reach" : comparing ? "The original" : ready({ edit }) ? usual : "Drag to orbit");
+    part || (dragging ? dragText(state) : comparing ? "The original" : ready({ edit }) ? usual : "Drag to orbit");
   return (
     <footer class="status">
       <span class={`link ${link}`} role="status">
@@ -33,9 +34,6 @@ export function StatusLine() {
         {said}
       </span>
       {hover && <span class="where">vertex {hover.vertex}</span>}
-      {seen !== "full" && (
-        <span class="seen">{seen === "loading" ? "Coarse while it loads" : "Coarse while moving"}</span>
-      )}
       <button
         type="button"
         class="status-button"
@@ -47,6 +45,14 @@ export function StatusLine() {
       </button>
     </footer>
   );
+}
+
+/** The reach of the handle that is dragged, which the wheel changes. */
+function dragText(state: State): string {
+  const known = selectedHandle(state);
+  if (!known) return "";
+  const { reach, handle } = present(state, known);
+  return `Wheel: reach ${reach.toFixed(2)} · holds ${percent(held(state, handle))}`;
 }
 
 export function Toasts() {

@@ -4,7 +4,6 @@ import { LOOKS, shortcut } from "../actions/keyboard";
 import type { Export } from "../protocol/messages";
 import { ready, store, type Theme } from "../store/state";
 import { useParts } from "../store/use";
-import { heatPicture, screenshot, turntable } from "../viewer/pictures";
 import type { Viewer } from "../viewer/viewer";
 import { IconButton, KeyButton, Menu, Segmented, type MenuItem } from "../widgets/controls";
 import type { IconName } from "../widgets/icons";
@@ -33,7 +32,7 @@ const VIEWS: readonly (readonly MenuItem[])[] = [
 );
 
 export function Topbar({ viewer }: { readonly viewer: Viewer }) {
-  const { edit, mesh, look, wireframe, quality, theme, inspector } = useParts();
+  const { edit, mesh, look, wireframe, theme, inspector } = useParts();
   const [themeIcon, nextTheme, themeLabel] = THEMES[theme];
   const moves = (edit?.poses.length ?? 0) > 1;
   const open: MenuItem[] = [
@@ -43,11 +42,6 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
   const saved = [
     exported("Save session", "JSON", "edit"),
     exported("Save field", "safetensors", "field", ready({ edit })),
-  ];
-  const pictures: MenuItem[] = [
-    ["Screenshot", "PNG", () => void screenshot(viewer)],
-    ["Heat map of the handle", "PNG", () => void heatPicture(viewer)],
-    ["Turntable", "film", () => void turntable(viewer)],
   ];
   const shapes = [
     exported("GLB", "materials, skins", "glb"),
@@ -83,10 +77,9 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
         <Segmented label="Look" value={look} options={LOOKS} onChange={(value) => store.set({ look: value })} />
         <Menu icon="views" label="Views" groups={VIEWS} />
         <KeyButton icon="wire" keys="Z" pressed={wireframe} />
-        <KeyButton icon="quality" keys="Q" pressed={quality === "full"} />
       </div>
       <div class="bar-group end">
-        <Menu icon="camera" label="Pictures" groups={[pictures]} />
+        <IconButton icon="camera" label="Screenshot" onPress={() => viewer.screenshot()} />
         <Menu icon="save" label="Export" text="Export" groups={[shapes, rigs, scripts]} />
         <IconButton icon={themeIcon} label={themeLabel} onPress={() => store.set({ theme: nextTheme })} />
         <KeyButton icon="help" keys="?" />

@@ -10,8 +10,8 @@ export interface Surface {
 
 /** What follows less is not seen to move. */
 export const LEAST_SEEN = 0.05;
-/** More vertices than these would not change a whole number of percent, and slow a slider down. */
-const MOST_SAMPLES = 20_000;
+/** Enough for a whole number of percent, and few enough to measure while a slider moves. */
+const MOST_SAMPLES = 5_000;
 
 /** Samples of `count` vertices: rows at (R, 3) `positions`, `triangles` (F, 3) of rows, and the `vertexOf` (R) each. */
 export function surfaceOf(
@@ -39,7 +39,6 @@ export function surfaceOf(
     around[vertexOf[b]] += area;
     around[vertexOf[c]] += area;
   }
-  // A coarse level has no triangles at most vertices.
   const used = Uint32Array.from(around.keys()).filter((vertex) => around[vertex] > 0);
   const step = Math.max(Math.ceil(used.length / most), 1);
   const vertices = used.filter((_, i) => i % step === 0);
@@ -54,23 +53,12 @@ export function followed(columns: readonly Column[], vertex: number): number {
   );
 }
 
-/** What weights depend on: a drag, which changes none of it, measures once. */
-const MEASURED = ["layer", "fixed", "share", "shareGain", "reach", "falloff", "exponent", "gain", "strength"] as const;
-let last: { surface: Surface; columns: readonly Column[]; held: number } | null = null;
-
 /** Part of the surface that is seen to follow the `columns` of a handle. */
-export function heldPart(columns: readonly Column[], surface: Surface): number {
-  const before = last;
-  const unchanged =
-    before?.surface === surface &&
-    before.columns.length === columns.length &&
-    columns.every((column, k) => MEASURED.every((key) => column[key] === before.columns[k][key]));
-  if (unchanged) return before.held;
+export function heldPart(columns: readonly Column[], { vertices, areas }: Surface): number {
   let [held, whole] = [0, 0];
-  surface.vertices.forEach((vertex, i) => {
-    whole += surface.areas[i];
-    if (followed(columns, vertex) >= LEAST_SEEN) held += surface.areas[i];
+  vertices.forEach((vertex, i) => {
+    whole += areas[i];
+    if (followed(columns, vertex) >= LEAST_SEEN) held += areas[i];
   });
-  last = { surface, columns, held: whole > 0 ? held / whole : 0 };
-  return last.held;
+  return whole > 0 ? held / whole : 0;
 }

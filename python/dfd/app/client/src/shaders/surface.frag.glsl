@@ -17,7 +17,7 @@ vec3 toScreen(vec3 linear) {
 
 #ifdef FLAT
 void main() {
-  color = vec4(toScreen(baseColor) * opacity, opacity);
+  color = vec4(toScreen(baseColor), opacity);
 }
 #else
 uniform vec3 lookColor;     // of clay, where the shape's own color is not shown

@@ -6,7 +6,6 @@ import type { Surface } from "../posing/held";
 import type { Payload } from "../protocol/binary_messages";
 import type {
   AxisMessage,
-  DetailMessage,
   HandleState,
   MeshMessage,
   ProgressMessage,
@@ -23,10 +22,6 @@ export type Tool = "hold" | "fix" | "paint" | "box" | "pivot";
 export type View = "usual" | "front" | "back" | "right" | "left" | "top" | "bottom";
 export type GizmoMode = "translate" | "rotate" | "scale" | "bend";
 export type Theme = "system" | "light" | "dark";
-/** Whether movement may be drawn coarser than rest. */
-export type Quality = "auto" | "full";
-/** All of the shape, or its coarse level. */
-export type Level = "coarse" | "full";
 
 export interface Instance {
   /** Rows of the orthogonal matrix that turns or mirrors the handle's motion into the instance's. */
@@ -81,8 +76,6 @@ export const CLOSED = {
   meshArrays: null as Payload | null,
   /** What of it how much a handle holds is measured on. */
   surface: null as Surface | null,
-  /** The whole of a mesh that came as its coarse level. */
-  detail: null as { readonly message: DetailMessage; readonly arrays: Payload } | null,
   /** (V, 4) colors of the features' main directions. */
   featureColors: null as Uint8Array | null,
   /** What the server posed, where the shader cannot. */
@@ -125,9 +118,6 @@ const INITIAL = {
   dragging: false,
   look: "texture" as Look,
   wireframe: false,
-  quality: "auto" as Quality,
-  /** What of the shape is seen: all of it, its coarse level, or that because the rest has not come yet. */
-  seen: "full" as Level | "loading",
   showPlanes: false,
   showGhosts: true,
   theme: "system" as Theme,

@@ -1,34 +1,38 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 
 import { store, type State } from "./state";
-import { same } from "./store";
 
-/** Draw the component again when its state has `changed` since, but not within `pause` milliseconds. */
-function useRedraw(changed: (now: State, drawn: State) => boolean, pause: () => number): void {
-  const latest = useRef({ changed, pause, state: store.get() });
-  latest.current = { changed, pause, state: store.get() };
+/** Milliseconds between two drawings of numbers that change with every frame of a drag. */
+const READABLE = 100;
+
+export function readably(): number {
+  return store.get().dragging ? READABLE : 0;
+}
+
+/**
+ * The state; the component is drawn again when a part that it has read changes, but not within `pause()` milliseconds.
+ */
+export function useParts(pause: () => number = () => 0): State {
+  const keys = useRef(new Set<keyof State>()).current;
+  const drawn = useRef(store.get());
+  drawn.current = store.get();
   const [, redraw] = useState(0);
   useEffect(() => {
     let timer = 0;
-    let drawn = 0;
+    let last = 0;
     const check = () => {
-      const { changed, pause, state } = latest.current;
-      if (!changed(store.get(), state)) return;
-      const wait = drawn + pause() - performance.now();
+      const now = store.get();
+      if (![...keys].some((key) => now[key] !== drawn.current[key])) return;
+      const wait = last + pause() - performance.now();
+      clearTimeout(timer);
       if (wait > 0) {
-        timer ||= window.setTimeout(() => {
-          timer = 0;
-          check();
-        }, wait);
+        timer = window.setTimeout(check, wait);
         return;
       }
-      // Also before a timer's end, where the pause has become shorter.
-      clearTimeout(timer);
-      timer = 0;
-      drawn = performance.now();
+      last = performance.now();
       redraw((count) => count + 1);
     };
-    // Between drawing and here the state may have moved on.
+    // The state may have changed since the component was drawn.
     check();
     const stop = store.watch((state) => state, check);
     return () => {
@@ -36,21 +40,6 @@ function useRedraw(changed: (now: State, drawn: State) => boolean, pause: () => 
       stop();
     };
   }, []);
-}
-
-/** What `select` takes from the state; the component is drawn again when it becomes another value, or array of them. */
-export function useStore<Part>(select: (state: State) => Part, pause: () => number = () => 0): Part {
-  useRedraw((now, drawn) => !same(select(now), select(drawn)), pause);
-  return select(store.get());
-}
-
-/** The state; the component is drawn again when a part that it has read becomes another. */
-export function useParts(): State {
-  const keys = useRef(new Set<keyof State>()).current;
-  useRedraw(
-    (now, drawn) => [...keys].some((key) => now[key] !== drawn[key]),
-    () => 0,
-  );
   return new Proxy(store.get(), {
     get(state, key: keyof State) {
       keys.add(key);

@@ -29,7 +29,6 @@ export interface Pick {
 export class Picker {
   private readonly target = pixels(1, 1);
   private readonly scene = new ThreeScene();
-  private readonly mesh: Mesh;
   private readonly material = material("pick", {}, { side: DoubleSide });
   private newest: { readonly key: string; readonly pick: Pick | null } | null = null;
 
@@ -37,9 +36,9 @@ export class Picker {
     private readonly renderer: WebGLRenderer,
     private readonly shape: Shape,
   ) {
-    this.mesh = new Mesh(shape.drawn.geometry, this.material);
-    this.mesh.frustumCulled = false;
-    this.scene.add(this.mesh);
+    const mesh = new Mesh(shape.geometry, this.material);
+    mesh.frustumCulled = false;
+    this.scene.add(mesh);
     this.scene.matrixWorldAutoUpdate = false;
   }
 
@@ -48,7 +47,7 @@ export class Picker {
     const about = [Math.floor(x), Math.floor(y), width, height, this.shape.poses].join();
     camera.updateMatrixWorld();
     const key = [about, camera.matrixWorld.elements, camera.projectionMatrix.elements].join();
-    // A click where the pointer rested finds what was found there: of a large shape that takes a processor a second.
+    // A click where the pointer rested finds what was found there.
     if (this.newest?.key !== key) this.newest = { key, pick: this.find(camera, x, y, width, height) };
     return this.newest.pick;
   }
@@ -61,7 +60,7 @@ export class Picker {
     if (bits[3] === 0) return null;
     const [px, py, pz] = new Float32Array(bits.buffer, 0, 3);
     const point: Vec3 = [px, py, pz];
-    const row = this.shape.drawn.faces.nearestRow(point, bits[3] - 1);
+    const row = this.shape.faces.nearestRow(point, bits[3] - 1);
     return row === null ? null : { row, point, vertex: this.shape.vertexOf[row] };
   }
 
@@ -101,8 +100,7 @@ export class Picker {
   private draw(target: WebGLRenderTarget, camera: PerspectiveCamera): Uint32Array {
     const { renderer, scene, shape } = this;
     shape.update();
-    this.mesh.geometry = shape.drawn.geometry;
-    define(this.material, shape.isolated ? ["ISOLATED"] : []);
+    define(this.material, { ISOLATED: shape.isolated });
     const before = renderer.getRenderTarget();
     // An opaque canvas is cleared to an alpha of 1, which would be the first face: beside the shape there is none.
     const alpha = renderer.getClearAlpha();

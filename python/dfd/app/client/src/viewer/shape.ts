@@ -1,22 +1,19 @@
-/** The mesh on the GPU: geometry, its materials in their revision, and what poses it. */
+/** The mesh on the GPU: geometry, materials, and what poses it. */
 
 import {
+  BufferAttribute,
+  BufferGeometry,
   ClampToEdgeWrapping,
   Color,
-  CustomBlending,
-  FrontSide,
   DoubleSide,
   Group,
-  LinearFilter,
-  LinearMipmapLinearFilter,
   Mesh,
   MirroredRepeatWrapping,
-  OneFactor,
-  OneMinusSrcAlphaFactor,
   RepeatWrapping,
+  Sphere,
   SRGBColorSpace,
   Texture,
-  type BufferGeometry,
+  Vector3,
   type IUniform,
   type ShaderMaterial,
   type WebGLRenderer,
@@ -25,49 +22,61 @@ import {
 import { IDENTITY, type Vec3 } from "../posing/affine";
 import { sameScene, type Scene } from "../posing/columns";
 import type { Payload } from "../protocol/binary_messages";
-import type { DetailMessage, MaterialEntry, MeshMessage } from "../protocol/messages";
-import type { Level, Look, Posed } from "../store/state";
-import { Levels, type Drawn, type Triangles } from "./posing/levels";
+import type { MaterialEntry, MeshMessage } from "../protocol/messages";
+import type { Look, Posed } from "../store/state";
+import { Faces } from "./posing/faces";
+import { PosePass } from "./posing/pose_pass";
 import { PoseTextures } from "./posing/pose_textures";
 import { define, material } from "./posing/shaders";
-import { SHAPE_LAYER, type Drawable } from "./still";
 
 const WRAPS = { repeat: RepeatWrapping, mirror: MirroredRepeatWrapping, clamp: ClampToEdgeWrapping } as const;
 
 export class Shape {
   readonly group = new Group();
   readonly radius: number;
-  private levels: Levels;
-  private level: Level = "full";
-  private readonly first: Triangles;
-  private readonly pose: PoseTextures;
-  private readonly shared: Record<string, IUniform>;
-  private readonly surface: Mesh;
-  private readonly materials: ShaderMaterial[];
-  private look: Look = "texture";
+  /** (R, 3) at rest, relative to the mesh's center. */
+  readonly positions: Float32Array;
+  /** (R) the vertex of each row. */
+  readonly vertexOf: Uint32Array;
+  readonly geometry = new BufferGeometry();
+  readonly faces: Faces;
   /** Whether only what is warm in the heat map is seen. */
   isolated = false;
-  private heats = false;
-  /** Counts its poses: what is picked stays as long as neither this nor the camera changes. */
+  /** Counts its poses: a pick stays valid while neither this nor the camera changes. */
   poses = 0;
-  /** Counts changes of what it looks like. */
-  revision = 0;
-  private wires: Mesh | null = null;
+  private readonly pose: PoseTextures;
+  private readonly posed: PosePass;
+  private readonly shared: Record<string, IUniform>;
+  private readonly materials: ShaderMaterial[];
+  private readonly wires: Mesh<BufferGeometry, ShaderMaterial>;
   private readonly textures: Texture[] = [];
-  private featureColors: Uint8Array | null = null;
-  private given: Posed | null = null;
+  private look: Look = "texture";
+  private heats = false;
 
   constructor(
     readonly message: MeshMessage,
     payload: Payload,
-    private readonly renderer: WebGLRenderer,
+    renderer: WebGLRenderer,
     private readonly changed: () => void,
   ) {
     this.radius = Math.max(message.diagonal / 2, 1e-9);
+    this.positions = payload.get("positions", "float32");
+    this.vertexOf = payload.get("vertex", "uint32");
     this.pose = new PoseTextures(message.vertices);
-    this.first = { corners: payload.get("triangles", "uint32"), groups: message.groups };
-    const levels = message.coarse ? { coarse: this.first } : { full: this.first };
-    this.levels = new Levels(renderer, this.pose, payload, levels, this.radius);
+    const rows = { positions: this.positions, normals: payload.get("normals", "int16"), vertexOf: this.vertexOf };
+    this.posed = new PosePass(renderer, rows, this.pose);
+    const triangles = payload.get("triangles", "uint32");
+    this.faces = new Faces(this.positions, triangles);
+    const { geometry } = this;
+    const { position, normal, rest } = this.posed;
+    // three.js counts rows by `position`.
+    Object.assign(geometry.attributes, { position, posedPosition: position, posedNormal: normal, rest });
+    geometry.setIndex(new BufferAttribute(triangles, 1));
+    if (payload.has("uv")) geometry.setAttribute("uv", new BufferAttribute(payload.get("uv", "float32"), 2));
+    if (payload.has("colors"))
+      geometry.setAttribute("rowColor", new BufferAttribute(payload.get("colors", "uint8"), 4, true));
+    geometry.boundingSphere = new Sphere(new Vector3(), this.radius);
+    for (const { start, count, material } of message.groups) geometry.addGroup(3 * start, 3 * count, material);
     this.shared = {
       lookColor: { value: new Color(0.62, 0.61, 0.6) },
       ownLook: { value: true },
@@ -76,101 +85,25 @@ export class Shape {
       fade: { value: 1 },
     };
     this.materials = message.materials.map((entry) => this.material(entry, payload));
-    this.surface = new Mesh(this.drawn.geometry, this.materials);
-    this.surface.frustumCulled = false;
-    this.surface.layers.set(SHAPE_LAYER);
-    this.group.add(this.surface);
+    const flat = { baseColor: { value: new Color() }, opacity: { value: 0.5 } };
+    this.wires = new Mesh(
+      geometry,
+      material("surface", flat, { defines: { FLAT: "" }, wireframe: true, transparent: true, depthWrite: false }),
+    );
+    this.wires.visible = false;
+    this.group.add(new Mesh(geometry, this.materials), this.wires);
+    // Posed shapes leave the sphere in which they rest.
+    for (const drawn of this.group.children) drawn.frustumCulled = false;
   }
 
-  /** The whole of a shape of which only the coarse level had come. */
-  detail(message: DetailMessage, payload: Payload): void {
-    if (this.levels.has("full")) return;
-    const full = { corners: payload.get("triangles", "uint32"), groups: message.groups };
-    const before = this.levels;
-    this.levels = new Levels(this.renderer, this.pose, payload, { coarse: this.first, full }, this.radius);
-    if (this.featureColors) this.levels.setFeatureColors(this.featureColors);
-    this.levels.posed.useGiven(before.posed.usesGiven);
-    this.levels.setPosed(this.given);
-    this.use(this.level);
-    this.poses++;
-    this.revision++;
-    before.dispose();
-  }
-
-  /** (R, 3) at rest, relative to the mesh's center. */
-  get positions(): Float32Array {
-    return this.levels.positions;
-  }
-
-  /** (R) the vertex of each row. */
-  get vertexOf(): Uint32Array {
-    return this.levels.vertexOf;
-  }
-
-  /** What is seen: whole or coarse. */
-  get drawn(): Drawn {
-    return this.levels.of(this.level);
-  }
-
-  /** Whether there are both levels. */
-  get hasLevels(): boolean {
-    return this.levels.has("coarse") && this.levels.has("full");
-  }
-
-  /** The level that is seen. */
-  get shown(): Level {
-    return this.levels.has(this.level) ? this.level : "coarse";
-  }
-
-  /** Whether nothing shines through it. */
-  get opaque(): boolean {
-    return this.materials.every((each) => !each.transparent);
-  }
-
-  /** Whether all of it has come. */
-  get whole(): boolean {
-    return this.levels.has("full");
-  }
-
-  /** Show a level, as soon as it is there. */
-  use(level: Level): void {
-    this.level = level;
-    const { geometry } = this.drawn;
-    if (this.surface.geometry === geometry) return;
-    this.poses++;
-    this.wear(geometry);
-  }
-
-  private wear(geometry: BufferGeometry): void {
-    this.surface.geometry = geometry;
-    if (this.wires) this.wires.geometry = geometry;
-  }
-
-  /** Have posed what is seen. */
+  /** Pose all rows, unless they are posed already. */
   update(): void {
-    this.levels.posed.update(this.drawn.rows);
+    this.posed.update();
   }
 
-  get drawable(): Drawable {
-    const { geometry, rows, faces } = this.levels.of("full");
-    return {
-      rows,
-      faces: faces.count,
-      pose: (count) => this.levels.posed.update(count),
-      among: (first, count, draw) => {
-        const seen = this.surface.geometry;
-        this.wear(geometry);
-        geometry.setDrawRange(3 * first, 3 * count);
-        draw();
-        geometry.setDrawRange(0, Infinity);
-        this.wear(seen);
-      },
-    };
-  }
-
-  /** (R, 4) posed positions and heat of the whole, read back. */
+  /** (R, 4) posed positions and heat, read back. */
   read(): Float32Array {
-    return this.levels.posed.read();
+    return this.posed.read();
   }
 
   show(scene: Scene): void {
@@ -178,22 +111,21 @@ export class Shape {
     const rested = rests(this.pose.scene);
     this.pose.show(scene);
     if (!rested || !rests(scene)) this.poses++;
-    this.levels.posed.invalidate();
-    this.revision++;
+    this.posed.invalidate();
     this.heats = scene.columns.some((column) => column.heat !== 0);
     this.compile();
   }
 
-  setLook(look: Look, heatStrength: number): void {
+  setLook(look: Look, heatStrength: number, clay: Color): void {
     this.look = look;
     this.shared.ownLook.value = look === "texture";
     this.shared.heatAlone.value = look === "heat";
     this.shared.heatStrength.value = heatStrength;
-    this.revision++;
+    this.shared.lookColor.value = clay;
     this.compile();
   }
 
-  /** Have what lies behind shine through, and see nothing but what is held. */
+  /** Set X-ray and isolate modes. */
   reveal(xray: boolean, isolated: boolean): void {
     this.shared.fade.value = xray ? 0.4 : 1;
     this.isolated = isolated;
@@ -202,53 +134,26 @@ export class Shape {
       each.depthWrite = !xray;
     }
     this.poses++;
-    this.revision++;
     this.compile();
   }
 
-  setClay(color: Color): void {
-    (this.shared.lookColor.value as Color).copy(color);
-    this.revision++;
-  }
-
-  setWireframe(on: boolean, color: Color, opacity: number): void {
-    if (on && !this.wires) {
-      const material = this.flat(color, opacity);
-      this.wires = new Mesh(this.drawn.geometry, material);
-      this.wires.frustumCulled = false;
-      this.wires.layers.set(SHAPE_LAYER);
-      this.group.add(this.wires);
-    }
-    if (!this.wires) return;
+  setWireframe(on: boolean, color: Color): void {
     this.wires.visible = on;
-    this.revision++;
-    const { uniforms } = this.wires.material as ShaderMaterial;
-    (uniforms.baseColor.value as Color).copy(color);
-    uniforms.opacity.value = opacity;
+    this.wires.material.uniforms.baseColor.value = color;
   }
 
   /** (V, 4) colors of the features' main directions. */
   setFeatureColors(colors: Uint8Array): void {
-    this.featureColors = colors;
-    this.levels.setFeatureColors(colors);
-    this.revision++;
+    this.geometry.setAttribute("featureColor", new BufferAttribute(this.perRow(colors, 4), 4, true));
     this.compile();
   }
 
   /** Show what the server posed: (V, 3) positions and (V, 4) normals; null lets the shader pose again. */
   setPosed(posed: Posed | null): void {
-    this.usePosed(true);
-    this.given = posed;
-    if (posed) this.poses++;
-    this.revision++;
-    this.levels.setPosed(posed);
-  }
-
-  /** Whether to show what the server posed, where there is something. */
-  usePosed(on: boolean): void {
-    if (!this.levels.posed.useGiven(on)) return;
     this.poses++;
-    this.revision++;
+    this.posed.setGiven(
+      posed && { positions: this.perRow(posed.positions, 3), normals: this.perRow(posed.normals, 4) },
+    );
   }
 
   /** Where a row of the mesh rests. */
@@ -257,47 +162,50 @@ export class Shape {
   }
 
   dispose(): void {
-    this.levels.dispose();
+    this.geometry.dispose();
+    this.posed.dispose();
     this.pose.dispose();
     for (const texture of this.textures) {
       (texture.image as ImageBitmap | null)?.close();
       texture.dispose();
     }
-    const materials = [this.surface.material, this.wires?.material ?? []].flat();
-    for (const material of materials) material.dispose();
+    for (const each of [...this.materials, this.wires.material]) each.dispose();
     this.group.removeFromParent();
   }
 
-  /** Have the materials do what is seen now, and no more. */
+  /** From `width` numbers per vertex to as many per row. */
+  private perRow<Numbers extends Float32Array | Int16Array | Uint8Array>(values: Numbers, width: number): Numbers {
+    const { vertexOf } = this;
+    const rows = new (values.constructor as new (length: number) => Numbers)(width * vertexOf.length);
+    for (let row = 0; row < vertexOf.length; row++) {
+      for (let i = 0; i < width; i++) rows[width * row + i] = values[width * vertexOf[row] + i];
+    }
+    return rows;
+  }
+
+  /** Compile the materials for what is seen now. */
   private compile(): void {
-    const { look, heats } = this;
-    const { geometry } = this.drawn;
+    const { look, heats, geometry } = this;
     const features = look === "features" && geometry.hasAttribute("featureColor");
     const colors = look === "texture" && geometry.hasAttribute("rowColor");
     const heat = look === "heat" || (look !== "features" && heats);
     for (const each of this.materials) {
       const map = look === "texture" && each.uniforms.map.value !== null;
-      define(
-        each,
-        Object.entries({ FEATURES: features, COLORS: colors, MAP: map, HEAT: heat, ISOLATED: this.isolated }).flatMap(
-          ([name, on]) => (on ? [name] : []),
-        ),
-      );
+      define(each, { FEATURES: features, COLORS: colors, MAP: map, HEAT: heat, ISOLATED: this.isolated });
     }
   }
 
   private material(entry: MaterialEntry, payload: Payload): ShaderMaterial {
     const [red, green, blue, alpha] = entry.color;
-    const cutoff = entry.alpha_mode === "MASK" ? entry.alpha_cutoff : 0;
     const uniforms: Record<string, IUniform> = {
       ...this.shared,
       baseColor: { value: new Color().setRGB(red, green, blue, SRGBColorSpace) },
       map: { value: null },
       opacity: { value: alpha },
       blends: { value: entry.alpha_mode === "BLEND" },
-      cutoff: { value: cutoff },
+      cutoff: { value: entry.alpha_mode === "MASK" ? entry.alpha_cutoff : 0 },
     };
-    if (entry.texture) void this.picture(entry, payload.get(entry.texture, "uint8"), uniforms);
+    if (entry.texture) void this.picture(entry, payload.get(entry.texture, "uint8"), uniforms.map);
     return material("surface", uniforms, {
       side: DoubleSide,
       transparent: entry.alpha_mode === "BLEND",
@@ -308,40 +216,18 @@ export class Shape {
     });
   }
 
-  private flat(color: Color, opacity: number): ShaderMaterial {
-    const uniforms: Record<string, IUniform> = {
-      baseColor: { value: color.clone() },
-      opacity: { value: opacity },
-    };
-    return material("surface", uniforms, {
-      defines: { FLAT: "" },
-      wireframe: true,
-      transparent: true,
-      depthWrite: false,
-      side: FrontSide,
-      blending: CustomBlending,
-      blendSrc: OneFactor,
-      blendDst: OneMinusSrcAlphaFactor,
-    });
-  }
-
-  private async picture(entry: MaterialEntry, file: Uint8Array, uniforms: Record<string, IUniform>): Promise<void> {
+  private async picture(entry: MaterialEntry, file: Uint8Array, map: IUniform): Promise<void> {
     const blob = new Blob([file.slice()], { type: entry.media_type ?? "image/png" });
     try {
       // The protocol's v points upwards, as OpenGL's does: the first row of texels is the picture's lowest.
       const image = await createImageBitmap(blob, { imageOrientation: "flipY", premultiplyAlpha: "none" });
-      const texture = new Texture(image);
+      const texture = new Texture(image, Texture.DEFAULT_MAPPING, WRAPS[entry.wrap[0]], WRAPS[entry.wrap[1]]);
       texture.flipY = false;
       texture.colorSpace = SRGBColorSpace;
-      texture.wrapS = WRAPS[entry.wrap[0]];
-      texture.wrapT = WRAPS[entry.wrap[1]];
-      texture.magFilter = LinearFilter;
-      texture.minFilter = LinearMipmapLinearFilter;
       texture.anisotropy = 4;
       texture.needsUpdate = true;
       this.textures.push(texture);
-      uniforms.map.value = texture;
-      this.revision++;
+      map.value = texture;
       this.compile();
       this.changed();
     } catch {

@@ -4,13 +4,14 @@ import { Box3, Color, MOUSE, Sphere, Vector3 } from "three";
 
 import { send } from "../actions/connection";
 import { hold, select, takePart, toggleFixed, wheelReach } from "../actions/edit";
+import { saveBlob, stem } from "../actions/files";
+import { problem } from "../actions/toasts";
 import { niceStep } from "../posing/affine";
 import { weightOf } from "../posing/columns";
-import { present, ready, selectedHandle, serverPoses, store, type State } from "../store/state";
-import { Background } from "./overlays/background";
+import { present, ready, selectedHandle, store, type State } from "../store/state";
 import { paint, touch } from "./overlays/brush";
 import { Gizmo } from "./overlays/gizmo";
-import { marksOf, ringOf } from "./overlays/marks";
+import { marksOf } from "./overlays/marks";
 import { Markers } from "./overlays/markers";
 import { Picker, type Pick as Picked } from "./picker";
 import { Planes } from "./overlays/planes";
@@ -26,20 +27,16 @@ export class Viewer {
   private readonly gizmo: Gizmo;
   private readonly markers: Markers;
   private readonly planes = new Planes();
-  private readonly background = new Background();
   private readonly box = document.createElement("div");
 
   constructor(canvas: HTMLCanvasElement, overlay: HTMLElement) {
     this.stage = new Stage(canvas);
     this.markers = new Markers(overlay, (point) => this.stage.project(point));
-    this.stage.subject = () => (this.shape?.group.visible ? this.shape : null);
-    this.stage.saw = (seen) => {
-      if (store.get().seen !== seen) store.set({ seen });
-    };
+    this.stage.draws = () => this.shape?.update();
     this.stage.drawn = () => this.markers.place();
     // The gizmo hears of a press before the orbit does, and stops it.
     this.gizmo = new Gizmo(this.stage.camera, canvas, () => this.stage.invalidate());
-    this.stage.scene.add(this.background.mesh, this.planes.group, this.gizmo.proxy, this.gizmo.helper);
+    this.stage.scene.add(this.planes.group, this.gizmo.proxy, this.gizmo.helper);
     new Pointer(canvas, {
       busy: () => this.gizmo.dragging || this.gizmo.hovered,
       dragging: () => this.gizmo.dragging,
@@ -58,9 +55,18 @@ export class Viewer {
     this.follow(overlay);
   }
 
-  /** What pictures leave out. */
-  get helpers(): readonly { visible: boolean }[] {
-    return [this.planes.group, this.gizmo.helper];
+  /** Save what the view shows, without planes and gizmo. */
+  screenshot(): void {
+    const { stage } = this;
+    const helpers = [this.planes.group, this.gizmo.helper].filter(({ visible }) => visible);
+    helpers.forEach((helper) => (helper.visible = false));
+    stage.draw();
+    stage.canvas.toBlob((blob) => {
+      if (blob) saveBlob(blob, `${stem()}.png`);
+      else problem("The browser could not make a picture of this size.");
+    });
+    helpers.forEach((helper) => (helper.visible = true));
+    stage.invalidate();
   }
 
   pick(x: number, y: number): Picked | null {
@@ -73,10 +79,6 @@ export class Viewer {
   private follow(overlay: HTMLElement): void {
     const { stage } = this;
     store.on("meshArrays", () => this.load());
-    store.on("detail", (detail) => {
-      if (detail) this.shape?.detail(detail.message, detail.arrays);
-      stage.invalidate();
-    });
     store.on("featureColors", (colors) => {
       if (colors) this.shape?.setFeatureColors(colors);
       stage.invalidate();
@@ -94,15 +96,7 @@ export class Viewer {
       },
       () => this.dress(),
     );
-    store.on("dragging", (dragging) => {
-      stage.orbit.enabled = !dragging;
-      stage.rest.hold(dragging);
-    });
-    stage.pace.quality = store.get().quality;
-    store.on("quality", (quality) => {
-      stage.pace.quality = quality;
-      stage.invalidate();
-    });
+    store.on("dragging", (dragging) => (stage.orbit.enabled = !dragging));
     store.watch(
       (state) => state.look === "features" && ready(state) && state.mesh,
       (wanted) => {
@@ -121,19 +115,23 @@ export class Viewer {
       else stage.lookFrom(VIEWS[wish.what]);
     });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.dress());
+    // Graphics that were lost took along what was made on them.
+    stage.canvas.addEventListener("webglcontextrestored", () => this.load());
   }
 
   private load(): void {
-    const { mesh, meshArrays } = store.get();
+    const { mesh, meshArrays, featureColors, posed } = store.get();
+    const kept = this.shape?.message === mesh;
     this.picker?.dispose();
     this.shape?.dispose();
     this.picker = this.shape = null;
-    this.stage.pace.forget();
     if (mesh && meshArrays) {
       this.shape = new Shape(mesh, meshArrays, this.stage.renderer, () => this.stage.invalidate());
       this.picker = new Picker(this.stage.renderer, this.shape);
       this.stage.scene.add(this.shape.group);
-      this.stage.frameShape(this.shape.radius);
+      if (featureColors) this.shape.setFeatureColors(featureColors);
+      this.shape.setPosed(posed);
+      if (!kept) this.stage.frameShape(this.shape.radius);
     }
     this.dress();
     this.pose();
@@ -142,12 +140,11 @@ export class Viewer {
   /** Colors of the page's theme, for what is drawn on the canvas. */
   private dress(): void {
     const state = store.get();
-    this.background.dress(themeColor("--stage-light"), themeColor("--stage"));
-    this.shape?.setClay(new Color(themeColor("--clay")));
+    this.stage.scene.background = themeColor("--stage");
     this.shape?.reveal(state.xray, isolates(state));
-    this.shape?.setWireframe(state.wireframe && !isolates(state), new Color(themeColor("--wire")), 0.5);
-    this.drawPlanes(state, new Color(themeColor("--accent")));
-    this.shape?.setLook(state.look, state.comparing ? 0 : 1);
+    this.shape?.setWireframe(state.wireframe && !isolates(state), themeColor("--wire"));
+    this.shape?.setLook(state.look, state.comparing ? 0 : 1, themeColor("--clay"));
+    this.drawPlanes(state, themeColor("--accent"));
     this.stage.invalidate();
   }
 
@@ -166,10 +163,8 @@ export class Viewer {
   private pose(): void {
     const state = store.get();
     this.shape?.show(sceneOf(state));
-    this.shape?.usePosed(serverPoses(state));
     this.hold(state);
     this.mark();
-    this.markers.showRing(this.shape && ringOf(state));
     this.stage.invalidate();
   }
 
@@ -291,12 +286,12 @@ function posedBy(state: State): readonly unknown[] {
 let sample: HTMLElement | null = null;
 
 /** A color of the style sheets as the present theme has it: variables alone keep both of their sides. */
-function themeColor(name: string): string {
+function themeColor(name: string): Color {
   if (!sample) {
     sample = document.createElement("span");
     sample.hidden = true;
     document.body.append(sample);
   }
   sample.style.color = `var(${name})`;
-  return getComputedStyle(sample).color;
+  return new Color(getComputedStyle(sample).color);
 }

@@ -100,37 +100,19 @@ function installHook() {
         stage.draw();
         group.visible = true;
       },
-      /** Draw now what the next frame would be. */
-      drawNext: () => stage.rest.frame(),
-      /** Have the page believe that the whole takes so long to draw. */
-      pretend(milliseconds) {
-        const { pace } = stage;
-        const measured = pace.measured.bind(pace);
-        pace.measured = () => measured(milliseconds);
-        // One alone would not be believed.
-        for (let i = 0; i < 2; i++) pace.measured(milliseconds);
-      },
       /** Whether nothing is left to be drawn. */
-      rests: () => stage.rest.state === "whole",
-      /** Triangles of the newest picture, with those of the gizmo and what else is drawn. */
-      triangles: () => stage.renderer.info.render.triangles,
-      /** Pictures drawn a second, over that many, when each asks for the next. */
-      framesPerSecond: (seconds) =>
-        new Promise((resolve) => {
-          const { drawn } = stage;
+      rests: () => stage.rests,
+      /** Milliseconds of the page's own script in every picture from now on. */
+      drawingTimes() {
+        const times = [];
+        const draw = stage.draw.bind(stage);
+        stage.draw = () => {
           const begun = performance.now();
-          let count = 0;
-          stage.drawn = () => {
-            drawn();
-            count++;
-            const gone = (performance.now() - begun) / 1000;
-            if (gone >= seconds) {
-              stage.drawn = drawn;
-              resolve(count / gone);
-            } else stage.invalidate();
-          };
-          stage.invalidate();
-        }),
+          draw();
+          times.push(performance.now() - begun);
+        };
+        return times;
+      },
     };
   }
   let hook;
@@ -263,8 +245,6 @@ export function drawn(page) {
       new Promise((resolve) => {
         requestAnimationFrame(() => {
           const canvas = document.querySelector("canvas");
-          // While something moves the canvas may have fewer pixels.
-          window.dfd.draw();
           const { width, height } = canvas;
           const copy = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
           const [bare, pixels] = [true, false].map((without) => {

@@ -100,7 +100,7 @@ step("a look-alike is switched off and on by itself", async () => {
 step("a drag moves the shape as the kernel does, and the wheel changes reach under way", async () => {
   const before = (await handles())[0];
   await drag(page, [0, -50], -60, async () => {
-    assert.ok(await page.locator(".ring svg").isVisible());
+    assert.ok(await page.getByText(/reach .* · holds/).isVisible());
     await page.mouse.wheel(0, 240);
     await page.waitForTimeout(200);
     await shot(page, "dragging");

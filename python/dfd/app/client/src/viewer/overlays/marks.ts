@@ -1,4 +1,4 @@
-/** Which marks and which ring lie over the shape. */
+/** Which marks lie over the shape. */
 
 import { send } from "../../actions/connection";
 import { select, hold } from "../../actions/edit";
@@ -6,11 +6,10 @@ import { otherPlaces, toggleInstance } from "../../actions/similar";
 import { apply, matrixOf, subtract, type Vec3 } from "../../posing/affine";
 import { posePoint, type Scene } from "../../posing/columns";
 import { followed, LEAST_SEEN } from "../../posing/held";
-import { handleColor, handleName, placeName, present, selectedHandle, type State } from "../../store/state";
-import { percent } from "../../widgets/controls";
-import { columnsOf, gripOf, held } from "../scene";
+import { handleColor, handleName, placeName, present, type State } from "../../store/state";
+import { columnsOf } from "../scene";
 import type { Shape } from "../shape";
-import type { Mark, Ring } from "./markers";
+import type { Mark } from "./markers";
 
 export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
   const { edit, mesh } = state;
@@ -77,14 +76,4 @@ function instanceMarks(state: State, posed: (vertex: number | null, position: Ve
     color: handleColor(selected),
     press: () => toggleInstance(selected, vertex),
   }));
-}
-
-export function ringOf(state: State): Ring | null {
-  const known = selectedHandle(state);
-  if (!state.dragging || !known || !state.mesh) return null;
-  const handle = present(state, known);
-  if (!state.columns.has(handle.column)) return null;
-  const part = held(state, handle.handle);
-  const at = gripOf(handle.transform, handle.position, state.mesh.center);
-  return { at, held: part, text: `reach ${handle.reach.toFixed(2)} · holds ${percent(part)}` };
 }

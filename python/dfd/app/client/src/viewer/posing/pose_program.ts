@@ -17,26 +17,20 @@ export class PosePrograms {
 
   constructor(private readonly gl: WebGL2RenderingContext) {}
 
-  with(defines: ReadonlySet<string>): PoseProgram {
+  with(defines: readonly string[]): PoseProgram {
     const key = [...defines].sort().join(" ");
     const program = this.known.get(key) ?? compile(this.gl, defines);
     this.known.set(key, program);
     return program;
   }
 
-  /** The graphics that they were made for are gone, and took them along. */
-  forget(): void {
-    this.known.clear();
-  }
-
   dispose(): void {
     for (const { program } of this.known.values()) this.gl.deleteProgram(program);
-    this.known.clear();
   }
 }
 
-function compile(gl: WebGL2RenderingContext, defines: ReadonlySet<string>): PoseProgram {
-  const defined = [...defines].map((name) => `#define ${name}\n`).join("");
+function compile(gl: WebGL2RenderingContext, defines: readonly string[]): PoseProgram {
+  const defined = defines.map((name) => `#define ${name}\n`).join("");
   const header = "#version 300 es\nprecision highp float;\nprecision highp int;\n";
   const program = gl.createProgram();
   const shaders = [

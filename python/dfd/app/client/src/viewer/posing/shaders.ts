@@ -1,18 +1,12 @@
 import { GLSL3, ShaderMaterial, type IUniform, type ShaderMaterialParameters } from "three";
 
-import backgroundFragment from "../../shaders/background.frag.glsl?raw";
-import backgroundVertex from "../../shaders/background.vert.glsl?raw";
 import pickFragment from "../../shaders/pick.frag.glsl?raw";
 import pickVertex from "../../shaders/pick.vert.glsl?raw";
-import stillFragment from "../../shaders/still.frag.glsl?raw";
-import stillVertex from "../../shaders/still.vert.glsl?raw";
 import surfaceFragment from "../../shaders/surface.frag.glsl?raw";
 import surfaceVertex from "../../shaders/surface.vert.glsl?raw";
 
 const PROGRAMS = {
-  background: [backgroundVertex, backgroundFragment],
   pick: [pickVertex, pickFragment],
-  still: [stillVertex, stillFragment],
   surface: [surfaceVertex, surfaceFragment],
 } as const;
 
@@ -33,8 +27,9 @@ export function material(
   return made;
 }
 
-/** Compile a material for what its look needs, unless it is made for that already. */
-export function define(made: ShaderMaterial, names: readonly string[]): void {
+/** Compile a material with the names that are on, unless it is compiled with them already. */
+export function define(made: ShaderMaterial, wanted: Readonly<Record<string, boolean>>): void {
+  const names = Object.keys(wanted).filter((name) => wanted[name]);
   if (Object.keys(made.defines).join() === names.join()) return;
   made.defines = Object.fromEntries(names.map((name) => [name, ""]));
   made.needsUpdate = true;
