@@ -26,7 +26,6 @@ if _typing.TYPE_CHECKING:
     from dfd.export.export_rig import export_rig
     from dfd.export.export_weights import export_weights
     from dfd.export.key_poses import KeyPose
-    from dfd.export.weigh_skin import weigh_skin
     from dfd.field.field import Field
     from dfd.field.vertex_field import VertexField
     from dfd.geometry.geodesics import Geodesics
@@ -69,7 +68,6 @@ __all__ += [
     "parts",
     "rotational_symmetries",
     "show",
-    "weigh_skin",
 ]
 
 # Names whose modules pull in torch, trimesh or scipy: imported when they are first asked for, so that `import dfd`
@@ -94,7 +92,6 @@ _LATER = {
     "rotational_symmetries": "dfd.symmetry.rotation",
     "show": "dfd.pictures.notebook",
     "symmetry_planes": "dfd.symmetry.search",
-    "weigh_skin": "dfd.export.weigh_skin",
 }
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from compressed_files import draco_cube, ktx2_quad, meshopt_cube, packed_glb
+from compressed_files import draco_cube, meshopt_cube, packed_glb
 from hypothesis import strategies as st
 from made_field import field_of, made_field
 from mesh_files import CORNERS, CUBE, obj_cube, scene_of_three, textured_quad
@@ -39,8 +39,6 @@ SHAPE = Mesh(CORNERS, CUBE)
 FIELD = made_field(4, width=8, layers=1, center=(0.5,) * 3, scale=2.0)
 EXPORTS: list[tuple[str, Literal["skin", "morph", "baked"]]]
 EXPORTS = [("skin.glb", "skin"), ("morph.glb", "morph"), ("baked.obj", "baked"), ("baked.ply", "baked")]
-if importlib.util.find_spec("pxr"):
-    EXPORTS += [("usd-skin.usda", "skin"), ("usd-morph.usdc", "morph")]
 POSES = [
     {"seconds": 0, "transforms": []},
     {
@@ -103,8 +101,7 @@ def apply_edit(path: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         for name, form in EXPORTS:
             dfd.export_rig(session, Path(folder, name), form=form)
-            if not name.startswith("usd"):
-                dfd.load(Path(folder, name))
+            dfd.load(Path(folder, name))
         dfd.export_weights(session, Path(folder, "weights.npz"))
 
 
@@ -119,12 +116,11 @@ def export_mesh(path: Path) -> None:
         **{name: partial(dfd.export_rig, session, form=form) for name, form in EXPORTS},
         "parts.obj": lambda to: export_parts(mesh, dfd.parts(session.field, mesh).cut(), to),
         "parts.glb": lambda to: export_parts(mesh, dfd.parts(session.field, mesh).cut(), to),
-        "skinned.glb": lambda to: dfd.weigh_skin(mesh, session.field, to),
     }
     with tempfile.TemporaryDirectory() as folder:
         for name, call in calls.items():
             run(call, written := Path(folder, name))
-            if written.exists() and not name.startswith("usd"):
+            if written.exists():
                 dfd.load(written)
 
 
@@ -156,11 +152,7 @@ def load_checkpoint(path: Path) -> None:
 
 def compressed(folder: Path) -> list[bytes]:
     """A GLB file for each decoder that is installed."""
-    made = {
-        "DracoPy": lambda: draco_cube().glb(),
-        "meshopt": lambda: packed_glb(meshopt_cube()),
-        "opengl_basisu": lambda: ktx2_quad(folder).glb(),
-    }
+    made = {"DracoPy": lambda: draco_cube().glb(), "meshopt": lambda: packed_glb(meshopt_cube())}
     return [make() for package, make in made.items() if importlib.util.find_spec(package)]
 
 

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import base64
 import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mesh_files import CORNERS, CUBE, Gltf, textured_quad
+from mesh_files import CORNERS, CUBE, Gltf
 
 from dfd.mesh.file.gltf import glb
 
-__all__ = ["BASISU", "DRACO", "MESHOPT", "draco_cube", "ktx2_quad", "meshopt_cube", "packed_glb"]
+__all__ = ["DRACO", "MESHOPT", "draco_cube", "meshopt_cube", "packed_glb"]
 
-DRACO, MESHOPT, BASISU = "KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_texture_basisu"
+DRACO, MESHOPT = "KHR_draco_mesh_compression", "EXT_meshopt_compression"
 
 
 def draco_cube(**attributes: Any) -> Gltf:
@@ -69,12 +67,3 @@ def meshopt_cube() -> Gltf:
 def packed_glb(gltf: Gltf) -> bytes:
     header = {key: value for key, value in gltf.header.items() if value != []}
     return glb.join(json.dumps(header).encode(), gltf.data)
-
-
-def ktx2_quad(tmp_path: Path) -> Gltf:
-    gltf = textured_quad(tmp_path)
-    data = base64.b64decode((Path(__file__).parent / "mesh/quarters.ktx2.txt").read_bytes())
-    gltf.header["images"] = [{"bufferView": gltf.view(data), "mimeType": "image/ktx2"}]
-    gltf.header["textures"] = [{"extensions": {BASISU: {"source": 0}}}]
-    gltf.header |= {name: [BASISU] for name in ("extensionsUsed", "extensionsRequired")}
-    return gltf

@@ -21,7 +21,7 @@ from dfd.cli.batch import batch
 from dfd.cli.deform import deform
 from dfd.cli.distill import distill
 from dfd.cli.errors import CommandGroup
-from dfd.cli.export import export, rig
+from dfd.cli.export import export
 from dfd.cli.handles import HandlesCommand
 from dfd.cli.inspect import inspect, parts
 from dfd.cli.show import pick, show
@@ -72,7 +72,6 @@ app.command()(inspect)
 app.command()(parts)
 app.command()(pick)
 app.command()(export)
-app.command()(rig)
 app.command()(batch)
 app.command("app")(app_command)
 

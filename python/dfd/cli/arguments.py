@@ -142,13 +142,11 @@ def file_in(output: Path | None, source: Path) -> Path | None: ...
 def file_in(output: Path | None, source: Path) -> Path | None:
     """The file that `output` names: in a folder that is there, one with the name of `source`, which stays as it is.
 
-    FBX files are only read: of one, a .glb is written there.
-
     Raises ValueError if that is `source` itself.
     """
     if output is None or not output.is_dir():
         return output
-    written = output / (f"{source.stem}.glb" if source.suffix.lower() == ".fbx" else source.name)
+    written = output / source.name
     if written.resolve() == source.resolve():
         raise ValueError(f"`--output` must be another folder than that of {source}, which stays as it is")
     return written

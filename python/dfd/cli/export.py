@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from typer import Argument, Option
+from typer import Option
 
 from dfd.cli.arguments import FieldOption, ForceOption, MeshArgument, PresetOption, check_output, chosen_preset, file_in
 
@@ -21,7 +21,7 @@ def export(
             "--output",
             "-o",
             metavar="FILE",
-            help="A .glb, .gltf, .usda, .usdc or .usdz file; with `--as baked` .obj, .ply, .stl or .off as well.",
+            help="A .glb or .gltf file; with `--as baked` .obj, .ply, .stl or .off as well.",
         ),
     ] = None,
     form: Annotated[
@@ -33,7 +33,7 @@ def export(
         ),
     ] = None,
     influences: Annotated[
-        str | None, Option(metavar="N|all", help="Joints that a vertex follows; 4 in glTF and all in USD if left out.")
+        str | None, Option(metavar="N|all", help="Joints that a vertex follows; 4 if left out.")
     ] = None,
     poses: Annotated[Path | None, Option(metavar="JSON", help="Key poses, which become an animation.")] = None,
     weights: Annotated[
@@ -55,7 +55,7 @@ def export(
             raise ValueError(f"`--influences` must be a whole number of at least 1, or all, got {influences}")
         most = int(influences)
     plain = (".obj", ".ply", ".stl", ".off") if form == "baked" else ()
-    check_output("--output", output, (".glb", ".gltf", ".usda", ".usdc", ".usdz", *plain))
+    check_output("--output", output, (".glb", ".gltf", *plain))
     check_output("--weights", weights, (".npz", ".safetensors"))
 
     from dfd import Deformer, Field, export_rig, export_weights, load
@@ -81,26 +81,3 @@ def export(
         export_weights(session, weights)
         count = len(session.handles)
         typer.echo(f"{weights}: weights of {count} {'handle' if count == 1 else 'handles'}", err=True)
-
-
-def rig(
-    character: Annotated[Path, Argument(metavar="CHARACTER", help="GLB or glTF file with a skin.")],
-    field: FieldOption,
-    output: Annotated[Path, Option("--output", "-o", metavar="GLB", help="The file to write.")],
-    influences: Annotated[int, Option(min=1, help="How many joints a vertex follows at most.")] = 4,
-    force: ForceOption = False,
-) -> None:
-    """Weigh the vertices of CHARACTER anew by its bones: what looks alike and is near follows."""
-    output = file_in(output, character)
-    check_output("--output", output, (".glb", ".gltf"))
-
-    from dfd import Field, load, weigh_skin
-    from dfd.common.progress import Stages
-
-    stages = Stages()
-    with stages.stage("read"):
-        shape = load(character)
-        opened = Field.load(field, mesh=shape, other_shape=force)
-    with stages.stage("weigh"):
-        report = weigh_skin(shape, opened, output, influences=influences)
-    typer.echo(f"{output}: {report}", err=True)

@@ -122,15 +122,13 @@ def choice(function: str | None, name: str, value: Any, options: Any) -> Any:
 def ending(function: str | None, name: str, path: str | os.PathLike[str], endings: Sequence[str]) -> str:
     """Return which of the `endings` the name of a file to write has.
 
-    Raises ValueError if it has none of them; of FBX, which is read, the error says what other programs open instead.
+    Raises ValueError if it has none of them.
     """
     target = Path(path)
     for each in endings:
         if target.name.lower().endswith(each):
             return each
-    fbx = target.suffix.lower() == ".fbx"
-    instead = ": FBX is read, not written; other programs open .glb and .usdc" if fbx else ""
-    raise ArgumentError(name, f"must end in {', '.join(endings)}, got {target}{instead}", function)
+    raise ArgumentError(name, f"must end in {', '.join(endings)}, got {target}", function)
 
 
 def field(function: str, value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Export of a session to animation programs: a skin, morph targets or the moved shape, in glTF or USD."""
+"""Export of a session to animation programs: a skin, morph targets or the moved shape, in glTF."""
 
 from __future__ import annotations
 
@@ -20,9 +20,8 @@ from dfd.mesh.mesh import Mesh
 
 Form = Literal["skin", "morph", "baked"]
 GLTF = (".glb", ".gltf")
-USD = (".usda", ".usdc", ".usdz")
 PLAIN = (".obj", ".ply", ".stl", ".off")
-ENDINGS = (*GLTF, *USD, *PLAIN)
+ENDINGS = (*GLTF, *PLAIN)
 WRITTEN = {"morph": "written as morph targets", "baked": "baked"}
 PORTABLE_INFLUENCES = 4  # that every reader of glTF supports
 
@@ -44,8 +43,7 @@ def export_rig(
     session
         The shape with its handles. The file opens in the pose of the present edit.
     path
-        A .glb or .gltf file; a .usda, .usdc or .usdz file, for which `pip install dfd[export]` is needed; with
-        `form="baked"` an .obj, .ply, .stl or .off file as well.
+        A .glb or .gltf file; with `form="baked"` an .obj, .ply, .stl or .off file as well.
     form
         "skin": a joint for each handle and each of its instances, in their own frames at their pivots, with the weights
         with which `dfd.pose` blends (Eq. 1 and 8), and a root that never moves for what they leave of 1 (or another
@@ -54,8 +52,8 @@ def export_rig(
         skin and morph targets, which a glTF file keeps.
     influences
         How many joints a vertex follows at most, those with the largest weights, which are divided by their sum: by
-        default 4 in glTF, which every reader supports. "all", the default in USD, prunes none; glTF stores more than 4
-        in further sets, which few readers support.
+        default 4, which every reader supports. "all" prunes none; more than 4 are in further sets, which few readers
+        support.
     poses
         Key poses, ordered by time, that become an animation, linear between poses.
 
@@ -71,19 +69,15 @@ def export_rig(
     be written; what was there before stays.
     """
     target = Path(path)
-    ending = check.ending("export_rig", "path", target, ENDINGS)
+    check.ending("export_rig", "path", target, ENDINGS)
     form, note = form_for(session.mesh, target, form)
-    most = _most(influences, ending)
+    most = _most(influences)
     moments = checked_poses("export_rig", poses, session.edit)
     if form == "baked" and moments:
         raise ArgumentError("poses", "must be left out for 'baked', which does not move", "export_rig")
     rig = rig_of(session, moments)
     if form == "skin":
         _check_joints(rig)
-    if ending in USD:
-        from dfd.export.usd.export_usd import export_usd
-
-        return export_usd(rig, target, form, most)
     if form == "baked":
         session.mesh.save(target, session.vertices)
         report = rig_report(rig, (target,), form)
@@ -101,7 +95,7 @@ def form_for(mesh: Mesh, path: Path, form: Form | None) -> tuple[Form, tuple[str
     if form is not None:
         check.choice("export_rig", "form", form, Form)
     if form in ("skin", "morph") and ending in PLAIN:
-        endings = ", ".join((*GLTF, *USD))
+        endings = ", ".join(GLTF)
         raise ArgumentError("path", f"must end in {endings} for {form!r}, got {path}", "export_rig")
     if ending in PLAIN:
         return "baked", ()
@@ -120,10 +114,10 @@ def form_for(mesh: Mesh, path: Path, form: Form | None) -> tuple[Form, tuple[str
     return form, ()
 
 
-def _most(influences: int | str | None, ending: str) -> int | None:
+def _most(influences: int | str | None) -> int | None:
     """How many influences a vertex may have, None for all."""
     if influences is None:
-        return PORTABLE_INFLUENCES if ending in GLTF else None
+        return PORTABLE_INFLUENCES
     if isinstance(influences, str):
         if influences != "all":
             raise ArgumentError("influences", f"must be a whole number or 'all', got {influences!r}", "export_rig")

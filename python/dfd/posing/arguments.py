@@ -15,7 +15,8 @@ from dfd.common.linear_algebra import Float32, Float64, Int64
 
 def read_points(function: str, vertices: Any) -> NDArray[Any]:
     points = tensors.shared(function, "vertices", vertices)
-    dtype = np.float32 if getattr(points, "dtype", None) in (np.float32, np.float16) else np.float64
+    given = points.dtype.newbyteorder("=") if isinstance(points, np.ndarray) else None
+    dtype = np.float32 if given in (np.float32, np.float16) else np.float64
     return check.array(function, "vertices", points, ("V", 3), dtype=dtype, finite=False)
 
 

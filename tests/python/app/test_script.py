@@ -146,13 +146,6 @@ def test_rigs_targets_and_weights_are_written_beside_the_shapes(deformer: Deform
         assert arrays["weights"].shape[0] == len(deformer.mesh.vertices)
 
 
-def test_usdz_is_one_of_the_formats(deformer: Deformer, tmp_path: Path) -> None:
-    pytest.importorskip("pxr")
-    deformer.add(5, translation=(0, -0.3, 0.1))
-    _, name, _ = export(deformer, "usdz", "chair.glb", tmp_path / ("0" * 32))
-    assert name == "chair_rig.usdz"
-
-
 def test_the_files_of_a_command_are_all_that_it_needs(
     deformer: Deformer, shape: Shape, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -98,7 +98,7 @@ def test_deform_wants_something_to_write(run):
     ("option", "path", "message"),
     [
         ("-o", "no/such/out.obj", "`--output`: the folder no/such does not exist"),
-        ("-o", "out.fbx", "`--output` must end in .obj, .ply, .stl, .off, .glb, .gltf, got out.fbx"),
+        ("-o", "out.dae", "`--output` must end in .obj, .ply, .stl, .off, .glb, .gltf, got out.dae"),
         ("--picture", "out.jpg", "`--picture` must end in .png, got out.jpg"),
         ("--picture", "no/out.png", "`--picture`: the folder no does not exist"),
         ("--save-edit", "no/edit.json", "`--save-edit`: the folder no does not exist"),

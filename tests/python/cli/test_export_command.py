@@ -75,7 +75,7 @@ def test_forms_influences_and_poses(run, tmp_path):
     ("arguments", "message"),
     [
         ((), "`--output` or `--weights` must be given: otherwise nothing is kept"),
-        (("-o", "rig.fbx"), "`--output` must end in .glb, .gltf"),
+        (("-o", "rig.dae"), "`--output` must end in .glb, .gltf"),
         (("-o", "rig.obj"), "`--output` must end in .glb, .gltf"),
         (("-o", "rig.glb", "--as", "bones"), "`--as` must be skin, morph or baked, got bones"),
         (("-o", "rig.glb", "--influences", "0"), "`--influences` must be a whole number of at least 1, or all, got 0"),

@@ -189,8 +189,8 @@ def test_bad_options_are_named(options, message, session, tmp_path):
 
 def test_bad_paths_are_named(session, tmp_path):
     session.add(40)
-    with pytest.raises(ValueError, match=r"`path` must end in \.glb, \.gltf, .*got .*rig\.fbx"):
-        dfd.export_rig(session, tmp_path / "rig.fbx")
+    with pytest.raises(ValueError, match=r"`path` must end in \.glb, \.gltf, .*got .*rig\.dae"):
+        dfd.export_rig(session, tmp_path / "rig.dae")
     with pytest.raises(ValueError, match=r"`path` must end in .* for 'skin', got .*rig\.obj"):
         dfd.export_rig(session, tmp_path / "rig.obj", form="skin")
     assert dfd.export_rig(session, tmp_path / "rig.obj").form == "baked"

@@ -18,7 +18,7 @@ from dfd.posing.transforms import Transform
 if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
 
-Kind = Literal["glb", "obj", "ply", "stl", "rig", "morph", "usdz", "weights", "animation", "edit", "field", "files"]
+Kind = Literal["glb", "obj", "ply", "stl", "rig", "morph", "weights", "animation", "edit", "field", "files"]
 EXPORTS = "exports"  # the folder, inside that of the session
 LONGEST_STEM = 80
 
@@ -52,10 +52,10 @@ def export(
         elif kind == "animation":
             path = directory / f"{stem}_poses.glb"
             said = _animation(deformer, path, poses)
-        elif kind in ("rig", "morph", "usdz"):
+        elif kind in ("rig", "morph"):
             from dfd.export.export_rig import export_rig
 
-            path = directory / (f"{stem}_rig.usdz" if kind == "usdz" else f"{stem}_{kind}.glb")
+            path = directory / f"{stem}_{kind}.glb"
             said = str(export_rig(deformer, path, form="morph" if kind == "morph" else None))
         elif kind == "weights":
             from dfd.export.export_weights import export_weights

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import io
 import warnings
 from typing import TYPE_CHECKING
@@ -16,7 +15,6 @@ if TYPE_CHECKING:
     from PIL import Image
 
 MOST_TEXELS = 2**26  # of all decoded pictures of a file: 256 MiB as RGBA, four of 4096 × 4096
-_KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
 
 
 class ImageCache:
@@ -39,8 +37,7 @@ class ImageCache:
         """
         key = hashlib.sha256(data).hexdigest()
         if key not in self._opened:
-            image = self._ktx2(data) if is_ktx2(data) else _verified(data)
-            self._opened[key] = image
+            image = self._opened[key] = _verified(data)
             self._data[id(image)] = data
         return self._opened[key]
 
@@ -62,24 +59,6 @@ class ImageCache:
             )
         self._left -= width * height
 
-    def _ktx2(self, data: bytes) -> Image.Image:
-        """Transcode a KTX 2 picture; Pillow cannot read it later."""
-        if not ktx2_is_readable():
-            raise ValueError("a KTX2 picture needs `pip install dfd[gltf]` to be read")
-        import opengl_basisu
-
-        try:
-            texture = opengl_basisu.open(data)
-            self._spend(texture.width, texture.height)
-            texels = np.asarray(texture.transcode("rgba8").data, np.uint8)
-        except opengl_basisu.BasisuError as error:
-            raise ValueError(f"a KTX2 picture cannot be decoded: {error}") from error
-        from PIL import Image
-
-        image = Image.fromarray(texels)
-        self._texels[id(image)] = texels
-        return image
-
 
 def as_image(texels: UInt8, *, opaque: bool = False) -> Image.Image:
     """Return RGBA texels (rows, columns, 4) as an image, without alpha where all is opaque or `opaque` is set."""
@@ -94,16 +73,6 @@ def as_png(texels: UInt8, *, opaque: bool = False) -> bytes:
     stream = io.BytesIO()
     as_image(texels, opaque=opaque).save(stream, "PNG")
     return stream.getvalue()
-
-
-def is_ktx2(data: bytes) -> bool:
-    """Whether a file's first bytes are those of KTX 2."""
-    return data[: len(_KTX2)] == _KTX2
-
-
-def ktx2_is_readable() -> bool:
-    """Whether the library for KTX 2 is installed."""
-    return importlib.util.find_spec("opengl_basisu") is not None
 
 
 def _verified(data: bytes) -> Image.Image:

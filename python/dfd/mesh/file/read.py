@@ -29,8 +29,7 @@ if TYPE_CHECKING:
     import trimesh
 
 _MOST_NAMED = 5  # unreadable files listed in a warning
-WRITTEN = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
-ENDINGS = (*WRITTEN, ".fbx")
+ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
 
 
 def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
@@ -49,7 +48,6 @@ def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
         ".off": _read_off,
         ".glb": posed,
         ".gltf": posed,
-        ".fbx": partial(_read_fbx, at_rest=at_rest),
     }
     try:
         scene = replace(readers[ending](path, data, assets), beside=frozenset(assets.files))
@@ -126,12 +124,6 @@ def _read_gltf(path: Path, data: bytes, assets: AssetFolder, *, at_rest: bool) -
     content = GltfData(header, embedded, assets)
     instances = gltf_read.read(header, content, assets, at_rest=at_rest)
     return SceneFile.of(path, instances, gltf=GltfSource(text, header, content), at_rest=at_rest)
-
-
-def _read_fbx(path: Path, data: bytes, assets: AssetFolder, *, at_rest: bool) -> SceneFile:
-    from dfd.mesh.file.plain import fbx
-
-    return SceneFile.of(path, fbx.read(data, assets, at_rest=at_rest), at_rest=at_rest)
 
 
 def _read_ply(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:

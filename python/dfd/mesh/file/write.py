@@ -20,7 +20,7 @@ from dfd.mesh.file.gltf import patch as gltf_patch
 from dfd.mesh.file.obj import patch as obj_patch
 from dfd.mesh.file.obj import write as obj_write
 from dfd.mesh.file.primitives import MovedPrimitive, UniqueNames
-from dfd.mesh.file.read import WRITTEN
+from dfd.mesh.file.read import ENDINGS
 from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.normals import smooth_normals
 
@@ -42,7 +42,7 @@ def write(
     Raises what `Mesh.save` raises.
     """
     target = Path(path)
-    ending = check.ending("Mesh.save", "path", target, WRITTEN)
+    ending = check.ending("Mesh.save", "path", target, ENDINGS)
     if ending not in (".obj", ".off") and np.abs(vertices).max() > np.finfo(np.float32).max:
         raise ValueError(f"Mesh.save: `vertices` must fit in 32-bit floats for a {ending} file; .obj, .off have more")
     if scene is not None:  # all vertices at one position move with the first of them

@@ -158,7 +158,7 @@ PLY = "ply\nformat ascii 1.0\nelement vertex {n}\nproperty float x\nproperty flo
         ("high.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n", "not a well-formed OFF"),
         ("cut.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n", "not a well-formed OFF"),
         ("many.off", "OFF\n999999999999 1 0\n0 0 0\n", "not a well-formed OFF"),
-        ("cube.xyz", obj_cube(), "must end in .obj, .ply, .stl, .off, .glb, .gltf, .fbx"),
+        ("cube.xyz", obj_cube(), "must end in .obj, .ply, .stl, .off, .glb, .gltf"),
         ("cube", obj_cube(), "must end in"),
     ],
 )

@@ -12,11 +12,9 @@ from dfd.mesh.appearance import Material, Wrap, srgb
 from dfd.mesh.file.assets import shortened
 from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import Header, extension, item
-from dfd.mesh.file.images import ImageCache, ktx2_is_readable
+from dfd.mesh.file.images import ImageCache
 
 _WRAPS: dict[object, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
-_BASISU = "KHR_texture_basisu"
-_OTHER_SOURCES = ("EXT_texture_webp", _BASISU)
 
 
 @dataclass(frozen=True)
@@ -78,15 +76,9 @@ class GltfMaterials:
         texture = item(self._header, "textures", reference.get("index")) if isinstance(reference, dict) else None
         failed = [f"the texture of material {shortened(name)}"]
         if texture is not None:
-            sources = [(each, (extension(texture, each) or {}).get("source")) for each in _OTHER_SOURCES]
-            for kind, source in [*sources, ("", texture.get("source"))]:
-                content = item(self._header, "images", source)
+            for owner in (extension(texture, "EXT_texture_webp") or {}, texture):
+                content = item(self._header, "images", owner.get("source"))
                 if content is None:
-                    continue
-                if kind == _BASISU and not ktx2_is_readable():
-                    failed.append(
-                        f"the {_BASISU} texture of material {shortened(name)} (`pip install dfd[gltf]` reads it)"
-                    )
                     continue
                 try:
                     return self._images.texels(self._images.open(self._data.picture(content))), self._wrap(texture)

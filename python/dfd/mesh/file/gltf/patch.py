@@ -108,7 +108,7 @@ class GltfPatch:
                 continue
             image["bufferView"] = self.view(data)
             del image["uri"]
-            image.setdefault("mimeType", f"image/{(kind or 'ktx2').lower()}")
+            image.setdefault("mimeType", f"image/{(kind or 'png').lower()}")
 
     def split_mesh(self, node: int, mesh: int, *, shared: bool) -> int:
         """Return the mesh of a node, copied where other nodes use the same one."""

@@ -10,7 +10,7 @@ from dfd.mesh.file.images import ImageCache
 from dfd.mesh.file.obj.read import libraries, material_lines, picture_name
 from dfd.mesh.file.obj.text import ObjText, decoded
 
-_PICTURES = (".bmp", ".gif", ".jpeg", ".jpg", ".ktx2", ".png", ".tga", ".tif", ".tiff", ".webp")
+_PICTURES = (".bmp", ".gif", ".jpeg", ".jpg", ".png", ".tga", ".tif", ".tiff", ".webp")
 
 
 class Companions:
@@ -80,7 +80,7 @@ def _with_copied_picture(line: str, assets: AssetFolder, images: ImageCache, com
         return line
     try:
         data = assets.read(name)
-        kind = images.open(data).format or "KTX2"
+        kind = images.open(data).format or "PNG"
     except (ValueError, OSError):  # keep the reference
         return line
     path = PurePosixPath(name.replace("\\", "/"))

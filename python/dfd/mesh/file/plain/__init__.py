@@ -1,1 +1,1 @@
-"""PLY, OFF and STL files, read by NumPy, and FBX files, read by ufbx."""
+"""PLY, OFF and STL files."""

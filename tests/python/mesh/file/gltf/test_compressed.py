@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from compressed_files import BASISU, DRACO, MESHOPT, draco_cube, ktx2_quad, meshopt_cube, packed_glb
+from compressed_files import DRACO, MESHOPT, draco_cube, meshopt_cube, packed_glb
 from mesh_files import CORNERS, CUBE, Gltf, checkered, header_and_data, same_shape, textured_quad, write
 from PIL import Image
 
@@ -19,7 +19,6 @@ from dfd.mesh.mesh import Mesh, load
 
 needs_draco = pytest.mark.skipif(importlib.util.find_spec("DracoPy") is None, reason="needs DracoPy")
 needs_meshopt = pytest.mark.skipif(importlib.util.find_spec("meshopt") is None, reason="needs meshopt")
-needs_basisu = pytest.mark.skipif(importlib.util.find_spec("opengl_basisu") is None, reason="needs opengl-basisu")
 
 
 def without(monkeypatch: pytest.MonkeyPatch, package: str) -> None:
@@ -209,21 +208,3 @@ def test_webp_pictures_are_read(tmp_path: Path) -> None:
     gltf.header["textures"] = [{"extensions": {"EXT_texture_webp": {"source": 0}}}]
     plain = quarters(write(tmp_path / "plain.glb", textured_quad(tmp_path).glb()))
     assert np.allclose(quarters(write(tmp_path / "webp.glb", gltf.glb())), plain)
-
-
-@needs_basisu
-def test_ktx2_pictures_are_read(tmp_path: Path) -> None:
-    plain = quarters(write(tmp_path / "plain.glb", textured_quad(tmp_path).glb()))
-    gltf = ktx2_quad(tmp_path)
-    assert np.allclose(quarters(write(tmp_path / "ktx2.glb", gltf.glb())), plain, atol=0.02)
-    view = gltf.header["bufferViews"][gltf.header["images"][0]["bufferView"]]
-    view["byteLength"] = 100
-    with pytest.warns(UserWarning, match="the texture of material 'paint', which could not be read"):
-        load(write(tmp_path / "cut.glb", gltf.glb()))
-
-
-def test_ktx2_without_its_library_is_gray_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    without(monkeypatch, "opengl_basisu")
-    with pytest.warns(UserWarning, match=rf"the {BASISU} texture of material 'paint' \(`pip install dfd\[gltf\]`"):
-        mesh = load(write(tmp_path / "ktx2.glb", ktx2_quad(tmp_path).glb()))
-    assert mesh.appearance is None

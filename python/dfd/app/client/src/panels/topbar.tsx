@@ -53,7 +53,6 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
   const rigs = [
     exported("Rig", "GLB, joints", "rig", held),
     exported("Morph targets", "GLB", "morph", held),
-    exported("USDZ", "joints", "usdz", held),
     exported("Animated GLB", moves ? "key poses" : "needs two poses", "animation", moves),
     exported("Weights", "NPZ", "weights", held),
   ];

@@ -1,1 +1,0 @@
-"""Rigs and morph targets in USD."""
