@@ -12,15 +12,19 @@ from typing import TYPE_CHECKING, Annotated, Any, overload
 import typer
 from typer import Argument, Option
 
+from dfd.cli.errors import say
 from dfd.common import check
 from dfd.common.described import About
 from dfd.common.errors import ArgumentError
 from dfd.common.preset import Preset
 from dfd.editing.presets import CONTROLS, PRESETS, WHOLE_SHAPE
+from dfd.encoders.known import DEFAULT_ENCODER
 
 if TYPE_CHECKING:
+    from dfd.common.progress import Stages
     from dfd.editing.deformer import Deformer
     from dfd.editing.points import Place
+    from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
 Command = Callable[..., None]
@@ -64,6 +68,34 @@ ViewsOption = Annotated[int, Option(min=1, max=36, help="From how many sides, al
 ResolutionOption = Annotated[int, Option(min=16, max=8192, help="Pixels along the side of each picture.")]
 
 
+def open_shape(mesh: Path, field: Path | None, stages: Stages, *, force: bool = False) -> tuple[Mesh, Field | None]:
+    """Load a mesh, and its field if one is given; raises as `dfd.load` and `Field.load`."""
+    import dfd
+
+    with stages.stage("read"):
+        shape = dfd.load(mesh)
+        return shape, None if field is None else dfd.Field.load(field, mesh=shape, other_shape=force)
+
+
+def open_or_distill(
+    mesh: Path,
+    field: Path | None,
+    stages: Stages,
+    *,
+    force: bool = False,
+    encoder: str = DEFAULT_ENCODER,
+    preset: Preset | None = None,
+) -> tuple[Mesh, Field]:
+    """Load a mesh and its field; without `field`, distill one. Raises also as `dfd.distill`."""
+    import dfd
+
+    shape, opened = open_shape(mesh, field, stages, force=force)
+    if opened is None:
+        how: dict[str, Any] = {} if preset is None else {"preset": preset}
+        opened = dfd.distill(shape, encoder, progress=stages, **how)
+    return shape, opened
+
+
 class Places:
     """Places that a command line names on a mesh, and what is to be said about them."""
 
@@ -105,7 +137,7 @@ class Places:
     def tell(self) -> None:
         """Print the notes on standard error."""
         for note in self.notes:
-            typer.echo(note, err=True)
+            say(note)
 
 
 def plane_text(text: str) -> str:

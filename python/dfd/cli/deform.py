@@ -26,6 +26,7 @@ from dfd.cli.arguments import (
     with_controls,
 )
 from dfd.cli.deform_many import ManyOptions, deform_many, is_many
+from dfd.cli.errors import say
 from dfd.cli.handles import handles, with_handle_options
 from dfd.encoders.known import DEFAULT_ENCODER
 
@@ -177,6 +178,6 @@ def deform(
     places.tell()
     written = ", ".join(str(path) for path in (output, picture, save_edit) if path is not None)
     report = deformer.report()
-    typer.echo(f"{written}: {report}", err=True)
+    say(f"{written}: {report}")
     if output is not None and report.warning is not None:
         raise typer.Exit(NOTHING_MOVED)

@@ -5,10 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
 from typer import Option
 
-from dfd.cli.arguments import FieldOption, ForceOption, MeshArgument, PresetOption, check_output, chosen_preset, file_in
+from dfd.cli.arguments import (
+    FieldOption,
+    ForceOption,
+    MeshArgument,
+    PresetOption,
+    check_output,
+    chosen_preset,
+    file_in,
+    open_or_distill,
+)
+from dfd.cli.errors import say
 
 
 def export(
@@ -58,26 +67,25 @@ def export(
     check_output("--output", output, (".glb", ".gltf", *plain))
     check_output("--weights", weights, (".npz", ".safetensors"))
 
-    from dfd import Deformer, Field, export_rig, export_weights, load
+    from dfd import Deformer, export_rig, export_weights
     from dfd.common.progress import Stages
     from dfd.export.export_rig import form_for
     from dfd.export.key_poses import read_key_poses
 
     stages = Stages()
-    with stages.stage("read"):
-        moments = () if poses is None else read_key_poses(poses)
-        shape = load(mesh)
-        if output is not None:
-            form_for(shape, output, form)  # type: ignore[arg-type]  # refuses it before the work begins
-        session = Deformer.load(edit, shape, Field.load(field, mesh=shape, other_shape=force), other_shape=force)
-        session.set(preset=chosen)
+    moments = () if poses is None else read_key_poses(poses)
+    shape, opened = open_or_distill(mesh, field, stages, force=force)
+    if output is not None:
+        form_for(shape, output, form)  # type: ignore[arg-type]  # refuses it before the work begins
+    session = Deformer.load(edit, shape, opened, other_shape=force)
+    session.set(preset=chosen)
     with stages.stage("features", len(shape.vertices)) as advance:
         session.prepare(advance)
     if output is not None:
         with stages.stage("export"):
             report = export_rig(session, output, form=form, influences=most, poses=moments)  # type: ignore[arg-type]
-        typer.echo(f"{', '.join(map(str, report.paths))}: {report}", err=True)
+        say(f"{', '.join(map(str, report.paths))}: {report}")
     if weights is not None:
         export_weights(session, weights)
         count = len(session.handles)
-        typer.echo(f"{weights}: weights of {count} {'handle' if count == 1 else 'handles'}", err=True)
+        say(f"{weights}: weights of {count} {'handle' if count == 1 else 'handles'}")

@@ -25,6 +25,7 @@ from dfd.cli.arguments import (
     controls,
     with_controls,
 )
+from dfd.cli.errors import say
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -103,7 +104,7 @@ def show(
             resolution=resolution,
         )
     places.tell()
-    typer.echo(f"{output}: {'; '.join(title for title, _ in rows)}", err=True)
+    say(f"{output}: {'; '.join(title for title, _ in rows)}")
 
 
 def _rows(
@@ -157,7 +158,7 @@ def pick(
 
     found = pick_vertex(picture, x, y, None if mesh is None else load(mesh))
     if as_json:
-        typer.echo(json.dumps(asdict(found)))
+        say(json.dumps(asdict(found)), result=True)
         return
     position = ",".join(f"{value:.6g}" for value in found.position)
-    typer.echo(f"vertex {found.vertex} at {position}, {found.distance:.3g} from what the pixel shows")
+    say(f"vertex {found.vertex} at {position}, {found.distance:.3g} from what the pixel shows", result=True)

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Hashable
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
@@ -146,10 +147,11 @@ def find(mesh: Mesh, text: str) -> Found:
     except ArgumentError:
         raise
     except ValueError:
+        close = get_close_matches(said, EXTREMES, 1)
         raise ArgumentError(
             "at",
             f"must be a vertex index, a point x,y,z, {', '.join(EXTREMES)}, part:NAME, group:NAME, x>NUMBER, "
-            f"ball:x,y,z,radius or box:x,y,z,x,y,z, got {text!r}",
+            f"ball:x,y,z,radius or box:x,y,z,x,y,z, got {text!r}{f'; did you mean {close[0]}?' if close else ''}",
         ) from None
     return Found(place_on(mesh, vertex), f"vertex {vertex}")
 

@@ -66,6 +66,15 @@ def test_help_lists_every_command_and_option(run):
         assert worked(run(command, "--help"))
 
 
+def test_control_characters_of_names_do_not_reach_the_terminal(run, chair):
+    named = "\x1b[2J\x9b31m\u202e\udcff"
+    assert failed(run("inspect", f"{named}.obj"), r"\x1b[2J\x9b31m\u202e\udcff.obj")
+    move = ("--handle", 40, "--translate", 0, 1, 0, "--name", "\x1b[2Jleg", "-o", "\x1b[2J.obj")
+    result = run("deform", "MESH", "--field", "FIELD", *move)
+    assert worked(result)
+    assert "\x1b" not in result.output
+
+
 def test_unknown_commands_are_refused(run):
     assert failed(run("deforme"), "No such command 'deforme'")
 

@@ -24,6 +24,7 @@ DEFORM = ("deform", "MESH", "--field", "FIELD")
         ),
         (("--handle", 1, "--band", 0.1), "`--symmetry` must be given"),
         (("--handle", "seat"), "`--handle` must be a vertex index, a point x,y,z, top, bottom"),
+        (("--handle", "bottum"), "got 'bottum'; did you mean bottom?"),
         (("--handle", "1,2"), "`--handle` must be 3 numbers, got shape (2,)"),
         (("--handle", "1,2,nan"), "`--handle` must be finite, got nan"),
         (("--handle", 10**6), "`--handle` must lie in 0 … 2003, got 1000000"),
