@@ -29,44 +29,32 @@ export function ControlField({ name, handle }: ControlProps) {
   const { label, hint, kind, choices, slider } = entry;
   const value = handle[name as keyof HandleState];
   const id = handle.handle;
-  if (kind === "switch")
-    return <Toggle label={label} hint={hint} checked={value === true} onChange={(on) => change(id, { [name]: on })} />;
-  if (slider === null) {
-    return (
-      <Select
-        label={label}
-        hint={hint}
-        value={String(value)}
-        options={choices}
-        onChange={(word) => change(id, { [name]: word })}
-      />
-    );
-  }
+  const set = (given: unknown) => change(id, { [name]: given });
+  if (kind === "switch") return <Toggle label={label} hint={hint} checked={value === true} onChange={set} />;
+  if (slider === null)
+    return <Select label={label} hint={hint} value={String(value)} options={choices} onChange={set} />;
   const unit = kind === "length" ? size : 1;
   const number = Number(value);
-  const field = (
-    <Slider
-      label={label}
-      hint={hint}
-      value={number / unit}
-      range={slider}
-      text={TEXTS[name]?.(handle, size) ?? percent(number)}
-      // A radius of nothing is none: all along the surface follows.
-      onInput={(part) => slide(id, name === "radius" && part === 0 ? { locality: 0 } : { [name]: part * unit })}
-    />
-  );
-  if (name !== "reach") return field;
-  const setBy = (word: string) => change(id, { reach: word === "number" ? handle.reach : (word as "auto" | "part") });
   return (
     <>
-      {field}
-      <Segmented
-        label="Reach by"
-        hint="Up to the part's border, as far as suits what looks alike, or as set"
-        value={handle.reach_by}
-        options={[...choices, "number"]}
-        onChange={setBy}
+      <Slider
+        label={label}
+        hint={hint}
+        value={number / unit}
+        range={slider}
+        text={TEXTS[name]?.(handle, size) ?? percent(number)}
+        // A radius of 0 ends the radius: everything along the surface follows.
+        onInput={(part) => slide(id, name === "radius" && part === 0 ? { locality: 0 } : { [name]: part * unit })}
       />
+      {name === "reach" && (
+        <Segmented
+          label="Reach by"
+          hint="To the border of the part, or as far as the number says"
+          value={handle.reach_by}
+          options={[...choices, "number"]}
+          onChange={(word) => set(word === "number" ? handle.reach : word)}
+        />
+      )}
     </>
   );
 }

@@ -6,7 +6,7 @@ import { niceStep, REST, type Transform } from "../posing/affine";
 import type { FixedState, StateMessage } from "../protocol/messages";
 import { handleName, placeName, ready, selectedHandle, store } from "../store/state";
 import { useParts } from "../store/use";
-import { Button, Facts, IconButton, More, Panel, percent, Select, Slider, titled, Toggle } from "../widgets/controls";
+import { Button, count, IconButton, Panel, percent, Select, Slider, titled } from "../widgets/controls";
 import { HandleList } from "./handle_list";
 import { HandlePanel, motionFields } from "./handle_panel";
 import { SymmetryPanel } from "./symmetry_panel";
@@ -133,51 +133,31 @@ function DefaultPanel({ known }: { readonly known: StateMessage }) {
   );
 }
 
-/** What holds for all handles. */
-const MODES = ["preset", "overlap", "blend"];
-
 function ShapePanel({ known }: { readonly known: StateMessage }) {
   const { mesh, report, session } = useParts();
-  const controls = session?.controls.filter(({ name }) => MODES.includes(name)) ?? [];
-  const smoothing = session?.controls.find(({ name }) => name === "smooth_seams");
   const { status, origin } = known.field;
   const features = status === "ready" ? (origin ?? "ready") : status === "none" ? "not learned yet" : `${status}…`;
-  const counts: [string, number][] = mesh
-    ? [
-        ["Faces", mesh.faces],
-        ["Vertices", mesh.vertices],
-        ["Scene parts", Math.max(mesh.parts, 1)],
-      ]
-    : [];
+  const preset = session?.controls.find(({ name }) => name === "preset");
   return (
     <Panel title="Shape">
-      {status === "ready" && smoothing && (
-        <>
-          <Toggle
-            label={smoothing.label}
-            hint={smoothing.hint}
-            checked={known.smooth_seams}
-            onChange={(on) => send({ type: "set_mode", smooth_seams: on })}
-          />
-        </>
+      {status === "ready" && preset && (
+        <Select
+          label={preset.label}
+          hint={preset.hint}
+          value={known.preset}
+          options={preset.choices as StateMessage["preset"][]}
+          onChange={(choice) => send({ type: "set_mode", preset: choice })}
+        />
       )}
-      {status === "ready" && (
-        <More>
-          <>
-            {controls.map(({ name, label, hint, choices }) => (
-              <Select
-                key={name}
-                label={label}
-                hint={hint}
-                value={known[name as "preset"]}
-                options={choices as StateMessage["preset"][]}
-                onChange={(choice) => send({ type: "set_mode", [name]: choice })}
-              />
-            ))}
-          </>
-        </More>
+      {mesh && (
+        <dl class="facts">
+          {Object.entries({ Faces: mesh.faces, Vertices: mesh.vertices, "Scene parts": Math.max(mesh.parts, 1) }).map(
+            ([name, number]) => [<dt key={name}>{name}</dt>, <dd key={`${name}:`}>{count.format(number)}</dd>],
+          )}
+          <dt>Features</dt>
+          <dd>{features}</dd>
+        </dl>
       )}
-      <Facts entries={[...counts, ["Features", features]]} />
       {report && <p class="report">{report.text}</p>}
     </Panel>
   );

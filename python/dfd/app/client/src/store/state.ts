@@ -119,7 +119,6 @@ const INITIAL = {
   look: "texture" as Look,
   wireframe: false,
   showPlanes: false,
-  showGhosts: true,
   theme: "system" as Theme,
   playhead: 0,
   timeline: false,
@@ -168,18 +167,17 @@ export function present(state: State, handle: HandleState): HandleState & { read
   };
 }
 
-/** Degrees: what turns farther keeps its volume where blending is "auto", as `Edit.blending` says. */
+/** Degrees: larger turns are blended by dual quaternions, which the shader does not do. */
 const MOST_LINEAR = 30;
 
-/** Whether what is seen has to be posed by the server: the shader adds linear motions, bends and smooths nothing. */
+/** Whether the server has to pose: the shader adds linear motions, and bends nothing. */
 export function serverPoses(state: State): boolean {
   const { edit } = state;
   if (!edit || state.comparing) return false;
-  if (edit.smooth_seams || edit.overlap !== "add" || !["linear", "auto"].includes(edit.blend)) return true;
+  if (edit.preset === "paper") return true;
   return edit.handles.some((handle) => {
     const { rotation, bend, twist } = present(state, handle).transform;
-    const turns = edit.blend === "auto" && Math.hypot(...rotation) > MOST_LINEAR;
-    return turns || twist !== 0 || bend.some((part) => part !== 0);
+    return Math.hypot(...rotation) > MOST_LINEAR || twist !== 0 || bend.some((part) => part !== 0);
   });
 }
 

@@ -278,9 +278,9 @@ function axisOf({ axis, selected }: State): State["axis"] {
 /** What of the state the shape's pose and its marks depend on. */
 function posedBy(state: State): readonly unknown[] {
   const { edit, columns, ahead, moment, comparing, probe, painted, selected, hidden, mesh, suggestions } = state;
-  const { similar, showGhosts, dragging, gizmo, space, snap, tool, axis } = state;
+  const { similar, dragging, gizmo, space, snap, tool, axis } = state;
   const shape = [edit, columns, ahead, moment, comparing, probe, painted, selected, hidden, mesh, suggestions];
-  return [...shape, similar, showGhosts, dragging, gizmo, space, snap, tool, axis];
+  return [...shape, similar, dragging, gizmo, space, snap, tool, axis];
 }
 
 let sample: HTMLElement | null = null;

@@ -125,39 +125,33 @@ interface NumberFieldProps {
   readonly hint?: string;
 }
 
-/** A number to type, or to change by the arrow keys; it is taken when the field is left, as by Enter. */
+/** A number to type, or to change by the arrow keys. */
 export function NumberField({ label, value, step, onChange, axis, hint }: NumberFieldProps) {
-  const [typed, setTyped] = useState<string | null>(null);
-  const take = () => {
-    if (typed === null) return;
-    const number = Number(typed.replace(",", "."));
-    setTyped(null);
-    if (typed.trim() !== "" && Number.isFinite(number) && number !== value) onChange(number);
-  };
   return (
     <label class={`number ${axis ?? ""}`}>
       {axis && <span aria-hidden="true">{axis.toUpperCase()}</span>}
       <input
-        type="text"
-        inputMode="decimal"
+        type="number"
+        step={step}
         aria-label={label}
         aria-description={hint}
-        value={typed ?? readable(value)}
+        value={readable(value)}
         onFocus={(event) => event.currentTarget.select()}
-        onInput={(event) => setTyped(event.currentTarget.value)}
-        onBlur={take}
-        onKeyDown={(event) => {
-          // What is typed next is meant for the view: there letters are keys.
-          if (event.key === "Enter") event.currentTarget.blur();
-          if (event.key === "Escape") setTyped(null);
-          if (event.key !== "ArrowUp" && event.key !== "ArrowDown") return;
-          event.preventDefault();
-          const by = step * (event.shiftKey ? 10 : 1) * (event.key === "ArrowUp" ? 1 : -1);
-          setTyped(null);
-          onChange(Number((value + by).toPrecision(10)));
-        }}
+        onChange={({ currentTarget: { valueAsNumber } }) => Number.isFinite(valueAsNumber) && onChange(valueAsNumber)}
+        // What is typed next is meant for the view: there letters are keys.
+        onKeyDown={(event) => event.key === "Enter" && event.currentTarget.blur()}
       />
     </label>
+  );
+}
+
+/** A number beside its name. */
+export function NumberRow(props: NumberFieldProps) {
+  return (
+    <div class="select" title={props.hint}>
+      <span aria-hidden="true">{props.label}</span>
+      <NumberField {...props} />
+    </div>
   );
 }
 
@@ -385,17 +379,5 @@ export function More({ children }: Pick<PanelProps, "children">) {
       </button>
       {more && children}
     </>
-  );
-}
-
-/** Names and what they stand for; numbers are written as counts. */
-export function Facts({ entries }: { readonly entries: readonly (readonly [string, string | number])[] }) {
-  return (
-    <dl class="facts">
-      {entries.map(([name, fact]) => [
-        <dt key={name}>{name}</dt>,
-        <dd key={`${name}:`}>{typeof fact === "number" ? count.format(fact) : fact}</dd>,
-      ])}
-    </dl>
   );
 }

@@ -267,7 +267,7 @@ export function drawn(page) {
 
 /**
  * Largest difference between the shader's positions and the kernel's, over the shape's diagonal: columns, and the gains
- * of look-alikes, come a moment after what they follow from, so that it is given time to vanish.
+ * of counterparts, come a moment after what they follow from, so that it is given time to vanish.
  */
 export function shaderError(page) {
   return page.evaluate(async () => {

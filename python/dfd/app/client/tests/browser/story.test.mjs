@@ -88,9 +88,9 @@ step("a click takes hold", async () => {
   assert.equal(await state(page, (s) => s.selected), (await handles())[0].handle);
 });
 
-step("a look-alike is switched off and on by itself", async () => {
+step("a counterpart is switched off and on by itself", async () => {
   await until(page, (s) => s.similar !== null && s.similar.places.length > 1);
-  const first = page.getByRole("switch", { name: /^Look-alike 1 / });
+  const first = page.getByRole("switch", { name: /^Counterpart 1 / });
   await first.locator("xpath=..").click();
   await until(page, (s) => s.edit.handles[0].excluded_instances.length === 1 && s.similar.places[1].on === false);
   await first.locator("xpath=..").click();
@@ -114,11 +114,11 @@ step("a drag moves the shape as the kernel does, and the wheel changes reach und
 
 step("the paper's preset is one switch and one step", async () => {
   const before = await handles();
-  const told = (s) => ({ preset: s.edit.preset, overlap: s.edit.overlap, reach: s.edit.handles[0].reach });
+  const told = (s) => ({ preset: s.edit.preset, reach: s.edit.handles[0].reach });
   const was = await state(page, told);
   await page.getByLabel("Preset").selectOption("paper");
   await until(page, (s) => s.edit.preset === "paper" && s.columns.has(s.edit.handles[0].column));
-  assert.deepEqual(await state(page, told), { preset: "paper", overlap: "paper", reach: 1 });
+  assert.deepEqual(await state(page, told), { preset: "paper", reach: 1 });
   assert.deepEqual(await state(page, (s) => s.edit.new_handle), { reach: 1, falloff: "linear" });
   assert.deepEqual([(await handles())[0].falloff, (await handles())[0].instances], ["linear", "shared_pivot"]);
   assert.ok((await farthest([before[0].vertex])) > 0.001, "the handle does not move any more");
@@ -127,18 +127,6 @@ step("the paper's preset is one switch and one step", async () => {
   await page.keyboard.press("Control+z");
   await until(page, (s) => s.edit.preset === "default" && s.columns.has(s.edit.handles[0].column));
   assert.deepEqual(await state(page, told), was);
-});
-
-step("smooth seams are one switch, seen at rest as the kernel has them", async () => {
-  const seams = page.getByRole("switch", { name: "Smooth seams" });
-  await seams.click();
-  await until(page, (s) => s.edit.smooth_seams && s.posed !== null);
-  await page.waitForTimeout(300);
-  assert.ok((await shaderError(page)) <= TOLERANCE);
-  await shot(page, "smooth-seams");
-  await page.keyboard.press("Control+z");
-  await until(page, (s) => !s.edit.smooth_seams && s.posed === null);
-  assert.equal(await seams.isChecked(), false);
 });
 
 step("numbers can be typed, for moving, turning and scaling", async () => {

@@ -45,12 +45,12 @@ describe("createStore", () => {
 });
 
 describe("serverPoses", () => {
-  it("is so where seams are smoothed, which the shader does not, unless the resting shape is compared", () => {
-    const edit = { overlap: "add", blend: "auto", smooth_seams: false, handles: [] } as unknown as StateMessage;
+  it("is true for what the shader does not do, unless the resting shape is compared", () => {
+    const edit = { preset: "default", handles: [] } as unknown as StateMessage;
     const state = { ...pageStore.get(), edit };
     expect(serverPoses(state)).toBe(false);
-    const smooth = { ...state, edit: { ...edit, smooth_seams: true } };
-    expect(serverPoses(smooth)).toBe(true);
-    expect(serverPoses({ ...smooth, comparing: true })).toBe(false);
+    const paper = { ...state, edit: { ...edit, preset: "paper" as const } };
+    expect(serverPoses(paper)).toBe(true);
+    expect(serverPoses({ ...paper, comparing: true })).toBe(false);
   });
 });

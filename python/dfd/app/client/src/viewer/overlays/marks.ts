@@ -33,7 +33,7 @@ export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
     if (state.hidden.has(known.handle)) continue;
     const handle = present(state, known);
     const selected = state.selected === handle.handle;
-    if (selected && state.showGhosts) marks.push(...instanceMarks(state, posed));
+    if (selected) marks.push(...instanceMarks(state, posed));
     const at =
       handle.vertex === null
         ? subtract(apply(matrixOf(handle.transform, handle.position), handle.position), center)
@@ -71,7 +71,7 @@ function instanceMarks(state: State, posed: (vertex: number | null, position: Ve
     key: `instance ${selected} ${vertex}`,
     kind: "instance",
     at: posed(vertex, position),
-    label: `Look-alike ${i + 1}: press to ${on ? "leave it behind" : "take it along"}`,
+    label: `Counterpart ${i + 1}: press to ${on ? "leave it behind" : "take it along"}`,
     off: !on || followed(columns, vertex) < LEAST_SEEN,
     color: handleColor(selected),
     press: () => toggleInstance(selected, vertex),
