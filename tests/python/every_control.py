@@ -120,15 +120,13 @@ def _edited(
         if region != "top":  # a point
             _tried(session.change, session.handles[0].id, mask=region)
         _tried(session.fix, region, strength=0.5)
-    _tried(session.change, session.handles[0].id, mask="everywhere", reach="auto")
-    for axes in ("normal", "limb"):
-        _tried(session.move, session.handles[0].id, axes=axes)
+    _tried(session.change, session.handles[0].id, mask="everywhere", reach="part")
+    _tried(session.move, session.handles[0].id, axes="normal")
     for plane in (None, *planes[:1], "x"):
         _tried(setattr, session, "symmetry", plane)
         for overlap in get_args(Overlap):  # `_posed` takes each with each
             _tried(setattr, session, "overlap", overlap)
             session.blend = random.choice(get_args(Blend))
-            session.smooth_seams = not session.smooth_seams
             _check(session)
     _measured(session)
     moved = session.vertices

@@ -41,7 +41,7 @@ def full_edit(mesh):
     return Edit(
         handles=(
             Handle(3, place_on(mesh, 40), turned, Controls(locality=2.5), name="ear, links ◔"),
-            Handle(1, Place((0.1, 0.2, 1 / 3)), controls=Controls(reach="auto")),
+            Handle(1, Place((0.1, 0.2, 1 / 3)), controls=Controls(reach=0.4)),
             Handle(7, place_on(mesh, np.array([3, 4, 5])), controls=near),
         ),
         fixed=(

@@ -251,11 +251,11 @@ def shown(value: Any) -> str:
 def controls(values: Mapping[str, Any]) -> dict[str, Any]:
     """What of `values`, a command's parameters, `Deformer.add` takes as controls; what was not given is left out.
 
-    Raises ValueError if `--reach` is neither auto, nor part, nor a number.
+    Raises ValueError if `--reach` is neither part nor a number.
     """
     given = {name: values[name] for name in CONTROLS if values[name] not in (None, [], ())}
-    if "reach" in given and given["reach"] not in ("auto", "part"):
-        given["reach"] = number_or("auto, part", "--reach", given["reach"], "a number above 0")
+    if "reach" in given and given["reach"] != "part":
+        given["reach"] = number_or("part", "--reach", given["reach"], "a number above 0")
     return given
 
 

@@ -35,7 +35,7 @@ NOTHING_MOVED = 1  # exit code
 
 
 @with_handle_options
-@with_controls("overlap", "blend", "reach_targets", "mirrored_locality", "bridges", "smooth_seams")
+@with_controls("overlap", "blend", "reach_targets", "mirrored_locality", "bridges")
 def deform(
     context: typer.Context,
     meshes: Annotated[
@@ -151,7 +151,7 @@ def deform(
     deformer: Deformer = start(shape, opened, other_shape=force)
     places = Places(shape)
     places.session = deformer
-    set_whole = {name: described[name] for name in ("reach_targets", "mirrored_locality", "bridges", "smooth_seams")}
+    set_whole = {name: described[name] for name in ("reach_targets", "mirrored_locality", "bridges")}
     deformer.set(preset=chosen_preset(preset), **set_whole)
     for place, options in held:
         deformer.add(places.find("--handle", place), **options)

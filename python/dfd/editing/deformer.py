@@ -227,8 +227,7 @@ class Deformer:
             preset "paper" the handle itself.
         axes
             (3, 3) orthonormal vectors, one a row, along which it scales; "normal" for a frame whose third vector is the
-            surface's normal at the handle, "limb" for one whose third vector runs along the limb there, so that
-            (1.5, 1.5, 1) makes it thicker and not longer, each instance along its own; the mesh's own if left out.
+            surface's normal at the handle; the mesh's own if left out.
         bend, towards
             Degrees by which the tip of the part that it holds is bent along the part's own axis, every cross-section
             moving rigidly, `towards` "up", "down", "left", "right", "front", "back" or a direction (3,), by default up,
@@ -381,13 +380,6 @@ class Deformer:
     )
     bridges: Setting[bool] = Setting(
         "Whether distances along the surface cross small gaps between components, as `dfd.Geodesics` says."
-    )
-    smooth_seams: Setting[bool] = Setting(
-        """Whether weights are smoothed where they fade, so that no ledge or crease is left at the border.
-
-        What of a border is narrower than 2 % of the diagonal of the box is smoothed, and broad falloffs stay. What is
-        held or fixed keeps its weight, and nothing follows beyond a limit or a radius.
-        """
     )
 
     @public

@@ -106,13 +106,12 @@ class Edit(Brief):
     # symmetry: the plane across which handles act on both sides, or None; in a file also a letter
     symmetry: Annotated[SymmetryPlane | None, Written(SymmetryPlane | Literal["x", "y", "z"] | None)] = None
     default: Transform | None = None  # D₀ of Eq. 1, what happens to what no handle holds; None is nothing
-    # overlap to smooth_seams: as `dfd.editing.presets.WHOLE_SHAPE` says
+    # overlap to bridges: as `dfd.editing.presets.WHOLE_SHAPE` says
     overlap: Annotated[Overlap, WHOLE_SHAPE["overlap"]] = DEFAULTS.overlap
     blend: Annotated[BlendRule, WHOLE_SHAPE["blend"]] = DEFAULTS.blend
     reach_targets: Annotated[bool, WHOLE_SHAPE["reach_targets"]] = DEFAULTS.reach_targets
     mirrored_locality: Annotated[bool, WHOLE_SHAPE["mirrored_locality"]] = DEFAULTS.mirrored_locality
     bridges: Annotated[bool, WHOLE_SHAPE["bridges"]] = DEFAULTS.bridges
-    smooth_seams: Annotated[bool, WHOLE_SHAPE["smooth_seams"]] = DEFAULTS.smooth_seams
     # preset: what new handles start with, and where all this came from unless it was set apart
     preset: Annotated[Preset, About("The paper's equations to the letter, or dfd's own way.")] = "default"
 
@@ -177,7 +176,6 @@ class GivenSettings(TypedDict, total=False):
     reach_targets: bool | None
     mirrored_locality: bool | None
     bridges: bool | None
-    smooth_seams: bool | None
 
 
 def edit_on(mesh: Mesh, edit: Edit, place: Callable[[str, Place], Place] | None = None) -> Edit:

@@ -19,7 +19,6 @@
           "scale": [1.0, 1.0, 1.0],
           "pivot": null,
           "axes": null,
-          "along": null,
           "pivot_at": null,
           "bend": [0.0, 0.0, 0.0],
           "twist": 0.0,
@@ -43,8 +42,7 @@
       "blend": "linear",
       "reach_targets": true,
       "mirrored_locality": true,
-      "bridges": true,
-      "smooth_seams": false
+      "bridges": true
     }
 
 Required: `format`, `version`, and for every handle and fixed point a `vertex`, a `position` or a `region`. All else may
@@ -58,7 +56,7 @@ controls side by side; otherwise a document is what pydantic makes of the fields
 Documents of versions 1 to 4 have other names for some keys (`RENAMED`). What a version 3 document of the preset
 "default" leaves out is as `VERSION_3` says. A version 2 document has none of `preset`, `mirrored_locality` and
 `bridges`, and what it leaves out is what `VERSION_2` says. A version 1 document has none of `hash`, `bounds`, `region`,
-`axes`, `along`, `reach`, `falloff`, `radius`, `strength`, `instances`, `level`, `excluded_instances`, `mask`,
+`axes`, `reach`, `falloff`, `radius`, `strength`, `instances`, `level`, `excluded_instances`, `mask`,
 `mask_feather`, `overlap`, `blend` and `reach_targets` either. It is read as one of version 2, but for `reach_targets`,
 which is false there: fixed points shortened the move.
 """
@@ -172,7 +170,7 @@ def _keys(*owners: type) -> tuple[str, ...]:
 
 # What of a handle or a fixed place lies beside its other keys in a file.
 SPREAD: dict[str, type] = {"place": Place, "transform": Transform, "controls": Controls}
-OF_HELD_PARTS = ("along", "pivot_at", "bend", "twist", "joint")  # of a transform, and not of the default one
+OF_HELD_PARTS = ("pivot_at", "bend", "twist", "joint")  # of a transform, and not of the default one
 FIRST = ("format", "version", "preset", "units", "mesh", "made_on")  # keys of a file, for people
 
 

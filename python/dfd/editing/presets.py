@@ -22,18 +22,18 @@ LARGEST = 1e38  # what the kernels compute with are 32-bit floats
 WITHIN_PART, PARTLESS_REACH = 6.0, 0.7
 
 Instances = Literal["own_pivot", "shared_pivot", "only"]
-Reach = float | Literal["auto", "part"]
+Reach = float | Literal["part"]
 SymmetryCandidates = Literal["any", "axes"]
 BlendRule = Literal["auto", "linear", "dual_quaternion", "polar"]  # `dfd.posing.pose.Blend`, or what fits the edit
 
 # What a handle takes hold of besides where it is: the fields of `dfd.editing.controls.Controls`.
 CONTROLS = {
     "reach": About(
-        'Feature distance at which the weight is 0: 1 is Eq. 5; "auto" ends at the largest gap, "part" with the part.',
+        'Feature distance at which the weight is 0: 1 is Eq. 5; "part" ends with the part.',
         0.0,
         LARGEST,
         exclusive=True,
-        metavar="R|auto|part",
+        metavar="R|part",
         slider=(0.05, 1.5, 0.01),
     ),
     "falloff": About(
@@ -89,9 +89,6 @@ WHOLE_SHAPE = {
     "reach_targets": About("Whether handles reach their target although fixed points hold back."),
     "mirrored_locality": About("Whether locality and radius start at the handle's mirror image as well."),
     "bridges": About("Whether locality and radius reach across small gaps."),
-    "smooth_seams": About(
-        "Whether ledges and creases are smoothed away where what follows borders on the rest.", label="Smooth seams"
-    ),
 }
 
 
@@ -110,13 +107,12 @@ class Defaults:
     level: bool = True
     # pivot: about what a handle turns and scales that says nothing of it: as `Deformer.add` has it, or the point held
     pivot: Literal["auto", "point"] = "auto"
-    # overlap to smooth_seams: of a new session, as the properties of `Deformer`
+    # overlap to bridges: of a new session, as the properties of `Deformer`
     overlap: Overlap = "add"
     blend: BlendRule = "auto"
     reach_targets: bool = True
     mirrored_locality: bool = True
     bridges: bool = True
-    smooth_seams: bool = False
     # band: half width of the zone in which the sides of a mirror plane blend, as a part of the mesh's longest side
     band: float = DEFAULT_BAND
     # candidates, threshold: which planes symmetry "auto" takes, as `dfd.symmetry_planes` has them

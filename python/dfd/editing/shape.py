@@ -96,17 +96,11 @@ def _moved(before: Edit, after: Edit) -> list[int] | None:
     for i, (old, new) in enumerate(zip(before.handles, after.handles, strict=True)):
         if old is not new and (old.place, old.controls) != (new.place, new.controls):
             return None
-        if _instance_axes(old) != _instance_axes(new) or _bend(old) != _bend(new):
+        if _bend(old) != _bend(new):
             return None
         if old is not new and old.transform != new.transform:
             moved.append(i)
     return moved
-
-
-def _instance_axes(handle: Handle) -> tuple[Any, ...]:
-    """What of a transform turns the frames of a handle's instances."""
-    transform = handle.transform
-    return (transform.along, transform.axes) if transform.along is not None else ()
 
 
 def _bend(handle: Handle) -> tuple[Any, ...] | None:

@@ -18,7 +18,7 @@ from dfd.editing.influence.held_parts import bend_vector, pivot_on
 from dfd.editing.influence.regions import VertexSet
 from dfd.editing.points import Place, place_on
 from dfd.editing.presets import PRESETS, WHOLE_SHAPE
-from dfd.posing.transforms import Along, GivenMotion, GivenTransform, PivotAt, Transform
+from dfd.posing.transforms import GivenMotion, GivenTransform, PivotAt, Transform, frame_of_normal
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -54,13 +54,10 @@ def move(edit: Edit, weights: HandleWeights, handle: int, given: GivenMotion) ->
 
 
 def change(edit: Edit, weights: HandleWeights, handle: int, at: Any, name: str | None, controls: GivenControls) -> Edit:
-    """`edit` with a handle's place, controls or name exchanged; axes that run along the surface go with the place."""
+    """`edit` with a handle's place, controls or name exchanged."""
     held = edit.handle(handle)
     place = held.place if at is None else place_of(weights, at)
-    transform, along = held.transform, held.transform.along
-    if place != held.place and along is not None:
-        axes = weights.axes(place, along)
-        transform = transform if axes is None else transform.changed(axes=axes, along=along)
+    transform = held.transform
     shaped = held.controls.changed(**_controls(weights, place, controls))
     named = held.name if name is None else name
     changed = edit.replaced(replace(held, place=place, transform=transform, controls=shaped, name=named))
@@ -130,15 +127,13 @@ def _transform(transform: Transform, weights: HandleWeights, place: Place, given
     axes: Any = given.get("axes")
     if not isinstance(axes, str) or axes == "auto":
         return transform.changed(**given)
-    if axes not in get_args(Along):
-        raise ArgumentError("axes", f"must be normal, limb, auto or 3 unit vectors at right angles, got {axes!r}")
-    along: Along = axes  # type: ignore[assignment]  # it is one of them
-    found = weights.axes(place, along)
-    if found is None:
-        why = "the surface has no normal" if along == "normal" else "the shape is as wide as it is long"
-        raise ArgumentError("axes", f"cannot be {along!r}: {why} at the handle")
-    in_numbers: GivenMotion = {**given, "axes": found}
-    return transform.changed(**in_numbers, along=along)
+    if axes != "normal":
+        raise ArgumentError("axes", f"must be normal, auto or 3 unit vectors at right angles, got {axes!r}")
+    normal = np.asarray(weights.mesh.normals[weights.anchor(Handle(1, place))], np.float64)
+    if not normal.any():
+        raise ArgumentError("axes", "cannot be 'normal': the surface has no normal at the handle")
+    in_numbers: GivenMotion = {**given, "axes": frame_of_normal(normal)}
+    return transform.changed(**in_numbers)
 
 
 def _of_part(name: str, value: Any) -> bool:

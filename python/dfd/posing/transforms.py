@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 Vector = tuple[float, float, float]
 Frame = tuple[Vector, Vector, Vector]  # three orthonormal vectors
-Along = Literal["normal", "limb"]
 PivotAt = Literal["base", "middle", "point", "plane", "hinge"]
 
 # Beyond it a float64 has no digits left for the part that matters, what exceeds the whole turns.
@@ -38,7 +37,7 @@ class Transform(Brief):
     """Scale, then rotation, then translation, about a pivot: p ↦ pivot + translation + R A S Aᵀ (p − pivot).
 
     Raises ValueError if an attribute has another shape or is not finite, a rotation is the quaternion 0 or beyond ±1e9
-    degrees, `axes` are not orthonormal, `along` is another word or without them, `pivot_at` likewise, `joint` lies
+    degrees, `axes` are not orthonormal, `pivot_at` is another word or without `pivot`, `joint` lies
     outside [0, 1], or the numbers are so large that the matrix is not finite.
     """
 
@@ -52,9 +51,6 @@ class Transform(Brief):
     pivot: Vector | None = None
     # axes: three orthonormal vectors along which `scale` acts, the columns of A; None is the mesh's own axes
     axes: Frame | None = None
-    # along: what of the surface the third of `axes` runs along, "normal" or "limb"; what looks alike then goes along
-    # its own. None where they are numbers and nothing else.
-    along: Along | None = None
     # pivot_at: what of the held part `pivot` is, as in `Deformer.add`; None where it is numbers and nothing else
     pivot_at: PivotAt | None = None
     # bend, twist: what the tip of the held part turns by along its own axis before all else: (3,) a rotation vector in
@@ -75,10 +71,6 @@ class Transform(Brief):
             keep(self, "pivot", vector("pivot", self.pivot))
         if self.axes is not None:
             keep(self, "axes", frame_vectors("axes", self.axes))
-        if self.along is not None:
-            check.choice("Transform", "along", self.along, Along)
-            if self.axes is None:
-                raise ArgumentError("axes", "must be given when `along` is", "Transform")
         if self.pivot_at is not None:
             check.choice("Transform", "pivot_at", self.pivot_at, PivotAt)
             if self.pivot is None:
@@ -91,13 +83,11 @@ class Transform(Brief):
             keep(self, "joint", check.number("Transform", "joint", self.joint, minimum=0.0, maximum=1.0))
         keep(self, "linear", _linear(self.rotation, self.scale, self.axes))
 
-    def changed(
-        self, *, along: Along | None = None, pivot_at: PivotAt | None = None, **given: Unpack[GivenMotion]
-    ) -> Transform:
+    def changed(self, *, pivot_at: PivotAt | None = None, **given: Unpack[GivenMotion]) -> Transform:
         """The transform with some of its parts exchanged; None leaves a part, "auto" takes pivot or axes away.
 
-        `along` says what `axes` run along, `pivot_at` what `pivot` is; other ones than before are nothing without it.
-        A `joint` of "spread" takes it away.
+        `pivot_at` says what `pivot` is; another pivot than before is only numbers without it. A `joint` of "spread"
+        takes it away.
 
         Raises ValueError as `Transform` does.
         """
@@ -105,9 +95,6 @@ class Transform(Brief):
         for name in ("pivot", "axes"):
             if isinstance(parts.get(name), str) and parts[name] == "auto":
                 parts[name] = None
-        others = "axes" in parts and (parts["axes"] is None or not np.array_equal(parts["axes"], self.axes or ()))
-        if along is not None or others:
-            parts["along"] = along
         if "pivot" in parts and (
             pivot_at is not None or parts["pivot"] is None or not np.array_equal(parts["pivot"], self.pivot or ())
         ):

@@ -124,17 +124,6 @@ def test_a_preset_is_one_step_and_stays_when_all_is_cleared(new_page: Page) -> N
     assert "`set_mode.preset`: Input should be 'default' or 'paper'" in page.ask("set_mode", preset="mine")["message"]
 
 
-def test_smooth_seams_are_a_step_that_the_computed_shape_has(new_page: Page) -> None:
-    page = new_page
-    page.ask("add", at={"vertex": 5}, controls={"reach": 0.4, "falloff": "constant"}, transform={"scale": [1.5] * 3})
-    plain = page.ask("compute")["arrays"]["positions"]
-    page.ask("set_mode", smooth_seams=True)
-    assert page.last("state")["smooth_seams"]
-    assert not np.array_equal(page.ask("compute")["arrays"]["positions"], plain)
-    page.ask("undo")
-    assert not page.last("state")["smooth_seams"]
-
-
 def test_the_heat_map_comes_first_and_instances_after_it(page: Page) -> None:
     page.ask("add", at={"vertex": 5})
     page.until(lambda message: message["type"] == "report")

@@ -54,7 +54,7 @@ DEFORM = ("deform", "MESH", "--field", "FIELD")
         (("--handle", 1, "--mask", "x>99"), "`--mask` must hold a vertex"),
         (("--handle", 1, "--mask", "part:leg"), "`--mask` must be a part of the scene"),
         (("--handle", "part:leg"), "`--handle` must be a part of the scene"),
-        (("--handle", 1, "--axes", "skew"), "`--axes` must be normal, limb, auto or 3 unit vectors at right angles"),
+        (("--handle", 1, "--axes", "skew"), "`--axes` must be normal, auto or 3 unit vectors at right angles"),
         (("--handle", 1, "--symmetry", "x=50"), "`--symmetry` must pass through the shape"),
         (("--handle", 1, "--overlap", "sum"), "`--overlap` must be one of add, interpolate, normalize, paper"),
         (("--handle", 1, "--blend", "cubic"), "`--blend` must be one of auto, linear, dual_quaternion, polar"),

@@ -94,7 +94,6 @@ def test_a_handle_is_marked_without_a_field(run):
     "control",
     [
         ("--reach", 0.3),
-        ("--reach", "auto"),
         ("--falloff", "constant"),
         ("--locality", 6),
         ("--radius", "15%"),

@@ -9,7 +9,6 @@ from dfd.editing.controls import Controls, controls_of, length_on
 from dfd.editing.influence.regions import Ball, HalfSpace
 from dfd.editing.points import place_on
 from dfd.posing.transforms import frame_of_normal
-from dfd.weights.reach import auto_reach
 
 
 @pytest.fixture(scope="module")
@@ -52,17 +51,6 @@ def test_reach_and_falloff_are_those_of_bind(session, labeled, foot):
     assert session.handles == ()
     session.redo()
     assert session.handle(handle).controls == Controls(0.5, "sharp", instances="shared_pivot", level=False)
-
-
-@pytest.mark.usefixtures("paper_handles")
-def test_a_reach_can_find_itself(session, chair, labeled, foot):
-    handle = session.add(foot, reach="auto")
-    distances = np.linalg.norm(labeled - labeled[foot], axis=1)
-    reach = session._weights.reach(session.handle(handle))
-    assert reach == pytest.approx(auto_reach(distances), abs=1e-5)
-    np.testing.assert_array_equal(session.weights, dfd.bind(labeled, [foot], reach=reach))
-    leg = chair.labels == chair.parts.index("leg")
-    np.testing.assert_array_equal(session.weights[:, 0] > 0, leg)
 
 
 @pytest.mark.usefixtures("about_one_pivot")
@@ -320,7 +308,7 @@ def test_a_point_of_space_has_the_normal_of_the_nearest_vertex(session, mesh):
     [
         ({"reach": 0}, r"Deformer.add: `reach` must be above 0, got 0"),
         ({"reach": -1}, r"Deformer.add: `reach` must be above 0, got -1"),
-        ({"reach": "far"}, r"Deformer.add: `reach` must be \"auto\", \"part\" or a number above 0, got 'far'"),
+        ({"reach": "far"}, r"Deformer.add: `reach` must be \"part\" or a number above 0, got 'far'"),
         ({"falloff": "steep"}, r"Deformer.add: `falloff` must be one of linear, smooth, .*, got 'steep'"),
         ({"radius": 0}, r"Deformer.add: `radius` must be above 0, got 0"),
         ({"radius": "wide"}, r"Deformer.add: `radius` must be a length or a percentage such as 20%, got 'wide'"),

@@ -319,7 +319,7 @@ MISSING = object()
         (("handles", 0, "locality"), -1, r"`handles\[0\].locality` must be at least 0, got -1"),
         (("handles", 1, "position"), None, r"`handles\[1\]` must have a vertex, a position or a region"),
         (("handles", 0, "reach"), 0, r"`handles\[0\].reach` must be above 0, got 0"),
-        (("handles", 0, "reach"), "far", r"`handles\[0\].reach` must be 'auto' or 'part', got .far."),
+        (("handles", 0, "reach"), "far", r"`handles\[0\].reach` must be 'part', got .far."),
         (("handles", 0, "falloff"), "steep", r"`handles\[0\].falloff` must be 'linear', .*, got .steep."),
         (
             ("handles", 0, "radius"),

@@ -47,8 +47,3 @@ def test_an_old_edit_poses_the_shape_as_it_did(egg, name):
     moved = posed(GOLDEN / f"{name}.json", *egg)
     np.testing.assert_allclose(moved, wanted, atol=1e-4)
     assert np.abs(moved - egg[0].vertices[::7]).max() > 0.1
-
-
-def test_there_are_edits_of_all_versions_with_and_without_keys():
-    keys = [f"v{version}_{keys}" for version in (1, 2, 3, 4) for keys in ("every_key", "few_keys")]
-    assert sorted([*keys, "v2_named_axis"]) == NAMES

@@ -79,7 +79,7 @@ class HandleBase(Model):
     twist: float  # degrees by which the tip turns about that axis
     joint: float | None  # where along the axis both happen; null is all along it
     axes: Frame | None  # along which it scales, one a row; null is the mesh's own
-    reach_by: Literal["number", "auto", "part"]  # what was asked for; `reach` is what that found
+    reach_by: Literal["number", "part"]  # what was asked for; `reach` is what that found
     exponent: float  # λ of the formula: the locality, or what makes the radius's falloff
     mask_part: bool  # whether that region is its part
     region: int  # how many vertices it holds as one; 0 where it is no region
@@ -138,7 +138,6 @@ class StateMessage(Answer):
     new_handle: NewHandle
     overlap: Overlap
     blend: BlendRule
-    smooth_seams: bool = False
     can_undo: bool = False
     can_redo: bool = False
     field: FieldState

@@ -186,8 +186,7 @@ class Columns:
             # Reach and falloff are the page's own, and change without a new column.
             instances = None
             if _instanced(handle):
-                axes = handle.transform.axes if handle.transform.along is not None else None
-                instances = (controls.instances, controls.level, controls.excluded_instances, edit.symmetry, axes)
+                instances = (controls.instances, controls.level, controls.excluded_instances, edit.symmetry)
             return (kind, handle.place, sources, edit.bridges, controls.radius, instances)
         # Weights sent as such depend on every control.
         return (kind, handle.place, sources, edit.bridges, controls, edit.fixed, edit.reach_targets, edit.symmetry)

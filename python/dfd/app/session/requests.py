@@ -328,14 +328,10 @@ def set_symmetry(
 
 @request
 def set_mode(
-    session: Session,
-    preset: Preset | None = None,
-    overlap: Overlap | None = None,
-    blend: BlendRule | None = None,
-    smooth_seams: bool | None = None,
+    session: Session, preset: Preset | None = None, overlap: Overlap | None = None, blend: BlendRule | None = None
 ) -> None:
     """Set how handles act together, as one step; a preset replaces all settings that it defines."""
-    settings: GivenSettings = {"overlap": overlap, "blend": blend, "smooth_seams": smooth_seams}
+    settings: GivenSettings = {"overlap": overlap, "blend": blend}
     session.change(lambda deformer: deformer.set(preset=preset, **settings))
 
 

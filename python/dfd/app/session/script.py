@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
 
 # Keys of the edit document that `Deformer.add` takes under other names or not at all.
-NOT_CONTROLS = ("id", "vertex", "position", "along", "pivot_at")
+NOT_CONTROLS = ("id", "vertex", "position", "pivot_at")
 AT_REST: dict[str, Any] = {"translation": [0.0] * 3, "rotation": [0.0] * 3, "scale": [1.0] * 3}
 AT_REST |= {"bend": [0.0] * 3, "twist": 0.0, "excluded_instances": []}
 
@@ -102,8 +102,6 @@ def _defaults(document: dict[str, Any]) -> dict[str, Any]:
 
 def _changed(entry: dict[str, Any], defaults: dict[str, Any]) -> dict[str, Any]:
     """The values of a handle that differ from the defaults."""
-    if entry.get("along") is not None:
-        entry = {**entry, "axes": entry["along"]}
     return {
         key: value
         for key, value in entry.items()

@@ -64,7 +64,6 @@ def state_message(
         new_handle=_new_handle(preset),
         overlap=deformer.overlap,
         blend=deformer.blend,
-        smooth_seams=deformer.smooth_seams,
         can_undo=deformer.can_undo,
         can_redo=deformer.can_redo,
         **common,

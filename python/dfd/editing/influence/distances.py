@@ -9,7 +9,6 @@ import numpy as np
 from dfd.common.linear_algebra import Float32, Int64
 from dfd.editing.controls import Controls
 from dfd.editing.points import Place
-from dfd.geometry.limbs import Limb, limb_at
 from dfd.posing.transforms import Vector
 
 if TYPE_CHECKING:
@@ -27,7 +26,6 @@ class Distances:
         self._mesh = mesh
         self._geodesics: dict[bool, Geodesics] = {}  # with bridges and without, once they are asked for
         self._rows: dict[tuple[bool, int], Float32] = {}  # (V,) each, by whether there are bridges and its source
-        self._limbs: dict[int, Limb | None] = {}  # by the vertex
         self._found: dict[Vector, int] = {}  # nearest vertices: every frame of a drag asks for the same ones
 
     def sources(self, own: Indices, place: Place, symmetry: SymmetryPlane | None) -> tuple[int, ...]:
@@ -56,13 +54,6 @@ class Distances:
         in_radii = np.float32(self.geodesics(bridges).extent / controls.radius)
         reached = np.minimum(self._nearest_of(sources, bridges) * in_radii, np.float32(1.0))
         return np.square(reached)[None], 2.0
-
-    def limb(self, vertex: int) -> Limb | None:
-        """The limb at a vertex, or None where there is none."""
-        if vertex not in self._limbs:
-            geodesics = self.geodesics(True)
-            self._limbs[vertex] = limb_at(self._mesh, geodesics.extent * geodesics.distances([vertex])[0])
-        return self._limbs[vertex]
 
     def keep(self, sources: set[int]) -> None:
         """Forget the distances of handles that are gone: they are not worth their memory."""

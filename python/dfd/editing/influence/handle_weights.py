@@ -22,15 +22,12 @@ from dfd.editing.influence.instance_weights import (
     interpolating_columns,
     wanted_of,
 )
-from dfd.editing.influence.instances import Instance, SurfaceAxes
-from dfd.editing.influence.seams import Seams
+from dfd.editing.influence.instances import Instance
 from dfd.editing.points import Place
 from dfd.editing.presets import PARTLESS_REACH, WITHIN_PART
 from dfd.posing.pose import Overlap
-from dfd.posing.transforms import Along, Frame
 from dfd.weights.bind import bind
 from dfd.weights.compact import CompactFeatures
-from dfd.weights.reach import auto_reach
 
 if TYPE_CHECKING:
     from dfd.editing.influence.instances import InstanceFinder
@@ -128,8 +125,7 @@ class HandleWeights:
         self.mesh = mesh
         self._rows = HandleFeatures(mesh, field, features)
         self._distances = Distances(mesh)
-        self._axes = SurfaceAxes(mesh, self._distances)
-        self._instances = InstanceColumns(mesh, field, self._axes, self._grip, self._near)
+        self._instances = InstanceColumns(mesh, field, self._grip, self._near)
         self._limbs = HeldParts(mesh)
         self._columns = Columns(len(mesh.vertices))
         self._keys: list[Key] = []
@@ -137,10 +133,8 @@ class HandleWeights:
         self._reach_targets = True
         self._given: Float32 | None = None  # what `of` gave out last, as long as it holds
         self._held: Float32 | None = None  # (V,) what the fixed points take away, as long as they stay
-        self._seams = Seams(mesh)
-        self._smoothed: _Smoothed | None = None
         self._mixed: tuple[Float32, Float32] | None = None  # columns, and what makes their handles land exactly
-        self._reaches: dict[tuple[Place, str], float] = {}
+        self._reaches: dict[Place, float] = {}
         self._grips: dict[Place, Grip | None] = {}
         self.field = field
 
@@ -215,7 +209,7 @@ class HandleWeights:
         Those of handles whose instances are told apart are interpolating already: instances of several handles may
         stand at one vertex, and only the handles themselves have to arrive.
         """
-        weights, columns = self._moving(edit)
+        weights, columns = self.columns(edit)
         if edit.overlap != "interpolate" or all(column.instance is None for column in columns):
             return weights, columns, edit.overlap
         if self._mixed is None or self._mixed[0] is not weights:
@@ -224,38 +218,8 @@ class HandleWeights:
 
     def following(self, edit: Edit) -> Float32:
         """(V, H) how much vertices follow each handle, over all of its instances."""
-        weights, columns = self._moving(edit)
-        return followed_by(weights, columns, len(edit.handles))
-
-    def _moving(self, edit: Edit) -> tuple[Float32, tuple[Column, ...]]:
-        """What `columns` gives, with smooth seams where they are asked for."""
         weights, columns = self.columns(edit)
-        if not edit.smooth_seams:
-            return weights, columns
-        before = self._smoothed
-        if before is None or before.weights is not weights:
-            anchors = self._anchors(edit)
-            still = [self._still(edit, column, weights[:, i], anchors) for i, column in enumerate(columns)]
-            alone = np.array(weights, np.float32, order="F")
-            for i, column in enumerate(alone.T):
-                if before is not None and before.has(i, column, still[i]):
-                    column[:] = before.alone[:, i]
-                else:
-                    self._seams.smooth(column, still[i])
-            self._smoothed = before = _Smoothed(weights, still, alone, _no_more_than(weights, alone, columns))
-        return before.together, columns
-
-    def _still(self, edit: Edit, column: Column, weights: Float32, anchors: Int64) -> Int64:
-        """(N,) the vertices whose weights seams leave as they are: what is held, fixed, or beyond a limit, and anchors.
-
-        Among handles nothing changes, so that those that could arrive still can.
-        """
-        handle = edit.handles[column.handle]
-        places = [handle.place, *(fixed.place for fixed in edit.fixed)]
-        still = [self._rows.vertices(each) if each.region is None else self._rows.members(each) for each in places]
-        if handle.controls.mask is not None or handle.controls.radius is not None:
-            still.append(np.flatnonzero(weights == 0.0))
-        return np.concatenate([*still, anchors])
+        return followed_by(weights, columns, len(edit.handles))
 
     def instances(self, edit: Edit, handle: Handle) -> list[tuple[Instance, bool]]:
         """The places that look like the one a handle holds, its own first, and whether each moves with it."""
@@ -289,16 +253,14 @@ class HandleWeights:
 
     def reach(self, handle: Handle) -> float:
         """The number that the handle's `reach` is; of "part" the one that comes nearest to it, to go on from."""
-        place, reach = handle.place, handle.controls.reach
-        if reach == "part" and (place, reach) not in self._reaches and (part := self.part(place)) is not None:
+        place = handle.place
+        if handle.controls.reach != "part":
+            return handle.controls.reach
+        if place not in self._reaches and (part := self.part(place)) is not None:
             within = self._apart(place)[part > 0.5]
             widest = float(np.quantile(within, MOST_OF_PART)) if len(within) else 0.0
-            self._reaches[place, reach] = min(max(AROUND_PART * widest, LEAST_REACH), 2.0)
-        return (
-            self._reaches.get((place, "part"), PARTLESS_REACH)
-            if reach == "part"
-            else self._reach(place, handle.controls)
-        )
+            self._reaches[place] = min(max(AROUND_PART * widest, LEAST_REACH), 2.0)
+        return self._reaches.get(place, PARTLESS_REACH)
 
     def locality(self, edit: Edit, handle: Handle) -> tuple[tuple[int, ...], Float32 | None, float]:
         """Where the distances over the surface of a handle start, (V,) those in [0, 1] or None, and λ of Eq. 7."""
@@ -310,10 +272,6 @@ class HandleWeights:
         """(N,) the falloff (1 − G)^λ of a handle at vertices (N,)."""
         _, distances, power = self.locality(edit, handle)
         return np.ones(len(vertices)) if distances is None else (1.0 - distances[vertices].astype(np.float64)) ** power
-
-    def axes(self, place: Place, along: Along) -> Frame | None:
-        """Three axes whose third runs along the surface's normal or the limb at a place, as `SurfaceAxes.at`."""
-        return self._axes.at(self._rows.anchor(place), along)
 
     def held(self, edit: Edit) -> Float32:
         """(V,) max_p s_p W_p of Eq. 6: what the fixed points of `edit` take away."""
@@ -486,42 +444,13 @@ class HandleWeights:
         return self._held
 
     def _reach(self, place: Place, controls: Controls) -> float:
-        if not isinstance(controls.reach, str):
+        if controls.reach != "part":
             return controls.reach
-        if controls.reach == "part":
-            return WITHIN_PART if self.part(place) is not None else PARTLESS_REACH
-        if (place, "auto") not in self._reaches:
-            self._reaches[place, "auto"] = auto_reach(self._apart(place))
-        return self._reaches[place, "auto"]
+        return WITHIN_PART if self.part(place) is not None else PARTLESS_REACH
 
     def _apart(self, place: Place) -> Float32:
         """(V,) feature distances from a place; with twice the paper's reach, none of unit features is cut off."""
         return 2.0 * (1.0 - bind(self.features, self._rows.points([place]), reach=2.0)[:, 0])
-
-
-class _Smoothed(NamedTuple):
-    """Columns (V, C) before and after their seams are smoothed."""
-
-    weights: Float32  # before
-    still: list[Int64]  # which vertices of each column stayed
-    alone: Float32  # each smoothed by itself, which holds for as long as it and what stays of it are the same
-    together: Float32  # and less where instances of a handle meet
-
-    def has(self, index: int, column: Float32, still: Int64) -> bool:
-        """Whether column `index` was this one, and the same of it stayed."""
-        same = index < len(self.still) and np.array_equal(self.still[index], still)
-        return same and np.array_equal(self.weights[:, index], column)
-
-
-def _no_more_than(weights: Float32, smoothed: Float32, columns: Sequence[Column]) -> Float32:
-    """`smoothed` (V, C), less where instances of a handle that each spread would add up to more than in `weights`."""
-    result = smoothed.copy(order="F")
-    for handle in {column.handle for column in columns if column.instance is not None}:
-        own = [i for i, column in enumerate(columns) if column.handle == handle]
-        total, most = smoothed[:, own].sum(axis=1), weights[:, own].sum(axis=1).max()
-        over = np.flatnonzero(total > most)
-        result[over[:, None], own] *= (most / total[over])[:, None]
-    return result
 
 
 def _alike(one: Key, other: Key) -> bool:

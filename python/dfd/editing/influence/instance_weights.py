@@ -12,7 +12,7 @@ import numpy as np
 
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.editing.edit import Edit, Handle
-from dfd.editing.influence.instances import LEAST_ALIKE, Instance, InstanceFinder, SurfaceAxes
+from dfd.editing.influence.instances import LEAST_ALIKE, Instance, InstanceFinder
 from dfd.geometry.coarse import SliceWeights
 from dfd.posing.overlap import interpolating
 from dfd.posing.transforms import Vector
@@ -61,14 +61,12 @@ class InstanceColumns:
         self,
         mesh: Mesh,
         field: Field,
-        axes: SurfaceAxes,
         grip: Callable[[Place], Grip | None],
         near: Callable[[Edit, Handle, Int64], Float64],
     ) -> None:
         """`grip` finds the part that a handle at a place holds, `near` its falloff (1 − G)^λ at vertices."""
         self._mesh = mesh
         self._field = field
-        self._axes = axes
         self._grip = grip
         self._near = near
         self.finder = InstanceFinder(mesh)
@@ -102,7 +100,6 @@ class InstanceColumns:
                 if _told_apart(handle):
                     instances = self.instances(handle, rows, edit.symmetry)
                     found[_asked(handle, edit.symmetry)] = instances
-                    instances = self._axes.turned(handle, rows.anchor(handle.place), instances)
                 own = self._parts(edit, handle, weights[:, i], instances, rows)
                 apart = bool(instances) and handle.controls.instances != "shared_pivot"
                 parts += [[part] for part in own] if apart else [own]
@@ -198,9 +195,8 @@ def followed_by(weights: Float32, columns: tuple[Column, ...], count: int) -> Fl
 
 def wanted_of(handle: Handle) -> Hashable:
     """What of a handle its columns depend on, besides its weights."""
-    controls, transform = handle.controls, handle.transform
-    axes = transform.axes if transform.along is not None else None
-    return controls.instances, controls.level, controls.excluded_instances, transform.along, axes
+    controls = handle.controls
+    return controls.instances, controls.level, controls.excluded_instances
 
 
 def _asked(handle: Handle, symmetry: SymmetryPlane | None) -> Hashable:

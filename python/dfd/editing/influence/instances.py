@@ -10,7 +10,7 @@ about its own counterpart of the pivot instead, mirrored where a plane of symmet
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -22,10 +22,8 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
-from dfd.editing.edit import Handle
-from dfd.editing.influence.distances import Distances
 from dfd.geometry.coarse import Nodes, SliceWeights, nodes_of
-from dfd.posing.transforms import Along, Frame, frame_of_normal
+from dfd.posing.transforms import frame_of_normal
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
@@ -364,52 +362,6 @@ def _basins(weights: Float64, graph: csr_array) -> tuple[Int64, dict[int, float]
     settled_of = {peak: settled(peak) for peak in parent}
     basin = np.array([settled_of[peak] if peak >= 0 else -1 for peak in label.tolist()], np.int64)
     return basin, saddle
-
-
-class SurfaceAxes:
-    """Which way the normal and the limb run at the vertices of one mesh."""
-
-    def __init__(self, mesh: Mesh, distances: Distances) -> None:
-        self._mesh = mesh
-        self._distances = distances
-
-    def at(self, vertex: int, along: Along) -> Frame | None:
-        """Three axes, right-handed, whose third runs along the surface's normal or the limb at a vertex, if it can."""
-        direction, _ = self._direction(vertex, along)
-        return None if direction is None else frame_of_normal(direction)
-
-    def turned(self, handle: Handle, anchor: int, instances: Sequence[Instance]) -> tuple[Instance, ...]:
-        """`instances` of a handle, each but the first with its frame turned the shortest way to its own normal or limb.
-
-        `anchor` is the handle's vertex. Where an instance has none, or is hardly alike, its frame stays.
-        """
-        axes, along = handle.transform.axes, handle.transform.along
-        if axes is None or along is None:
-            return tuple(instances)
-        third = np.asarray(axes[2])
-        own, own_told = self._direction(anchor, along)
-        # Axes from a file may run the other way than they do here.
-        sign = 1.0 if own is None or own @ third >= 0 else -1.0
-        found = list(instances[:1])
-        for one in instances[1:]:
-            theirs, told = self._direction(one.vertex, along) if one.weight >= LEAST_ALIKE else (None, False)
-            if theirs is None:
-                found.append(one)
-                continue
-            carried = one.frame @ third
-            target = sign * theirs
-            if not (told and own_told) and carried @ target < 0:
-                target = -target
-            found.append(replace(one, frame=shortest_turn(carried, target) @ one.frame))
-        return tuple(found)
-
-    def _direction(self, vertex: int, along: Along) -> tuple[Float64 | None, bool]:
-        """The direction (3,), of length 1, if there is one, and whether it is told from its opposite."""
-        if along == "normal":
-            normal = np.asarray(self._mesh.normals[vertex], np.float64)
-            return (normal, True) if normal.any() else (None, False)
-        limb = self._distances.limb(vertex)
-        return (None, False) if limb is None else (limb.direction, limb.at_end)
 
 
 def shortest_turn(one: Float64, other: Float64) -> Float64:
