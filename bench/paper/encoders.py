@@ -14,12 +14,12 @@ from bench.paper.report import Page, Section, Table
 from bench.quality.measures import area_fractions
 from dfd.common.linear_algebra import Float64
 from dfd.common.preset import Preset
+from dfd.encoders.known import DEFAULT_ENCODER, KNOWN_ENCODERS
 from dfd.geometry.metrics import surface_metrics
 from dfd.pictures.picture import picture
 
 Choice = tuple[str, int | None]  # an encoder's name, and the block whose tokens are taken; None is its own choice
-# Besides the blocks of the encoder that is at hand anyway, those that the paper names and what is like them.
-OTHERS = ("dinov2-base", "dinov3-small", "clip-vit-l-14", "siglip2-base", "sam-base", "sam2-tiny", "mae-base")
+OTHERS = tuple(name for name in KNOWN_ENCODERS if name != DEFAULT_ENCODER)
 BLOCKS = (3, 6, 9, 12)
 CASES = {  # where each shape is taken hold of, from 0 to 1 along the sides of its box
     "spot": (0.2, 0.0, 0.2),

@@ -22,7 +22,6 @@ from mesh_files import CORNERS, CUBE, obj_cube, scene_of_three, textured_quad
 
 import dfd
 from dfd import Field, Mesh
-from dfd.distillation.checkpoint import Checkpoint, with_hash
 from dfd.editing.edit_file import read_edit, write_edit
 from dfd.export.export_parts import export_parts
 from dfd.export.key_poses import read_key_poses
@@ -136,20 +135,6 @@ def load_poses(path: Path) -> None:
         dfd.load(Path(folder, "animated.glb"))
 
 
-def load_checkpoint(path: Path) -> None:
-    """A piece of a checkpoint, whole by its own hash, gives the array that it should hold, or none."""
-    image = np.zeros((2, 2, 3), np.uint8)
-    with tempfile.TemporaryDirectory() as folder:
-        checkpoint = Checkpoint(Path(folder, "run"), {})
-        checkpoint.write_tokens(image, None, np.ones((2, 2, 4), np.float32))
-        (piece,) = Path(folder, "run").glob("tokens-*")
-        piece.write_bytes(with_hash(piece.name, path.read_bytes()))
-        tokens = checkpoint.read_tokens(image, None)
-        assert tokens is None or (tokens.dtype == np.float32 and np.isfinite(tokens).all())
-        piece.write_bytes(path.read_bytes())
-        assert checkpoint.read_tokens(image, None) is None
-
-
 def compressed(folder: Path) -> list[bytes]:
     """A GLB file for each decoder that is installed."""
     made = {"DracoPy": lambda: draco_cube().glb(), "meshopt": lambda: packed_glb(meshopt_cube())}
@@ -181,10 +166,6 @@ def seeds() -> Mapping[str, list[bytes]]:
         deformer.fix([1.0, 1.0, 0.5])
         deformer.save(folder / "made.json")
         found[".json"] = [(folder / "made.json").read_bytes()]
-        image = np.zeros((2, 2, 3), np.uint8)
-        Checkpoint(folder / "run", {}).write_tokens(image, None, np.ones((2, 2, 4), np.float32))
-        (piece,) = (folder / "run").glob("tokens-*")
-        found[".piece"] = [piece.read_bytes()[32:]]
         return found
 
 
@@ -225,7 +206,6 @@ def _targets() -> dict[str, Target]:
     poses = damaged_json(POSES).map(lambda document: json.dumps(document).encode())
     made["poses.json"] = (st.one_of(poses, damaged_bytes(json.dumps(POSES).encode())), load_poses)
     made["arrays.json"] = (array_input(), call_with_arrays)
-    made["checkpoint.piece"] = (damaged_bytes(good[".piece"][0]), load_checkpoint)
     made["page.json"] = (page_input(), ask_all)
     made["kernels.json"] = (kernel_input(), run_kernels)
     return made

@@ -80,22 +80,8 @@ def _dinov3() -> Any:
     return transformers.DINOv3ViTModel(transformers.DINOv3ViTConfig(**VISION, num_register_tokens=3))
 
 
-def _convnext() -> Any:
-    config = transformers.DINOv3ConvNextConfig(hidden_sizes=[8, 12, 16, 24], depths=[1, 1, 1, 1], image_size=64)
-    return transformers.DINOv3ConvNextModel(config)
-
-
 def _clip() -> Any:
     return transformers.CLIPModel(transformers.CLIPConfig(text_config=TEXT, vision_config=VISION, projection_dim=8))
-
-
-def _siglip() -> Any:
-    return transformers.SiglipModel(transformers.SiglipConfig(text_config=TEXT, vision_config=VISION))
-
-
-def _siglip2() -> Any:
-    vision = {key: value for key, value in VISION.items() if key != "image_size"} | {"num_patches": 16}
-    return transformers.Siglip2Model(transformers.Siglip2Config(text_config=TEXT, vision_config=vision))
 
 
 def _sam() -> Any:
@@ -130,15 +116,6 @@ def _sam2(kind: str = "Sam2") -> Any:
     return getattr(transformers, f"{kind}Model")(config)
 
 
-def _mae() -> Any:
-    decoder = {f"decoder_{key}": TEXT[key] for key in ("hidden_size", "num_hidden_layers", "num_attention_heads")}
-    return transformers.ViTMAEForPreTraining(transformers.ViTMAEConfig(**VISION, **decoder))
-
-
-def _vit() -> Any:
-    return transformers.ViTForImageClassification(transformers.ViTConfig(**VISION))
-
-
 def _beit() -> Any:
     return transformers.BeitModel(transformers.BeitConfig(**VISION, use_absolute_position_embeddings=True))
 
@@ -159,35 +136,9 @@ def _twin_backbone(kind: str) -> Callable[[Any, torch.Tensor, int], torch.Tensor
     return twin
 
 
-def _twin_convnext(model: Any, images: torch.Tensor, block: int) -> torch.Tensor:
-    maps = _hidden(model, images, block).flatten(2).transpose(1, 2)
-    return model.layer_norm(maps) if block == 4 else maps
-
-
 def _twin_clip(model: Any, images: torch.Tensor, block: int) -> torch.Tensor:
     vision = model.vision_model
     return vision.post_layernorm(_hidden(vision, images, block, interpolate_pos_encoding=True))[:, 1:]
-
-
-def _twin_siglip(model: Any, images: torch.Tensor, block: int) -> torch.Tensor:
-    vision = model.vision_model
-    return vision.post_layernorm(_hidden(vision, images, block, interpolate_pos_encoding=True))
-
-
-def _twin_siglip2(model: Any, images: torch.Tensor, block: int) -> torch.Tensor:
-    rows, columns = images.shape[2] // 8, images.shape[3] // 8
-    patches = [
-        images[:, :, 8 * row : 8 * row + 8, 8 * column : 8 * column + 8].permute(0, 2, 3, 1).flatten(1)
-        for row in range(rows)
-        for column in range(columns)
-    ]
-    hidden = model.vision_model(
-        pixel_values=torch.stack(patches, 1),
-        pixel_attention_mask=torch.ones(len(images), rows * columns),
-        spatial_shapes=torch.tensor([[rows, columns]] * len(images)),
-        output_hidden_states=True,
-    ).hidden_states[block]
-    return model.vision_model.post_layernorm(hidden)
 
 
 def _twin_sam(model: Any, images: torch.Tensor, block: int) -> torch.Tensor:
@@ -203,17 +154,6 @@ def _twin_sam2(model: Any, images: torch.Tensor, block: int) -> torch.Tensor:
     backbone(images)
     hook.remove()
     return caught[0].flatten(1, 2)
-
-
-def _twin_mae(model: Any, images: torch.Tensor, block: int) -> torch.Tensor:
-    model.config.mask_ratio = 0.0
-    output = model.vit(pixel_values=images, interpolate_pos_encoding=True, output_hidden_states=True)
-    tokens = model.vit.layernorm(output.hidden_states[block])[:, 1:]
-    return torch.gather(tokens, 1, output.ids_restore[:, :, None].expand_as(tokens))
-
-
-def _twin_vit(model: Any, images: torch.Tensor, block: int) -> torch.Tensor:
-    return model.vit.layernorm(_hidden(model.vit, images, block, interpolate_pos_encoding=True))[:, 1:]
 
 
 def _twin_beit(model: Any, images: torch.Tensor, block: int) -> torch.Tensor:
@@ -237,15 +177,10 @@ CASES = {
     "dinov2": Case(_dinov2, _twin_backbone("Dinov2Backbone")),
     "dinov2-registers": Case(_registers, _twin_backbone("Dinov2WithRegistersBackbone")),
     "dinov3": Case(_dinov3, _twin_backbone("DINOv3ViTBackbone")),
-    "dinov3-convnext": Case(_convnext, _twin_convnext, 128, 32, 24, 4, 3, 16),
     "clip": Case(_clip, _twin_clip),
-    "siglip": Case(_siglip, _twin_siglip),
-    "siglip2": Case(_siglip2, _twin_siglip2),
     "sam": Case(_sam, _twin_sam, 64, 16, 8, early_patch=16),
     "sam2": Case(_sam2, _twin_sam2, 96, 16, 32, 4, 2),
     "sam2-video": Case(lambda: _sam2("Sam2Video"), _twin_sam2, 96, 16, 32, 4, 2),
-    "mae": Case(_mae, _twin_mae),
-    "vit": Case(_vit, _twin_vit),
     "unknown": Case(_beit, _twin_beit, 32),
 }
 

@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 import typer
 from typer import Option
 
 import dfd
 from dfd.cli.arguments import EncoderOption, MeshArgument, add_options, check_output, shown
-from dfd.common.interrupts import importing
 from dfd.common.progress import Stages
-from dfd.distillation.distill import distilling, find_distilled
 from dfd.distillation.settings import DistillSettings
 from dfd.encoders.known import DEFAULT_ENCODER
-from dfd.field.cache import hash_file, note, recall
 from dfd.field.given_features import read_features, rows_of_vertices
-
-if TYPE_CHECKING:
-    from dfd.field.field import Field
 
 FEATURES = "`--features`"
 
@@ -49,65 +43,26 @@ def distill(
     loss_curve: Annotated[Path | None, Option(metavar="PNG", help="Draw the loss of every step.")] = None,
     **settings_given: Any,
 ) -> None:
-    """Distill an image encoder's features into a field around MESH. Needed once per shape.
-
-    What the encoder saw is kept in a folder beside FIELD until FIELD is whole: the same command, if it was stopped,
-    resumes at the next picture.
-    """
+    """Distill an image encoder's features into a field around MESH. Needed once per shape."""
     check_output("--output", output, (".safetensors",))
     check_output("--loss-curve", loss_curve, (".png",))
 
-    settings = DistillSettings(**{name: value for name, value in settings_given.items() if value is not None})
+    given = {name: value for name, value in settings_given.items() if value is not None}
+    DistillSettings(**given)  # checked before the mesh is read
     rows = None if features is None else read_features(features, FEATURES)
-    partial = output.with_name(f"{output.name}.partial")
     stages = Stages()
-    found: Field | None = None
-    with stages.stage("read"), importing():
-        file = hash_file(mesh) if cache else None
-        known = recall(file)
-        look_up = cache and rows is None
-        if known is not None and look_up:
-            found = find_distilled(known, encoder, settings, device=device, checkpoint=partial)
-        if found is None:
-            from dfd.encoders.loading import load_in_background
-
-            options = settings.of_encoder()
-            loading = load_in_background(encoder, device=device, **options) if rows is None else None
-            shape = dfd.load(mesh)
-            if features is not None and rows is not None:
-                rows = rows_of_vertices(features, rows, shape, FEATURES)
-            if file == hash_file(mesh):  # the file that was read, and no later one
-                note(file, shape)
-            if look_up:
-                found = find_distilled(shape, encoder, settings, device=device, checkpoint=partial)
-    if found is not None:
-        field = found
-        field.save(output)
-    else:
-        try:
-            with distilling(
-                shape,
-                encoder,
-                settings,
-                features=rows,
-                device=device,
-                stages=stages,
-                cache=cache,
-                checkpoint=partial,
-                loading=loading,
-            ) as field:
-                field.save(output)
-        except KeyboardInterrupt:
-            if partial.exists():
-                message = f"the same command goes on from here; what is done is in {partial}"
-                raise KeyboardInterrupt(message) from None
-            raise
+    with stages.stage("read"):
+        shape = dfd.load(mesh)
+        if features is not None and rows is not None:
+            rows = rows_of_vertices(features, rows, shape, FEATURES)
+    field = dfd.distill(shape, encoder, features=rows, device=device, progress=stages, cache=cache, **given)
+    field.save(output)
     if loss_curve is not None:
         from dfd.pictures.loss_curve import save_loss_curve
 
         save_loss_curve(loss_curve, field.settings["losses"])
     times = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in stages.seconds.items())
-    origin = ", from the cache" if found else ""
+    origin = "" if "fit" in stages.seconds else ", from the cache"
     from dfd.upright.candidates import up_sentence
 
     if up := up_sentence(field.settings):

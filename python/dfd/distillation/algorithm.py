@@ -17,7 +17,7 @@ from dfd.distillation.settings import DistillSettings
 from dfd.distillation.smoothing import build_diffusion, smooth_along_surface
 from dfd.distillation.targets import PixelTargets, PointTargets, TokenGrid, side_by_side
 from dfd.distillation.thickness import thickness_bands
-from dfd.encoders.encode import Encoder, TokenStore
+from dfd.encoders.encode import Encoder
 from dfd.field.field import Field
 from dfd.upright.find_up import resolve_up
 from dfd.upright.probe import find_probe
@@ -30,10 +30,8 @@ _log = logging.getLogger(__name__)
 
 
 @one_blas_thread()
-def distill_pictures(
-    mesh: Mesh, encoder: Encoder, settings: DistillSettings, *, stages: Stages, store: TokenStore | None = None
-) -> Field:
-    """Return the field of `encoder`'s features of pictures of `mesh`; `store` may already hold their tokens."""
+def distill_pictures(mesh: Mesh, encoder: Encoder, settings: DistillSettings, *, stages: Stages) -> Field:
+    """Return the field of `encoder`'s features of pictures of `mesh`."""
     smoothing, seed = settings.smoothing, settings.seed
     metric = find_metric(encoder) if settings.metric == "learned" else None
     made = {**encoder.settings(), **settings.as_dict()}
@@ -47,7 +45,7 @@ def distill_pictures(
     pictures["views"] = max(settings.views // len(up.frames), 1)  # two ups take no longer than one
     views = [render(mesh, **pictures, frame=frame, stages=stages) for frame in up.frames]  # P = B·T, Eq. 2
     images, covered = (np.concatenate([getattr(each, name) for each in views]) for name in ("images", "covered"))
-    encode = partial(encoder.encode, images, covered=covered, store=store, stages=stages)
+    encode = partial(encoder.encode, images, covered=covered, stages=stages)
     targets: PixelTargets | PointTargets
     if smoothing == 0:
         targets = PixelTargets(views[0], encode())  # Z of every covered pixel

@@ -1,15 +1,12 @@
-"""The public entry point: cache lookup, checkpointing and memory advice around `dfd.distillation.algorithm`."""
+"""The public entry point: cache lookup and memory advice around `dfd.distillation.algorithm`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-from dfd.common.interrupts import heed_interrupts, importing
 from dfd.common.progress import Stages
-from dfd.distillation.checkpoint import Checkpoint
 from dfd.distillation.settings import DistillSettings
 from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.field import cache as field_cache
@@ -17,12 +14,9 @@ from dfd.field.cache_key import cache_key
 
 # torch and transformers take seconds to import: imported only when something is distilled.
 if TYPE_CHECKING:
-    from concurrent.futures import Future
-
     from numpy.typing import ArrayLike
 
     from dfd.encoders.encode import Encoder
-    from dfd.field.cache_key import Content
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh, MeshLike
 
@@ -41,7 +35,6 @@ def distill(
     device: str | None = None,
     progress: bool | Stages = True,
     cache: bool = True,
-    checkpoint: str | PathLike[str] | None = None,
     **settings: Any,
 ) -> Field:
     """Distill the features of an image encoder, or given features, into a field around `mesh`.
@@ -63,10 +56,6 @@ def distill(
     cache
         Take the field from the user's cache if the same mesh was distilled with the same settings before, and store it
         there otherwise; see `dfd.common.files`.
-    checkpoint
-        A folder that stores the encoder's tokens of each picture until the call ends. An interrupted call resumes at
-        the next picture; with another mesh, other settings or damaged files it restarts, with a warning. The fit takes
-        seconds and is always restarted.
     settings
         `preset` ("default", or "paper" for the procedure of the paper) and every other field of `DistillSettings`.
         Equal seeds give equal fields on one machine with the same number of threads, and nearly equal ones (to about
@@ -80,100 +69,58 @@ def distill(
     "up_source" ("said" if given, "file", "found", or "averaged" if features of two stand side by side).
 
     Raises ValueError if an argument is out of range, the encoder is unknown or was loaded for another `block` or
-    `background`, no camera ray hits the mesh, or `checkpoint` holds other files. Raises OSError if the encoder's
-    weights cannot be found or read, or `checkpoint` cannot be created. Raises MemoryError if memory runs out; the
-    message names the settings to lower.
+    `background`, or no camera ray hits the mesh. Raises OSError if the encoder's weights cannot be found or read.
+    Raises MemoryError if memory runs out; the message names the settings to lower.
 
     Warns
     -----
     RuntimeWarning
-        If the cache or `checkpoint` cannot be written; the call continues.
-    UserWarning
-        If `checkpoint` is damaged or was made with other settings, so that the run restarts.
+        If the cache cannot be written; the call continues.
 
     Source: paper, Eq. 2 and 3 and supplement L.
     """
     from dfd.mesh.mesh import as_mesh
 
+    mesh, checked = as_mesh(mesh), DistillSettings(**settings)
     stages = progress if isinstance(progress, Stages) else Stages(show=bool(progress))
-    with distilling(
-        as_mesh(mesh),
-        encoder,
-        DistillSettings(**settings),
-        features=features,
-        device=device,
-        stages=stages,
-        cache=cache,
-        checkpoint=checkpoint,
-    ) as field:
-        return field
-
-
-@contextmanager
-def distilling(
-    mesh: Mesh,
-    encoder: str | PathLike[str] | Encoder,
-    settings: DistillSettings,
-    *,
-    features: ArrayLike | tuple[ArrayLike, ArrayLike] | None = None,
-    device: str | None = None,
-    stages: Stages,
-    cache: bool = True,
-    checkpoint: str | PathLike[str] | None = None,
-    loading: Future[Encoder] | None = None,
-) -> Iterator[Field]:
-    """`distill` as a context: the checkpoint is removed only after the block (which writes the field) has succeeded.
-
-    `loading` is the future of the `encoder` if it is already being loaded.
-    """
-    with stages.stage("load"), importing():
-        known = _find_key(mesh, encoder, settings, device) if features is None else None
-        found = _find(known, checkpoint) if cache else None
+    with stages.stage("load"):
+        known = _find_key(mesh, encoder, checked, device) if features is None else None
+        found = field_cache.find(known) if cache and known else None
         if found is None:
             if features is None:
-                key, run = _of_pictures(mesh, encoder, settings, device, loading)
+                key, run = _of_pictures(mesh, encoder, checked, device)
             else:
-                key, run = _of_features(mesh, features, settings, device)
+                key, run = _of_features(mesh, features, checked, device)
             if cache and key != known:
-                found = _find(key, checkpoint)
+                found = field_cache.find(key)
     if found is not None:
-        yield found
-        return
-    store = None if checkpoint is None or features is not None else Checkpoint(checkpoint, key)
-    with _guarded(stages, store):
-        field = run(stages, store)
+        return found
+    try:
+        field = run(stages)
+    except (MemoryError, RuntimeError) as error:
+        from dfd.common.devices import out_of_memory
+
+        if not out_of_memory(error) or str(error).startswith("encode: "):
+            raise
+        raise MemoryError(f"distill: too little memory for {_ADVICE.get(stages.latest or '', _FIT)}") from error
     if cache:
         field_cache.store(key, field)
-    yield field
-    if store is not None:
-        store.remove()
+    return field
 
 
 def find_distilled(
-    mesh: Content,
-    encoder: str | PathLike[str] | Encoder,
-    settings: DistillSettings,
-    *,
-    device: str | None = None,
-    checkpoint: str | PathLike[str] | None = None,
+    mesh: Mesh, encoder: str | PathLike[str] | Encoder, settings: DistillSettings, *, device: str | None = None
 ) -> Field | None:
     """Return the field that `distill` would take from the user's cache for the same arguments, else None.
 
     Does not import torch, which would take longer than the lookup.
     """
-    return _find(_find_key(mesh, encoder, settings, device), checkpoint)
-
-
-def _find(key: Mapping[str, Any] | None, checkpoint: str | PathLike[str] | None) -> Field | None:
-    """The cached field; if there is one, an earlier run's files in `checkpoint` are removed."""
-    found = field_cache.find(key) if key else None
-    if found is not None and key and checkpoint is not None:
-        Checkpoint.discard(checkpoint, key)
-    return found
+    key = _find_key(mesh, encoder, settings, device)
+    return field_cache.find(key) if key else None
 
 
 def _find_key(
-    mesh: Content, encoder: str | PathLike[str] | Encoder, settings: DistillSettings, device: str | None
+    mesh: Mesh, encoder: str | PathLike[str] | Encoder, settings: DistillSettings, device: str | None
 ) -> dict[str, Any] | None:
     """The cache key, without loading the encoder; None if it depends on the loaded encoder."""
     from dfd.encoders.loading import find_identity
@@ -184,30 +131,23 @@ def _find_key(
     return cache_key(mesh, **settings.as_dict(), **identity) if identity else None
 
 
-_Work = tuple[dict[str, Any], Callable[[Stages, Checkpoint | None], "Field"]]  # key, and what makes its field
+_Work = tuple[dict[str, Any], Callable[[Stages], "Field"]]  # key, and what makes its field
 
 
 def _of_pictures(
-    mesh: Mesh,
-    encoder: str | PathLike[str] | Encoder,
-    settings: DistillSettings,
-    device: str | None,
-    loading: Future[Encoder] | None,
+    mesh: Mesh, encoder: str | PathLike[str] | Encoder, settings: DistillSettings, device: str | None
 ) -> _Work:
-    with heed_interrupts(wait=True):
-        from dfd.distillation.algorithm import distill_pictures
-        from dfd.encoders.encode import Encoder, load_encoder
-        from dfd.encoders.loading import loaded_identity
+    from dfd.distillation.algorithm import distill_pictures
+    from dfd.encoders.encode import Encoder, load_encoder
+    from dfd.encoders.loading import loaded_identity
 
-    if loading is not None:
-        model = loading.result()
-    elif isinstance(encoder, Encoder):
+    if isinstance(encoder, Encoder):
         model = encoder
         _check_loaded(model, settings)
     else:
         model = load_encoder(encoder, device=device, **settings.of_encoder())
     key = cache_key(mesh, **settings.as_dict(), **loaded_identity(encoder, device, model))
-    return key, lambda stages, store: distill_pictures(mesh, model, settings, stages=stages, store=store)
+    return key, lambda stages: distill_pictures(mesh, model, settings, stages=stages)
 
 
 def _check_loaded(encoder: Encoder, settings: DistillSettings) -> None:
@@ -222,28 +162,10 @@ def _check_loaded(encoder: Encoder, settings: DistillSettings) -> None:
 def _of_features(
     mesh: Mesh, features: ArrayLike | tuple[ArrayLike, ArrayLike], settings: DistillSettings, device: str | None
 ) -> _Work:
-    with heed_interrupts(wait=True):
-        from dfd.common.devices import choose_device
-        from dfd.distillation.given_features import GivenFeatures, distill_features
+    from dfd.common.devices import choose_device
+    from dfd.distillation.given_features import GivenFeatures, distill_features
 
     target = choose_device("distill", device)
     given = GivenFeatures(mesh, features)
     key = cache_key(mesh, **settings.of_fit(), features=given.kind, given=given.sha256(), device=str(target))
-    return key, lambda stages, store: distill_features(given, settings, device=target, stages=stages)
-
-
-@contextmanager
-def _guarded(stages: Stages, store: Checkpoint | None) -> Iterator[None]:
-    """Turn every out-of-memory error into a MemoryError with advice; remove a checkpoint that leads to a ValueError."""
-    try:
-        yield
-    except ValueError:
-        if store is not None:
-            store.remove()
-        raise
-    except (MemoryError, RuntimeError) as error:
-        from dfd.common.devices import out_of_memory
-
-        if not out_of_memory(error) or str(error).startswith("encode: "):
-            raise
-        raise MemoryError(f"distill: too little memory for {_ADVICE.get(stages.latest or '', _FIT)}") from error
+    return key, lambda stages: distill_features(given, settings, device=target, stages=stages)

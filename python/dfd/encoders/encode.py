@@ -8,8 +8,7 @@ import logging
 import os
 import warnings
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -32,16 +31,6 @@ _log = logging.getLogger(__name__)
 PrecisionOption = Literal["auto", "float32", "bfloat16"]
 
 _PIXELS_AT_ONCE = 24 * 518 * 518  # encoded together on an accelerator: enough to keep it busy
-
-
-class TokenStore(Protocol):
-    """A cache of one encoder's tokens of pictures."""
-
-    def read_tokens(self, image: UInt8, covered: Bool | None) -> Float32 | None:
-        """The tokens (h, w, D) of an image (R, R, 3) with its covered pixels (R, R); None where they are not kept."""
-
-    def write_tokens(self, image: UInt8, covered: Bool | None, tokens: Float32) -> None:
-        """Keep `tokens`; called from another thread than `read_tokens`, for one image after the other."""
 
 
 class Encoder:
@@ -120,14 +109,7 @@ class Encoder:
             "device": self.device,
         }
 
-    def encode(
-        self,
-        images: UInt8,
-        *,
-        covered: Bool | None = None,
-        store: TokenStore | None = None,
-        stages: Stages | None = None,
-    ) -> Float32:
+    def encode(self, images: UInt8, *, covered: Bool | None = None, stages: Stages | None = None) -> Float32:
         """Return the tokens of `images`.
 
         Parameters
@@ -139,8 +121,6 @@ class Encoder:
             Shape (number of images, R, R): the pixels that show the shape. Patches that neither have such pixels nor
             adjoin one that has are skipped by networks that support it, and their tokens are 0. None: every patch is
             encoded.
-        store
-            Looked into for the tokens of each image, and given those that are made, as soon as they are.
         stages
             Gets a stage "encode" of one item an image.
 
@@ -166,41 +146,21 @@ class Encoder:
         side = resolution // self.patch
         tokens = np.empty((len(pictures), side, side, self.dimension), np.float32)
 
-        def shown_in(images: Any) -> Any:
-            return None if shown is None else shown[images]
-
+        order = np.arange(len(pictures))
+        if shown is not None:  # the slowest first, so that all threads end at about the same time
+            order = np.argsort(-np.count_nonzero(shown, axis=(1, 2)), kind="stable")
         with (stages or Stages(show=False)).stage("encode", total=len(pictures)) as advance:
-            remaining = []
-            for image, picture in enumerate(pictures):
-                kept = store.read_tokens(picture, shown_in(image)) if store is not None else None
-                if kept is not None and kept.shape == tokens.shape[1:]:
-                    tokens[image] = kept
-                    advance()
-                else:
-                    remaining.append(image)
-
-            if shown is not None:  # the slowest first, so that all threads end at about the same time
-                remaining.sort(key=lambda image: -np.count_nonzero(shown[image]))
-
-            writing: list[Future[None]] = []
 
             def fill(begin: int, end: int) -> None:
-                some = remaining[begin:end]
-                tokens[some] = self._forward(pictures[some], shown_in(some))
-                if store is not None:
-                    for image in some:
-                        writing.append(disk.submit(store.write_tokens, pictures[image], shown_in(image), tokens[image]))
+                some = order[begin:end]
+                tokens[some] = self._forward(pictures[some], None if shown is None else shown[some])
                 advance(end - begin)
 
             try:
-                # Tokens are written on a separate thread, so that compute threads never block on I/O.
-                with ThreadPoolExecutor(1, "dfd-keep") as disk:
-                    if self.device == "cpu":
-                        parallel_inference(len(remaining), 1, fill)
-                    else:
-                        _fill_in_batches(len(remaining), max(1, _PIXELS_AT_ONCE // resolution**2), fill)
-                for written in writing:
-                    written.result()
+                if self.device == "cpu":
+                    parallel_inference(len(order), 1, fill)
+                else:
+                    _fill_in_batches(len(order), max(1, _PIXELS_AT_ONCE // resolution**2), fill)
             except RuntimeError as error:
                 if not out_of_memory(error):
                     raise

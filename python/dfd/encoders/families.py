@@ -10,13 +10,13 @@ import math
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import torch
 from torch import Tensor, nn
 
-from dfd.encoders.known import CLIP, IMAGENET, SYMMETRIC, ChannelStats
+from dfd.encoders.known import CLIP, IMAGENET, ChannelStats
 from dfd.encoders.vision_model import VisionModel, check_block
 from dfd.encoders.weight_files import EncoderWeights, unreadable
 
@@ -29,9 +29,11 @@ def build_family(weights: EncoderWeights, block: int | None, channels: ChannelSt
     Raises ValueError if the family is unknown, the block out of range, or the tensors do not fit the configuration.
     Raises OSError if the file of weights cannot be read.
     """
-    from transformers.models.auto.configuration_auto import CONFIG_MAPPING
-
     kind = weights.config["model_type"]
+    try:
+        from transformers.models.auto.configuration_auto import CONFIG_MAPPING
+    except ImportError:
+        raise ImportError(f'load_encoder: a {kind} model needs transformers: pip install "dfd[encoders]"') from None
     if kind not in CONFIG_MAPPING:
         raise ValueError(f"load_encoder: `encoder`: this version of transformers does not know the model type {kind!r}")
     family = _FAMILIES.get(kind, _UNKNOWN)
@@ -100,7 +102,6 @@ class _Family:
     blocks: str = ""
     submodule: str = ""
     config: Callable[[Any], Any] = lambda config: getattr(config, "vision_config", config)
-    arguments: dict[str, Any] = field(default_factory=dict)
     channels: ChannelStats = IMAGENET
     block: Callable[[Any, int], int] = lambda config, depth: depth
     dimension: Callable[[Any, int], int] = lambda config, block: int(config.hidden_size)
@@ -121,7 +122,6 @@ def _load(family: _Family, weights: EncoderWeights, config: Any) -> tuple[Any, s
             local_files_only=True,
             output_loading_info=True,
             ignore_mismatched_sizes=True,  # they are reported, and refused below by name
-            **family.arguments,
         )
     except Exception as error:  # safetensors, pickle, zip and transformers raise types of their own
         raise unreadable(weights, error) from error
@@ -186,39 +186,10 @@ def _plain(network: Any, images: Tensor) -> Tensor:
     return _grid(network(pixel_values=images).last_hidden_state, images, _patch(network.config, 0))
 
 
-def _interpolated(network: Any, images: Tensor) -> Tensor:
-    tokens = network(pixel_values=images, interpolate_pos_encoding=True).last_hidden_state
-    return _grid(tokens, images, network.config.patch_size)
-
-
 def _clip(network: Any, images: Tensor) -> Tensor:
+    tokens = network(pixel_values=images, interpolate_pos_encoding=True).last_hidden_state
     # CLIP itself applies its last norm to the class token only.
-    return network.post_layernorm(_interpolated(network, images))
-
-
-def _siglip2(network: Any, images: Tensor) -> Tensor:
-    """SigLIP 2 of any shape takes patches, not pixels: (n, h·w, patch · patch · 3), channels last."""
-    patch = network.config.patch_size
-    count, channels, height, width = images.shape
-    rows, columns = height // patch, width // patch
-    pixels = images.reshape(count, channels, rows, patch, columns, patch)
-    pixels = pixels.permute(0, 2, 4, 3, 5, 1).reshape(count, rows * columns, -1)
-    output = network(
-        pixel_values=pixels,
-        pixel_attention_mask=torch.ones(pixels.shape[:2], dtype=torch.int32, device=images.device),
-        spatial_shapes=torch.tensor([[rows, columns]] * count, device=images.device),
-    )
-    return _grid(output.last_hidden_state, images, patch)
-
-
-def _mae(network: Any, images: Tensor) -> Tensor:
-    """Nothing masked, and rising "noise", so that the shuffle by which MAE masks leaves the patches in their places."""
-    patch = network.config.patch_size
-    network.config.mask_ratio = 0.0
-    count = (images.shape[2] // patch) * (images.shape[3] // patch)
-    order = torch.arange(count, dtype=torch.float32, device=images.device).expand(len(images), count)
-    output = network(pixel_values=images, noise=order, interpolate_pos_encoding=True)
-    return _grid(output.last_hidden_state, images, patch)
+    return network.post_layernorm(_grid(tokens, images, network.config.patch_size))
 
 
 def _hiera(network: Any, images: Tensor) -> Tensor:
@@ -227,13 +198,6 @@ def _hiera(network: Any, images: Tensor) -> Tensor:
 
 def _sam(network: Any, images: Tensor) -> Tensor:
     return _hiera(network, images).permute(0, 2, 3, 1)
-
-
-def _convnext(network: Any, images: Tensor) -> Tensor:
-    maps: Tensor = network.model(images).last_hidden_state
-    tokens = maps.permute(0, 2, 3, 1)
-    # The final norm fits the last stage only.
-    return network.layer_norm(tokens) if len(network.model.stages) == network.config.num_stages else tokens
 
 
 def _hiera_backbone(config: Any) -> Any:
@@ -266,17 +230,7 @@ def _hiera_step(config: Any) -> int:
 
 
 _DINOV3 = _Family("DINOv3ViTModel", _plain, "model.layer")
-_CONVNEXT = _Family(
-    "DINOv3ConvNextModel",
-    _convnext,
-    "model.stages",
-    dimension=lambda config, block: int(config.hidden_sizes[block - 1]),
-    patch=lambda config, block: 4 * 2 ** (block - 1),
-    step=lambda config: 4 * 2 ** (config.num_stages - 1),
-)
 _CLIP = _Family("CLIPVisionModel", _clip, "encoder.layers", channels=CLIP)
-_SIGLIP = _Family("SiglipVisionModel", _interpolated, "encoder.layers", channels=SYMMETRIC)
-_SIGLIP2 = _Family("Siglip2VisionModel", _siglip2, "encoder.layers", channels=SYMMETRIC)
 _SAM = _Family(
     "SamVisionModel",
     _sam,
@@ -296,14 +250,9 @@ _SAM2 = _Family(
     patch=_hiera_patch,
     step=_hiera_step,
 )
-_MAE = _Family("ViTMAEModel", _mae, "layers")
-_VIT = _Family("ViTModel", _interpolated, "layers", arguments={"add_pooling_layer": False}, channels=SYMMETRIC)
-
 # Of other families only the size of images is known, from their configuration.
 _UNKNOWN = _Family("AutoModel", _plain, fixed_size=_image_size)
 
-# By model type; those of CLIP, SigLIP and SAM may stand alone as vision models.
-_FAMILIES = {"dinov3_vit": _DINOV3, "dinov3_convnext": _CONVNEXT, "vit_mae": _MAE, "vit": _VIT}
+# By model type; those of CLIP and SAM may stand alone as vision models.
+_FAMILIES = {"dinov3_vit": _DINOV3, "clip": _CLIP, "clip_vision_model": _CLIP, "sam": _SAM, "sam_vision_model": _SAM}
 _FAMILIES |= {"sam2": _SAM2, "sam2_video": _SAM2}
-for _name, _family in {"clip": _CLIP, "siglip": _SIGLIP, "siglip2": _SIGLIP2, "sam": _SAM}.items():
-    _FAMILIES |= {_name: _family, f"{_name}_vision_model": _family}

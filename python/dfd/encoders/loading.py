@@ -1,16 +1,12 @@
-"""Identifies an encoder without loading it, and loads it on a background thread.
-
-Does not import torch, which takes seconds.
-"""
+"""Identify an encoder without loading it, and without importing torch, which takes seconds."""
 
 from __future__ import annotations
 
 import os
-from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
 from dfd.encoders.precision import saved_device, saved_precision
-from dfd.encoders.sources import find_fingerprint, is_cached
+from dfd.encoders.sources import find_fingerprint
 
 if TYPE_CHECKING:
     import torch
@@ -49,24 +45,3 @@ def loaded_identity(
         return identity
     same = all(known[name] == identity[name] for name in ("encoder_precision", "device"))
     return known if same else identity
-
-
-def load_in_background(
-    encoder: str | os.PathLike[str], *, device: str | torch.device | None = None, **options: Any
-) -> Future[Encoder] | None:
-    """Call `dfd.encoders.encode.load_encoder` on a background thread; the future raises what that raises.
-
-    None if it must be downloaded first: downloads run on the calling thread, where they can be interrupted.
-    """
-    if not is_cached(encoder):
-        return None
-
-    def load() -> Encoder:
-        from dfd.encoders.encode import load_encoder
-
-        return load_encoder(encoder, device=device, **options)
-
-    pool = ThreadPoolExecutor(1, "dfd-encoder")
-    loading = pool.submit(load)
-    pool.shutdown(wait=False)
-    return loading

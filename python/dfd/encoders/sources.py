@@ -40,17 +40,6 @@ def find_weights(encoder: str | os.PathLike[str]) -> EncoderWeights:
     return folder_weights(folder, source=f"hub {hub}", fingerprint=f"revision:{folder.name}")
 
 
-def is_cached(encoder: str | os.PathLike[str]) -> bool:
-    """Whether the weights of `encoder` are on this machine, so that `find_weights` downloads nothing."""
-    name = os.fspath(encoder)
-    if Path(name).expanduser().exists():
-        return True
-    if name == DEFAULT_ENCODER:
-        return find_graph() is not None
-    hub = _hub_name(name)
-    return hub is not None and _cached_folder(hub) is not None
-
-
 def find_fingerprint(encoder: str | os.PathLike[str]) -> str | None:
     """Return the fingerprint of the weights that are cached for `encoder`, without loading them or asking the hub.
 
@@ -82,8 +71,10 @@ def _hub_name(name: str) -> str | None:
 
 def _cached_folder(hub: str) -> Path | None:
     """The folder of `hub` in the hub's cache; None where a file that is needed is missing."""
-    from huggingface_hub import try_to_load_from_cache
-
+    try:
+        from huggingface_hub import try_to_load_from_cache
+    except ImportError:
+        return None
     config = try_to_load_from_cache(hub, _SETTINGS[0])
     if not isinstance(config, str):
         return None
@@ -100,8 +91,11 @@ def _downloaded_folder(name: str, hub: str) -> Path:
 
     Raises ValueError if the hub has no such model. Raises OSError if it cannot be downloaded.
     """
-    from huggingface_hub import constants, snapshot_download
-    from huggingface_hub.errors import GatedRepoError, RepositoryNotFoundError
+    try:
+        from huggingface_hub import constants, snapshot_download
+        from huggingface_hub.errors import GatedRepoError, RepositoryNotFoundError
+    except ImportError:
+        raise ImportError(f'load_encoder: `encoder` {name!r} is on a hub: pip install "dfd[encoders]"') from None
 
     try:
         for form in _FORMS:

@@ -1,10 +1,6 @@
 """`dfd distill`."""
 
-import errno
 import json
-import sys
-from contextlib import nullcontext
-from inspect import signature
 from pathlib import Path
 from unittest import mock
 
@@ -15,10 +11,8 @@ from made_field import same
 from tiny_encoder import save_tiny_encoder
 
 import dfd
-from dfd.distillation.settings import DistillSettings
+from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.field.field import Field
-
-DISTILL = sys.modules["dfd.cli.distill"]  # by its own name there is the command
 
 
 def test_distill_hands_everything_on(run, folder):
@@ -28,32 +22,32 @@ def test_distill_hands_everything_on(run, folder):
     more += ("--metric", "none", "--octaves", 3, "--batch", 99, "--learning-rate", 0.004, "--preset", "paper")
     np.save("rows.npy", np.eye(3))
     more += ("--features", "rows.npy", "--no-cache", "--no-mirrored", "--smoothing", 0.1)
-    with mock.patch.object(DISTILL, "distilling", return_value=nullcontext(field)) as distill:
+    with mock.patch("dfd.distill", return_value=field) as distill:
         result = run("distill", "MESH", "-o", "out.safetensors", *options, *more)
     assert worked(result)
-    (mesh, encoder, settings), given = distill.call_args
+    (mesh, encoder), given = distill.call_args
     assert len(mesh.vertices) == 2004
     assert encoder == "clip"
-    del given["stages"]
-    assert given.pop("loading") is None
+    del given["progress"]
     np.testing.assert_array_equal(given.pop("features"), np.eye(3))
-    assert given == {"device": "cpu", "cache": False, "checkpoint": Path("out.safetensors.partial")}
-    assert settings == DistillSettings(
-        preset="paper",
-        views=6,
-        resolution=224,
-        framing="paper",
-        simplify_to=500,
-        supervision="vertex",
-        mirrored=False,
-        smoothing=0.1,
-        metric="none",
-        octaves=3,
-        batch=99,
-        learning_rate=0.004,
-        steps=7,
-        seed=11,
-    )
+    assert given == {
+        "device": "cpu",
+        "cache": False,
+        "preset": "paper",
+        "views": 6,
+        "resolution": 224,
+        "framing": "paper",
+        "simplify_to": 500,
+        "supervision": "vertex",
+        "mirrored": False,
+        "smoothing": 0.1,
+        "metric": "none",
+        "octaves": 3,
+        "batch": 99,
+        "learning_rate": 0.004,
+        "steps": 7,
+        "seed": 11,
+    }
     assert Field.load("out.safetensors").settings == field.settings
     assert drawn("loss.png").std() > 5
     assert "out.safetensors: a field of 16 dimensions" in result.stderr
@@ -61,13 +55,11 @@ def test_distill_hands_everything_on(run, folder):
 
 def test_distill_leaves_defaults_to_the_function(run, folder):
     field = Field.load(folder / "chair.field.safetensors")
-    with mock.patch.object(DISTILL, "distilling", return_value=nullcontext(field)) as distill:
+    with mock.patch("dfd.distill", return_value=field) as distill:
         assert worked(run("distill", "MESH", "-o", "out.safetensors"))
-    (_, encoder, settings), given = distill.call_args
-    parameters = signature(dfd.distill).parameters
-    assert encoder == parameters["encoder"].default
-    assert settings == DistillSettings()
-    assert all(given[name] == parameters[name].default for name in ("features", "device", "cache"))
+    (_, encoder), given = distill.call_args
+    del given["progress"]
+    assert (encoder, given) == (DEFAULT_ENCODER, {"features": None, "device": None, "cache": True})
 
 
 def worked_from_cache(result):
@@ -79,52 +71,13 @@ def test_distill_copies_what_the_cache_has(run, tmp_path):
     save_tiny_encoder(tmp_path / "tiny")
     command = ("distill", "MESH", "--encoder", "./tiny", "--views", 2, "--resolution", 32, "--steps", 3)
     assert not worked_from_cache(run(*command, "-o", "first.safetensors"))
-    made_before = AssertionError("it was made before")
-    with (
-        mock.patch.object(DISTILL, "distilling", side_effect=made_before),
-        mock.patch("dfd.load", side_effect=made_before),
-    ):
-        again = run(*command, "-o", "again.safetensors", "--loss-curve", "loss.png")
+    again = run(*command, "-o", "again.safetensors", "--loss-curve", "loss.png")
     assert worked(again)
     assert "again.safetensors: a field of 16 dimensions, from the cache (" in again.stderr
     assert drawn("loss.png").std() > 5
     one, two = (Field.load(f"{name}.safetensors") for name in ("first", "again"))
     assert same(one, two)
-
     assert not worked_from_cache(run(*command, "-o", "anew.safetensors", "--no-cache"))
-    (tmp_path / "cache" / "meshes.json").unlink()
-    assert worked_from_cache(run(*command, "-o", "again.safetensors"))
-    (entry,) = (tmp_path / "cache" / "fields").iterdir()
-    entry.write_bytes(entry.read_bytes()[:-1])
-    with mock.patch.object(DISTILL, "distilling", return_value=nullcontext(one)) as distill:
-        third = run(*command, "-o", "third.safetensors")
-    assert not worked_from_cache(third)
-    assert distill.called
-    Field.load("third.safetensors")
-
-
-def test_distill_interrupted_says_how_to_go_on(run):
-    def interrupted(*_, checkpoint, **__):
-        checkpoint.mkdir()
-        raise KeyboardInterrupt
-
-    with mock.patch.object(DISTILL, "distilling", interrupted):
-        result = run("distill", "MESH", "-o", "out.safetensors")
-    message = "interrupted: the same command goes on from here; what is done is in out.safetensors.partial"
-    assert failed(result, message, code=130)
-
-
-def test_distill_that_cannot_write_its_field_keeps_what_is_done(run, tmp_path):
-    save_tiny_encoder(tmp_path / "tiny")
-    command = ("distill", "MESH", "--encoder", "./tiny", "--views", 2, "--resolution", 32, "--steps", 3, "--no-cache")
-    full = OSError(errno.ENOSPC, "No space left on device")
-    with mock.patch.object(Field, "save", side_effect=full):
-        assert failed(run(*command, "-o", "out.safetensors"), "No space left on device")
-    assert any(Path("out.safetensors.partial").glob("tokens-*"))
-    with mock.patch("dfd.encoders.encode.Encoder._forward", side_effect=AssertionError("it was encoded before")):
-        assert worked(run(*command, "-o", "out.safetensors"))
-    assert not Path("out.safetensors.partial").exists()
-    Field.load("out.safetensors")
 
 
 def test_features_that_are_no_array_are_refused(run):
@@ -160,7 +113,7 @@ def test_distill_names_what_is_wrong(run, tmp_path, arguments, message):
 def distilled_with(run, folder, *more):
     """What `--features` hands on from rows.npy, and the result of the command."""
     field = Field.load(folder / "chair.field.safetensors")
-    with mock.patch.object(DISTILL, "distilling", return_value=nullcontext(field)) as distill:
+    with mock.patch("dfd.distill", return_value=field) as distill:
         return run("distill", "MESH", "-o", "out.safetensors", "--features", *more), distill
 
 

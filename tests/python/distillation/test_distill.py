@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
-import gc
 import inspect
-import signal
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 import dfd
-from dfd.distillation import algorithm
-from dfd.encoders.encode import Encoder
 from dfd.samples import Sample
-from dfd.upright.candidates import Up, axis_frames
-from dfd.views.render import Views, render
 
 # A small but real setting: enough for parts to be told apart, quick enough for every run of the tests.
 SMALL = {"views": 12, "resolution": 280, "steps": 150, "batch": 1024, "progress": False, "cache": False}
@@ -128,56 +120,3 @@ def test_no_other_settings_are_taken_and_its_own_arguments_are_explained() -> No
     assert all(f"    {name}\n" in (dfd.distill.__doc__ or "") for name in own if name not in ("mesh", "encoder"))
     with pytest.raises(TypeError, match=r"distill\(\) got an unexpected keyword argument 'view'"):
         dfd.distill(dfd.samples.chair(4000).mesh, view=3)  # type: ignore[call-arg]
-
-
-def test_garbage_is_collected_again_when_loading_fails(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fails(*_: object, **__: object) -> None:
-        assert not gc.isenabled()
-        raise OSError("no weights")
-
-    monkeypatch.setattr("dfd.encoders.encode.load_encoder", fails)
-    with pytest.raises(OSError, match="no weights"):
-        dfd.distill(dfd.samples.chair(4000).mesh, cache=False, progress=False)
-    assert gc.isenabled()
-
-
-def test_an_interruption_amid_loading_is_never_lost(monkeypatch: pytest.MonkeyPatch) -> None:
-    def swallows(*_: object, **__: object) -> None:
-        with contextlib.suppress(BaseException):  # as an extension's own import may
-            signal.raise_signal(signal.SIGINT)
-
-    monkeypatch.setattr("dfd.encoders.encode.load_encoder", swallows)
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            dfd.distill(dfd.samples.chair(4000).mesh, cache=False, progress=False)
-        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-@pytest.mark.parametrize(("smoothing", "taken", "source"), [(0.15, [4, 4], "averaged"), (0.0, [8], "found")])
-def test_two_likely_ups_have_half_of_the_pictures_each(
-    encoder: Encoder,
-    chair_mesh: dfd.Mesh,
-    monkeypatch: pytest.MonkeyPatch,
-    smoothing: float,
-    taken: list[int],
-    source: str,
-) -> None:
-    frames = np.stack(axis_frames(np.eye(3)))[[2, 4]]
-    up = Up(frames[0], 0.6, "averaged", frames, np.array([0.6, 0.4]))
-    monkeypatch.setattr(algorithm, "resolve_up", lambda *_, **__: up)
-    seen = []
-
-    def recorded(mesh: dfd.Mesh, *, views: int, **more: Any) -> Views:
-        seen.append(views)
-        return render(mesh, views=views, **more)
-
-    monkeypatch.setattr(algorithm, "render", recorded)
-    some: dict[str, Any] = {"views": 8, "resolution": 64, "steps": 2, "smoothing": smoothing}
-    field = dfd.distill(chair_mesh, encoder, progress=False, cache=False, **some)
-    assert seen == taken
-    assert field.settings["up_source"] == source
-    assert field.settings.get("up_shares") == ([0.6, 0.4] if source == "averaged" else None)
-    assert np.isfinite(field.features(chair_mesh)).all()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -154,82 +153,6 @@ def test_too_little_memory_for_one_image_says_what_to_lower(
     monkeypatch.setattr(Encoder, "_forward", fail)
     with pytest.raises(MemoryError, match="lower the resolution"):
         load_encoder(dinov2.folder, device="cpu").encode(pictures(5, 32))
-
-
-class Memory:
-    """A store of tokens that counts."""
-
-    def __init__(self) -> None:
-        self.kept: dict[bytes, np.ndarray] = {}
-        self.covered: list[bool] = []
-
-    def read_tokens(self, image: np.ndarray, covered: np.ndarray | None) -> np.ndarray | None:
-        return self.kept.get(image.tobytes())
-
-    def write_tokens(self, image: np.ndarray, covered: np.ndarray | None, tokens: np.ndarray) -> None:
-        self.kept[image.tobytes()] = tokens.copy()
-        self.covered.append(covered is not None)
-
-
-@pytest.mark.parametrize("covered", [None, np.ones((5, 48, 48), bool)])
-def test_tokens_that_are_in_store_are_not_made_again(
-    dinov2: Saved, monkeypatch: pytest.MonkeyPatch, covered: np.ndarray | None
-) -> None:
-    encoder = load_encoder(dinov2.folder, device="cpu", precision="float32")
-    images, memory, made = pictures(5, 48), Memory(), []
-    some = None if covered is None else covered[1:3]
-    expected = encoder.encode(images, covered=covered)
-    np.testing.assert_array_equal(encoder.encode(images[1:3], covered=some, store=memory), expected[1:3])
-    assert memory.covered == [covered is not None] * 2
-    memory.kept[images[4].tobytes()] = np.zeros((1, 1, 16), np.float32)  # of another resolution: not taken
-    forward, stages = Encoder._forward, Stages(show=False)
-    monkeypatch.setattr(Encoder, "_forward", lambda self, *given: made.append(len(given[0])) or forward(self, *given))
-    np.testing.assert_array_equal(encoder.encode(images, covered=covered, store=memory, stages=stages), expected)
-    assert sum(made) == 3
-    assert list(stages.seconds) == ["encode"]
-    assert len(memory.kept) == 5
-    made.clear()
-    np.testing.assert_array_equal(encoder.encode(images, covered=covered, store=memory), expected)
-    assert made == []
-
-
-def test_pictures_do_not_wait_for_a_slow_store_and_all_are_kept(dinov2: Saved) -> None:
-    encoder = load_encoder(dinov2.folder, device="cpu", precision="float32")
-    images, encoded = pictures(4, 48), threading.Event()
-
-    class Slow(Memory):
-        def write_tokens(self, image: np.ndarray, covered: np.ndarray | None, tokens: np.ndarray) -> None:
-            assert encoded.wait(30)
-            super().write_tokens(image, covered, tokens)
-
-    class Watched(Stages):
-        def __init__(self) -> None:
-            super().__init__(show=False)
-            self.done = 0
-
-        @contextmanager
-        def stage(self, name: str, total: int | None = None) -> Iterator[Any]:
-            def advance(count: int = 1) -> None:
-                self.done += count
-                if self.done == total:
-                    encoded.set()
-
-            yield advance
-
-    memory = Slow()
-    expected = encoder.encode(images, store=memory, stages=Watched())
-    assert len(memory.kept) == 4
-    for image, tokens in zip(images, expected, strict=True):
-        np.testing.assert_array_equal(memory.kept[image.tobytes()], tokens)
-
-
-def test_what_a_store_raises_is_raised(dinov2: Saved) -> None:
-    class Broken(Memory):
-        def write_tokens(self, image: np.ndarray, covered: np.ndarray | None, tokens: np.ndarray) -> None:
-            raise OSError("no room")
-
-    with pytest.raises(OSError, match="^no room$"):
-        load_encoder(dinov2.folder, device="cpu").encode(pictures(2, 48), store=Broken())
 
 
 @pytest.mark.parametrize("resolution", [0, 2.5, True, "48"])

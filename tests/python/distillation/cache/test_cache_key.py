@@ -7,7 +7,7 @@ import pytest
 
 import dfd
 from dfd import Mesh
-from dfd.field.cache_key import FIELD_VERSION, cache_key, difference, hash_arrays, hash_key
+from dfd.field.cache_key import FIELD_VERSION, cache_key, hash_arrays, hash_key
 
 
 def test_keys_are_equal_by_content() -> None:
@@ -17,8 +17,7 @@ def test_keys_are_equal_by_content() -> None:
     assert one == two
     assert hash_key(one) == hash_key(two)
     assert hash_key(cache_key(mesh, views=25)) != hash_key(cache_key(mesh, views="25"))
-    other = cache_key(Mesh(mesh.vertices * 2, mesh.faces), views=25, rate=0.5)
-    assert difference(one, other) == "another mesh; views 24, now 25"
+    assert hash_key(cache_key(Mesh(mesh.vertices * 2, mesh.faces), views=24, rate=0.5, faces=None)) != hash_key(one)
 
 
 def test_another_version_is_another_key(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -26,7 +25,6 @@ def test_another_version_is_another_key(monkeypatch: pytest.MonkeyPatch) -> None
     before = cache_key(mesh)
     monkeypatch.setattr("dfd.field.cache_key.FIELD_VERSION", FIELD_VERSION + 1)
     assert hash_key(cache_key(mesh)) != hash_key(before)
-    assert difference(before, cache_key(mesh)) == "another version of dfd"
 
 
 def test_arrays_are_told_apart_by_type_shape_and_content() -> None:

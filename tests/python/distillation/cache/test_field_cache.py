@@ -113,16 +113,6 @@ def test_another_precision_is_another_field(
         for note in (tmp_path / "cache" / "precision").iterdir():
             note.unlink()
     assert len(list(cache.iterdir())) == 2
-    # A run that was stopped with the one precision is restarted with the other.
-    with monkeypatch.context() as patch:
-        patch.setattr(dfd.encoders.encode.Encoder, "encode", stop)
-        with pytest.raises(KeyboardInterrupt):
-            dfd.distill(mesh, encoder, cache=False, checkpoint=tmp_path / "run", **SMALL)
-    for note in (tmp_path / "cache" / "precision").iterdir():
-        note.write_text("bfloat16")
-    with pytest.warns(UserWarning, match="encoder_precision float32, now bfloat16"):
-        again = dfd.distill(mesh, encoder, cache=False, checkpoint=tmp_path / "run", **SMALL)
-    assert same(again, fields["bfloat16"])
 
 
 def test_a_field_that_was_not_foreseen_is_found_once_the_encoder_is_loaded(
@@ -133,26 +123,6 @@ def test_a_field_that_was_not_foreseen_is_found_once_the_encoder_is_loaded(
         note.unlink()
     assert same(dfd.distill(mesh, encoder, **SMALL), first)
     assert work == ["load_encoder", "render", "load_encoder"]
-
-
-def test_what_was_left_undone_goes_when_the_cache_has_it(encoder: Path, mesh: Mesh, tmp_path: Path) -> None:
-    left = tmp_path / "left"
-    dfd.distill(mesh, encoder, **SMALL)
-    for find in (
-        lambda: find_distilled(mesh, encoder, DistillSettings(**SIZES), device="cpu", checkpoint=left),
-        lambda: dfd.distill(mesh, encoder, **SMALL, checkpoint=left),
-    ):
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(dfd.encoders.encode.Encoder, "encode", stop)
-            with pytest.raises(KeyboardInterrupt):
-                dfd.distill(mesh, encoder, **SMALL, cache=False, checkpoint=left)
-        assert left.exists()
-        assert find() is not None
-        assert not left.exists()
-
-
-def stop(*_: Any, **__: Any) -> None:
-    raise KeyboardInterrupt
 
 
 def test_an_encoder_that_is_none_is_refused(mesh: Mesh) -> None:
