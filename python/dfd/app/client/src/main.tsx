@@ -5,7 +5,6 @@ import { listen } from "./actions/keyboard";
 import { receive } from "./actions/receive";
 import { followPosed } from "./actions/edit";
 import { followAxis, followSimilar } from "./actions/similar";
-import { socket } from "./actions/socket";
 import { App } from "./panels/app";
 import { posePoint } from "./posing/columns";
 import { store, type Theme } from "./store/state";
@@ -58,7 +57,7 @@ function start(): void {
   followSimilar();
   followAxis();
   followPosed();
-  connect(receive, socket);
+  connect(receive);
   // What tests ask the page by.
   if (new URLSearchParams(location.search).has("test")) {
     Object.assign(window, { dfd: { store, viewer, ask, drop, posePoint, sceneOf } });

@@ -1,28 +1,11 @@
-/** The connection to the server: it comes back by itself, and every request knows what became of it. */
+/** The WebSocket to the server: it reconnects by itself, and every request learns what became of it. */
 
-import type { Numbered, Received, Request } from "../protocol/binary_messages";
+import { decode, type Received, type Request } from "../protocol/binary_messages";
 import { store } from "../store/state";
+import { problem } from "./toasts";
 
 export const PROTOCOL = 1;
 const SESSION_KEY = "dfd-session";
-
-/** What carries the messages: a socket, or the page itself where there is no server. */
-export interface Link {
-  readonly status: "connecting" | "open" | "closed";
-  /** Bytes that wait to be sent. */
-  readonly unsent: number;
-  send(request: Numbered): void;
-  close(): void;
-}
-
-/** What a link tells, never before it was returned. */
-export interface LinkEvents {
-  readonly opened: () => void;
-  readonly received: (received: Received) => void;
-  readonly closed: (code: number) => void;
-}
-
-export type Connect = (events: LinkEvents) => Link;
 
 /** Close codes after which another try would only be refused again. */
 const DISMISSALS: Record<number, string> = {
@@ -36,10 +19,7 @@ const LONGEST_WAIT = 8000;
 /** Bytes that wait to be sent, beyond which frames of a drag are skipped. */
 const CONGESTED = 16_384;
 
-let link: Link | null = null;
-let open: Connect = () => {
-  throw new Error("Nothing connects the page yet.");
-};
+let socket: WebSocket | null = null;
 let receive: (received: Received) => void = () => undefined;
 let next = 1;
 let wait = FIRST_WAIT;
@@ -47,13 +27,12 @@ let timer = 0;
 /** Those who wait for an answer; it is null where the request failed. */
 const waiting = new Map<number, (received: Received | null) => void>();
 
-export function start(receiver: (received: Received) => void, by: Connect): void {
+export function start(receiver: (received: Received) => void): void {
   receive = receiver;
-  open = by;
   connect();
   // A laptop that wakes, or a network that is back, need not wait for the next try.
   const hurry = () => {
-    if (document.hidden || store.get().ended !== null || link?.status !== "closed") return;
+    if (document.hidden || store.get().ended !== null || socket?.readyState !== WebSocket.CLOSED) return;
     clearTimeout(timer);
     connect();
   };
@@ -63,9 +42,9 @@ export function start(receiver: (received: Received) => void, by: Connect): void
 
 /** Send without waiting for the answer; returns the request's number, or 0 where there is no connection. */
 export function send(request: Request): number {
-  if (link?.status !== "open") return 0;
+  if (socket?.readyState !== WebSocket.OPEN) return 0;
   const id = next++;
-  link.send({ ...request, id });
+  socket.send(JSON.stringify({ ...request, id }));
   return id;
 }
 
@@ -76,41 +55,52 @@ export function ask(request: Request): Promise<Received | null> {
 }
 
 export function congested(): boolean {
-  return (link?.unsent ?? 0) > CONGESTED;
+  return (socket?.bufferedAmount ?? 0) > CONGESTED;
 }
 
 /** Lose the connection, as a network does. */
 export function drop(): void {
-  link?.close();
+  socket?.close();
 }
 
 function connect(): void {
-  store.set({ link: link ? "lost" : "connecting" });
-  const own = open({
-    opened() {
-      wait = FIRST_WAIT;
-      store.set({ link: "open" });
-      send({ type: "hello", version: PROTOCOL, session: sessionStorage.getItem(SESSION_KEY) });
-    },
-    received(received) {
-      const { message } = received;
-      if (message.type === "session") sessionStorage.setItem(SESSION_KEY, message.session);
-      receive(received);
-      waiting.get(message.id)?.(message.type === "failure" ? null : received);
-      waiting.delete(message.id);
-    },
-    closed(code) {
-      if (link !== own) return;
-      for (const resolve of waiting.values()) resolve(null);
-      waiting.clear();
-      if (code in DISMISSALS) {
-        store.set({ link: "closed", ended: DISMISSALS[code] });
-        return;
-      }
-      store.set({ link: "lost" });
-      timer = window.setTimeout(connect, wait);
-      wait = Math.min(2 * wait, LONGEST_WAIT);
-    },
-  });
-  link = own;
+  store.set({ link: socket ? "lost" : "connecting" });
+  const address = new URL("ws", location.href);
+  address.protocol = address.protocol === "https:" ? "wss:" : "ws:";
+  address.search = address.hash = "";
+  const own = new WebSocket(address);
+  own.binaryType = "arraybuffer";
+  own.onopen = () => {
+    wait = FIRST_WAIT;
+    store.set({ link: "open" });
+    send({ type: "hello", version: PROTOCOL, session: sessionStorage.getItem(SESSION_KEY) });
+  };
+  own.onmessage = ({ data }: MessageEvent<string | ArrayBuffer>) => {
+    try {
+      received(decode(data));
+    } catch (error) {
+      problem(`A message of the server could not be read: ${error instanceof Error ? error.message : String(error)}`);
+    }
+  };
+  own.onclose = ({ code }) => {
+    if (socket !== own) return;
+    for (const resolve of waiting.values()) resolve(null);
+    waiting.clear();
+    if (code in DISMISSALS) {
+      store.set({ link: "closed", ended: DISMISSALS[code] });
+      return;
+    }
+    store.set({ link: "lost" });
+    timer = window.setTimeout(connect, wait);
+    wait = Math.min(2 * wait, LONGEST_WAIT);
+  };
+  socket = own;
+}
+
+function received(answer: Received): void {
+  const { message } = answer;
+  if (message.type === "session") sessionStorage.setItem(SESSION_KEY, message.session);
+  receive(answer);
+  waiting.get(message.id)?.(message.type === "failure" ? null : answer);
+  waiting.delete(message.id);
 }

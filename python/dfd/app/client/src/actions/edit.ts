@@ -182,11 +182,7 @@ export function poseTo(transforms: ReadonlyMap<number, Transform>): void {
 }
 
 /** D₀: what happens to what no handle holds; its pivot is the center of the box. */
-export function setDefault({
-  translation,
-  rotation,
-  scale,
-}: Pick<Transform, "translation" | "rotation" | "scale">): void {
+export function setDefault({ translation, rotation, scale }: Transform): void {
   throttle("default", (merge) => send({ type: "set_default", transform: { translation, rotation, scale }, merge }));
 }
 
@@ -202,7 +198,8 @@ function message(handle: number, { pivotAt, pivot, axes, joint, ...rest }: Trans
   };
 }
 
-function poseTransform([handle, transform]: readonly [number, Transform]): PoseTransform {
+/** A transform as part of a key pose. */
+export function poseTransform([handle, transform]: readonly [number, Transform]): PoseTransform {
   const { translation, rotation, scale, pivot, axes, bend, twist, joint } = transform;
   return { handle, translation, rotation, scale, pivot, axes, bend, twist, joint };
 }

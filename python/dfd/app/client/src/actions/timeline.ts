@@ -1,10 +1,10 @@
 /** Key poses: stored, scrubbed and played on the page alone; the edit is touched only when a pose is applied. */
 
 import { interpolate, REST, type Transform } from "../posing/affine";
-import type { KeyPose, PoseTransform } from "../protocol/messages";
-import { store } from "../store/state";
+import type { KeyPose } from "../protocol/messages";
+import { store, transformOf } from "../store/state";
 import { send } from "./connection";
-import { poseTo } from "./edit";
+import { poseTo, poseTransform } from "./edit";
 import { note } from "./toasts";
 
 const SECONDS_BETWEEN = 1;
@@ -16,11 +16,7 @@ export function storePose(): void {
     note("Take hold of the shape first: a pose is where its handles are.");
     return;
   }
-  const transforms = edit.handles.map((handle): PoseTransform => {
-    const { translation, rotation, scale, axes, bend, twist, joint } = handle;
-    const pivot = handle.pivot_set ? handle.pivot : null;
-    return { handle: handle.handle, translation, rotation, scale, pivot, axes, bend, twist, joint };
-  });
+  const transforms = edit.handles.map((handle) => poseTransform([handle.handle, transformOf(handle)]));
   const taken = edit.poses.some((pose) => Math.abs(pose.seconds - playhead) < 0.05);
   const last = Math.max(-SECONDS_BETWEEN, ...edit.poses.map((pose) => pose.seconds));
   const seconds = edit.poses.length === 0 ? 0 : taken ? last + SECONDS_BETWEEN : playhead;

@@ -1,5 +1,4 @@
 import { send } from "../actions/connection";
-import { toggle } from "../actions/keyboard";
 import { dismiss } from "../actions/toasts";
 import { present, ready, selectedHandle, type State } from "../store/state";
 import { readably, useParts } from "../store/use";
@@ -16,7 +15,7 @@ const HINTS = {
 
 export function StatusLine() {
   const state = useParts(readably);
-  const { link, tool, hover, dragging, report, edit, timeline, ahead, comparing, probe } = state;
+  const { link, tool, hover, dragging, report, edit, ahead, comparing, probe } = state;
   const { gizmo, selected, axis } = state;
   const said = report && !dragging ? report.text : "";
   const bends = gizmo === "bend" && tool === "hold" && selected !== null && axis?.handle === selected;
@@ -34,15 +33,6 @@ export function StatusLine() {
         {said}
       </span>
       {hover && <span class="where">vertex {hover.vertex}</span>}
-      <button
-        type="button"
-        class="status-button"
-        aria-pressed={timeline}
-        title="Timeline (T)"
-        onClick={() => toggle("timeline")}
-      >
-        Timeline
-      </button>
     </footer>
   );
 }

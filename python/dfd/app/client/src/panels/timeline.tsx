@@ -1,18 +1,9 @@
 import { useState } from "preact/hooks";
 
 import { applyMoment, changePose, leave, play, removePose, scrub, storePose } from "../actions/timeline";
-import { niceStep } from "../posing/affine";
 import { store } from "../store/state";
 import { useParts } from "../store/use";
-import { Button, IconButton, NumberField, readable } from "../widgets/controls";
-
-const MOST_TICKS = 8;
-
-/** Round moments from the first second to the last. */
-function ticks(end: number): number[] {
-  const step = niceStep(end / MOST_TICKS);
-  return Array.from({ length: Math.floor(end / step + 1e-6) + 1 }, (_, i) => i * step);
-}
+import { Button, IconButton, NumberField } from "../widgets/controls";
 
 export function Timeline() {
   const { timeline, edit, playhead, playing, moment } = useParts();
@@ -63,7 +54,7 @@ export function Timeline() {
       {poses.length === 0 ? (
         <p class="empty">Store poses here to play between them: pose the shape, press K, pose it again, press K.</p>
       ) : (
-        <div class="track">
+        <>
           <input
             type="range"
             aria-label="Moment"
@@ -77,28 +68,14 @@ export function Timeline() {
               scrub(event.currentTarget.valueAsNumber);
             }}
           />
-          {ticks(end).map((seconds) => (
-            <span
-              key={seconds}
-              class="tick"
-              ref={(element) => element?.style.setProperty("--at", String(seconds / end))}
-              aria-hidden="true"
-            >
-              {readable(seconds)} s
-            </span>
-          ))}
-          {poses.map((own, i) => (
-            <button
-              key={i}
-              type="button"
-              class={i === index ? "key selected" : "key"}
-              aria-label={`${own.name} at ${own.seconds.toFixed(2)} s`}
-              title={own.name}
-              ref={(element) => element?.style.setProperty("--at", String(own.seconds / end))}
-              onClick={() => choose(i)}
-            />
-          ))}
-        </div>
+          <div class="segmented" role="group" aria-label="Poses">
+            {poses.map(({ name, seconds }, i) => (
+              <button key={i} type="button" aria-pressed={i === index} onClick={() => choose(i)}>
+                {name} · {seconds.toFixed(2)} s
+              </button>
+            ))}
+          </div>
+        </>
       )}
     </section>
   );

@@ -32,7 +32,7 @@ const VIEWS: readonly (readonly MenuItem[])[] = [
 );
 
 export function Topbar({ viewer }: { readonly viewer: Viewer }) {
-  const { edit, mesh, look, wireframe, theme, inspector } = useParts();
+  const { edit, mesh, look, wireframe, theme, inspector, timeline } = useParts();
   const [themeIcon, nextTheme, themeLabel] = THEMES[theme];
   const moves = (edit?.poses.length ?? 0) > 1;
   const open: MenuItem[] = [
@@ -81,6 +81,7 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
         <IconButton icon="camera" label="Screenshot" onPress={() => viewer.screenshot()} />
         <Menu icon="save" label="Export" text="Export" groups={[shapes, rigs, scripts]} />
         <IconButton icon={themeIcon} label={themeLabel} onPress={() => store.set({ theme: nextTheme })} />
+        <KeyButton icon="play" keys="T" pressed={timeline} />
         <KeyButton icon="help" keys="?" />
         <KeyButton icon="inspector" keys="I" pressed={inspector} />
       </div>

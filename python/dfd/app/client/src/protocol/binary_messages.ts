@@ -4,9 +4,8 @@ import type { Buffer, Client, Server } from "./messages";
 
 export type ServerMessage = Server["message"];
 type WithoutNumber<Message> = Message extends unknown ? Omit<Message, "id"> : never;
-/** A request with its number, and before it has that. */
-export type Numbered = Client["message"];
-export type Request = WithoutNumber<Numbered>;
+/** A request before it has its number. */
+export type Request = WithoutNumber<Client["message"]>;
 
 const ARRAYS = {
   uint8: Uint8Array,
@@ -49,9 +48,6 @@ export class Payload {
   }
 }
 
-/** Of messages that are text. */
-export const NO_ARRAYS = new Payload(new ArrayBuffer(0), 0, []);
-
 /** A message and its arrays; one that is text has none. */
 export interface Received {
   readonly message: ServerMessage;
@@ -60,7 +56,7 @@ export interface Received {
 
 export function decode(data: string | ArrayBuffer): Received {
   if (typeof data === "string") {
-    return { message: JSON.parse(data) as ServerMessage, payload: NO_ARRAYS };
+    return { message: JSON.parse(data) as ServerMessage, payload: new Payload(new ArrayBuffer(0), 0, []) };
   }
   const length = data.byteLength < 4 ? Infinity : new DataView(data).getUint32(0, true);
   if (4 + length > data.byteLength) throw new Error("The server's message was cut short.");

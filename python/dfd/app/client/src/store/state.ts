@@ -139,20 +139,16 @@ export type State = Readonly<typeof INITIAL>;
 
 export const store = createStore<State>(INITIAL);
 
+/** The transform of a handle as the server has it. */
+export function transformOf(handle: HandleState): Transform {
+  const { translation, rotation, scale, pivot_set, pivot, pivot_at, axes, bend, twist, joint } = handle;
+  return { translation, rotation, scale, pivot: pivot_set ? pivot : null, pivotAt: pivot_at, axes, bend, twist, joint };
+}
+
 /** A handle as it acts now: the server's numbers, what the page knows before it, and the timeline's moment. */
 export function present(state: State, handle: HandleState): HandleState & { readonly transform: Transform } {
   const ahead = state.ahead.get(handle.handle);
-  const own: Transform = {
-    translation: handle.translation,
-    rotation: handle.rotation,
-    scale: handle.scale,
-    pivot: handle.pivot_set ? handle.pivot : null,
-    pivotAt: handle.pivot_at,
-    axes: handle.axes,
-    bend: handle.bend,
-    twist: handle.twist,
-    joint: handle.joint,
-  };
+  const own = transformOf(handle);
   // What turns for the first time turns about what the server will find.
   const turns = state.gizmo === "rotate" || state.gizmo === "scale";
   const found = turns && !handle.pivot_set && state.axis?.handle === handle.handle;
