@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import dfd
-from bench.paper.context import BoxHandle, Context
-from bench.paper.drawing import aim, before_after, silhouettes
-from bench.paper.report import Page, Section, Table
+from bench.paper.page import BoxHandle, Context, Page, Section, Table, aim, before_after, silhouettes
 from bench.quality.measures import area_fractions
 from dfd.editing.presets import PRESETS as DEFAULTS
 from dfd.pictures.picture import picture
@@ -41,7 +39,7 @@ FOLLOWS = 0.1
 
 
 def fig5(context: Context) -> Page:
-    """The planes found by both presets, and one handle with and without them."""
+    """Planes of symmetry that are seen, and one handle with and without them."""
     drawn, rows = [], []
     for subject in context.subjects(SYMMETRY, (2, 4), refined=True):
         mesh, handle, own = subject.shape.mesh, subject.case.on(subject.shape), DEFAULTS[subject.preset]
@@ -70,7 +68,7 @@ def fig5(context: Context) -> Page:
 
 
 def fig6(context: Context) -> Page:
-    """Each shape twisted without and with a fixed point, which holds all that looks like it (Eq. 6)."""
+    """Feature space constraints (Eq. 6): a twist without and with a fixed point, which holds what looks like it."""
     drawn, rows = [], []
     for subject in context.subjects(TWISTS, (2, 3)):
         mesh, handle = subject.shape.mesh, subject.case.on(subject.shape)
@@ -97,7 +95,7 @@ def fig6(context: Context) -> Page:
 
 
 def fig7(context: Context) -> Page:
-    """Each shape turned by one handle under growing λ (Eq. 7)."""
+    """Locality (Eq. 7): one rotation under growing λ."""
     drawn, rows = [], []
     for subject in context.subjects(TURNS, (1, 2)):
         mesh, handle = subject.shape.mesh, subject.case.on(subject.shape)

@@ -1,4 +1,4 @@
-"""Pages about features: how they are distilled (Fig. 4 and 13), and what else they hold for (Fig. 19 and 20)."""
+"""Pages about features: distillation (Fig. 4, 13), encoders (Fig. 11, 12), and other shapes (Fig. 19, 20)."""
 
 from __future__ import annotations
 
@@ -6,17 +6,33 @@ import time
 from typing import Any
 
 import numpy as np
+import trimesh
+from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 import dfd
-from bench.paper.context import PRESETS, BoxHandle, Context, Shape, named, session
-from bench.paper.drawing import aim, before_after, blank, heat
-from bench.paper.measures import roughness, subdivided
-from bench.paper.report import Page, Section, Table
+from bench.paper.page import (
+    NAMES,
+    PRESETS,
+    BoxHandle,
+    Context,
+    Page,
+    Section,
+    Shape,
+    Table,
+    aim,
+    before_after,
+    blank,
+    heat,
+    session,
+)
 from bench.quality.measures import area_fractions
 from dfd.common.linear_algebra import Float64
 from dfd.common.preset import Preset
+from dfd.encoders.known import DEFAULT_ENCODER, KNOWN_ENCODERS
+from dfd.geometry.metrics import surface_metrics
 from dfd.geometry.simplify import simplify
+from dfd.geometry.topology import face_areas
 from dfd.pictures.colors import feature_colors
 from dfd.pictures.picture import picture
 from dfd.pictures.viewpoint import azimuth_towards
@@ -45,6 +61,17 @@ KINDS: dict[str, tuple[Preset, dict[str, Any]]] = {  # columns: the preset, and 
     "dfd default, coarse copy": ("default", COARSE_COPY),
 }
 
+Choice = tuple[str, int | None]  # an encoder's name, and the block whose tokens are taken; None is its own choice
+OTHERS = tuple(name for name in KNOWN_ENCODERS if name != DEFAULT_ENCODER)
+BLOCKS = (3, 6, 9, 12)
+HELD = {  # where each shape is taken hold of, from 0 to 1 along the sides of its box
+    "spot": (0.2, 0.0, 0.2),
+    "scorpion": (0.0, 0.2, 0.4),
+    "human_neutral": (0.0, 0.72, 0.5),
+    "quadruped": (0.0, 0.0, 0.9),
+    "*": (0.0, 0.0, 1.0),
+}
+
 # The shape that is distilled, where it is taken hold of, and others of its class with the angle, in degrees about y,
 # that turns them to look the same way.
 CLASSES = {
@@ -71,7 +98,7 @@ FOLLOWS = 0.5
 
 
 def fig4(context: Context) -> Page:
-    """Pixels that a vertex or a triangle covers, and fields of the shape and of a hundredth of its faces."""
+    """Pixels that teach a field, and fields of the shape and of a hundredth of its faces."""
     pixels: list[list[Any]] = []
     reduced: list[list[Any]] = []
     drawn = []
@@ -93,12 +120,12 @@ def fig4(context: Context) -> Page:
             # Colors of both by the same directions; fields of two fits have their own turn of feature space.
             colors = feature_colors(np.concatenate([own, of_few]))
             row += [
-                (picture(mesh, colors=some, **where), f"{named(preset)}: field of {what}")
+                (picture(mesh, colors=some, **where), f"{NAMES[preset]}: field of {what}")
                 for some, what in zip(np.split(colors, 2), ("the shape", "the reduced one"), strict=True)
             ]
             off = np.linalg.norm(own - of_few, axis=1).mean()
             spread = np.linalg.norm(own - own.mean(axis=0), axis=1).mean()
-            reduced.append([shape.name, named(preset), len(few.faces), seconds, float(off), float(spread)])
+            reduced.append([shape.name, NAMES[preset], len(few.faces), seconds, float(off), float(spread)])
         drawn.append((shape.name, row))
     first = (
         "Eight pictures of 252². Other methods learn from the pixels that a vertex falls into, barycentric "
@@ -125,7 +152,7 @@ def _distinct_pixels(views: Views) -> int:
 
 
 def fig13(context: Context) -> Page:
-    """The weights and a pull on the fine mesh, by fields of coarse and fine copies, of all pixels or of vertices."""
+    """Barycentric distillation against vertices alone, from coarse to fine."""
     drawn, rows, lengths = [], [], []
     for shape, case in context.cases(PULLED, (1, 2)):
         mesh, handle = shape.mesh, case.on(shape)
@@ -151,7 +178,7 @@ def fig13(context: Context) -> Page:
             off = float(areas @ np.abs(weights - fine)) if KINDS[name][0] == "paper" else None
             rows.append([shape.name, name, roughness(mesh, weights), off])
     text = (
-        f"Fits of the {named('paper')} to the coarse copy take the same number of steps, as many as its epochs over "
+        f"Fits of the {NAMES['paper']} to the coarse copy take the same number of steps, as many as its epochs over "
         f"all pixels take ({', '.join(lengths)}): with vertices alone the same samples come again and again. "
         "Roughness is the mean of |∇W| on the fine mesh, in weight per diagonal; off is the mean difference from the "
         "weights of the fine copy."
@@ -165,8 +192,108 @@ def fig13(context: Context) -> Page:
     return Page(title, look_for, [Section("One pull on the fine mesh", text, drawn, table)])
 
 
+def fig11(context: Context) -> Page:
+    """One deformation with the features of several image encoders."""
+    drawn, rows = [], []
+    found, absent = encoders(context)
+    for shape, place in context.cases(HELD, (1, 3)):
+        at, offset = shape.at(place), DOWN * shape.mesh.diagonal
+        for preset in PRESETS:
+            handle = {"at": at, "translation": offset}
+            moved = {name: _pulled(context, shape, handle, preset, each).vertices for name, each in found.items()}
+            source = shape.mesh.vertices[[at]]
+            where = aim(shape.mesh, source, *moved.values())
+            images = [(picture(shape.mesh, handles=source, **where), "source")]
+            for name, vertices in moved.items():
+                images.append((picture(shape.mesh, vertices=vertices, handles=source + offset, **where), name))
+                metrics = surface_metrics(shape.mesh, vertices)
+                change = [100 * metrics.area, metrics.angle, metrics.flipped_faces]
+                rows.append([shape.name, NAMES[preset], name, *change])
+            drawn.append((f"{shape.name}, {NAMES[preset]}", images))
+    text = "No fixed point, no regularization. In the table: mean changes over the surface." + absent
+    table = Table(["shape", "preset", "encoder", "area %", "angle °", "flipped faces"], rows)
+    look_for = "With every encoder what looks like the pulled part comes along, and the surface stays smooth."
+    title = "Fig. 11: deformations with other image models"
+    return Page(title, look_for, [Section("One pull", text, drawn, table)])
+
+
+def fig12(context: Context) -> Page:
+    """The weights of one handle with the features of several image encoders."""
+    drawn, rows = [], []
+    found, absent = encoders(context)
+    for shape, place in context.cases(HELD, (1, 3)):
+        at, areas = shape.at(place), area_fractions(shape.mesh)
+        for preset in PRESETS:
+            weights = {
+                name: _pulled(context, shape, {"at": at}, preset, encoder).weights[:, 0]
+                for name, encoder in found.items()
+            }
+            where = aim(shape.mesh, shape.mesh.vertices[[at]])
+            images = [(heat(shape.mesh, values, [at], **where), name) for name, values in weights.items()]
+            drawn.append((f"{shape.name}, {NAMES[preset]}", images))
+            reference = next(iter(weights.values()))
+            for name, values in weights.items():
+                rows.append([shape.name, NAMES[preset], name, correlation(values, reference, areas)])
+    text = (
+        "In the table: the correlation over the surface with the weights of the first encoder. The paper shows DINO, "
+        "CLIP, SAM 2, Diff3F and others." + absent
+    )
+    table = Table(["shape", "preset", "encoder", "correlation"], rows)
+    look_for = "All encoders light up the same parts; some tell a part from its surroundings more sharply than others."
+    return Page("Fig. 12: different encoders", look_for, [Section("Weights of one handle", text, drawn, table)])
+
+
+def _pulled(context: Context, shape: Shape, handle: dict[str, Any], preset: Preset, encoder: Choice) -> dfd.Deformer:
+    field = context.field(shape, preset, encoder=context.loaded(preset, *encoder))
+    return session(shape.mesh, field, preset, [handle])
+
+
+def encoders(context: Context) -> tuple[dict[str, Choice], str]:
+    """Return encoders by what a page calls them, the default first; and a sentence about those that are missing."""
+    own = context.loaded("paper")
+    label = str(own.name).rpartition("/")[2]
+    found: dict[str, Choice] = {f"{label}, block {own.block}": (own.name, None)}
+    for block in BLOCKS[1::2] if context.quick else BLOCKS:
+        if block <= own.depth and block != own.block:
+            found[f"{label}, block {block}"] = (own.name, block)
+    absent = {}
+    for name in () if context.quick else OTHERS:
+        try:
+            context.say(f"looking for {name}")
+            context.loaded("paper", name)
+            found[name] = (name, None)
+        except (OSError, ValueError) as error:
+            absent[name] = " ".join(str(error).split())
+    if not absent:
+        return found, ""
+    return found, f"\n\nNot available here: {', '.join(absent)}. The first one: {next(iter(absent.values()))}"
+
+
+def correlation(first: NDArray[np.floating], second: NDArray[np.floating], areas: Float64) -> float:
+    """Pearson's correlation of weights (V,) over a surface whose vertices have `areas` (V,) that sum to 1."""
+    a, b = (values - areas @ values for values in (first.astype(float), second.astype(float)))
+    return float(areas @ (a * b) / max(np.sqrt((areas @ a**2) * (areas @ b**2)), 1e-12))
+
+
+def roughness(mesh: dfd.Mesh, weights: NDArray[np.floating]) -> float:
+    """Return the mean of |∇W| over the surface for weights (V,), in weight per diagonal of the box."""
+    import igl
+
+    faces = mesh.faces[(areas := face_areas(mesh.vertices, mesh.faces)) > 0].astype(np.int64)
+    slopes = (igl.grad(mesh.vertices, faces) @ weights.astype(np.float64)).reshape(3, -1)
+    return float(np.average(np.linalg.norm(slopes, axis=0), weights=areas[areas > 0]) * mesh.diagonal)
+
+
+def subdivided(mesh: dfd.Mesh, times: int) -> dfd.Mesh:
+    """Return the mesh with every face cut into four, `times` times over; holes stay, appearance goes."""
+    vertices, faces = mesh.vertices, mesh.faces
+    for _ in range(times):
+        vertices, faces = trimesh.remesh.subdivide(vertices, faces)
+    return mesh if times == 0 else dfd.Mesh(vertices, faces)
+
+
 def fig19(context: Context) -> Page:
-    """One pull on other tessellations of a shape, and on other shapes of its class, all by the field of the first."""
+    """One field on other tessellations of a shape, and on other shapes of its class."""
     drawn, rows = [], []
     for subject in context.subjects(CLASSES, (1, 2)):
         shape, field, (place, others) = subject.shape, subject.field, subject.case
@@ -191,7 +318,7 @@ def fig19(context: Context) -> Page:
             off = np.abs(weights[KDTree(mesh.vertices).query(shape.mesh.vertices)[1]] - own).mean()
             follows = 100 * float(area_fractions(mesh)[weights > FOLLOWS].sum())
             rows.append([*subject.label, name, len(mesh.faces), follows, float(off) if name in copies else None])
-        drawn.append((f"field of {subject.heading}: weights", weights_row))
+        drawn.append((f"field of {', '.join(subject.label)}: weights", weights_row))
         drawn.append(("moved", moved_row))
     text = (
         "Other tessellations ask the field at their own vertices. Another shape of the class is turned to look the "
@@ -220,11 +347,11 @@ def in_box_of(mesh: dfd.Mesh, other: dfd.Mesh) -> Float64:
 
 
 def fig20(context: Context) -> Page:
-    """Weights of the same places on different shapes of one class."""
-    drawn: dict[str, list[Any]] = {named(preset): [] for preset in PRESETS}
-    rows: dict[str, list[Any]] = {named(preset): [] for preset in PRESETS}
+    """Weights of the same parts on different shapes of one class."""
+    drawn: dict[str, list[Any]] = {NAMES[preset]: [] for preset in PRESETS}
+    rows: dict[str, list[Any]] = {NAMES[preset]: [] for preset in PRESETS}
     for subject in context.subjects(CHAIRS, (3, 6), refined=True):
-        shape, preset = subject.shape, named(subject.preset)
+        shape, preset = subject.shape, NAMES[subject.preset]
         areas = area_fractions(shape.mesh)
         images, numbers = [(blank(), "")] * len(PARTS), [None] * len(PARTS)
         for part, place in subject.case.items():

@@ -37,7 +37,6 @@ from dfd.common.linear_algebra import Float64, Int64
 
 USER, FIXED = "user_single_keypoints.txt", "constraint_single_keypoints.txt"
 APAP_MESH, META_MESH, KEY_POINTS = "mesh.obj", "manifold.obj", "key_point_50.obj"
-SAME = 1e-4  # of the diagonal: positions as near as that are one
 NEAR = 0.01  # of the diagonal: farther away a point of a file does not belong to the mesh
 
 
@@ -55,23 +54,23 @@ class Case:
     dense: bool = False  # whether `held` is enough as it is, without the neighbors of its points
 
 
-@dataclass(frozen=True)
-class Found:
-    """A case that lies on disk; `read` raises ValueError or OSError, with the file and the line, if it does not fit."""
+def find(folder: Path) -> dict[str, Callable[[], Case]]:
+    """Return the cases of `folder`, which is that of one shape or holds those of several, by name.
 
-    name: str
-    mesh: Path
-    read: Callable[[], Case]
-
-
-def find(folder: Path) -> list[Found]:
-    """Return the cases of `folder`, which is that of one shape or holds those of several, in the order of their names.
+    Each reads its case, or raises ValueError or OSError, with the file's name, if it does not fit.
 
     Raises OSError if there is no such folder. Raises ValueError if no folder has a shape in one of the layouts.
     """
-    found = _in_shape(folder.resolve())
-    for shape in sorted(each for each in folder.iterdir() if each.is_dir()):
-        found += _in_shape(shape)
+    found: dict[str, Callable[[], Case]] = {}
+    for shape in (folder.resolve(), *sorted(each for each in folder.iterdir() if each.is_dir())):
+        mesh = shape / APAP_MESH
+        if mesh.is_file():
+            sets = sorted(each.parent for each in shape.glob(f"keypoints/*/{USER}"))
+            if (shape / USER).is_file() or not sets:  # without any the missing file is what is told
+                found[shape.name] = partial(read_apap, mesh, shape)
+            found |= {f"{shape.name} {each.name}": partial(read_apap, mesh, each) for each in sets}
+        if (shape / META_MESH).is_file():
+            found[shape.name] = partial(read_meta_handles, shape)
     if not found:
         raise ValueError(
             f"{folder} must hold folders with {APAP_MESH} and {USER}, or with {META_MESH} and {KEY_POINTS}; found none"
@@ -79,120 +78,82 @@ def find(folder: Path) -> list[Found]:
     return found
 
 
-def _in_shape(shape: Path) -> list[Found]:
-    found = []
-    mesh = shape / APAP_MESH
-    if mesh.is_file():
-        sets = sorted(each.parent for each in shape.glob(f"keypoints/*/{USER}"))
-        if (shape / USER).is_file() or not sets:  # without any the missing file is what is told
-            found.append(Found(shape.name, mesh, partial(read_apap, mesh, shape)))
-        found += [Found(f"{shape.name} {each.name}", mesh, partial(read_apap, mesh, each)) for each in sets]
-    if (shape / META_MESH).is_file():
-        found.append(Found(shape.name, shape / META_MESH, partial(read_meta_handles, shape)))
-    return found
-
-
 def read_apap(path: Path, texts: Path) -> Case:
     """Read a case of APAP-Bench 3D: its mesh, and the folder of its two texts.
 
-    Raises ValueError, which names file and line, if a line is not a vertex and its position, a vertex is not of a face
-    or is to be at two positions, or a fixed point lies elsewhere than its vertex; OSError if a file cannot be read.
+    Raises ValueError, which names the file, if a line is not a vertex and its position, a vertex is not of a face or is
+    to be at two positions, or a fixed point lies elsewhere than its vertex; OSError if a file cannot be read.
     """
     mesh = dfd.load(path)
-    handles, targets, _ = _read_text(texts / USER, mesh, {})
+    handles, targets = _read_text(texts / USER, mesh)
     if not len(handles):
         raise ValueError(f"{texts / USER} must name at least one handle, got none")
-    taken = {int(mesh.representative[vertex]): f"a handle of {USER}" for vertex in handles}
-    fixed, positions, lines = _read_text(texts / FIXED, mesh, taken)
-    for vertex, position, line in zip(fixed, positions, lines, strict=True):
-        if np.linalg.norm(mesh.vertices[vertex] - position) > NEAR * mesh.diagonal:
-            raise ValueError(
-                f"{texts / FIXED}, line {line}: vertex {vertex} must stay at {_point(mesh.vertices[vertex])}, where it "
-                f"is in {path.name}, got {_point(position)}: the file is of another mesh or order of vertices"
-            )
+    fixed, positions = _read_text(texts / FIXED, mesh)
+    if len(both := np.intersect1d(handles, fixed)):
+        raise ValueError(f"{texts / FIXED}: vertex {both[0]} must go to one place, but it is a handle of {USER}")
+    away = np.linalg.norm(mesh.vertices[fixed] - positions, axis=1) > NEAR * mesh.diagonal
+    if away.any():
+        raise ValueError(
+            f"{texts / FIXED}: vertex {fixed[away][0]} lies elsewhere in {path.name}, another mesh or order"
+        )
     held = np.concatenate([handles, fixed])
     return Case(mesh, handles, targets, fixed, held, np.concatenate([targets, mesh.vertices[fixed]]))
 
 
-def _read_text(path: Path, mesh: dfd.Mesh, taken: dict[int, str]) -> tuple[Int64, Float64, list[int]]:
-    """Vertices (N,), their positions (N, 3) and the lines; `taken` says what vertices already are."""
-    used = np.zeros(len(mesh.vertices), bool)
-    used[mesh.faces] = True
-    taken = dict(taken)
-    vertices: list[int] = []
-    positions: list[list[float]] = []
-    lines: list[int] = []
-    for line, text in enumerate(path.read_text("utf-8", errors="replace").splitlines(), 1):
-        if not text.strip():
-            continue
-        where = f"{path}, line {line}"
-        words = text.split()
-        try:
-            vertex, position = int(words[0]), [float(word) for word in words[1:]]
-        except ValueError:
-            position = []
-        if len(position) != 3 or not np.isfinite(position).all():
-            raise ValueError(f"{where}: must read 'vertex x y z', got {text.strip()[:80]!r}")
-        if not 0 <= vertex < len(mesh.vertices):
-            raise ValueError(f"{where}: vertex must be one of 0 … {len(mesh.vertices) - 1}, got {vertex}")
-        same = int(mesh.representative[vertex])
-        if not used[same]:
-            raise ValueError(f"{where}: vertex {vertex} must be a corner of a face, but no face of the mesh uses it")
-        if (
-            same in vertices
-            and np.linalg.norm(np.subtract(positions[vertices.index(same)], position)) <= SAME * mesh.diagonal
-        ):
-            continue  # said twice, or once for each side of a seam
-        if same in taken:
-            raise ValueError(f"{where}: vertex {vertex} must go to one place, but it is {taken[same]}")
-        taken[same] = f"that of line {line}, which goes elsewhere"
-        vertices.append(same)
-        positions.append(position)
-        lines.append(line)
-    return np.array(vertices, np.int64), np.array(positions, np.float64).reshape(-1, 3), lines
+def _read_text(path: Path, mesh: dfd.Mesh) -> tuple[Int64, Float64]:
+    """Return the distinct vertices (N,) and their positions (N, 3); sides of a seam are the vertex that faces name."""
+    lines = [line.split() for line in path.read_text("utf-8", errors="replace").splitlines() if line.strip()]
+    try:
+        rows = np.array([[int(line[0]), *map(float, line[1:])] for line in lines]).reshape(-1, 4)
+    except ValueError:
+        rows = np.full((1, 4), np.nan)
+    if not np.isfinite(rows).all():
+        raise ValueError(f"{path}: every line must read 'vertex x y z'")
+    vertices, positions = rows[:, 0].astype(np.int64), rows[:, 1:]
+    if len(rows) and not 0 <= vertices.min() <= vertices.max() < len(mesh.vertices):
+        raise ValueError(f"{path}: vertices must be of 0 … {len(mesh.vertices) - 1}, got {vertices.max()}")
+    vertices = mesh.representative[vertices].astype(np.int64)
+    if not np.isin(vertices, mesh.faces).all():
+        raise ValueError(f"{path}: vertices must be corners of faces")
+    _, first, group = np.unique(vertices, return_index=True, return_inverse=True)
+    if np.abs(positions - positions[first][group]).max(initial=0.0) > 1e-4 * mesh.diagonal:
+        raise ValueError(f"{path}: a vertex must go to one place")
+    order = np.sort(first)
+    return vertices[order], positions[order]
 
 
 def read_meta_handles(folder: Path) -> Case:
     """Read a case of DeepMetaHandles, its handle being the control point with the largest offset of all.
 
-    Raises ValueError if an array has another shape than the mesh and the control points ask for, or is not finite, or a
-    control point lies away from the surface's vertices; the message names the file, and the line where it has lines.
-    Raises OSError if a file cannot be read.
+    Raises ValueError, which names the file, if an array has another shape than the mesh and the control points ask for,
+    or is not finite, or a control point lies away from the surface's vertices. Raises OSError if a file cannot be read.
     """
     mesh = dfd.load(folder / META_MESH)
     corners = np.unique(mesh.faces)
-    tree = KDTree(mesh.vertices[corners])
-    positions = []
-    lines = (folder / KEY_POINTS).read_text("utf-8", errors="replace").splitlines()
-    for line, text in enumerate(lines, 1):
-        words = text.split()
-        if not words or words[0] != "v":
-            continue
-        where = f"{folder / KEY_POINTS}, line {line}"
-        try:
-            position = np.array([float(word) for word in words[1:4]])
-        except ValueError:
-            position = np.empty(0)
-        if len(position) != 3 or not np.isfinite(position).all():
-            raise ValueError(f"{where}: must read 'v x y z', got {text.strip()[:80]!r}")
-        if tree.query(position)[0] > NEAR * mesh.diagonal:
-            raise ValueError(f"{where}: must lie at a vertex of {META_MESH}, got {_point(position)}, away from all")
-        positions.append(position)
-    if not positions:
-        raise ValueError(f"{folder / KEY_POINTS} must hold control points as 'v x y z', got none")
-    held = corners[tree.query(np.array(positions))[1]].astype(np.int64)
-    offsets = _largest(folder, len(positions))
+    path = folder / KEY_POINTS
+    words = (line.split() for line in path.read_text("utf-8", errors="replace").splitlines())
+    try:
+        points = np.array([list(map(float, each[1:4])) for each in words if each[:1] == ["v"]]).reshape(-1, 3)
+    except ValueError:
+        points = np.empty((0, 3))
+    if not len(points) or not np.isfinite(points).all():
+        raise ValueError(f"{path} must hold control points as 'v x y z'")
+    distance, nearest = KDTree(mesh.vertices[corners]).query(points)
+    if distance.max() > NEAR * mesh.diagonal:
+        raise ValueError(f"{path}: control points must lie at vertices of {META_MESH}, got {points[distance.argmax()]}")
+    held = corners[nearest].astype(np.int64)
+    offsets = _largest(folder, len(points))
     weights = folder / "w_mesh.npy"
-    coordinates = _array(weights, (len(mesh.vertices), len(positions))) if weights.is_file() else None
+    coordinates = _array(weights, (len(mesh.vertices), len(points))) if weights.is_file() else None
     chosen = np.linalg.norm(offsets, axis=1).argmax()
     held_to = mesh.vertices[held] + offsets
     return Case(mesh, held[[chosen]], held_to[[chosen]], np.empty(0, np.int64), held, held_to, coordinates, dense=True)
 
 
 def _largest(folder: Path, count: int) -> Float64:
-    """(K, 3) offsets of the basis vector, at the end of its range, that takes a control point the farthest."""
+    """Return (K, 3) offsets of the basis vector, at the end of its range, that takes a control point the farthest."""
     path = folder / "basis.npy"
-    basis = _array(path, None)
+    basis = _array(path)
     if basis.shape[1:] not in ((3 * count,), (count, 3)) or len(basis) == 0:
         raise ValueError(f"{path} must have shape (B, {3 * count}) or (B, {count}, 3), got {basis.shape}")
     basis = basis.reshape(len(basis), 1, count, 3)
@@ -202,18 +163,8 @@ def _largest(folder: Path, count: int) -> Float64:
     return ends[np.linalg.norm(ends, axis=2).max(axis=1).argmax()]
 
 
-def _array(path: Path, shape: tuple[int, ...] | None) -> Float64:
-    try:
-        with path.open("rb") as stream:
-            values = np.lib.format.read_array(stream, allow_pickle=False).astype(np.float64)
-    except (ValueError, TypeError, EOFError) as error:
-        raise ValueError(f"{path} must be an .npy file of numbers, but is not: {error}") from None
-    if shape is not None and values.shape != shape:
-        raise ValueError(f"{path} must have shape {shape}, got {values.shape}")
-    if not np.isfinite(values).all():
-        raise ValueError(f"{path} must be finite, got {values[~np.isfinite(values)][0]}")
+def _array(path: Path, shape: tuple[int, ...] | None = None) -> Float64:
+    values = np.load(path, allow_pickle=False).astype(np.float64)
+    if (shape is not None and values.shape != shape) or not np.isfinite(values).all():
+        raise ValueError(f"{path} must be finite numbers of shape {shape or values.shape}, got {values.shape}")
     return values
-
-
-def _point(position: Float64) -> str:
-    return "(" + ", ".join(f"{each:.4g}" for each in position) + ")"

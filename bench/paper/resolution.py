@@ -4,26 +4,29 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from io import BytesIO
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
+from scipy.spatial import KDTree
 
 import dfd
 from bench.paper.comparisons import farthest
-from bench.paper.context import PRESETS, BoxHandle, Context, Shape, named, session
-from bench.paper.drawing import aim, before_after
-from bench.paper.measures import NEAR, defects, gap, subdivided
+from bench.paper.features import subdivided
+from bench.paper.page import NAMES, PRESETS, BoxHandle, Context, Page, Section, Shape, Table, aim, before_after, session
 from bench.paper.peers import PEERS
 from bench.paper.peers.peer import Job, PeerError, run
-from bench.paper.report import Page, Section, Table
+from bench.quality.measures import components_of
 from bench.speed.measure import measure
+from dfd.common.linear_algebra import Int64
 from dfd.common.preset import Preset
 from dfd.common.progress import Stages
 from dfd.geometry.simplify import simplify
-from dfd.geometry.topology import first_at_place, inspect
+from dfd.geometry.topology import face_components, first_at_place, inspect
 from dfd.pictures.picture import picture
 
 PHASES = ("preprocess", "bind", "pose")
@@ -72,7 +75,7 @@ def distilled(context: Context, shape: Shape, preset: Preset) -> tuple[dfd.Field
 
 
 def fig10(context: Context) -> Page:
-    """Every shape at every resolution, by DFD and by each method until it fails or takes too long."""
+    """Seconds of every method to preprocess, bind and pose over the number of faces."""
     rows: list[list[Any]] = []
     for given, _ in context.cases(TIMED, (1, 3)):
         able = ["ARAP", "biharmonic", "NeuralMLS"]  # those of the paper's plot
@@ -80,8 +83,8 @@ def fig10(context: Context) -> Page:
             shape = resampled(given, count)
             start = [shape.name, len(shape.mesh.faces)]
             for preset in PRESETS:
-                context.say(f"{shape.name}, {len(shape.mesh.faces):,} faces, {named(preset)}")
-                rows.append([*start, named(preset), *_dfd_seconds(context, shape, preset), ""])
+                context.say(f"{shape.name}, {len(shape.mesh.faces):,} faces, {NAMES[preset]}")
+                rows.append([*start, NAMES[preset], *_dfd_seconds(context, shape, preset), ""])
             for name in list(able):
                 context.say(f"{shape.name}, {len(shape.mesh.faces):,} faces, {name}")
                 try:
@@ -165,8 +168,52 @@ def plot(series: Mapping[str, Sequence[tuple[int, Mapping[str, float | None]]]])
     return Image.open(stream).convert("RGB")
 
 
+NEAR = 0.005  # of the diagonal: vertices of two components as near as that belong together
+
+
+@dataclass(frozen=True)
+class Defects:
+    """What is wrong with a surface, vertices that share a position counted as one."""
+
+    non_manifold: int  # edges of more than two faces, and vertices around which faces do not form one fan
+    holes: int  # two that meet in a vertex count as one
+    boundary: Int64  # (B, 2) edges of one face
+    crowded: Int64  # (N, 2) edges of more than two faces
+
+
+def defects(mesh: dfd.Mesh) -> Defects:
+    """Count what the paper reports under its scans (Fig. 18)."""
+    import igl
+
+    faces = first_at_place(mesh)[mesh.faces].astype(np.int64)
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    ends = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    ends, uses = np.unique(ends, axis=0, return_counts=True)
+    boundary, crowded = ends[uses == 1], ends[uses > 2]
+    split = np.flatnonzero(~np.asarray(igl.is_vertex_manifold(faces)))
+    split = np.intersect1d(split, faces)  # whatever it says of vertices without faces
+    count = len(crowded) + len(np.setdiff1d(split, crowded))
+    used, number = np.unique(boundary, return_inverse=True)
+    holes = int(components_of(number.reshape(-1, 2), len(used)).max(initial=-1)) + 1
+    return Defects(count, holes, boundary, crowded)
+
+
+def gap(mesh: dfd.Mesh, moved: NDArray[np.floating]) -> float | None:
+    """The mean change of distance, mesh units, between near vertices of different components; None without any."""
+    faces = first_at_place(mesh)[mesh.faces]
+    component = np.full(len(mesh.vertices), -1)
+    component[faces] = face_components(faces.astype(np.int32))[:, None]
+    used = np.flatnonzero(component >= 0)
+    pairs = used[KDTree(mesh.vertices[used]).query_pairs(NEAR * mesh.diagonal, output_type="ndarray")]
+    first, second = pairs[component[pairs[:, 0]] != component[pairs[:, 1]]].T
+    if len(first) == 0:
+        return None
+    before, after = mesh.vertices[first] - mesh.vertices[second], moved[first] - moved[second]
+    return float(np.linalg.norm(after - before, axis=1).mean())
+
+
 def fig17(context: Context) -> Page:
-    """Shapes with holes, loose components and non-manifold edges: their defects, and one pull by either preset."""
+    """Shapes with holes, loose components and non-manifold edges: defects, and one pull."""
     drawn, torn = [], []
     counted = {PAPER_DEFECTS[0]: PAPER_DEFECTS}
     for subject in context.subjects(BROKEN, (2, 4)):
@@ -204,7 +251,7 @@ def fig17(context: Context) -> Page:
 
 
 def fig18(context: Context) -> Page:
-    """Large meshes, distilled with nothing taken from the cache: defects and holes, and the seconds of each stage."""
+    """Large meshes: defects, holes, and seconds of each stage with nothing taken from the cache."""
     drawn, rows = [], []
     for given, (case, times) in context.cases(LARGE, (2, 4)):
         shape = Shape(given.name, subdivided(given.mesh, min(times, 1) if context.quick else times))
@@ -218,13 +265,13 @@ def fig18(context: Context) -> Page:
             dfd.pose(mesh.vertices, weights, transform)
             inference = time.perf_counter() - start
             rendering = sum(stages.seconds.get(name, 0.0) for name in RENDERING)
-            rows.append([shape.name, named(preset), *size, rendering, seconds - rendering, inference])
+            rows.append([shape.name, NAMES[preset], *size, rendering, seconds - rendering, inference])
             deformer = session(mesh, field, preset, [handle])
             where = aim(mesh, mesh.vertices[[handle["at"]]], deformer.vertices)
             counted = "#V {:,}, #F {:,}, #NM {:,}, #H {:,}".format(*size)
             (weighted, _), (moved, _) = before_after(deformer, where)
             taken = "R {:.1f} s, T {:.1f} s, I {:.1f} s".format(*rows[-1][-3:])
-            drawn.append((f"{shape.name}, {named(preset)}: {counted}", [(weighted, "weights"), (moved, taken)]))
+            drawn.append((f"{shape.name}, {NAMES[preset]}: {counted}", [(weighted, "weights"), (moved, taken)]))
     text = (
         "#NM: edges of more than two faces, and vertices around which faces form more than one fan; #H: holes. R: "
         "seconds to simplify and render; T: the rest of the distillation; I: features of all vertices, weights of one "
@@ -239,7 +286,7 @@ def fig18(context: Context) -> Page:
 
 
 def table3(context: Context) -> Page:
-    """Random handles on real shapes, the forward pass of the field inside each binding, preprocessing on."""
+    """Seconds to bind 1, 10 and 100 new handles, beside OptCtrlPoints."""
     repeats = context.of((3, 50))
     rows: list[list[Any]] = []
     for shape, _ in context.cases(REBOUND, (2, 20)):
@@ -256,7 +303,7 @@ def table3(context: Context) -> Page:
                 for handles in some:
                     dfd.bind(field.features(mesh), handles)
                 taken.append((time.perf_counter() - begin) / repeats)
-            rows.append([*start, named(preset), preprocess, *taken, ""])
+            rows.append([*start, NAMES[preset], preprocess, *taken, ""])
         jobs = [Job(handles, np.arange(len(handles)), mesh.vertices[handles]) for some in sets for handles in some]
         try:
             done = [each.seconds for each in run(PEERS["OptCtrlPoints"], mesh, jobs)]

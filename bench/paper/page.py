@@ -1,0 +1,346 @@
+"""What pages about the paper share: the meshes at hand, fields and sessions of two presets, pictures and tables."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+import dfd
+from bench.tables import to_csv, to_markdown, write_text
+from dfd.common.files import plain
+from dfd.common.linear_algebra import Float32, Float64, UInt8
+from dfd.common.preset import Preset
+from dfd.common.progress import Stages
+from dfd.distillation.settings import DistillSettings
+from dfd.encoders.encode import Encoder, load_encoder
+from dfd.encoders.known import DEFAULT_ENCODER
+from dfd.geometry.refine import split_long_edges
+from dfd.pictures.contact_sheet import contact_sheet
+from dfd.pictures.picture import picture, save_png
+from dfd.pictures.sheet import session_views
+from dfd.pictures.viewpoint import azimuth_towards
+
+PRESETS: tuple[Preset, ...] = ("paper", "default")
+NAMES: dict[Preset, str] = {"paper": "paper preset", "default": "dfd default"}
+MESH_ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
+SAMPLES: dict[str, Callable[[], dfd.samples.Sample]] = {
+    "chair": dfd.samples.chair,
+    "quadruped": dfd.samples.quadruped,
+    "robot": dfd.samples.robot,
+}
+BALL = 0.01  # of the longest side: the radius in which the paper gives other methods the neighbors of a point as well
+LONGEST_EDGE = 0.03  # of the diagonal: with longer ones weights, which are exact at vertices alone, look coarse
+QUICK: dict[str, Any] = {"views": 8, "resolution": 196}
+QUICK_PAPER: dict[str, Any] = {"epochs": 5, "batch": 2_000}
+RESOLUTION = 320
+BEFORE, AFTER = np.array([64, 112, 216]), np.array([52, 168, 83])  # as in the paper: blue before, green after
+
+Point = tuple[float, float, float]
+Pictures = tuple[str, Sequence[tuple[UInt8, str]]]  # a heading, and pictures with their captions
+
+
+# --- shapes, handles and sessions
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A mesh with the name of its file, or of the sample that it is."""
+
+    name: str
+    mesh: dfd.Mesh
+
+    def at(self, point: Sequence[float]) -> int:
+        """Return the vertex of a face nearest to `point`, whose coordinates go from 0 to 1 along the box."""
+        low, high = self.mesh.bounds
+        corners = np.unique(self.mesh.faces)
+        away = self.mesh.vertices[corners] - (low + np.asarray(point) * (high - low))
+        return int(corners[np.linalg.norm(away, axis=1).argmin()])
+
+    def refined(self) -> Shape:
+        """Return the shape with long edges halved, without its appearance; as it is if no face is large."""
+        longest = LONGEST_EDGE * self.mesh.diagonal
+        vertices, faces = split_long_edges(self.mesh.vertices, self.mesh.faces, longest, most=50_000)
+        return self if len(faces) == len(self.mesh.faces) else Shape(self.name, dfd.Mesh(vertices, faces))
+
+
+@dataclass(frozen=True)
+class BoxHandle:
+    """A handle and what it does, places from 0 to 1 along the sides of a shape's box: it fits any mesh of the shape."""
+
+    at: Point
+    offset: Point = (0.0, 0.0, 0.0)  # of the diagonal
+    rotation: Point | None = None  # degrees
+    pivot: Point | None = None
+    fixed: tuple[Point, ...] = ()
+    azimuth: float | None = None  # degrees, from where it is seen
+
+    def on(self, shape: Shape) -> dict[str, Any]:
+        """Return what `Deformer.add` takes by name."""
+        handle: dict[str, Any] = {"at": shape.at(self.at), "translation": np.array(self.offset) * shape.mesh.diagonal}
+        if self.rotation is not None:
+            handle["rotation"] = self.rotation
+        if self.pivot is not None:
+            low, high = shape.mesh.bounds
+            handle["pivot"] = low + np.array(self.pivot) * (high - low)
+        return handle
+
+
+def session(
+    mesh: dfd.Mesh,
+    field: dfd.Field,
+    preset: Preset,
+    handles: Sequence[Mapping[str, Any]],
+    *,
+    fixed: Sequence[Any] = (),
+    symmetric: bool = False,
+    features: Float32 | None = None,
+) -> dfd.Deformer:
+    """Return a session with `handles`, each what `Deformer.add` takes by name, and `fixed` points.
+
+    `symmetric` lets handles act on both sides of the plane that `"auto"` finds by the preset, if there is one.
+    """
+    deformer = dfd.Deformer(mesh, field, preset=preset, features=features)
+    if symmetric:
+        with suppress(ValueError):  # looks alike across no plane
+            deformer.set_symmetry("auto")
+    for point in fixed:
+        deformer.fix(point)
+    for handle in handles:
+        deformer.add(**handle)
+    return deformer
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A shape, what a page knows of it, and its field by one preset."""
+
+    shape: Shape
+    case: Any
+    preset: Preset
+    field: dfd.Field
+
+    @property
+    def label(self) -> list[str]:
+        """The first two columns of every table."""
+        return [self.shape.name, NAMES[self.preset]]
+
+    @property
+    def heading(self) -> str:
+        """That of its row of pictures."""
+        return ", ".join(self.label)
+
+    def session(self, handles: Sequence[Mapping[str, Any]], **more: Any) -> dfd.Deformer:
+        """See `session`."""
+        return session(self.shape.mesh, self.field, self.preset, handles, **more)
+
+
+@dataclass
+class Context:
+    """Settings of a run, and what its pages share."""
+
+    folder: Path | None = None  # where meshes are looked for first; None for `DFD_MESHES` alone
+    quick: bool = False  # fewer and smaller pictures, fewer shapes
+    encoder: str | Path = DEFAULT_ENCODER  # a name or a folder
+    ball: float = BALL  # of the longest side, in which other methods are given the neighbors of a handle too
+    settings: Mapping[str, Any] = field(default_factory=dict)  # further keywords of `dfd.distill`, over the presets'
+    say: Callable[[str], None] = lambda line: None
+    fields: dict[tuple[Any, ...], dfd.Field] = field(default_factory=dict)
+    encoders: dict[tuple[str, int | None, bool], Encoder] = field(default_factory=dict)
+    used: dict[str, dict[str, Any]] = field(default_factory=dict)  # settings of the fields, for NAME.json
+
+    @cached_property
+    def files(self) -> dict[str, Path]:
+        """The mesh files at hand by their stems: those of the folder given, then those of DFD_MESHES."""
+        known = os.environ.get("DFD_MESHES")
+        folders = [folder for folder in (Path(known) if known else None, self.folder) if folder]
+        return {path.stem: path for folder in folders for path in reversed(_mesh_files(folder))}
+
+    def shape(self, *names: str) -> Shape:
+        """Return the first of `names` that is a file at hand or else a sample; the last name must be a sample's."""
+        for name in names:
+            if name in self.files:
+                return Shape(name, dfd.load(self.files[name]))
+        sample = next(name for name in names if name in SAMPLES)
+        return Shape(sample, SAMPLES[sample]().mesh)
+
+    def of(self, most: tuple[Any, Any]) -> Any:
+        """Return the first of two numbers in a quick run, the second in a whole one."""
+        return most[0 if self.quick else 1]
+
+    def cases(self, known: Mapping[str, Any], most: tuple[int, int]) -> list[tuple[Shape, Any]]:
+        """Return at most so many shapes, in a quick and in a whole run, and what is known of each by its name.
+
+        Of a folder that was given: its meshes, the known ones first, the others with the case that is called "*". Else
+        the known ones among files and samples, in their order.
+        """
+        if self.folder is not None:
+            stems = [path.stem for path in _mesh_files(self.folder)]
+            names = sorted(dict.fromkeys(stems), key=lambda name: (name not in known, name))
+        else:
+            names = [name for name in known if name in self.files or name in SAMPLES]
+        return [(self.shape(name), known.get(name, known["*"])) for name in names[: self.of(most)]]
+
+    def subjects(self, known: Mapping[str, Any], most: tuple[int, int], *, refined: bool = False) -> Iterator[Subject]:
+        """Yield the shapes of `cases`, with long edges halved where `refined`, each with its fields of both presets."""
+        for found, case in self.cases(known, most):
+            shape = found.refined() if refined else found
+            for preset in PRESETS:
+                yield Subject(shape, case, preset, self.field(shape, preset))
+
+    def distill_settings(self, preset: Preset, **more: Any) -> dict[str, Any]:
+        """Return the keywords of `dfd.distill` for a preset, with `more` over those of this run."""
+        given = {**self.settings, **more}
+        shorter = {**QUICK, **(QUICK_PAPER if preset == "paper" else {})} if self.quick else {}
+        if "steps" in given:  # one length of a fit at a time
+            shorter.pop("epochs", None)
+        return {"preset": preset, **shorter, **given}
+
+    def loaded(self, preset: Preset, encoder: str | Path | None = None, block: int | None = None) -> Encoder:
+        """Return the encoder; the paper's sees the background as well."""
+        chosen = self.encoder if encoder is None else encoder
+        key = (str(chosen), block, preset == "paper")
+        if key not in self.encoders:
+            self.encoders[key] = load_encoder(chosen, block=block, background=preset == "paper")
+        return self.encoders[key]
+
+    def field(
+        self, shape: Shape, preset: Preset, *, encoder: Encoder | None = None, stages: Stages | None = None, **more: Any
+    ) -> dfd.Field:
+        """Return the field of a shape from the user's cache; with `stages`, distill in any case and time it."""
+        model = encoder or self.loaded(preset)
+        settings = self.distill_settings(preset, **more)
+        told = {**settings, **model.settings()}
+        key = (shape.mesh.content_hash, *sorted((name, repr(value)) for name, value in told.items()))
+        if stages is not None or key not in self.fields:
+            self.say(f"distilling {shape.name}, {NAMES[preset]}" + "".join(f", {n} {v}" for n, v in more.items()))
+            found = dfd.distill(shape.mesh, model, progress=stages or False, cache=stages is None, **settings)
+            self.fields[key] = found
+            own = {name: value for name, value in found.settings.items() if name != "losses"}
+            self.used.setdefault(NAMES[preset], own)
+        return self.fields[key]
+
+    def notes(self) -> list[str]:
+        """Return what a reader has to know about how a page was made."""
+        where = "a folder that was given" if self.folder else "DFD_MESHES" if self.files else "made samples alone"
+        notes = [
+            f"**{NAMES['paper']}** is the procedure of the paper, **{NAMES['default']}** what dfd does if nothing is "
+            f"said; encoder {getattr(self.encoder, 'name', self.encoder)}.",
+            f"Meshes: {where}.",
+        ]
+        if self.quick:
+            made, whole = DistillSettings(**self.distill_settings("paper")), DistillSettings(preset="paper")
+            notes.append(
+                f"Made with --quick: {made.views} pictures of {made.resolution}² instead of {whole.views} of "
+                f"{whole.resolution}², a shorter fit in the paper preset, and fewer shapes. Weights are rougher than "
+                "they would be."
+            )
+        return notes
+
+
+def _mesh_files(folder: Path) -> list[Path]:
+    return [path for path in sorted(folder.rglob("*")) if path.suffix.lower() in MESH_ENDINGS]
+
+
+# --- pictures
+
+
+def aim(mesh: dfd.Mesh, points: Any, *moved: Float64, **more: Any) -> dict[str, Any]:
+    """Return options of `picture` that show `points` (N, 3) from outside, with room for all of `moved` (V, 3)."""
+    frame = [mesh.vertices, *moved]
+    return {"azimuth": azimuth_towards(mesh, points), "frame": frame, "resolution": RESOLUTION, **more}
+
+
+def before_after(deformer: dfd.Deformer, where: dict[str, Any]) -> list[tuple[UInt8, str]]:
+    """Draw the weights that a session's vertices follow with, as heat, and the moved shape."""
+    views = session_views(deformer)
+    captions = {"weights": "weights", "after": "moved"}
+    return [(picture(deformer.mesh, **{**views[name], **where}), caption) for name, caption in captions.items()]
+
+
+def silhouettes(mesh: dfd.Mesh, moved: Float64, where: dict[str, Any]) -> UInt8:
+    """Draw the outlines before (blue) and after (green) over the moved shape, as in the paper's Fig. 8 and 23."""
+    old, new = (picture(mesh, vertices=vertices, **where).astype(float) for vertices in (mesh.vertices, moved))
+    in_old, in_new = ((image < 250).any(axis=2, keepdims=True) for image in (old, new))
+    page = np.where(in_new, 0.55 * new + 0.45 * AFTER, new)
+    page = np.where(in_old, 0.6 * page + 0.4 * BEFORE, page)
+    return page.clip(0, 255).astype(np.uint8)
+
+
+def blank() -> UInt8:
+    """Return a white square, where there is nothing to show."""
+    return np.full((RESOLUTION, RESOLUTION, 3), 255, np.uint8)
+
+
+def heat(mesh: dfd.Mesh, weights: NDArray[np.floating], at: Sequence[int], **where: Any) -> UInt8:
+    """Draw weights (V,) as heat, with dots at the vertices `at`."""
+    return picture(mesh, weights=weights, handles=mesh.vertices[list(at)], **where)
+
+
+# --- the page
+
+
+@dataclass(frozen=True)
+class Table:
+    """Numbers and words: one list a row, as many entries as `columns`; None where there is none."""
+
+    columns: Sequence[str]
+    rows: Sequence[Sequence[Any]]
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a page."""
+
+    heading: str
+    text: str = ""
+    pictures: Sequence[Pictures] = ()
+    table: Table | None = None
+    image: Image.Image | None = None  # a picture of its own kind, such as a plot
+
+
+@dataclass(frozen=True)
+class Page:
+    """What `python -m bench.paper NAME` makes: the title, one sentence with what to look for, and the sections."""
+
+    title: str
+    look_for: str
+    sections: Sequence[Section]
+    files: Mapping[str, str] = field(default_factory=dict)  # further texts to write beside the page, by their names
+    failed: int = 0  # how many of its shapes could not be done; the command's exit code tells
+
+
+def write(page: Page, name: str, folder: Path, context: Context) -> Path:
+    """Write NAME.md with one PNG per section that has pictures, one CSV per table, and NAME.json with all numbers.
+
+    Return the path of the Markdown file.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    lines = [f"# {page.title}", "", page.look_for, "", *[f"- {note}" for note in context.notes()]]
+    tables = {}
+    for number, section in enumerate(page.sections, 1):
+        lines += ["", f"## {section.heading}", *(["", section.text] if section.text else [])]
+        sheet = contact_sheet(section.pictures, cell=RESOLUTION) if section.pictures else None
+        for image, stem in ((sheet, f"{name}_{number}"), (section.image, f"{name}_{number}_plot")):
+            if image is not None:
+                save_png(folder / f"{stem}.png", image)
+                lines += ["", f"![{section.heading}]({stem}.png)"]
+        if (table := section.table) is not None:
+            write_text(folder / f"{name}_{number}.csv", to_csv(table.columns, table.rows))
+            tables[section.heading] = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
+            lines += ["", *to_markdown(table.columns, table.rows)]
+    settings = {"quick": context.quick, "presets": context.used}
+    document = {"page": name, "title": page.title, **settings, "tables": tables}
+    files = {f"{name}.json": json.dumps(document, indent=2, default=plain) + "\n", **page.files}
+    for other, text in {**files, f"{name}.md": "\n".join(lines) + "\n"}.items():
+        write_text(folder / other, text)
+    return folder / f"{name}.md"
