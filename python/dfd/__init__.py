@@ -33,7 +33,6 @@ if _typing.TYPE_CHECKING:
     from dfd.pictures.notebook import show
     from dfd.segmentation.parts import Parts, parts
     from dfd.symmetry.plane import SymmetryPlane
-    from dfd.symmetry.rotation import RotationalSymmetry, rotational_symmetries
     from dfd.symmetry.search import symmetry_planes
 
 # Stable: they change with a new major version alone.
@@ -57,18 +56,7 @@ __all__ = [
     "symmetry_planes",
 ]
 # Experimental: they may change with any version.
-__all__ += [
-    "Drag",
-    "KeyPose",
-    "Parts",
-    "RotationalSymmetry",
-    "VertexField",
-    "export_rig",
-    "export_weights",
-    "parts",
-    "rotational_symmetries",
-    "show",
-]
+__all__ += ["Drag", "KeyPose", "Parts", "VertexField", "export_rig", "export_weights", "parts", "show"]
 
 # Names whose modules pull in torch, trimesh or scipy: imported when they are first asked for, so that `import dfd`
 # and `dfd --help` answer at once.
@@ -80,7 +68,6 @@ _LATER = {
     "KeyPose": "dfd.export.key_poses",
     "Mesh": "dfd.mesh.mesh",
     "Parts": "dfd.segmentation.parts",
-    "RotationalSymmetry": "dfd.symmetry.rotation",
     "SymmetryPlane": "dfd.symmetry.plane",
     "VertexField": "dfd.field.vertex_field",
     "distill": "dfd.distillation.distill",
@@ -89,7 +76,6 @@ _LATER = {
     "export_weights": "dfd.export.export_weights",
     "load": "dfd.mesh.mesh",
     "parts": "dfd.segmentation.parts",
-    "rotational_symmetries": "dfd.symmetry.rotation",
     "show": "dfd.pictures.notebook",
     "symmetry_planes": "dfd.symmetry.search",
 }

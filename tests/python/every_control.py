@@ -21,7 +21,6 @@ from dfd.geometry.metrics import area_ratios, surface_metrics
 from dfd.posing.pose import Blend, Overlap, pose
 from dfd.posing.transforms import affine
 from dfd.symmetry.plane import SymmetryPlane
-from dfd.symmetry.rotation import rotational_symmetries
 from dfd.symmetry.search import symmetry_planes
 from dfd.weights.bind import bind
 
@@ -71,8 +70,6 @@ def _symmetries(mesh: Mesh, field: Field) -> list[SymmetryPlane]:
     for plane in planes:
         assert _within(np.linalg.norm(plane.normal), 1 - 1e-6, 1 + 1e-6)
         assert np.isfinite([plane.offset, plane.band, plane.score]).all()
-    for symmetry in rotational_symmetries(field, mesh):
-        assert np.isfinite(symmetry.transforms).all()
     return planes
 
 

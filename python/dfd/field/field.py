@@ -231,14 +231,14 @@ class Field:
     def load(cls, path: str | os.PathLike[str], *, mesh: Mesh | None = None, other_shape: bool = False) -> Field:
         """Read a field from `path`: a file of `save`, or one that another program wrote for a mesh.
 
-        The latter are a `.pth` of the method's public reference implementation, and an `.npy` (MeshFM, PartField) or
-        `.pt` (Diff3F) with a row of another network for each vertex or face, which becomes a `VertexField`. MeshFM and
-        PartField write files beside theirs; what these say of the vertices is checked.
+        The latter are an `.npy` (MeshFM, PartField) or `.pt` (Diff3F) with a row of another network for each vertex or
+        face, which becomes a `VertexField`. MeshFM and PartField write files beside theirs; what these say of the
+        vertices is checked.
 
         Parameters
         ----------
         mesh
-            The mesh that a `.pth`, `.npy` or `.pt` is of. A field in a file of `save` must belong to it, where it is
+            The mesh that an `.npy` or `.pt` is of. A field in a file of `save` must belong to it, where it is
             given, as `Deformer` says.
         other_shape
             Take a field of a shape of quite another size or position all the same.
@@ -256,16 +256,7 @@ class Field:
             raise FileNotFoundError(f"Field.load: `path` {os.fspath(path)} does not exist or is no file")
         if Path(path).suffix.lower() in FEATURE_FILES:
             return Field.read_vertex_field(Path(path), mesh)
-        if Path(path).suffix.lower() == ".pth":
-            from dfd.field.reference_file import read_reference
-
-            if mesh is None:
-                raise ArgumentError(
-                    "mesh", f"must be given for {os.fspath(path)}: it has the normalization", "Field.load"
-                )
-            content = read_reference(path, mesh)
-        else:
-            content = field_file.read(path)
+        content = field_file.read(path)
         try:
             field = Field(
                 content.parameters,

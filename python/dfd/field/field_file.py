@@ -19,9 +19,8 @@ from dfd.common.linear_algebra import Float32, Float64
 from dfd.field.architecture import Architecture
 
 FORMAT = "dfd-field"
-VERSION, WITH_RESIDUALS = 1, 2
-# Of the component residuals, by the names that all files have them by.
-RESIDUALS = {name: f"pieces.{name}" for name in ("boxes", "points", "differences")} | {"component": "pieces.piece"}
+VERSION = 1
+RESIDUALS = {name: f"residuals.{name}" for name in ("boxes", "points", "component", "differences")}
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +39,7 @@ def write(path: str | os.PathLike[str], content: Content) -> None:
     """Write a field, whole or not at all; raises what `Field.save` raises."""
     metadata = {
         "format": FORMAT,
-        "version": str(VERSION if content.residuals is None else WITH_RESIDUALS),
+        "version": str(VERSION),
         "network": json.dumps(asdict(content.architecture)),
         "settings": json.dumps(content.settings, sort_keys=True),
     }
@@ -59,12 +58,14 @@ def read(path: str | os.PathLike[str]) -> Content:
         except (SafetensorError, KeyError, TypeError, ValueError, RecursionError) as error:
             raise ValueError(f"is cut short or no field: {error}") from error
         architecture, settings = _header(metadata)
-        residuals = _take_residuals(arrays) if metadata["version"] == str(WITH_RESIDUALS) else None
+        residuals = {name: arrays.pop(stored) for name, stored in RESIDUALS.items() if stored in arrays}
+        if residuals and len(residuals) < len(RESIDUALS):
+            raise ValueError(f"must hold {', '.join(RESIDUALS.values())}")
         _check_arrays(arrays, architecture)
     except ValueError as error:
         raise ValueError(f"Field.load: `path` {os.fspath(path)} {error}") from error
     center, scale = arrays.pop("center"), arrays.pop("scale")
-    return Content(architecture, arrays, center, float(scale), settings, residuals)
+    return Content(architecture, arrays, center, float(scale), settings, residuals or None)
 
 
 def with_sorted_header(content: bytes) -> bytes:
@@ -88,8 +89,8 @@ def _header(metadata: Mapping[str, str]) -> tuple[Architecture, dict[str, Any]]:
     """The architecture and the settings that the metadata promises."""
     if metadata.get("format") != FORMAT:
         raise ValueError("is a safetensors file but no field")
-    if metadata.get("version") not in (str(VERSION), str(WITH_RESIDUALS)):
-        raise ValueError(f"has version {metadata.get('version')}, this dfd reads {VERSION} and {WITH_RESIDUALS}")
+    if metadata.get("version") != str(VERSION):
+        raise ValueError(f"has version {metadata.get('version')}, this dfd reads {VERSION}")
     try:
         network, settings = json.loads(metadata["network"]), json.loads(metadata["settings"])
         if not isinstance(settings, dict):
@@ -97,14 +98,6 @@ def _header(metadata: Mapping[str, str]) -> tuple[Architecture, dict[str, Any]]:
         return Architecture(**network), settings
     except (KeyError, TypeError, ValueError, RecursionError) as error:
         raise ValueError(f"has an unreadable header: {error}") from error
-
-
-def _take_residuals(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Remove the component residuals from `arrays`; `ComponentResiduals` checks them."""
-    for name in RESIDUALS.values():
-        if name not in arrays:
-            raise ValueError(f"must hold {name}")
-    return {name: arrays.pop(stored) for name, stored in RESIDUALS.items()}
 
 
 def _check_arrays(arrays: Mapping[str, NDArray[Any]], architecture: Architecture) -> None:

@@ -9,7 +9,6 @@ import numpy as np
 
 from dfd.common.linear_algebra import Float64, Int64
 from dfd.symmetry.evidence import SurfaceFeatures
-from dfd.symmetry.registration import registered
 
 Planes = Float64  # (K, 4)
 
@@ -17,6 +16,11 @@ _SEEDS = 300  # planes between two points that are held against all pairs
 _MOST_REFINED = 8
 _PAIR_FITS = 0.12  # how near the image of a point comes to its look-alike to count for a plane
 _SAME_ANGLE, _SAME_OFFSET = np.radians(8.0), 0.06
+_STEPS = 10
+_COARSE_STEPS, _COARSE, _ENOUGH = 6, 4, 300  # the first steps use every fourth point if there are 300 of them
+_FIRST_REACH, _SHRINK = 0.3, 0.7  # normalized: points farther from the surface do not count, step by step less
+_LONGEST_STEP = 0.2
+_DIFFERENCE = 1e-6
 
 
 def candidate_planes(evidence: SurfaceFeatures) -> Planes:
@@ -79,11 +83,41 @@ def _distinct(planes: Planes, most: int) -> Planes:
 
 
 def _refined(evidence: SurfaceFeatures, plane: Float64) -> Float64:
-    """Return the plane nearby across which the surface's image lies best on the surface."""
+    """Return the plane nearby across which the surface's image lies best on the surface.
+
+    Gauss-Newton steps on distances to the tangent planes of the nearest points; points that land far from the surface
+    are left out.
+
+    Source: Chen and Medioni, "Object modelling by registration of multiple range images", 1992.
+    """
     across = np.linalg.svd(plane[None, :3])[2][1:]  # (2, 3) unit, in the plane
 
     def varied(change: Float64) -> Float64:
         turned = plane[:3] + change[:2] @ across
         return np.append(turned, plane[3] + change[2]) / np.linalg.norm(turned)
 
-    return varied(registered(evidence, lambda change: lambda points: mirrored(points, varied(change)), 3))
+    parameters = np.zeros(3)
+    for step in range(_STEPS):
+        coarse = step < _COARSE_STEPS and len(evidence.points) > _COARSE * _ENOUGH
+        points = evidence.points[:: _COARSE if coarse else 1]
+        images = mirrored(points, varied(parameters))
+        reach = max(_FIRST_REACH * _SHRINK**step, 2.5 * evidence.spacing)
+        distance, nearest = evidence.tree.query(images, distance_upper_bound=reach)
+        near = distance < reach
+        if near.sum() < 9:
+            break
+        tangents = evidence.normals[nearest[near]]
+        residual = np.einsum("nd,nd->n", tangents, images[near] - evidence.points[nearest[near]])
+        slopes = [
+            np.einsum("nd,nd->n", tangents, mirrored(points[near], varied(parameters + shift)) - images[near])
+            for shift in _DIFFERENCE * np.eye(3)
+        ]
+        matrix = np.stack(slopes, axis=1) / _DIFFERENCE
+        weight = 1 / (1 + (residual / max(evidence.spacing, 1e-9)) ** 2)
+        normal_matrix = matrix.T @ (matrix * weight[:, None])
+        damping = 1e-6 * max(float(np.trace(normal_matrix)), 1e-12)
+        change = np.linalg.solve(normal_matrix + damping * np.eye(3), -matrix.T @ (weight * residual))
+        parameters = parameters + change * min(1.0, _LONGEST_STEP / max(float(np.abs(change).max()), 1e-12))
+        if np.abs(change).max() < 1e-6:
+            break
+    return varied(parameters)

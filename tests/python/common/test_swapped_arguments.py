@@ -11,7 +11,6 @@ TAKE_FIELDS = {
     "Deformer": lambda field: dfd.Deformer(MESH, field),
     "parts": lambda field: dfd.parts(field, MESH),
     "symmetry_planes": lambda field: dfd.symmetry_planes(field, MESH),
-    "rotational_symmetries": lambda field: dfd.rotational_symmetries(field, MESH),
 }
 
 

@@ -141,12 +141,12 @@ def test_a_file_keeps_pieces_and_equal_fields_are_equal_files(tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("name", "change", "said"),
     [
-        ("pieces.points", lambda array: array[:-1], "must have"),
-        ("pieces.piece", lambda array: array + 1000, "component"),
-        ("pieces.boxes", lambda array: array[:, :5], "boxes"),
-        ("pieces.differences", lambda array: array * np.float16(np.nan), "finite"),
-        ("pieces.differences", lambda array: array[:, :3].copy(), "12 wide"),
-        ("pieces.boxes", lambda array: None, "pieces.boxes"),
+        ("residuals.points", lambda array: array[:-1], "must have"),
+        ("residuals.component", lambda array: array + 1000, "component"),
+        ("residuals.boxes", lambda array: array[:, :5], "boxes"),
+        ("residuals.differences", lambda array: array * np.float16(np.nan), "finite"),
+        ("residuals.differences", lambda array: array[:, :3].copy(), "12 wide"),
+        ("residuals.boxes", lambda array: None, "residuals.boxes"),
     ],
 )
 def test_damaged_pieces_are_refused(tmp_path: Path, name: str, change: object, said: str) -> None:
