@@ -1,10 +1,8 @@
-/** (3, 4) affine maps, row-major, as arrays of 12 numbers; lengths in mesh units, angles in degrees. */
+/** Transforms of handles as matrices in float64; lengths in mesh units, angles in degrees. */
 
-import { Quaternion as Turn } from "three";
+import { MathUtils, Matrix4, Quaternion, Vector3 } from "three";
 
 export type Vec3 = readonly [number, number, number];
-export type Quaternion = readonly [number, number, number, number];
-export type Affine = readonly number[];
 
 /** Three orthonormal vectors, one a row. */
 export type Frame = readonly [Vec3, Vec3, Vec3];
@@ -29,7 +27,7 @@ export interface Transform {
   readonly joint: number | null;
 }
 
-export const IDENTITY: Affine = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0];
+export const IDENTITY = new Matrix4();
 export const REST: Transform = {
   translation: [0, 0, 0],
   rotation: [0, 0, 0],
@@ -42,77 +40,55 @@ export const REST: Transform = {
   joint: null,
 };
 
-const UNIT_AXES: Frame = [
-  [1, 0, 0],
-  [0, 1, 0],
-  [0, 0, 1],
-];
-const DEGREE = Math.PI / 180;
-
 export function quaternionOf(rotation: Vec3): Quaternion {
-  const degrees = Math.hypot(...rotation);
-  if (degrees === 0) return [0, 0, 0, 1];
-  const half = (degrees * DEGREE) / 2;
-  const sine = Math.sin(half) / degrees;
-  return [rotation[0] * sine, rotation[1] * sine, rotation[2] * sine, Math.cos(half)];
+  const axis = new Vector3(...rotation);
+  const angle = MathUtils.degToRad(axis.length());
+  return new Quaternion().setFromAxisAngle(axis.normalize(), angle);
 }
 
 /** The rotation vector of a unit quaternion, the shorter way round. */
-export function rotationOf(q: Quaternion): Vec3 {
-  const sign = q[3] < 0 ? -1 : 1;
-  const sine = Math.hypot(q[0], q[1], q[2]);
-  if (sine === 0) return [0, 0, 0];
-  const perSine = (sign * 2 * Math.atan2(sine, sign * q[3])) / DEGREE / sine;
-  return [q[0] * perSine, q[1] * perSine, q[2] * perSine];
+export function rotationOf({ x, y, z, w }: Quaternion): Vec3 {
+  const sign = w < 0 ? -1 : 1;
+  const sine = Math.hypot(x, y, z);
+  const degrees = MathUtils.radToDeg(sign * 2 * Math.atan2(sine, sign * w));
+  return sine === 0 ? [0, 0, 0] : [(x * degrees) / sine, (y * degrees) / sine, (z * degrees) / sine];
+}
+
+/** The matrix with those axes as columns. */
+export function basisOf(axes: Frame): Matrix4 {
+  const [x, y, z] = axes.map((axis) => new Vector3(...axis));
+  return new Matrix4().makeBasis(x, y, z);
 }
 
 /** The map p ↦ pivot + translation + R S (p − pivot); `center` is the pivot of a transform without one. */
-export function matrixOf(transform: Transform, center: Vec3): Affine {
-  const [x, y, z, w] = quaternionOf(transform.rotation);
-  const rows = [
-    [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-    [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-    [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-  ];
-  const pivot = transform.pivot ?? center;
-  const stretch = stretchOf(transform.scale, transform.axes);
-  return rows.flatMap((row, i) => {
-    const scaled = [0, 1, 2].map((j) => row[0] * stretch[0][j] + row[1] * stretch[1][j] + row[2] * stretch[2][j]);
-    const carried = scaled[0] * pivot[0] + scaled[1] * pivot[1] + scaled[2] * pivot[2];
-    return [...scaled, pivot[i] + transform.translation[i] - carried];
-  });
+export function matrixOf({ translation, rotation, scale, axes, pivot }: Transform, center: Vec3): Matrix4 {
+  const stretch = new Matrix4().makeScale(...scale);
+  if (axes) stretch.premultiply(basisOf(axes)).multiply(basisOf(axes).transpose());
+  const linear = new Matrix4().makeRotationFromQuaternion(quaternionOf(rotation)).multiply(stretch);
+  const [x, y, z] = pivot ?? center;
+  return relative(linear, [-x, -y, -z]).premultiply(new Matrix4().makeTranslation(...translation));
 }
 
-/** A S Aᵀ: scaled along axes that are the columns of A. */
-function stretchOf(scale: Vec3, axes: Frame | null): readonly (readonly number[])[] {
-  const along = axes ?? UNIT_AXES;
-  return [0, 1, 2].map((i) =>
-    [0, 1, 2].map((j) => scale.reduce((sum, factor, k) => sum + along[k][i] * factor * along[k][j], 0)),
-  );
+/** The map that does to p − center what `matrix` does to p. */
+export function relative(matrix: Matrix4, [x, y, z]: Vec3): Matrix4 {
+  return new Matrix4()
+    .makeTranslation(-x, -y, -z)
+    .multiply(matrix)
+    .multiply(new Matrix4().makeTranslation(x, y, z));
 }
 
-export function multiply(a: Affine, b: Affine): Affine {
-  const product: number[] = [];
-  for (let i = 0; i < 3; i++) {
-    for (let j = 0; j < 4; j++) {
-      const moved = a[4 * i] * b[j] + a[4 * i + 1] * b[4 + j] + a[4 * i + 2] * b[8 + j];
-      product.push(moved + (j === 3 ? a[4 * i + 3] : 0));
-    }
-  }
-  return product;
-}
-
-export function apply(a: Affine, p: Vec3): Vec3 {
-  const row = (i: number) => a[4 * i] * p[0] + a[4 * i + 1] * p[1] + a[4 * i + 2] * p[2] + a[4 * i + 3];
-  return [row(0), row(1), row(2)];
+export function apply(matrix: Matrix4, point: Vec3): Vec3 {
+  return new Vector3(...point).applyMatrix4(matrix).toArray();
 }
 
 /** R of Eq. 8: the reflection across {p : normal · p = offset}. */
-export function reflection(normal: Vec3, offset: number): Affine {
-  return [0, 1, 2].flatMap((i) => [
-    ...[0, 1, 2].map((j) => (i === j ? 1 : 0) - 2 * normal[i] * normal[j]),
-    2 * offset * normal[i],
-  ]);
+export function reflection([x, y, z]: Vec3, offset: number): Matrix4 {
+  return new Matrix4().set(
+    ...[1 - 2 * x * x, -2 * x * y, -2 * x * z, 2 * offset * x],
+    ...[-2 * x * y, 1 - 2 * y * y, -2 * y * z, 2 * offset * y],
+    ...[-2 * x * z, -2 * y * z, 1 - 2 * z * z, 2 * offset * z],
+    ...[0, 0, 0, 1],
+  );
 }
 
 export function add(a: Vec3, b: Vec3): Vec3 {
@@ -125,23 +101,15 @@ export function subtract(a: Vec3, b: Vec3): Vec3 {
 
 /** Between two transforms: lengths and factors linearly, turns along the shorter arc. */
 export function interpolate(a: Transform, b: Transform, t: number): Transform {
-  const mix = (u: Vec3, v: Vec3): Vec3 => [
-    u[0] + (v[0] - u[0]) * t,
-    u[1] + (v[1] - u[1]) * t,
-    u[2] + (v[2] - u[2]) * t,
-  ];
+  const mix = (u: Vec3, v: Vec3): Vec3 => new Vector3(...u).lerp(new Vector3(...v), t).toArray();
   return {
+    ...b,
     translation: mix(a.translation, b.translation),
-    rotation: rotationOf(
-      new Turn(...quaternionOf(a.rotation)).slerp(new Turn(...quaternionOf(b.rotation)), t).toArray(),
-    ),
+    rotation: rotationOf(quaternionOf(a.rotation).slerp(quaternionOf(b.rotation), t)),
     scale: mix(a.scale, b.scale),
-    pivot: a.pivot !== null && b.pivot !== null ? mix(a.pivot, b.pivot) : b.pivot,
-    pivotAt: b.pivotAt,
-    axes: b.axes,
+    pivot: a.pivot && b.pivot ? mix(a.pivot, b.pivot) : b.pivot,
     bend: mix(a.bend, b.bend),
-    twist: a.twist + (b.twist - a.twist) * t,
-    joint: b.joint,
+    twist: MathUtils.lerp(a.twist, b.twist, t),
   };
 }
 

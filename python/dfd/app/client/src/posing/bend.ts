@@ -1,6 +1,6 @@
 /** Where the tip of a part goes when it bends along its axis, and how far it has to bend for its tip to go somewhere. */
 
-import { Quaternion, Vector3 } from "three";
+import { Vector3 } from "three";
 
 import { quaternionOf, type Vec3 } from "./affine";
 
@@ -17,7 +17,7 @@ const MOST_DEGREES = 300;
 /** About where the tip is after a bend by a rotation vector in degrees. */
 export function bentTip({ base, tip }: PartEnds, bend: Vec3, joint: number | null): Vec3 {
   const line = bend.map((part) => part * share(joint)) as unknown as Vec3;
-  const out = new Vector3(...tip).sub(new Vector3(...base)).applyQuaternion(new Quaternion(...quaternionOf(line)));
+  const out = new Vector3(...tip).sub(new Vector3(...base)).applyQuaternion(quaternionOf(line));
   return out.add(new Vector3(...base)).toArray();
 }
 

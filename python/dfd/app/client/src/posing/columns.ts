@@ -4,7 +4,9 @@
  */
 
 import type { HandleState } from "../protocol/messages";
-import { apply, multiply, reflection, type Affine, type Vec3 } from "./affine";
+import { Matrix4 } from "three";
+
+import { apply, reflection, type Vec3 } from "./affine";
 
 export type Falloff = HandleState["falloff"];
 /** Their numbers in the shader. */
@@ -45,7 +47,7 @@ export interface Column {
   readonly positive: boolean;
   /** How much of it the heat map shows. */
   readonly heat: number;
-  readonly transform: Affine;
+  readonly transform: Matrix4;
   /** Whether it takes part in the sum of weights. */
   readonly acts: boolean;
 }
@@ -59,7 +61,7 @@ export interface Mirror {
 
 export interface Scene {
   readonly columns: readonly Column[];
-  readonly defaultTransform: Affine | null;
+  readonly defaultTransform: Matrix4 | null;
   readonly mirror: Mirror | null;
 }
 
@@ -93,22 +95,20 @@ export function sameScene(one: Scene, other: Scene): boolean {
   return (
     one.columns.length === other.columns.length &&
     one.columns.every((column, k) => sameParts(column, other.columns[k])) &&
-    sameNumbers(one.defaultTransform, other.defaultTransform) &&
+    same(one.defaultTransform, other.defaultTransform) &&
     sameParts(one.mirror, other.mirror)
   );
 }
 
 function sameParts<Part extends object>(one: Part | null, other: Part | null): boolean {
   if (one === null || other === null) return one === other;
-  return (Object.keys(one) as (keyof Part)[]).every((key) => {
-    const [a, b] = [one[key], other[key]];
-    return Array.isArray(a) && Array.isArray(b) ? sameNumbers(a as number[], b as number[]) : Object.is(a, b);
-  });
+  return (Object.keys(one) as (keyof Part)[]).every((key) => same(one[key], other[key]));
 }
 
-function sameNumbers(one: readonly number[] | null, other: readonly number[] | null): boolean {
-  if (one === null || other === null) return one === other;
-  return one.length === other.length && one.every((entry, i) => entry === other[i]);
+function same(one: unknown, other: unknown): boolean {
+  if (one instanceof Matrix4 && other instanceof Matrix4) return one.equals(other);
+  if (Array.isArray(one) && Array.isArray(other)) return one.every((entry, i) => entry === other[i]);
+  return Object.is(one, other);
 }
 
 /** How much of a point belongs to the side that the mirror's normal points to: a step, or smooth over the band. */
@@ -121,9 +121,9 @@ export function positiveShare(mirror: Mirror, point: Vec3): number {
 }
 
 /** The transform as it acts on the other side of the mirror, R D R (Eq. 8). */
-export function mirrored(transform: Affine, mirror: Mirror): Affine {
+export function mirrored(transform: Matrix4, mirror: Mirror): Matrix4 {
   const across = reflection(mirror.normal, mirror.offset);
-  return multiply(across, multiply(transform, across));
+  return transform.clone().premultiply(across).multiply(across);
 }
 
 /** Where one vertex goes, and how warm it is in the heat map. */
@@ -131,7 +131,7 @@ export function posePoint(scene: Scene, point: Vec3, vertex: number): { position
   const { mirror } = scene;
   const positive = mirror ? positiveShare(mirror, point) : 1;
   const moved = [0, 0, 0];
-  const addMove = (transform: Affine, weight: number) => {
+  const addMove = (transform: Matrix4, weight: number) => {
     const target = apply(transform, point);
     for (let i = 0; i < 3; i++) moved[i] += weight * (target[i] - point[i]);
   };

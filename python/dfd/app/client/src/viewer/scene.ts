@@ -1,14 +1,16 @@
 /** From what the store says to what the shader poses by, in coordinates relative to the mesh's center. */
 
+import type { Matrix4 } from "three";
+
 import {
   add,
   apply,
+  basisOf,
   IDENTITY,
   matrixOf,
-  multiply,
+  relative,
   REST,
   subtract,
-  type Affine,
   type Transform,
   type Vec3,
 } from "../posing/affine";
@@ -17,27 +19,16 @@ import { heldPart } from "../posing/held";
 import type { NewHandle, Plane } from "../protocol/messages";
 import { present, type Instance, type State } from "../store/state";
 
-/** The map that does to p − center what `transform` does to p. */
-export function relative(transform: Affine, center: Vec3): Affine {
-  const moved = subtract(apply(transform, center), center);
-  return transform.map((entry, i) => (i % 4 === 3 ? moved[(i - 3) / 4] : entry));
-}
-
 /** The handle's motion about the instance's own pivot, turned or mirrored into its frame. */
-export function instanceMatrix(transform: Affine, pivot: Vec3, instance: Instance, own: Vec3): Affine {
-  const [x, y, z] = instance.frame;
-  const frame: Affine = [...x, 0, ...y, 0, ...z, 0];
-  const back: Affine = [x[0], y[0], z[0], 0, x[1], y[1], z[1], 0, x[2], y[2], z[2], 0];
-  const about: Affine = relative(transform, pivot);
-  const turned = multiply(frame, multiply(about, back));
+export function instanceMatrix(matrix: Matrix4, pivot: Vec3, { frame }: Instance, own: Vec3): Matrix4 {
+  const back = basisOf(frame);
+  const turned = relative(matrix, pivot).premultiply(back.clone().transpose()).multiply(back);
   return relative(turned, subtract([0, 0, 0], own));
 }
 
-/** About what an instance turns: what lies from the counterpart of the handle as the pivot lies from the handle. */
-export function instancePivot(transform: Transform, position: Vec3, instance: Instance): Vec3 {
-  const offset = subtract(transform.pivot ?? position, position);
-  const turned = instance.frame.map((row) => row[0] * offset[0] + row[1] * offset[1] + row[2] * offset[2]);
-  return add(instance.position, turned as unknown as Vec3);
+/** What an instance turns about: relative to its counterpart of the handle as the pivot relative to the handle. */
+export function instancePivot(transform: Transform, position: Vec3, { frame, position: own }: Instance): Vec3 {
+  return add(own, apply(basisOf(frame).transpose(), subtract(transform.pivot ?? position, position)));
 }
 
 export function mirrorOf(plane: Plane, center: Vec3): Mirror {

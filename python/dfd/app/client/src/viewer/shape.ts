@@ -238,5 +238,5 @@ export class Shape {
 
 /** Whether nothing moves. */
 function rests({ columns, defaultTransform }: Scene): boolean {
-  return defaultTransform === null && columns.every(({ transform }) => transform.every((x, i) => x === IDENTITY[i]));
+  return defaultTransform === null && columns.every(({ transform }) => transform.equals(IDENTITY));
 }

@@ -1,17 +1,19 @@
 import { describe, expect, it } from "vitest";
 
-import { apply, matrixOf, REST, type Frame, type Vec3 } from "../../src/posing/affine";
+import { apply, IDENTITY, matrixOf, relative, REST, type Frame, type Vec3 } from "../../src/posing/affine";
 import {
   CURVES,
+  EMPTY_SCENE,
   mirrored,
   posePoint,
+  sameScene,
   weightOf,
   type Column,
   type Falloff,
   type Layer,
   type Scene,
 } from "../../src/posing/columns";
-import { instanceMatrix, instancePivot, relative } from "../../src/viewer/scene";
+import { instanceMatrix, instancePivot } from "../../src/viewer/scene";
 import { madeColumn } from "./made_column";
 
 const layer = (values: number[], scale = 2, geodesic: number[] | null = null): Layer => ({
@@ -123,37 +125,39 @@ describe("transforms of places", () => {
   });
 
   it("do at an instance, in its frame, what they do at the handle", () => {
-    const pivot: Vec3 = [1, 0, 0];
-    const at: Vec3 = [-1, 0, 0];
-    const instance = { position: at, gain: 1, share: weights([1]) };
-    const turn = matrixOf({ ...REST, rotation: [0, 0, 90], translation: [1, 0, 0] }, pivot);
-    const frame: [Vec3, Vec3, Vec3] = [
-      [-1, 0, 0],
-      [0, 1, 0],
-      [0, 0, 1],
-    ];
-    const other = instanceMatrix(turn, pivot, { ...instance, frame }, [-1, 0, 0]);
-    // The pivot's translation, mirrored, and the turn the other way round.
-    [-2, 0, 0].forEach((x, i) => expect(apply(other, [-1, 0, 0])[i]).toBeCloseTo(x, 10));
-    [-2, 1, 0].forEach((x, i) => expect(apply(other, [-2, 0, 0])[i]).toBeCloseTo(x, 10));
-  });
-});
-
-describe("instancePivot", () => {
-  it("lies from the counterpart as the handle's own pivot lies from the handle", () => {
     const frame: Frame = [
       [-1, 0, 0],
       [0, 1, 0],
       [0, 0, 1],
     ];
-    const share = weights([1]);
-    const instance = {
-      position: [-2, 0, 0] as Vec3,
-      gain: 1,
-      share,
-      frame,
-    };
+    const instance = { position: [-2, 0, 0] as Vec3, gain: 1, share: weights([1]), frame };
+    const turn = matrixOf({ ...REST, rotation: [0, 0, 90], translation: [1, 0, 0] }, [1, 0, 0]);
+    const other = instanceMatrix(turn, [1, 0, 0], instance, [-1, 0, 0]);
+    // The pivot's translation, mirrored, and the turn the other way round.
+    [-2, 0, 0].forEach((x, i) => expect(apply(other, [-1, 0, 0])[i]).toBeCloseTo(x, 10));
+    [-2, 1, 0].forEach((x, i) => expect(apply(other, [-2, 0, 0])[i]).toBeCloseTo(x, 10));
     expect(instancePivot(REST, [2, 0, 0], instance)).toEqual([-2, 0, 0]);
     expect(instancePivot({ ...REST, pivot: [3, 1, 0] }, [2, 0, 0], instance)).toEqual([-3, 1, 0]);
   });
+});
+
+describe("sameScene", () => {
+  const mirror = { normal: [1, 0, 0], offset: 0, band: 0 } as const;
+  const one = scene([column({})], { defaultTransform: IDENTITY, mirror });
+
+  it("compares numbers, not the objects that hold them", () => {
+    const columns = [{ ...one.columns[0], transform: IDENTITY.clone() }];
+    const copy = { columns, defaultTransform: IDENTITY.clone(), mirror: { ...mirror, normal: [1, 0, 0] as const } };
+    expect(sameScene(one, copy)).toBe(true);
+  });
+
+  it.each<[string, Scene]>([
+    ["columns", EMPTY_SCENE],
+    ["reach", scene([{ ...one.columns[0], reach: 0.9 }], { defaultTransform: IDENTITY, mirror })],
+    ["layer", scene([column({ layer: layer([0]) })], { defaultTransform: IDENTITY, mirror })],
+    ["transform", scene([{ ...one.columns[0], transform: up }], { defaultTransform: IDENTITY, mirror })],
+    ["D₀", { ...one, defaultTransform: null }],
+    ["mirror", { ...one, mirror: { ...mirror, normal: [0, 1, 0] } }],
+    ["band", { ...one, mirror: { ...mirror, band: 1 } }],
+  ])("sees another %s", (_, other) => expect(sameScene(one, other)).toBe(false));
 });

@@ -1,13 +1,12 @@
 /** The gizmo that moves, turns and scales the selected handle, or moves its pivot. */
 
-import { MathUtils, Matrix4, Object3D, Quaternion, Vector3, type Camera } from "three";
+import { MathUtils, Object3D, Quaternion, type Camera } from "three";
 import { TransformControls } from "three/addons/controls/TransformControls.js";
 
 import { dragTo, endDrag, startDrag } from "../../actions/edit";
-import { apply, matrixOf, quaternionOf, rotationOf, type Transform, type Vec3 } from "../../posing/affine";
+import { apply, basisOf, matrixOf, quaternionOf, rotationOf, type Transform, type Vec3 } from "../../posing/affine";
 import { bendTowards, bentTip, type PartEnds } from "../../posing/bend";
 import type { GizmoMode } from "../../store/state";
-import { matrix4 } from "../posing/pose_textures";
 import { gripOf } from "../scene";
 
 export interface Held {
@@ -66,7 +65,7 @@ export class Gizmo {
       const tip = apply(matrixOf(transform, position), bentTip(ends, transform.bend, transform.joint));
       this.proxy.position.set(tip[0] - center[0], tip[1] - center[1], tip[2] - center[2]);
     } else this.proxy.position.set(...gripOf(transform, position, center));
-    this.proxy.quaternion.set(...quaternionOf(held.transform.rotation)).multiply(axesTurn(held.transform));
+    this.proxy.quaternion.copy(quaternionOf(held.transform.rotation)).multiply(axesTurn(held.transform));
     this.proxy.scale.set(...held.transform.scale);
     this.proxy.updateMatrixWorld();
     this.controls.attach(this.proxy);
@@ -93,8 +92,7 @@ export class Gizmo {
     const { transform, position } = held;
     if (held.ends) {
       // Bending comes before all else that is done.
-      const back = matrix4(matrixOf(transform, position)).invert();
-      const tip = new Vector3(...grip).applyMatrix4(back).toArray();
+      const tip = apply(matrixOf(transform, position).invert(), grip);
       return { ...transform, bend: bendTowards(held.ends, tip, transform.joint) };
     }
     if (this.pivoting) {
@@ -108,7 +106,7 @@ export class Gizmo {
     return {
       ...transform,
       translation: [grip[0] - pivot[0], grip[1] - pivot[1], grip[2] - pivot[2]],
-      rotation: rotationOf([q.x, q.y, q.z, q.w]),
+      rotation: rotationOf(q),
       scale: [scale.x, scale.y, scale.z],
     };
   }
@@ -116,7 +114,5 @@ export class Gizmo {
 
 /** From the mesh's axes to those along which the handle scales. */
 function axesTurn({ axes }: Transform): Quaternion {
-  if (!axes) return new Quaternion();
-  const [x, y, z] = axes.map((axis) => new Vector3(...axis));
-  return new Quaternion().setFromRotationMatrix(new Matrix4().makeBasis(x, y, z));
+  return axes ? new Quaternion().setFromRotationMatrix(basisOf(axes)) : new Quaternion();
 }

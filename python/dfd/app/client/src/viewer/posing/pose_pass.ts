@@ -1,10 +1,11 @@
 /** The shape posed on the GPU, once for each change, into buffers: what is drawn and picked afterwards only reads them. */
 
-import { GLBufferAttribute, Matrix4, type WebGLRenderer } from "three";
+import { GLBufferAttribute, type WebGLRenderer } from "three";
 
+import { IDENTITY } from "../../posing/affine";
 import type { Posed } from "../../store/state";
 import { ATTRIBUTES, PosePrograms } from "./pose_program";
-import { matrix4, type PoseTextures } from "./pose_textures";
+import type { PoseTextures } from "./pose_textures";
 
 /** What every row is made of: (R, 3) at rest, (R, 4) normals of length 32767, (R) vertices. */
 export interface Rows {
@@ -13,7 +14,6 @@ export interface Rows {
   readonly vertexOf: Uint32Array;
 }
 
-const REST = new Matrix4();
 const NOTHING = new Uint8Array(0);
 
 export class PosePass {
@@ -114,7 +114,7 @@ export class PosePass {
     gl.uniform1i(at.distances, 0);
     gl.uniform1i(at.columns, 1);
     gl.uniform1i(at.columnCount, pose.columnCount);
-    gl.uniformMatrix4fv(at.defaultTransform, false, (defaultTransform ? matrix4(defaultTransform) : REST).elements);
+    gl.uniformMatrix4fv(at.defaultTransform, false, (defaultTransform ?? IDENTITY).elements);
     if (mirror) gl.uniform4f(at.mirror, ...mirror.normal, mirror.offset);
     gl.uniform1f(at.mirrorBand, mirror?.band ?? 0);
     // A buffer that is written must be bound nowhere else, as three.js leaves what it drew from.

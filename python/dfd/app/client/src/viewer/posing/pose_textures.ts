@@ -4,15 +4,15 @@ import {
   DataArrayTexture,
   DataTexture,
   FloatType,
-  Matrix4,
   NearestFilter,
   RGBAFormat,
   RGIntegerFormat,
   UnsignedShortType,
+  type Matrix4,
   type Texture,
 } from "three";
 
-import { IDENTITY, type Affine } from "../../posing/affine";
+import { IDENTITY } from "../../posing/affine";
 import { EMPTY_SCENE, FALLOFFS, mirrored, type Layer, type Scene } from "../../posing/columns";
 
 const WIDTH = 4096;
@@ -142,16 +142,15 @@ export function definesOf({ columns, mirror, defaultTransform }: Scene): Set<Def
     SHARE: columns.some((column) => column.share !== null),
     ALONG: columns.some((column) => column.exponent > 0 && column.layer.geodesic !== null),
     CURVED: columns.some((column) => column.falloff !== "linear"),
-    TURNED: columns.some(({ transform }) => LINEAR.some((i) => transform[i] !== IDENTITY[i])),
+    TURNED: columns.some(({ transform }) => LINEAR.some((i) => transform.elements[i] !== IDENTITY.elements[i])),
   };
   return new Set((Object.keys(has) as Define[]).filter((part) => has[part]));
 }
 
-/** D − I: what is added to a point, which keeps its digits where little moves. */
-function writeMove(table: Float32Array, at: number, transform: Affine): void {
-  for (let i = 0; i < 12; i++) table[at + i] = transform[i] - IDENTITY[i];
-}
-
-export function matrix4(a: Affine): Matrix4 {
-  return new Matrix4().set(a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], 0, 0, 0, 1);
+/** Rows of D − I: what is added to a point, which keeps its digits where little moves. */
+function writeMove(table: Float32Array, at: number, { elements }: Matrix4): void {
+  for (let i = 0; i < 12; i++) {
+    const k = 4 * (i % 4) + Math.floor(i / 4);
+    table[at + i] = elements[k] - IDENTITY.elements[k];
+  }
 }
