@@ -8,11 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
-from mesh_files import CORNERS, CUBE, checkered, header_and_data, scene_of_three, write
-from PIL import Image
-from trimesh.visual import TextureVisuals
-from trimesh.visual.material import PBRMaterial
+from mesh_files import checkered, scene_of_three, write
 
 import dfd
 from dfd.posing.transforms import Transform
@@ -95,28 +91,6 @@ def test_the_khronos_validator_finds_no_error_and_no_warning(name, validated, tm
         assert validated(tmp_path / f"{form}.glb") == []
     dfd.export_rig(session, tmp_path / "all.glb", influences="all")
     assert validated(tmp_path / "all.glb") == []
-
-
-def test_a_material_of_pictures_without_coordinates_keeps_all_else(validated, tmp_path):
-    picture = Image.new("RGB", (4, 4), (0, 0, 255))
-    textures = ("baseColorTexture", "normalTexture", "occlusionTexture", "emissiveTexture", "metallicRoughnessTexture")
-    material = PBRMaterial(
-        name="paint",
-        baseColorFactor=[255, 0, 0, 255],
-        roughnessFactor=0.25,
-        emissiveFactor=[1, 1, 1],
-        **dict.fromkeys(textures, picture),
-    )
-    square = trimesh.Trimesh(CORNERS, CUBE, visual=TextureVisuals(material=material), process=False)
-    mesh = dfd.load(square)
-    mesh.save(tmp_path / "square.glb")
-    assert validated(tmp_path / "square.glb") == []
-    (found,) = header_and_data(tmp_path / "square.glb")[0]["materials"]
-    assert found["pbrMetallicRoughness"] == {"baseColorFactor": [1, 0, 0, 1], "roughnessFactor": 0.25}
-    assert "emissiveFactor" not in found  # the picture said where it glows
-    assert found["name"] == "paint"
-    assert square.visual.material is material
-    assert material.normalTexture is picture
 
 
 def test_the_validator_does_find_what_is_wrong(validated, session, tmp_path):

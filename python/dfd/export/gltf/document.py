@@ -18,12 +18,13 @@ from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.gltf import glb
 from dfd.mesh.file.gltf import header as gltf_header
 from dfd.mesh.file.gltf import read as gltf_read
+from dfd.mesh.file.gltf.build import FLOAT, LIMITS
 from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import Header, objects
-from dfd.mesh.file.gltf.patch import FLOAT, LIMITS, GltfPatch, GltfSource
-from dfd.mesh.file.primitives import Primitive, UniqueNames
+from dfd.mesh.file.gltf.patch import GltfPatch, GltfSource
+from dfd.mesh.file.primitives import Primitive
 from dfd.mesh.file.scene_file import SceneFile
-from dfd.mesh.file.write import as_glb
+from dfd.mesh.file.write import as_gltf, at_rest
 from dfd.mesh.mesh import Mesh
 
 
@@ -40,12 +41,13 @@ class GltfDocument(GltfPatch):
             self.vertex = mesh.scene.vertex.astype(np.int64)
             source = mesh.scene.gltf
         else:
-            text, embedded = glb.split(as_glb(mesh.vertices, mesh.faces, mesh.scene))
+            written = as_gltf(mesh.vertices, mesh.faces, at_rest(mesh.scene), binary=True)
+            text, embedded = glb.split(written)
             header, assets = gltf_header.read(text, glb=True), AssetFolder(Path("mesh.glb"))
             source = GltfSource(text, header, GltfData(header, embedded, assets))
             instances = gltf_read.read(header, source.data, assets)
             self.scene = SceneFile.of(None, instances, gltf=source)
-            self.vertex = _rows_of(self.scene, mesh)
+            self.vertex = _rows_written(mesh)
         super().__init__(source)
         self._own: dict[int, int] = {}
         self._unpacked: set[int] = set()
@@ -114,14 +116,13 @@ class GltfDocument(GltfPatch):
             temporary.write_bytes(data)
 
 
-def _rows_of(written: SceneFile, mesh: Mesh) -> Int64:
-    """(R,) the mesh's vertex that each row of the `written` scene is at, which may have its parts in another order."""
+def _rows_written(mesh: Mesh) -> Int64:
+    """(R,) the mesh's vertex that each row of its scene is at, as `as_gltf` writes them."""
     if mesh.scene is None:
         return np.arange(len(mesh.vertices))
-    names = UniqueNames()
-    of_part = {names.unique(each.part): each for each in mesh.scene.primitives}
-    vertex = np.full(len(written.vertex), -1, np.int64)
-    for each in written.primitives:
-        own = of_part[each.part]
-        vertex[each.rows] = mesh.scene.vertex[own.rows]
-    return vertex
+    vertex = mesh.scene.vertex.astype(np.int64)
+    rows = [
+        vertex[each.rows] if each.geometry.face_colors is None else vertex[each.rows][each.geometry.faces.ravel()]
+        for each in mesh.scene.primitives
+    ]
+    return np.concatenate(rows)

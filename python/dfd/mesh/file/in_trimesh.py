@@ -1,4 +1,4 @@
-"""Conversion of geometries from and to trimesh."""
+"""Conversion of geometries from trimesh."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ from typing import Any, Literal, cast
 
 import numpy as np
 import trimesh
-from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
-from dfd.common.linear_algebra import Float32, Float64, UInt8
-from dfd.mesh.appearance import Material, linear, srgb
-from dfd.mesh.file.images import MOST_TEXELS, as_image
+from dfd.common.linear_algebra import UInt8
+from dfd.mesh.appearance import Material, srgb
+from dfd.mesh.file.images import MOST_TEXELS
 from dfd.mesh.file.materials import rgba
 from dfd.mesh.file.primitives import Geometry
 
@@ -43,48 +42,18 @@ def from_trimesh(mesh: trimesh.Trimesh, materials: dict[int, Material]) -> Geome
         None if colors is None else rgba(np.asarray(colors)),
         rgba(np.asarray(visual.face_colors)) if visual.kind == "face" else None,
         None if source is None or is_default_material(source) else materials[id(source)],
-        original=mesh,
+        {
+            name: np.asarray(each)
+            for name, each in mesh.vertex_attributes.items()
+            if name != "color" and len(each) == count
+        },
     )
-
-
-def to_trimesh(
-    geometry: Geometry, vertices: Float64, normals: Float64 | None, *, gltf: bool, written: dict[tuple[int, bool], Any]
-) -> trimesh.Trimesh:
-    """Return a geometry with other vertices and normals; for `gltf` its colors are linear.
-
-    `written` caches materials that geometries share.
-    """
-    options: dict[str, Any] = {"vertex_attributes": dict(geometry.attributes)}
-    if geometry.original is not None:
-        options["metadata"] = {name: each for name, each in geometry.original.metadata.items() if name[:1] != "_"}
-        options["vertex_attributes"] = dict(geometry.original.vertex_attributes)
-        options["face_attributes"] = dict(geometry.original.face_attributes)
-    colors = None if geometry.colors is None else _bytes(geometry.colors, gltf)
-    if geometry.material is not None or (geometry.uv is not None and colors is None):
-        key = (id(geometry.material), geometry.uv is not None)
-        if key not in written:
-            written[key] = _physical(geometry)
-        options["visual"] = TextureVisuals(uv=geometry.uv, material=written[key])
-        if colors is not None:
-            options["visual"].vertex_attributes["color"] = colors
-    elif geometry.face_colors is not None:
-        options["face_colors"] = _bytes(geometry.face_colors, gltf)
-    elif colors is not None:
-        options["vertex_colors"] = colors
-    return trimesh.Trimesh(vertices, geometry.faces, vertex_normals=normals, process=False, **options)
 
 
 def is_default_material(material: Any) -> bool:
     """Whether trimesh created the material, with an image of 2 x 2 texels, for a mesh without one."""
     image = getattr(material, "image", None)
     return isinstance(material, SimpleMaterial) and image is not None and image.size == (2, 2) and image.format is None
-
-
-def _bytes(colors: Float32, gltf: bool) -> UInt8:
-    stored = np.array(colors, np.float64)
-    if gltf:
-        stored[:, :3] = linear(colors[:, :3])
-    return np.rint(stored * 255).astype(np.uint8)
 
 
 def _material(source: Any) -> Material:
@@ -112,25 +81,3 @@ def _texels(image: Any) -> UInt8 | None:
     if image is None or image.size[0] * image.size[1] > MOST_TEXELS:
         return None
     return np.asarray(image.convert("RGBA"), np.uint8)
-
-
-def _physical(geometry: Geometry) -> Any:
-    """Return the material of a geometry as one of glTF; without texture coordinates it names no picture."""
-    original = getattr(geometry.original.visual, "material", None) if geometry.original is not None else None
-    if isinstance(original, PBRMaterial) and geometry.uv is not None:
-        return original
-    material = geometry.material or Material()
-    image = None
-    if material.texture is not None and geometry.uv is not None:
-        image = as_image(material.texture)
-    factor = np.rint([*(linear(np.array(material.color[:3])) * 255), material.color[3] * 255])
-    return PBRMaterial(
-        name=material.name,
-        baseColorTexture=image,
-        baseColorFactor=factor.astype(np.uint8),
-        metallicFactor=getattr(original, "metallicFactor", 0.0) if isinstance(original, PBRMaterial) else 0.0,
-        roughnessFactor=getattr(original, "roughnessFactor", 1.0) if isinstance(original, PBRMaterial) else 1.0,
-        doubleSided=bool(getattr(original, "doubleSided", False)),
-        alphaMode=material.alpha_mode if material.alpha_mode != "OPAQUE" else None,
-        alphaCutoff=material.alpha_cutoff if material.alpha_mode == "MASK" else None,
-    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +13,6 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, Int64, unit
 from dfd.mesh.appearance import Material
 from dfd.mesh.file.assets import shortened
-
-# trimesh takes half a second to import; most files are read without it.
-if TYPE_CHECKING:
-    import trimesh
 
 MOST_ROWS = 10**8  # vertices or faces in a scene: a file of a few kilobytes can instance any number of them
 MOST_PRIMITIVES = 20_000  # of a glTF file that are shown: more take seconds to read
@@ -39,7 +35,6 @@ class Geometry:
     material: Material | None = None
     attributes: dict[str, NDArray[Any]] = field(default_factory=dict)  # further vertex attributes of the file
     stored: Float64 | None = None  # (N, 3) the file's positions, where morph targets move them to `vertices`
-    original: trimesh.Trimesh | None = None  # the object it was converted from
 
 
 @dataclass(frozen=True)

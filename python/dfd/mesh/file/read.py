@@ -15,14 +15,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Float64, Int64
 from dfd.mesh.appearance import Material
 from dfd.mesh.file.assets import AssetFolder, read_regular
 from dfd.mesh.file.gltf import glb
 from dfd.mesh.file.obj import read as obj_read
 from dfd.mesh.file.obj import text as obj_text
 from dfd.mesh.file.plain import off_stl, ply
-from dfd.mesh.file.primitives import IDENTITY, MeshInstance, UniqueNames
-from dfd.mesh.file.scene_file import SceneFile
+from dfd.mesh.file.primitives import IDENTITY, Geometry, MeshInstance, UniqueNames
+from dfd.mesh.file.scene_file import PlainSource, SceneFile
 
 # What a format needs is imported where it is read: trimesh alone takes half a second.
 if TYPE_CHECKING:
@@ -128,18 +129,23 @@ def _read_gltf(path: Path, data: bytes, assets: AssetFolder, *, at_rest: bool) -
 
 def _read_ply(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
     geometry, vertices, numbers = ply.read(path, data, assets)
-    instances = [MeshInstance(path.stem, path.stem, geometry)]
-    return SceneFile.of(path, instances, own_vertices=vertices, own_numbers=numbers)
+    return _plain(path, data, geometry, vertices, numbers)
 
 
 def _read_off(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
     geometry = off_stl.read_off(data)
-    instances, numbers = [MeshInstance(path.stem, path.stem, geometry)], np.arange(len(geometry.vertices))
-    return SceneFile.of(path, instances, own_vertices=geometry.vertices, own_numbers=numbers)
+    return _plain(path, data, geometry, geometry.vertices, np.arange(len(geometry.vertices)))
+
+
+def _plain(path: Path, data: bytes, geometry: Geometry, vertices: Float64, numbers: Int64) -> SceneFile:
+    instances = [MeshInstance(path.stem, path.stem, geometry)]
+    source = PlainSource(path.suffix.lower(), np.frombuffer(data, np.uint8), numbers)
+    return SceneFile.of(path, instances, own_vertices=vertices, own_numbers=numbers, plain=source)
 
 
 def _read_stl(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
     solids, names = off_stl.read_stl(data), UniqueNames()
     several = len(solids) > 1
     parts = [(names.unique((several and name) or path.stem), each) for name, each in solids]
-    return SceneFile.of(path, [MeshInstance(name, name, each) for name, each in parts])
+    source = PlainSource(".stl", np.frombuffer(data, np.uint8), np.arange(sum(len(each.vertices) for _, each in parts)))
+    return SceneFile.of(path, [MeshInstance(name, name, each) for name, each in parts], plain=source)

@@ -9,13 +9,22 @@ from pathlib import Path
 import numpy as np
 
 from dfd.common.errors import ArgumentError
-from dfd.common.linear_algebra import Float64, Int32, Int64
+from dfd.common.linear_algebra import Float64, Int32, Int64, UInt8
 from dfd.mesh.appearance import Appearance
 from dfd.mesh.file.gltf.patch import GltfSource
 from dfd.mesh.file.materials import read_appearance
 from dfd.mesh.file.obj.read import ObjSource
 from dfd.mesh.file.primitives import MeshInstance, Primitive, place, require_finite
 from dfd.mesh.weld import weld
+
+
+@dataclass(frozen=True)
+class PlainSource:
+    """The source for rewriting a PLY, STL or OFF file with other positions; it is parsed again then."""
+
+    ending: str
+    data: UInt8  # (N,) its bytes, as an array
+    numbers: Int64  # (R,) the file's own vertex of each row
 
 
 @dataclass(frozen=True)
@@ -36,6 +45,7 @@ class SceneFile:
     at_rest: bool = True  # whether skins and default morph weights are applied
     gltf: GltfSource | None = None  # the source glTF file
     obj: ObjSource | None = None  # the source OBJ file
+    plain: PlainSource | None = None  # the source PLY, STL or OFF file
     beside: frozenset[Path] = frozenset()  # further files that were read for it
 
     def local_faces(self, primitive: Primitive) -> Int32:
@@ -57,6 +67,7 @@ class SceneFile:
         own_numbers: Int64 | None = None,
         gltf: GltfSource | None = None,
         obj: ObjSource | None = None,
+        plain: PlainSource | None = None,
         at_rest: bool = True,
     ) -> SceneFile:
         """Number the vertices of a file's instances.
@@ -94,7 +105,9 @@ class SceneFile:
         if used.sum() < 3:
             raise ArgumentError("path", f"must hold at least 3 distinct vertices, got {used.sum()}")
         appearance = read_appearance(primitives, vertex, corner_faces)
-        return cls(path, primitives, corner_faces, vertices, representative, vertex, appearance, at_rest, gltf, obj)
+        return cls(
+            path, primitives, corner_faces, vertices, representative, vertex, appearance, at_rest, gltf, obj, plain
+        )
 
 
 def _weld_used(positions: Float64, corner_faces: Int32) -> tuple[Float64, Int32]:

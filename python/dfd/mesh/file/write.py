@@ -3,30 +3,28 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dfd.common import check
 from dfd.common.files import atomic_write
-from dfd.common.linear_algebra import Bool, Float64, Int32
+from dfd.common.linear_algebra import Float64, Int32
 from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.file import moved_normals
+from dfd.mesh.file.edits import COARSE, rounding
 from dfd.mesh.file.gltf import patch as gltf_patch
+from dfd.mesh.file.gltf.build import encode_scene
 from dfd.mesh.file.obj import patch as obj_patch
 from dfd.mesh.file.obj import write as obj_write
-from dfd.mesh.file.primitives import MovedPrimitive, UniqueNames
+from dfd.mesh.file.plain import off_stl, ply
+from dfd.mesh.file.primitives import Geometry, MeshInstance, MovedPrimitive, place
 from dfd.mesh.file.read import ENDINGS
-from dfd.mesh.file.scene_file import SceneFile
+from dfd.mesh.file.scene_file import PlainSource, SceneFile
 from dfd.mesh.normals import smooth_normals
-
-# trimesh takes a third of a second to import: only by what is not written in the file that it came from.
-if TYPE_CHECKING:
-    import trimesh
 
 
 def write(
@@ -36,43 +34,64 @@ def write(
     *,
     appearance: Appearance | None = None,
     scene: SceneFile | None = None,
-) -> None:
+) -> float:
     """Write a mesh whose vertices are at `vertices` (V, 3), in the `scene` of its file where it has one.
 
-    Raises what `Mesh.save` raises.
+    Return the largest distance by which 32-bit floats of the file move a vertex. Raises what `Mesh.save` raises.
     """
     target = Path(path)
     ending = check.ending("Mesh.save", "path", target, ENDINGS)
-    if ending not in (".obj", ".off") and np.abs(vertices).max() > np.finfo(np.float32).max:
+    if ending in (".glb", ".gltf", ".stl") and np.abs(vertices).max() > np.finfo(np.float32).max:
         raise ValueError(f"Mesh.save: `vertices` must fit in 32-bit floats for a {ending} file; .obj, .off have more")
     if scene is not None:  # all vertices at one position move with the first of them
         vertices = vertices[scene.representative]
+    moved = () if scene is None else _move(vertices, scene)
+    lost = 0.0
     files: dict[str, bytes]
-    if ending == ".off":
-        from trimesh.exchange.off import export_off
-
-        files = {target.name: export_off(_bare(vertices, faces), digits=17).encode()}
+    if ending == ".obj":
+        files = _encode_obj(target, vertices, faces, scene, moved)
+    elif scene is not None and scene.plain is not None and scene.plain.ending == ending:
+        data, lost = _rewrite(scene.plain, vertices, scene, moved)
+        files = {target.name: data}
+    elif ending == ".off":
+        files = {target.name: off_stl.encode_off(vertices, faces)}
     elif ending == ".stl":
-        from trimesh.exchange.stl import export_stl
-
-        files = {target.name: export_stl(_bare(vertices, faces))}
-    elif scene is None:
-        files = _encode_bare(target, vertices, faces)
+        lost = rounding(vertices[faces.ravel()])
+        files = {target.name: off_stl.encode_stl(vertices[faces.ravel()])}
+    elif ending == ".ply":
+        files = {target.name: _encode_ply(vertices, faces, appearance, scene, moved)}
+    elif scene is not None and scene.gltf is not None:
+        files = {target.name: gltf_patch.encode(scene.gltf, moved, binary=ending == ".glb")}
+        lost = max(
+            (rounding(each.vertices) for each in moved if each.moved and gltf_patch.keeps_origin(scene.gltf, each)),
+            default=0.0,
+        )
     else:
-        files = _encode_scene(target, vertices, faces, appearance, scene)
+        files = {target.name: as_gltf(vertices, faces, moved, binary=ending == ".glb")}
     _write(target, files)
+    size = float(np.linalg.norm(np.ptp(vertices[faces.ravel()], axis=0)))
+    if lost > COARSE * size:
+        warnings.warn(
+            f"Mesh.save: `path` {path} has 32-bit floats, which move vertices by up to {lost:.3g} "
+            f"({100 * lost / size:.2g} % of the shape); .ply, .obj and .off keep them",
+            stacklevel=3,
+        )
+    return lost
 
 
-def as_glb(vertices: Float64, faces: Int32, scene: SceneFile | None) -> bytes:
-    """Return the GLB file of a mesh at rest whose `scene` is that of no glTF file.
+def as_gltf(vertices: Float64, faces: Int32, moved: Sequence[MovedPrimitive], *, binary: bool) -> bytes:
+    """Return the GLB or glTF file of a scene that is of no glTF file, or of a mesh without a scene, smooth."""
+    if not moved:
+        geometry = Geometry(vertices, faces.astype(np.int64), smooth_normals(vertices, faces).astype(np.float64))
+        (primitive,), _ = place([MeshInstance("mesh", "mesh", geometry)])
+        moved = [MovedPrimitive(primitive, vertices, geometry.normals, False)]
+    return encode_scene(moved, binary=binary)
 
-    Each primitive is a node with a mesh of its own: in the order of the scene's, by the names that `UniqueNames` makes
-    of its parts'.
-    """
-    if scene is None:
-        return _encode_bare(Path("mesh.glb"), vertices, faces)["mesh.glb"]
-    moved = [MovedPrimitive(each, each.geometry.vertices, each.normals, False) for each in scene.primitives]
-    return _encode_gltf(Path("mesh.glb"), _rebuild(moved))["mesh.glb"]
+
+def at_rest(scene: SceneFile | None) -> list[MovedPrimitive]:
+    """Return the primitives of a scene as they are."""
+    primitives = () if scene is None else scene.primitives
+    return [MovedPrimitive(each, each.geometry.vertices, each.normals, False) for each in primitives]
 
 
 def _write(target: Path, files: dict[str, bytes]) -> None:
@@ -90,84 +109,70 @@ def _write(target: Path, files: dict[str, bytes]) -> None:
         raise first from first.__cause__
 
 
-def _bare(vertices: Float64, faces: Int32) -> trimesh.Trimesh:
-    import trimesh
-
-    return trimesh.Trimesh(vertices, faces, process=False)
-
-
-def _encode_bare(target: Path, vertices: Float64, faces: Int32) -> dict[str, bytes]:
-    """A mesh without a scene: one part, with smooth normals in formats that would display it faceted."""
-    ending = target.suffix.lower()
-    if ending == ".obj":
-        return {target.name: obj_write.encode(vertices, faces)}
-    import trimesh
-    from trimesh.exchange.ply import export_ply
-
-    geometry = _bare(vertices, faces)
-    if ending == ".ply":
-        return {target.name: export_ply(geometry, vertex_normal=False)}
-    geometry.vertex_normals = smooth_normals(vertices, faces)
-    return _encode_gltf(target, trimesh.Scene({"mesh": geometry}))
-
-
-def _encode_scene(
-    target: Path, vertices: Float64, faces: Int32, appearance: Appearance | None, scene: SceneFile
+def _encode_obj(
+    target: Path, vertices: Float64, faces: Int32, scene: SceneFile | None, moved: Sequence[MovedPrimitive]
 ) -> dict[str, bytes]:
-    changed = (vertices != scene.vertices).any(axis=1)
-    normals = moved_normals.follow(vertices, scene.vertices, changed, scene)
-    ending = target.suffix.lower()
-    if ending == ".obj" and scene.obj is not None:
+    normals = [each.normals for each in moved]
+    if scene is None:
+        return {target.name: obj_write.encode(vertices, faces)}
+    if scene.obj is not None:
         return obj_patch.encode(target, scene.obj, vertices, normals)
-    if ending == ".obj":
-        return obj_write.encode_scene(target, vertices, scene, normals)
-    moved = _move(vertices, changed, normals, scene)
-    if ending == ".ply":
-        return {target.name: _encode_ply(vertices, faces, appearance, scene, moved)}
-    if scene.gltf is not None:
-        return {target.name: gltf_patch.encode(scene.gltf, moved, binary=ending == ".glb")}
-    return _encode_gltf(target, _rebuild(moved))
+    return obj_write.encode_scene(target, vertices, scene, normals)
 
 
-def _encode_gltf(target: Path, scene: trimesh.Scene) -> dict[str, bytes]:
-    from trimesh.exchange.gltf import export_glb, export_gltf
-
-    if target.suffix.lower() == ".glb":
-        return {target.name: export_glb(scene)}
-    files = export_gltf(scene, merge_buffers=True, embed_buffers=True)
-    return {target.name: files["model.gltf"]}
+def _rewrite(
+    source: PlainSource, vertices: Float64, scene: SceneFile, moved: Sequence[MovedPrimitive]
+) -> tuple[bytes, float]:
+    """Return a PLY, STL or OFF file with other positions in its own bytes, and by how much they are rounded."""
+    data = source.data.tobytes()
+    if source.ending == ".stl":
+        corners = vertices[scene.vertex]
+        return off_stl.rewrite_stl(data, corners), 0.0 if off_stl.is_text_stl(data) else rounding(corners)
+    normals = None
+    before, after = scene.primitives[0].normals, moved[0].normals
+    if before is not None and after is not None:
+        normals = np.full(vertices.shape, np.nan)
+        normals[source.numbers] = after
+    rewrite = ply.rewrite if source.ending == ".ply" else off_stl.rewrite_off
+    return rewrite(data, vertices, normals), 0.0
 
 
 def _encode_ply(
-    vertices: Float64, faces: Int32, appearance: Appearance | None, scene: SceneFile, moved: Sequence[MovedPrimitive]
+    vertices: Float64,
+    faces: Int32,
+    appearance: Appearance | None,
+    scene: SceneFile | None,
+    moved: Sequence[MovedPrimitive],
 ) -> bytes:
     """One part is kept as it is; several parts, and textures, which PLY cannot store, become vertex colors."""
-    from trimesh.exchange.ply import export_ply
-
-    from dfd.mesh.file.in_trimesh import to_trimesh
-
-    first = moved[0].primitive
-    material = first.geometry.material or Material(is_default=True)
-    if len(moved) == 1 and (first.geometry.uv is None or (material.texture is None and not material.is_default)):
-        normals = None if moved[0].normals is None else first.normals_to_scene(moved[0].normals)
-        turned = replace(first.geometry, faces=scene.local_faces(first).astype(np.int64))
-        placed = first.to_scene(moved[0].vertices).copy()  # rows that no face uses have no vertex of the mesh
-        used = scene.vertex >= 0
-        placed[used] = vertices[scene.vertex[used]]
-        geometry = to_trimesh(turned, placed, normals, gltf=False, written={})
-        return bytes(export_ply(geometry, vertex_normal=normals is not None))
+    first = moved[0].primitive if len(moved) == 1 else None
+    if first is not None and scene is not None:
+        geometry = first.geometry
+        material = geometry.material or Material(is_default=True)
+        if geometry.uv is None or (material.texture is None and not material.is_default):
+            placed = first.to_scene(moved[0].vertices).copy()  # rows that no face uses have no vertex of the mesh
+            used = scene.vertex >= 0
+            placed[used] = vertices[scene.vertex[used]]
+            return ply.encode(
+                placed,
+                scene.local_faces(first),
+                normals=None if moved[0].normals is None else first.normals_to_scene(moved[0].normals),
+                uv=geometry.uv,
+                colors=geometry.colors,
+                face_colors=geometry.face_colors,
+                attributes=geometry.attributes,
+            )
     if appearance is None:
-        return bytes(export_ply(_bare(vertices, faces), vertex_normal=False))
+        return ply.encode(vertices, faces)
     used_rows, corners = np.unique(appearance.corner_faces, return_inverse=True)
-    geometry = _bare(vertices[appearance.corners[used_rows]], corners.reshape(-1, 3).astype(np.int32))
-    geometry.visual.vertex_colors = np.rint(appearance.row_colors()[used_rows] * 255).astype(np.uint8)
-    return bytes(export_ply(geometry, vertex_normal=False))
+    colors = appearance.row_colors()[used_rows]
+    return ply.encode(vertices[appearance.corners[used_rows]], corners.reshape(-1, 3), colors=colors)
 
 
-def _move(
-    vertices: Float64, changed: Bool, normals: Sequence[Float64 | None], scene: SceneFile
-) -> list[MovedPrimitive]:
+def _move(vertices: Float64, scene: SceneFile) -> list[MovedPrimitive]:
     """Convert positions to each primitive's coordinates; unmoved ones are kept bit for bit."""
+    changed = (vertices != scene.vertices).any(axis=1)
+    normals = moved_normals.follow(vertices, scene.vertices, changed, scene)
     result = []
     for each, own_normals in zip(scene.primitives, normals, strict=True):
         rows = scene.vertex[each.rows]
@@ -177,27 +182,4 @@ def _move(
             local = local.copy()
             local[here] = each.from_scene(vertices[rows[here]], here)
         result.append(MovedPrimitive(each, local, own_normals, bool(here.any())))
-    return result
-
-
-def _rebuild(moved: Sequence[MovedPrimitive]) -> trimesh.Scene:
-    """Return a scene of the moved primitives; a geometry with several instances is split where they moved."""
-    import trimesh
-
-    from dfd.mesh.file.in_trimesh import to_trimesh
-
-    result = trimesh.Scene()
-    names, nodes = UniqueNames(), UniqueNames()
-    first: dict[int, tuple[MovedPrimitive, str]] = {}
-    written: dict[tuple[int, bool], Any] = {}
-    for each in moved:
-        geometry = each.primitive.geometry
-        found = first.get(id(geometry))
-        if found is None or each.moved or found[0].moved:
-            name = names.unique(each.primitive.name)
-            result.geometry[name] = to_trimesh(geometry, each.vertices, each.normals, gltf=True, written=written)
-            first.setdefault(id(geometry), (each, name))
-        else:
-            name = found[1]
-        result.graph.update(frame_to=nodes.unique(each.primitive.part), matrix=each.primitive.transform, geometry=name)
     return result

@@ -6,7 +6,6 @@ targets, animations, extras, extensions and parts that did not move are kept bit
 
 from __future__ import annotations
 
-import base64
 import json
 from collections import Counter
 from collections.abc import Sequence
@@ -16,17 +15,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.common.linear_algebra import Float64, UInt8
-from dfd.mesh.file.gltf import glb
+from dfd.common.linear_algebra import Float64
+from dfd.mesh.file.edits import far_origin
+from dfd.mesh.file.gltf.build import GltfBuilder
 from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import COMPONENT_TYPES, DRACO, MESHOPT, Header, extension, is_index, objects
 from dfd.mesh.file.images import ImageCache
 from dfd.mesh.file.primitives import MovedPrimitive
 
-FLOAT, _UNSIGNED, _ARRAY_BUFFER = 5126, 5125, 34962
-LIMITS = {"min": np.min, "max": np.max}
-_KINDS = {(): "SCALAR", (2,): "VEC2", (3,): "VEC3", (4,): "VEC4", (4, 4): "MAT4"}
-_NUMBERS = {np.dtype(kind): number for number, kind in COMPONENT_TYPES.items()}
+_UNSIGNED = 5125
 
 
 @dataclass(frozen=True)
@@ -46,26 +43,44 @@ def encode(source: GltfSource, moved: Sequence[MovedPrimitive], *, binary: bool)
     """
     patch = GltfPatch(source)
     users = Counter(each for node in objects(patch.header, "nodes") for each in _numbers([node.get("mesh")]))
-    meshes: dict[int, int] = {}  # from a node with moved parts to its own copy of the mesh
+    of_node: dict[int, list[MovedPrimitive]] = {}
     for each in moved:
-        if not each.moved:
+        of_node.setdefault(each.primitive.source[0], []).append(each)
+    for node, group in of_node.items():
+        if not any(each.moved for each in group):
             continue
-        node, mesh, primitive = each.primitive.source
-        if node not in meshes:
-            meshes[node] = patch.split_mesh(node, mesh, shared=users[mesh] > 1)
-            users[mesh] -= 1
-        patch.move(node, patch.header["meshes"][meshes[node]]["primitives"][primitive], each)
+        mesh = group[0].primitive.source[1]
+        own = patch.split_mesh(node, mesh, shared=users[mesh] > 1)
+        users[mesh] -= 1
+        primitives = patch.header["meshes"][own]["primitives"]
+        origin = (
+            None if keeps_origin(source, group[0]) else far_origin(np.concatenate([each.vertices for each in group]))
+        )
+        if origin is not None:
+            patch.move_origin(node, origin)
+            known = {each.primitive.source[2] for each in group}
+            for number, content in enumerate(primitives):
+                if number not in known:
+                    patch.shift(content, origin)
+        for each in group:
+            if each.moved or origin is not None:
+                patch.move(node, primitives[each.primitive.source[2]], each, origin)
     return patch.encode(binary=binary)
 
 
-class GltfPatch:
+def keeps_origin(source: GltfSource, each: MovedPrimitive) -> bool:
+    """Whether the node of a primitive has a skin or morph targets: then it cannot be moved to another origin."""
+    node, mesh, _ = each.primitive.source
+    primitives = source.header["meshes"][mesh]["primitives"]
+    return "skin" in source.header["nodes"][node] or any("targets" in each for each in primitives)
+
+
+class GltfPatch(GltfBuilder):
     """A copy of the header, all data in one buffer, and pending additions."""
 
     def __init__(self, source: GltfSource) -> None:
-        self.header: Header = json.loads(source.text.decode())
+        super().__init__(json.loads(source.text.decode()))
         self._source = source
-        self._data = bytearray()
-        self._left: list[Header] = []  # external buffers that are kept, after the first
         self._take_buffers()
         self._take_pictures()
         # primitives may share an accessor: rows that one of them moves are moved for all of the node's
@@ -117,13 +132,30 @@ class GltfPatch:
             self.header["nodes"][node]["mesh"] = mesh
         return mesh
 
-    def move(self, node: int, primitive: dict[str, Any], each: MovedPrimitive) -> None:
-        """Replace the positions and normals of a primitive of a node."""
+    def move_origin(self, node: int, origin: Float64) -> None:
+        """Hang the mesh of a node below it, at `origin` (3,)."""
+        content = self.header["nodes"][node]
+        below: Header = {"mesh": content.pop("mesh"), "translation": origin.tolist()}
+        if "name" in content:
+            below["name"] = content["name"]
+        content.setdefault("children", []).append(self.append("nodes", below))
+
+    def shift(self, primitive: dict[str, Any], origin: Float64) -> None:
+        """Subtract `origin` from the positions of a primitive that has no faces."""
+        positions = self._source.data.attribute(primitive, "POSITION")
+        if positions is not None:
+            primitive["attributes"]["POSITION"] = self.accessor((positions - origin).astype("<f4"), bounds=True)
+
+    def move(self, node: int, primitive: dict[str, Any], each: MovedPrimitive, origin: Float64 | None = None) -> None:
+        """Replace the positions, seen from `origin`, and normals of a primitive of a node."""
         self.unpack(primitive)
         attributes = primitive["attributes"]
         attributes.pop("TANGENT", None)  # invalid on the moved surface; viewers recompute them
         geometry = each.primitive.geometry
-        self._collect(node, "POSITION", attributes, geometry.vertices, each.vertices, geometry.stored)
+        positions = [geometry.vertices, each.vertices, geometry.stored]
+        if origin is not None:
+            positions = [None if values is None else values - origin for values in positions]
+        self._collect(node, "POSITION", attributes, *positions)  # type: ignore[arg-type]
         if each.normals is not None and geometry.normals is not None and "NORMAL" in attributes:
             self._collect(node, "NORMAL", attributes, geometry.normals, each.normals)
 
@@ -162,12 +194,7 @@ class GltfPatch:
             for attributes in self._uses[key]:
                 attributes[key[1]] = index
         self._drop_draco()
-        buffer: Header = {"byteLength": len(self._data)}
-        self.header["buffers"] = [buffer, *self._left]
-        if not binary:
-            buffer["uri"] = f"data:application/octet-stream;base64,{base64.b64encode(bytes(self._data)).decode()}"
-        text = json.dumps(self.header, separators=(",", ":")).encode()
-        return glb.join(text, bytes(self._data)) if binary else text
+        return super().encode(binary=binary)
 
     def _drop_draco(self) -> None:
         """Name Draco's extension no longer where no primitive uses it any more."""
@@ -180,27 +207,6 @@ class GltfPatch:
                 self.header[name] = left
                 if not left:  # the format allows no empty lists
                     del self.header[name]
-
-    def accessor(self, values: NDArray[Any], *, attribute: bool = False, bounds: bool = False) -> int:
-        """Append an array, one row an element, and return the number of its accessor.
-
-        `attribute` marks vertex attributes; `bounds` stores the smallest and largest values.
-        """
-        kind = _KINDS[values.shape[1:]]
-        stored = np.ascontiguousarray(values.swapaxes(1, 2) if kind == "MAT4" else values)
-        view = self.view(stored.tobytes())
-        accessor = {"bufferView": view, "componentType": _NUMBERS[stored.dtype], "count": len(stored), "type": kind}
-        if attribute:
-            self.header["bufferViews"][view]["target"] = _ARRAY_BUFFER
-        if bounds:
-            accessor |= {name: np.atleast_1d(limit(stored, axis=0)).tolist() for name, limit in LIMITS.items()}
-        return self.append("accessors", accessor)
-
-    def append(self, name: str, content: Header) -> int:
-        """Append an object to a list of the header and return its number."""
-        values: list[Header] = self.header.setdefault(name, [])
-        values.append(content)
-        return len(values) - 1
 
     def _collect(
         self,
@@ -216,15 +222,6 @@ class GltfPatch:
         changed = (old != new).any(axis=1)
         rows[changed] = new[changed] if stored is None else new[changed] - old[changed] + stored[changed]
         self._uses.setdefault(key, []).append(attributes)
-
-    def view(self, data: bytes) -> int:
-        return self.append("bufferViews", {"buffer": 0, "byteOffset": self._append(data), "byteLength": len(data)})
-
-    def _append(self, data: bytes | UInt8) -> int:
-        start = len(self._data)
-        self._data += data if isinstance(data, bytes) else data.data
-        self._data += bytes(-len(data) % 4)
-        return start
 
 
 def _needed_buffers(header: Header) -> set[int]:

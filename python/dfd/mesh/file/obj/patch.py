@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dfd.common.linear_algebra import Float64, Int64
+from dfd.common.linear_algebra import Float64
+from dfd.mesh.file.edits import Edits, triples
 from dfd.mesh.file.obj.library import Companions, copied_materials
 from dfd.mesh.file.obj.read import ObjSource
 from dfd.mesh.file.obj.text import ObjText, parse
@@ -26,8 +27,8 @@ def encode(target: Path, source: ObjSource, vertices: Float64, normals: Sequence
     """
     text = parse(source.data)
     changed = (vertices != text.positions).any(axis=1)
-    edits = _Edits(text.data)
-    edits.replace(text.position_spans[changed], _triples(vertices[changed]))
+    edits = Edits(text.data)
+    edits.replace(text.position_spans[changed], triples(vertices[changed]))
     _edit_normals(edits, text, source, normals)
     companions = Companions(target)
     if target.parent.resolve() != source.folder.resolve():
@@ -35,60 +36,20 @@ def encode(target: Path, source: ObjSource, vertices: Float64, normals: Sequence
     return {target.name: edits.result(), **companions.files}
 
 
-def _rename_libraries(edits: _Edits, text: ObjText, name: str | None, read: set[str]) -> None:
+def _rename_libraries(edits: Edits, text: ObjText, name: str | None, read: set[str]) -> None:
     """Replace the libraries that were read with the new one in `mtllib` lines."""
+    ends = np.flatnonzero(np.frombuffer(text.data + b"\n", np.uint8) == ord("\n"))
     for line, keyword, rest in text.statements:
         named = [rest] if rest in read else rest.split()
         if keyword == "mtllib" and read.intersection(named):
             left = [each for each in named if each not in read]
-            edits.replace_line(line, "\n".join(f"mtllib {each}" for each in [name, *left] if each))
+            start, end = int(ends[line - 1]) + 1 if line else 0, int(ends[line])
+            end -= text.data[start:end].endswith(b"\r")
+            edits.replace([(start, end)], ["\n".join(f"mtllib {each}" for each in [name, *left] if each).encode()])
             name = None
 
 
-class _Edits:
-    """Replacements in a text, made all at once."""
-
-    def __init__(self, data: bytes) -> None:
-        self._data = data
-        self._text = data.decode("latin-1")  # one character a byte, in any encoding
-        self._starts: Int64 | None = None  # of lines, from the second on
-        self._spans: list[Int64] = []
-        self._new: list[str] = []
-
-    def replace(self, spans: Int64, texts: Sequence[str]) -> None:
-        """Replace the text at `spans` (L, 2) with `texts`."""
-        self._spans.append(spans)
-        self._new += texts
-
-    def replace_line(self, line: int, text: str) -> None:
-        if self._starts is None:
-            self._starts = np.flatnonzero(np.frombuffer(self._data, np.uint8) == ord("\n")) + 1
-        start = int(self._starts[line - 1]) if line else 0
-        stop = int(self._starts[line]) if line < len(self._starts) else len(self._text)
-        end = start + len(self._text[start:stop].rstrip("\r\n"))
-        self.replace(np.array([[start, end]]), [text.encode().decode("latin-1")])
-
-    def result(self) -> bytes:
-        if not self._new:
-            return self._text.encode("latin-1")
-        spans = np.concatenate(self._spans)
-        order = np.lexsort(spans.T[::-1])
-        pieces: list[str] = []
-        done = 0
-        for index, (start, end) in zip(order.tolist(), spans[order].tolist(), strict=True):
-            pieces.append(self._text[done:start])
-            pieces.append(self._new[index])
-            done = end
-        pieces.append(self._text[done:])
-        return "".join(pieces).encode("latin-1")
-
-
-def _triples(values: Float64) -> list[str]:
-    """Return three numbers (L, 3) as the shortest text that reads back exactly."""
-    return [f"{x!r} {y!r} {z!r}" for x, y, z in values.tolist()]
-
-
-def _edit_normals(edits: _Edits, text: ObjText, source: ObjSource, normals: Sequence[Float64 | None]) -> None:
+def _edit_normals(edits: Edits, text: ObjText, source: ObjSource, normals: Sequence[Float64 | None]) -> None:
     """Rewrite the normals of faces; corners that no longer share one get a new one."""
     known = [each is not None for each in normals]
     if not any(known):
@@ -108,12 +69,12 @@ def _edit_normals(edits: _Edits, text: ObjText, source: ObjSource, normals: Sequ
     keeps = np.diff(number[first], prepend=-1) > 0
     directions = by_row[source.corner_rows[corners]][first]
     moved = keeps & (directions != text.normals[number[first]]).any(axis=1)
-    edits.replace(text.normal_spans[number[first][moved]], _triples(directions[moved]))
+    edits.replace(text.normal_spans[number[first][moved]], triples(directions[moved]))
     if keeps.all():
         return
     new = np.cumsum(~keeps) - 1
     begin = text.data.rfind(b"\n", 0, int(text.corner_spans[0, 0])) + 1
-    edits.replace(np.array([[begin, begin]]), ["".join(f"vn {each}\n" for each in _triples(directions[~keeps]))])
+    edits.replace([(begin, begin)], [b"".join(b"vn %s\n" % each for each in triples(directions[~keeps]))])
     # the new normals stand before the first face, so later ones are renumbered
     before = int(np.searchsorted(text.normal_spans[:, 0], begin))
     numbers = text.corners[:, 2].copy()
@@ -123,4 +84,4 @@ def _edit_normals(edits: _Edits, text: ObjText, source: ObjSource, normals: Sequ
     rewritten = np.flatnonzero((text.corners[:, 2] >= 0) & (relative | (numbers != text.corners[:, 2])))
     spans = text.corner_spans[rewritten]
     spans[:, 0] = [text.data.rfind(b"/", start, end) + 1 for start, end in spans.tolist()]
-    edits.replace(spans, list(map(str, (numbers[rewritten] + 1).tolist())))
+    edits.replace(spans, (b"%d" % each for each in (numbers[rewritten] + 1).tolist()))

@@ -6,19 +6,24 @@ The formats: Geomview, "OFF Files", 1996; 3D Systems, "StereoLithography Interfa
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float64
 from dfd.mesh.file.assets import shortened
+from dfd.mesh.file.edits import Edits, triples
 from dfd.mesh.file.obj.text import decoded
 from dfd.mesh.file.polygons import check_corners, triangulate
 from dfd.mesh.file.primitives import Geometry
 
 _STL_HEADER = 84  # bytes
 _STL_FACE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_STL_VERTEX = re.compile(rf"\bvertex\s+({_NUMBER})\s+({_NUMBER})\s+({_NUMBER})", re.IGNORECASE)
+_LINE = re.compile(rb"[^\r\n]+")
+_NUMBERS = rb"\s+([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)" * 3
+_STL_VERTEX = re.compile(rb"\bvertex" + _NUMBERS, re.IGNORECASE)
+_STL_NORMAL = re.compile(rb"\bfacet\s+normal" + _NUMBERS, re.IGNORECASE)
 
 
 def read_off(data: bytes) -> Geometry:
@@ -26,8 +31,7 @@ def read_off(data: bytes) -> Geometry:
 
     Raises ValueError if it holds fewer vertices, faces or corners than stated, or a face of fewer than three corners.
     """
-    lines = [line.split("#", 1)[0] for line in decoded(data).splitlines()]
-    lines = [line for line in lines if line and not line.isspace()]
+    lines = [decoded(line[0].split(b"#", 1)[0]) for line in _lines(data)]
     if not lines:
         raise ValueError("it holds nothing")
     kind, *first = lines[0].split()
@@ -43,9 +47,10 @@ def read_off(data: bytes) -> Geometry:
         raise ValueError(
             f"it should have {vertex_count} vertices and {face_count} faces, but is cut off after {len(rest)} of them"
         )
-    vertices = np.empty((vertex_count, 3))
+    width = 6 if "N" in kind[:-3] and not {"4", "n"}.intersection(kind) else 3  # coordinates, and normals after them
+    vertices = np.empty((vertex_count, width))
     for number, line in enumerate(rest[:vertex_count]):
-        words = line.split(None, 3)[:3]
+        words = line.split(None, width)[:width]
         try:
             vertices[number] = words
         except ValueError:
@@ -66,7 +71,43 @@ def read_off(data: bytes) -> Geometry:
         wrong = next(word for word in corners if not re.fullmatch(r"[-+]?\d{1,18}", word))
         raise ValueError(f"a face names the vertex {shortened(wrong)}") from None
     check_corners(numbers, vertex_count)
-    return Geometry(vertices, numbers[triangulate(vertices, numbers, sizes)])
+    positions = vertices[:, :3].copy()
+    faces = numbers[triangulate(positions, numbers, sizes)]
+    return Geometry(positions, faces, vertices[:, 3:] if width > 3 else None)
+
+
+def _lines(data: bytes) -> list[re.Match[bytes]]:
+    """Return the lines of an OFF file that hold more than comments."""
+    return [line for line in _LINE.finditer(data) if line[0].split(b"#", 1)[0].strip()]
+
+
+def rewrite_off(data: bytes, vertices: Float64, normals: Float64 | None) -> bytes:
+    """Return the text of an OFF file with other `vertices` and `normals` (V, 3)."""
+    lines = _lines(data)
+    first = lines[0][0].split(b"#", 1)[0].split()
+    keyword = not first[0].isdigit()
+    lines = lines[2 if keyword and len(first) == 1 else 1 :]
+    old = read_off(data)
+    edits, written, before = Edits(data), vertices, old.vertices
+    if normals is not None and old.normals is not None:
+        written, before = np.hstack([vertices, normals]), np.hstack([before, old.normals])
+    numbers = re.compile(rb"\s*" + rb"\s+".join([rb"\S+"] * written.shape[1]))
+    for row in np.flatnonzero((written != before).any(axis=1)).tolist():
+        found = numbers.match(data, lines[row].start())
+        assert found is not None
+        start = lines[row].start() + len(found[0]) - len(found[0].lstrip())
+        edits.replace([(start, found.end())], [b" ".join(b"%a" % each for each in written[row].tolist())])
+    return edits.result()
+
+
+def encode_off(vertices: Float64, faces: NDArray[np.integer]) -> bytes:
+    """Return the text of an OFF file, each number as the shortest that reads back exactly."""
+    head = b"OFF\n%d %d 0\n" % (len(vertices), len(faces))
+    return (
+        head
+        + b"".join(b"%s\n" % each for each in triples(vertices))
+        + b"".join(b"3 %d %d %d\n" % tuple(each) for each in faces.tolist())
+    )
 
 
 def read_stl(data: bytes) -> list[tuple[str, Geometry]]:
@@ -74,29 +115,89 @@ def read_stl(data: bytes) -> list[tuple[str, Geometry]]:
 
     Raises ValueError if its length is not what it says, or it is cut off.
     """
+    binary = _binary_stl(data)
+    if binary is not None:
+        return [("", _soup(binary["corners"].reshape(-1, 3)))]
+    if data.lstrip()[:5].lower() != b"solid":
+        raise ValueError(f"it is cut off after {len(data)} bytes")
+    facets, ends = len(re.findall(rb"(?i)\bfacet\b", data)), len(re.findall(rb"(?i)\bendfacet\b", data))
+    if facets != ends or b"endsolid" not in data.lower():
+        raise ValueError(f"it is cut off: it begins {facets} faces, ends {ends} and may lack others")
+    solids = []
+    for solid in re.split(rb"(?im)^[ \t]*endsolid[^\n]*", data):
+        found = _STL_VERTEX.findall(solid)
+        if len(found) != 3 * len(re.findall(rb"(?i)\bendfacet\b", solid)):
+            raise ValueError("it has faces that have not three vertices")
+        if found:
+            name = re.match(rb"(?i)\s*solid[ \t]*([^\r\n]*)", solid)
+            solids.append((decoded(name[1]).strip() if name else "", _soup(np.array(found, np.float64))))
+    return solids
+
+
+def rewrite_stl(data: bytes, corners: Float64) -> bytes:
+    """Return an STL file with the corners of its faces at other places (F · 3, 3), and normals that follow them.
+
+    A normal keeps its side; one that is zero stays.
+    """
+    binary = _binary_stl(data)
+    if binary is not None:
+        moved, old = binary.copy(), binary["corners"].astype(np.float64)
+        changed = (corners.reshape(-1, 3, 3) != old).any(axis=(1, 2))
+        moved["corners"][changed] = corners.reshape(-1, 3, 3)[changed]
+        moved["normal"][changed] = _turned(binary["normal"], old, corners.reshape(-1, 3, 3))[changed]
+        return data[:_STL_HEADER] + moved.tobytes()
+    places, turns = list(_STL_VERTEX.finditer(data)), list(_STL_NORMAL.finditer(data))
+    if len(places) != len(corners) or 3 * len(turns) != len(corners):  # a name has such words
+        return encode_stl(corners)
+    old = np.array([each.groups() for each in places], np.float64)
+    normals = np.array([each.groups() for each in turns], np.float64)
+    changed = (corners != old).any(axis=1)
+    new = _turned(normals, old.reshape(-1, 3, 3), corners.reshape(-1, 3, 3))
+    edits = Edits(data)
+    for found, kept, values in ((places, changed, corners), (turns, changed.reshape(-1, 3).any(axis=1), new)):
+        rows = np.flatnonzero(kept)
+        edits.replace([(found[row].start(1), found[row].end(3)) for row in rows], triples(values[rows]))
+    return edits.result()
+
+
+def encode_stl(corners: Float64) -> bytes:
+    """Return a binary STL file of the corners of faces (F · 3, 3)."""
+    faces = np.zeros(len(corners) // 3, _STL_FACE)
+    faces["corners"] = corners.reshape(-1, 3, 3)
+    faces["normal"] = _face_normals(corners.reshape(-1, 3, 3))
+    return bytes(_STL_HEADER - 4) + len(faces).to_bytes(4, "little") + faces.tobytes()
+
+
+def is_text_stl(data: bytes) -> bool:
+    """Whether an STL file that `read_stl` reads holds its numbers as text."""
+    return _binary_stl(data) is None
+
+
+def _binary_stl(data: bytes) -> NDArray[Any] | None:
+    """Return the faces (F,) of a binary file, None of a text."""
     if len(data) >= _STL_HEADER:
         count = int.from_bytes(data[80:84], "little")
         length = _STL_HEADER + _STL_FACE.itemsize * count
         if len(data) == length:
-            return [("", _soup(np.frombuffer(data, _STL_FACE, count, _STL_HEADER)["corners"].reshape(-1, 3)))]
+            return np.frombuffer(data, _STL_FACE, count, _STL_HEADER)
         if b"facet" not in data.lower():
             raise ValueError(f"it should have {count} faces in {length} bytes, but {len(data)} are there")
-    text = decoded(data)
-    if text.lstrip()[:5].lower() != "solid":
-        raise ValueError(f"it is cut off after {len(data)} bytes")
-    lowered = text.lower()
-    facets, ends = len(re.findall(r"\bfacet\b", lowered)), len(re.findall(r"\bendfacet\b", lowered))
-    if facets != ends or "endsolid" not in lowered:
-        raise ValueError(f"it is cut off: it begins {facets} faces, ends {ends} and may lack others")
-    solids = []
-    for solid in re.split(r"^[ \t]*endsolid[^\n]*", text, flags=re.IGNORECASE | re.MULTILINE):
-        found = _STL_VERTEX.findall(solid)
-        if len(found) != 3 * len(re.findall(r"\bendfacet\b", solid, re.IGNORECASE)):
-            raise ValueError("it has faces that have not three vertices")
-        if found:
-            name = re.match(r"\s*solid[ \t]*([^\r\n]*)", solid, re.IGNORECASE)
-            solids.append((name[1].strip() if name else "", _soup(np.array(found, np.float64))))
-    return solids
+    return None
+
+
+def _face_normals(corners: Float64) -> Float64:
+    """Return the unit normals (F, 3) of triangles (F, 3, 3), zero for those without area."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        length = np.linalg.norm(crossed, axis=1, keepdims=True)
+        return np.nan_to_num(np.divide(crossed, length, out=np.zeros_like(crossed), where=length > 0))
+
+
+def _turned(normals: NDArray[Any], before: Float64, after: Float64) -> Float64:
+    """Return the normals (F, 3) of moved faces (F, 3, 3), on their old sides."""
+    old, new = normals.astype(np.float64), _face_normals(after)
+    side = np.sign(np.einsum("fc,fc->f", _face_normals(before), old))[:, None]
+    return np.where((side == 0) | ~new.any(axis=1, keepdims=True), old, side * new)
 
 
 def _soup(corners: NDArray[np.floating]) -> Geometry:

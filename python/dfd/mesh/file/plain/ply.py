@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.mesh.appearance import Material
 from dfd.mesh.file.assets import AssetFolder, shortened
+from dfd.mesh.file.edits import Edits, far_origin
 from dfd.mesh.file.images import ImageCache
 from dfd.mesh.file.materials import rgba
 from dfd.mesh.file.obj.text import decoded
@@ -29,6 +31,7 @@ _NAMES = (
     *("int8", "uint8", "int16", "uint16", "int32", "uint32", "float32", "float64"),
 )
 _TYPES = dict(zip(_NAMES, ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8") * 2, strict=True))
+_SPELLED = {code: name for name, code in _TYPES.items() if not name[-1].isdigit()}
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
 _KNOWN = {
@@ -55,7 +58,25 @@ class _List:
 
 
 _Element = dict[str, "NDArray[Any] | _List"]
-_NOTHING = np.zeros(0), np.zeros(0, np.int64)  # the values of no rows, and how many each has
+_NOTHING = (
+    np.zeros(0),
+    np.zeros(0, np.int64),
+    np.zeros(0, np.int64),
+)  # the values of no rows, how many each has, and their bytes
+
+
+@dataclass(frozen=True)
+class _Content:
+    """What a file says."""
+
+    lines: list[str]  # of the header
+    start: int  # of the body in the file, byte
+    order: str  # of bytes: "<" or ">"; "" for text
+    elements: dict[str, _Element]
+    # by the names of the first `vertex` element's properties: their types, and where rows begin: (V,) bytes of the
+    # body, or numbers of words in a text
+    types: dict[str, np.dtype[Any]]
+    places: dict[str, Int64]
 
 
 def read(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, Float64, Int64]:
@@ -64,11 +85,8 @@ def read(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, Float6
     Raises ValueError if it holds fewer numbers than it says, or a face names vertices by numbers that are not whole.
     Warns if faces of fewer than three corners are left out.
     """
-    head, mark, body = data.partition(b"end_header")
-    lines = [line.strip() for line in decoded(head).splitlines() if line.strip()]
-    if not mark or not lines or lines[0].lower() != "ply":
-        raise ValueError("it has no header of a PLY file")
-    found = _elements(lines, body)
+    content = _parse(data)
+    lines, found = content.lines, content.elements
     vertex = found.get("vertex", {})
     if not all(isinstance(vertex.get(name), np.ndarray) for name in "xyz"):
         raise ValueError("its vertices have no x, y and z")
@@ -175,8 +193,11 @@ def _colors(element: _Element) -> Float32 | None:
     return None
 
 
-def _elements(lines: list[str], body: bytes) -> dict[str, _Element]:
-    """Return the properties of each element by their names."""
+def _parse(data: bytes) -> _Content:
+    head, mark, body = data.partition(b"end_header")
+    lines = [line.strip() for line in decoded(head).splitlines() if line.strip()]
+    if not mark or not lines or lines[0].lower() != "ply":
+        raise ValueError("it has no header of a PLY file")
     order, layout = None, []
     for line in lines[1:]:
         words = line.split()
@@ -201,17 +222,20 @@ def _elements(lines: list[str], body: bytes) -> dict[str, _Element]:
         data, start = body, 2 if body[:2] == b"\r\n" else 1
     else:  # all numbers of a text as if they were the data of a binary file
         data, start = _numbers(body).tobytes(), 0
-    found: dict[str, _Element] = {}
+    content = _Content(lines, len(head) + len(mark), order, {}, {}, {})
     for name, count, properties in layout:
         if count > len(data):
             raise _cut_off(name, count)
         columns, start = _columns_of(data, start, name, count, properties) if count and properties else ([], start)
         element: _Element = {}
-        for each, (values, sizes) in zip(properties, columns or [_NOTHING] * len(properties), strict=True):
+        for each, (values, sizes, places) in zip(properties, columns or [_NOTHING] * len(properties), strict=True):
             typed = _typed(values, each.dtype)
             element[each.name] = typed if each.counts is None else _List(typed, sizes)
-        found.setdefault(name, element)
-    return found
+            if name == "vertex" and name not in content.elements:
+                content.types[each.name] = each.dtype
+                content.places[each.name] = places if order else places // 8
+        content.elements.setdefault(name, element)
+    return content
 
 
 def _cut_off(name: str, count: int) -> ValueError:
@@ -227,8 +251,11 @@ def _numbers(body: bytes) -> Float64:
 
 def _columns_of(
     data: bytes, start: int, name: str, count: int, properties: list[_Property]
-) -> tuple[list[tuple[NDArray[Any], Int64]], int]:
-    """Return the values of each property in `count` rows from byte `start` on, how many each row has, and the end."""
+) -> tuple[list[tuple[NDArray[Any], Int64, Int64]], int]:
+    """Return the values of each property in `count` rows from byte `start` on, and the end.
+
+    With the values come how many each row has, and the byte at which they begin.
+    """
 
     def row_at(offset: int) -> tuple[list[int], int]:
         """Return how many values the row at an offset has of each property, and where it ends."""
@@ -254,9 +281,12 @@ def _columns_of(
             fields.append((f"values {number}", each.stored, (length,)))
         rows = np.frombuffer(data, fields, count, start)
         if all((rows[field] == first[int(field.split()[1])]).all() for field, _, _ in fields if field[0] == "c"):
-            columns = [rows[f"values {number}"].ravel() for number in range(len(properties))]
-            alike = [np.full(count, length) for length in first]
-            return list(zip(columns, alike, strict=True)), start + count * (end - start)
+            columns = []
+            for number, length in enumerate(first):
+                offset = rows.dtype.fields[f"values {number}"][1]  # type: ignore[index]
+                begins = start + offset + (end - start) * np.arange(count)
+                columns.append((rows[f"values {number}"].ravel(), np.full(count, length), begins))
+            return columns, start + count * (end - start)
     sizes, places, end = np.empty((count, len(properties)), np.int64), np.empty(count, np.int64), start
     for row in range(count):
         places[row] = end
@@ -268,7 +298,7 @@ def _columns_of(
         places += 0 if each.counts is None else each.counts.itemsize
         width = each.stored.itemsize
         where = np.repeat(places, size) + width * ranges(np.zeros(count, np.int64), size)
-        found.append((letters[where[:, None] + np.arange(width)].ravel().view(each.stored), size))
+        found.append((letters[where[:, None] + np.arange(width)].ravel().view(each.stored), size, places.copy()))
         places += size * width
     return found, end
 
@@ -283,3 +313,94 @@ def _typed(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
     if len(values) and not limits.min <= values.min() <= values.max() <= limits.max:
         raise ValueError(f"a number of it is too large for the {dtype.name} that it should be")
     return values.astype(dtype)
+
+
+def rewrite(data: bytes, vertices: Float64, normals: Float64 | None) -> bytes:
+    """Return a file with other `vertices` and `normals` (V, 3), NaN for those that stay, in its own byte order.
+
+    Types stay; coordinates become 64-bit floats where whole numbers or 32-bit floats do not hold them.
+    """
+    content = _parse(data)
+    edits, body = Edits(data), np.frombuffer(data, np.uint8)[content.start :]
+    edges = np.flatnonzero(np.diff(body > ord(" "), prepend=False, append=False)).reshape(-1, 2) + content.start
+    for names, values in ((("x", "y", "z"), vertices), (("nx", "ny", "nz"), normals)):
+        old = _columns(content.elements["vertex"], names, np.float64)
+        if values is None or old is None:
+            continue
+        values = np.where(np.isnan(values), old, values)
+        for name, column, before in zip(names, values.T, old.T, strict=True):
+            dtype = content.types[name]
+            with np.errstate(over="ignore", invalid="ignore"):
+                if dtype.kind != "f":
+                    wide = not np.array_equal(column.astype(dtype), column)
+                else:
+                    wide = dtype.itemsize == 4 and names[0] == "x" and far_origin(vertices) is not None
+            stored = np.dtype(f"{content.order}f8") if wide else dtype
+            if wide:
+                edits.replace([_type_span(data, name)], [b"double"])
+            rows = np.flatnonzero((column != before) | (wide and content.order != ""))
+            places = content.places[name][rows]
+            if content.order:
+                spans = content.start + places[:, None] + (0, dtype.itemsize)
+                packed = column[rows].astype(stored).tobytes()
+                size = stored.itemsize
+                new = [packed[start : start + size] for start in range(0, len(packed), size)]
+            else:
+                spans = edges[places]
+                new = [b"%a" % each for each in column[rows].astype("f8" if stored.kind == "f" else stored).tolist()]
+            edits.replace(spans, new)
+    return edits.result()
+
+
+def _type_span(data: bytes, name: str) -> tuple[int, int]:
+    """Return where in the header the type of a property of the first `vertex` element begins and ends."""
+    begin = re.search(rb"^[ \t]*element[ \t]+vertex\b", data, re.MULTILINE)
+    start = begin.end() if begin else 0
+    found = re.compile(rb"^[ \t]*property[ \t]+(\w+)[ \t]+%s[ \t]*\r?$" % name.encode(), re.MULTILINE).search(
+        data, start
+    )
+    assert found is not None
+    return found.span(1)
+
+
+def encode(
+    vertices: Float64,  # (V, 3)
+    faces: NDArray[np.integer],  # (F, 3)
+    *,
+    normals: Float64 | None = None,  # (V, 3)
+    uv: Float64 | None = None,  # (V, 2)
+    colors: Float32 | None = None,  # (V, 4) in [0, 1]
+    face_colors: Float32 | None = None,  # (F, 4)
+    attributes: Mapping[str, NDArray[Any]] | None = None,  # by name, (V,)
+) -> bytes:
+    """Return a little-endian file; coordinates have 64 bits where 32-bit floats are too coarse."""
+    real = "f4" if far_origin(vertices) is None else "f8"
+    channels = ("red", "green", "blue", "alpha")
+    vertex: dict[str, NDArray[Any]] = dict(zip("xyz", vertices.astype(real).T, strict=True))
+    if normals is not None:
+        vertex |= zip(("nx", "ny", "nz"), normals.astype("f4").T, strict=True)
+    if uv is not None:
+        vertex |= zip("st", uv.astype("f4").T, strict=True)
+    if colors is not None:
+        vertex |= zip(channels, np.rint(colors * 255).astype("u1").T, strict=True)
+    for name, values in (attributes or {}).items():
+        if values.shape == (len(vertices),) and re.fullmatch(r"\w+", name) and values.dtype.kind in "iuf":
+            vertex.setdefault(name, values if values.dtype.itemsize <= 4 else values.astype("f8"))
+    face = (
+        dict(zip(channels, np.rint(face_colors * 255).astype("u1").T, strict=True)) if face_colors is not None else {}
+    )
+    corners = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
+    head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
+    head += [f"property {_SPELLED[values.dtype.str[1:]]} {name}" for name, values in vertex.items()]
+    head += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
+    head += [f"property uchar {name}" for name in face if name in channels]
+    rows = np.empty(len(vertices), [(name, values.dtype.newbyteorder("<")) for name, values in vertex.items()])
+    for name, values in vertex.items():
+        rows[name] = values
+    polygons = np.empty(
+        len(faces), [*((name, corners[name]) for name in corners.names or ()), *((n, "u1") for n in face)]
+    )
+    polygons["count"], polygons["corners"] = 3, faces
+    for name, values in face.items():
+        polygons[name] = values
+    return "\n".join([*head, "end_header", ""]).encode() + rows.tobytes() + polygons.tobytes()

@@ -1,0 +1,58 @@
+"""Replacements in the bytes of a file, and numbers as text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from dfd.common.linear_algebra import Float64, Int64
+
+COARSE = 1e-5  # of the shape's diagonal: larger rounding to 32-bit floats is avoided, or said
+
+
+class Edits:
+    """Replacements in the bytes of a file, made all at once."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+        self._spans: list[Int64] = []
+        self._new: list[bytes] = []
+
+    def replace(self, spans: Int64 | Sequence[tuple[int, int]], new: Iterable[bytes]) -> None:
+        """Replace the bytes at `spans` (L, 2) with `new`."""
+        self._spans.append(np.asarray(spans, np.int64).reshape(-1, 2))
+        self._new += new
+
+    def result(self) -> bytes:
+        """Return the bytes with all replacements."""
+        spans = np.concatenate([np.zeros((0, 2), np.int64), *self._spans])
+        order = np.lexsort(spans.T[::-1])
+        pieces, done = [], 0
+        for index, (start, end) in zip(order.tolist(), spans[order].tolist(), strict=True):
+            pieces += [self._data[done:start], self._new[index]]
+            done = end
+        return b"".join([*pieces, self._data[done:]])
+
+
+def triples(values: Float64) -> list[bytes]:
+    """Return three numbers (L, 3) each as the shortest text that reads back exactly."""
+    return [b"%a %a %a" % (x, y, z) for x, y, z in values.tolist()]
+
+
+def far_origin(vertices: Float64) -> Float64 | None:
+    """Return the middle (3,) of vertices (V, 3) that 32-bit floats hold too coarsely, None for others.
+
+    The middle itself fits in 32-bit floats.
+    """
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    if rounding(vertices) <= COARSE * np.linalg.norm(high - low):
+        return None
+    return (low / 2 + high / 2).astype(np.float32).astype(np.float64)
+
+
+def rounding(vertices: Float64) -> float:
+    """Return the largest distance by which 32-bit floats move vertices (V, 3)."""
+    with np.errstate(over="ignore"):
+        moved = np.linalg.norm(vertices - vertices.astype(np.float32), axis=1)
+    return float(moved.max(initial=0.0))

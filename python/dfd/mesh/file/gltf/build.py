@@ -1,0 +1,182 @@
+"""Building glTF files: lists of the header, data in one buffer, and whole scenes of parts."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Sequence
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.common.linear_algebra import UInt8
+from dfd.mesh.appearance import Material, Wrap, linear
+from dfd.mesh.file.edits import far_origin
+from dfd.mesh.file.gltf import glb
+from dfd.mesh.file.gltf.header import COMPONENT_TYPES, Header
+from dfd.mesh.file.images import as_png
+from dfd.mesh.file.primitives import IDENTITY, MovedPrimitive
+
+FLOAT, _ARRAY_BUFFER = 5126, 34962
+LIMITS = {"min": np.min, "max": np.max}
+_KINDS = {(): "SCALAR", (2,): "VEC2", (3,): "VEC3", (4,): "VEC4", (4, 4): "MAT4"}
+_WRAPS: dict[Wrap, int] = {"repeat": 10497, "mirror": 33648, "clamp": 33071}
+_PLAIN = Material()
+_NUMBERS = {np.dtype(kind): number for number, kind in COMPONENT_TYPES.items()}
+
+
+class GltfBuilder:
+    """A header, and the data of its first buffer."""
+
+    def __init__(self, header: Header) -> None:
+        self.header = header
+        self._data = bytearray()
+        self._left: list[Header] = []  # external buffers that are kept, after the first
+
+    def accessor(
+        self, values: NDArray[Any], *, attribute: bool = False, bounds: bool = False, normalized: bool = False
+    ) -> int:
+        """Append an array, one row an element, and return the number of its accessor.
+
+        `attribute` marks vertex attributes; `bounds` stores the smallest and largest values.
+        """
+        kind = _KINDS[values.shape[1:]]
+        stored = np.ascontiguousarray(values.swapaxes(1, 2) if kind == "MAT4" else values)
+        view = self.view(stored.tobytes())
+        accessor = {"bufferView": view, "componentType": _NUMBERS[stored.dtype], "count": len(stored), "type": kind}
+        if attribute:
+            self.header["bufferViews"][view]["target"] = _ARRAY_BUFFER
+        if normalized:
+            accessor["normalized"] = True
+        if bounds:
+            accessor |= {name: np.atleast_1d(limit(stored, axis=0)).tolist() for name, limit in LIMITS.items()}
+        return self.append("accessors", accessor)
+
+    def append(self, name: str, content: Header) -> int:
+        """Append an object to a list of the header and return its number."""
+        values: list[Header] = self.header.setdefault(name, [])
+        values.append(content)
+        return len(values) - 1
+
+    def view(self, data: bytes) -> int:
+        """Append data and return the number of its view."""
+        return self.append("bufferViews", {"buffer": 0, "byteOffset": self._append(data), "byteLength": len(data)})
+
+    def encode(self, *, binary: bool) -> bytes:
+        """Return the file, as GLB or as glTF with embedded data."""
+        buffer: Header = {"byteLength": len(self._data)}
+        self.header["buffers"] = [buffer, *self._left]
+        if not binary:
+            buffer["uri"] = f"data:application/octet-stream;base64,{base64.b64encode(self._data).decode()}"
+        text = json.dumps(self.header, separators=(",", ":")).encode()
+        return glb.join(text, bytes(self._data)) if binary else text
+
+    def _append(self, data: bytes | UInt8) -> int:
+        start = len(self._data)
+        self._data += data if isinstance(data, bytes) else data.data
+        self._data += bytes(-len(data) % 4)
+        return start
+
+
+def encode_scene(moved: Sequence[MovedPrimitive], *, binary: bool) -> bytes:
+    """Return the file of a scene: a node for each part, with a primitive for each of its own, in their order.
+
+    Nodes share a mesh where their parts share geometries that did not move. A part far from the origin, for which
+    32-bit floats are too coarse, is moved to its middle, and its node back.
+    """
+    scene = _Scene({"asset": {"version": "2.0", "generator": "dfd"}, "scene": 0, "scenes": [{"nodes": []}]})
+    for part, group in groupby(moved, lambda each: each.primitive.part):
+        scene.add(part, list(group))
+    return scene.encode(binary=binary)
+
+
+class _Scene(GltfBuilder):
+    """A scene to which parts are added."""
+
+    def __init__(self, header: Header) -> None:
+        super().__init__(header)
+        self._meshes: dict[tuple[int, ...], tuple[int, NDArray[Any] | None]] = {}
+        self._materials: dict[tuple[int, bool, bool], int] = {}
+        self._textures: dict[tuple[int, tuple[Wrap, Wrap]], int] = {}
+
+    def add(self, part: str, group: Sequence[MovedPrimitive]) -> None:
+        """Add a part of primitives that have one transform."""
+        key = tuple(id(each.primitive.geometry) for each in group)
+        if any(each.moved for each in group) or key not in self._meshes:
+            origin = far_origin(np.concatenate([each.vertices for each in group]))
+            primitives = [self._primitive(each, origin) for each in group]
+            number = self.append("meshes", {"name": group[0].primitive.name, "primitives": primitives})
+            if any(each.moved for each in group):
+                key = (-number - 1,)
+            self._meshes[key] = number, origin
+        mesh, origin = self._meshes[key]
+        node: Header = {"name": part, "mesh": mesh}
+        transform = group[0].primitive.transform
+        if origin is not None:
+            transform = transform.copy()
+            transform[:3, 3] += transform[:3, :3] @ origin
+        if transform is not IDENTITY:
+            node["matrix"] = transform.T.ravel().tolist()
+        self.header["scenes"][0]["nodes"].append(self.append("nodes", node))
+
+    def _primitive(self, each: MovedPrimitive, origin: NDArray[Any] | None) -> Header:
+        geometry = each.primitive.geometry
+        colors = geometry.colors
+        values: dict[str, NDArray[Any]] = {"POSITION": each.vertices if origin is None else each.vertices - origin}
+        if each.normals is not None:
+            values["NORMAL"] = each.normals
+        if geometry.uv is not None:
+            values["TEXCOORD_0"] = geometry.uv * (1, -1) + (0, 1)  # v points down
+        for name, own in geometry.attributes.items():
+            if own.ndim < 3 and own.shape[1:] in _KINDS and own.dtype.kind in "iuf":
+                values[f"_{name.lstrip('_').upper()}"] = own
+        faces = geometry.faces
+        if geometry.face_colors is not None:  # each corner becomes a row
+            values, colors = (
+                {name: own[faces.ravel()] for name, own in values.items()},
+                geometry.face_colors.repeat(3, 0),
+            )
+            faces = np.arange(faces.size)
+        attributes = {
+            name: self.accessor(own.astype("<f4"), attribute=True, bounds=name == "POSITION")
+            for name, own in values.items()
+        }
+        if colors is not None:
+            stored = np.column_stack([linear(colors[:, :3]), colors[:, 3]])
+            attributes["COLOR_0"] = self.accessor(
+                np.rint(stored * 65535).astype("<u2"), attribute=True, normalized=True
+            )
+        content: Header = {"attributes": attributes, "indices": self.accessor(faces.astype("<u4").ravel())}
+        material = geometry.material
+        if material is None and geometry.uv is not None and colors is None:
+            material = _PLAIN  # readers drop texture coordinates without one
+        if material is not None:
+            content["material"] = self._material(material, geometry.uv is not None, colors is not None)
+        return content
+
+    def _material(self, own: Material, textured: bool, colored: bool) -> int:
+        key = (id(own), textured, colored)
+        if key not in self._materials:
+            material = own.shown(has_colors=colored)
+            factor = [*linear(np.array(material.color[:3])).tolist(), material.color[3]]
+            surface: Header = {"baseColorFactor": factor, "metallicFactor": 0.0, "roughnessFactor": 1.0}
+            if material.texture is not None and textured:
+                surface["baseColorTexture"] = {"index": self._texture(material.texture, material.wrap)}
+            content: Header = {"name": material.name, "pbrMetallicRoughness": surface}
+            if material.alpha_mode != "OPAQUE":
+                content["alphaMode"] = material.alpha_mode
+            if material.alpha_mode == "MASK":
+                content["alphaCutoff"] = material.alpha_cutoff
+            self._materials[key] = self.append("materials", content)
+        return self._materials[key]
+
+    def _texture(self, texels: UInt8, wrap: tuple[Wrap, Wrap]) -> int:
+        key = (id(texels), wrap)
+        if key not in self._textures:
+            image = self.append("images", {"bufferView": self.view(as_png(texels)), "mimeType": "image/png"})
+            across, down = (_WRAPS[each] for each in wrap)
+            sampler = self.append("samplers", {"wrapS": across, "wrapT": down})
+            self._textures[key] = self.append("textures", {"source": image, "sampler": sampler})
+        return self._textures[key]
