@@ -13,7 +13,6 @@ from sphinx.application import Sphinx
 from typer.cli import get_docs_for_click
 
 import dfd
-from dfd.app.schema import schema as messages_schema
 from dfd.cli import app as commands
 
 MARK = re.compile(r"^<!-- generated (\w+) -->$", re.MULTILINE)
@@ -44,36 +43,19 @@ def edit_file() -> str:
     return _object("Edit", schema) + "".join(_object(*each) for each in schema.get("$defs", {}).items())
 
 
-def client_messages() -> str:
-    """What the page asks."""
-    return _messages("Client")
+def distill_settings() -> str:
+    """Write each setting of a distillation with its value in both presets."""
+    rows = ["| setting | default | paper | what it is |", "|---|---|---|---|"]
+    default, paper = dfd.DistillSettings(), dfd.DistillSettings(preset="paper")
+    for name, about in dfd.DistillSettings.model_fields.items():
+        if name != "preset":
+            rows.append(f"| `{name}` | {getattr(default, name)} | {getattr(paper, name)} | {about.description} |")
+    return "\n".join(rows) + "\n"
 
 
-def server_messages() -> str:
-    """What the server answers."""
-    return _messages("Server")
-
-
-def message_parts() -> str:
-    """What messages are made of."""
-    definitions = messages_schema()["$defs"]
-    outer = {"Client", "Server", *_alternatives(definitions, "Client"), *_alternatives(definitions, "Server")}
-    return "".join(_object(name, each, "###") for name, each in definitions.items() if name not in outer)
-
-
-def _messages(side: str) -> str:
-    definitions = messages_schema()["$defs"]
-    return "".join(_object(name, definitions[name], "###") for name in _alternatives(definitions, side))
-
-
-def _alternatives(definitions: Schema, side: str) -> list[str]:
-    message = json.dumps(definitions[side]["properties"]["message"])
-    return list(dict.fromkeys(re.findall(r'"\$ref": "#/\$defs/(\w+)"', message)))
-
-
-def _object(name: str, schema: Schema, level: str = "##") -> str:
+def _object(name: str, schema: Schema) -> str:
     """One definition: a heading, its sentence, and a table of its fields."""
-    text = f"\n{level} {name}\n\n{_sentence(schema)}\n"
+    text = f"\n## {name}\n\n{_sentence(schema)}\n"
     if fields := schema.get("properties"):
         text += "\n| field | type | default | what it is |\n|---|---|---|---|\n"
         required = schema.get("required", ())

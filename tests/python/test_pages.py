@@ -1,24 +1,69 @@
-"""Pages of docs that would otherwise fall behind; their code is run by `make docs`."""
+"""README and pages of docs that would otherwise fall behind; the code on the pages is run by `make docs`."""
 
 from __future__ import annotations
 
 import re
+import runpy
+import sys
 from pathlib import Path
 
 import pytest
+import typer
+from typer.testing import CliRunner
 
 import dfd
+from dfd.cli import app as commands
 from dfd.editing.presets import CONTROLS, WHOLE_SHAPE
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+PAGES = {path.relative_to(ROOT): path.read_text("utf-8") for path in (ROOT / "README.md", *sorted(DOCS.rglob("*.md")))}
+TEXT = "\n".join(PAGES.values()).replace("\\\n", " ")
+FENCES = "\n".join(re.findall(r"^```(?:sh|bash)\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL))
+CALLS = re.findall(r"(?:^    |`)dfd ([a-z]+)([^`\n]*)", TEXT, re.MULTILINE)
+CALLS += re.findall(r"^dfd ([a-z]+)(.*)", FENCES, re.MULTILINE)
+MODULES = sorted(set(re.findall(r"python -m ((?:dfd|bench)[\w.]*)", TEXT)))
 
 
 @pytest.mark.parametrize("name", dfd.__all__)
 def test_the_reference_has_every_public_name(name: str) -> None:
-    text = (DOCS / "reference" / "python.md").read_text(encoding="utf-8")
-    assert re.search(rf":: (dfd\.)?{name}$", text, re.MULTILINE)
+    assert re.search(rf":: (dfd\.)?{name}$", PAGES[Path("docs/reference/python.md")], re.MULTILINE)
 
 
 @pytest.mark.parametrize("control", [*CONTROLS, *WHOLE_SHAPE])
 def test_how_it_works_has_every_control(control: str) -> None:
     assert any(f"`{control}" in page.read_text(encoding="utf-8") for page in (DOCS / "how_it_works").glob("*.md"))
+
+
+def test_the_documentation_is_short() -> None:
+    assert len(PAGES) <= 23
+    assert len((ROOT / "README.md").read_text("utf-8").splitlines()) <= 90
+
+
+@pytest.mark.parametrize("page", PAGES, ids=str)
+def test_pages_link_to_files_that_exist(page: Path) -> None:
+    links = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)|^:link: (\S+)$", PAGES[page], re.MULTILINE)
+    for link in (a or f"{b}.md" for a, b in links):
+        assert (ROOT / page.parent / link).exists(), link
+
+
+@pytest.mark.parametrize("name", sorted({name for name, _ in CALLS}))
+def test_every_command_has_the_options_that_the_pages_give_it(name: str) -> None:
+    lines = [line.partition(" #")[0] for other, line in CALLS if other == name]
+    own = typer.main.get_command(commands).commands[name].params  # type: ignore[attr-defined]
+    known = {option for each in own for option in (*each.opts, *each.secondary_opts)} | {"--help"}
+    assert {word for line in lines for word in re.findall(r"(?<!\S)--?[a-z][\w-]*", line)} <= known
+    assert CliRunner().invoke(commands, [name, "--help"]).exit_code == 0
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_every_module_that_the_pages_run_answers(module: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "argv", [module, "--help"])
+    with pytest.raises(SystemExit) as left:
+        sys.exit(runpy.run_module(module, run_name="__main__", alter_sys=True) and 0)
+    assert not left.value.code
+
+
+@pytest.mark.parametrize("target", sorted(set(re.findall(r"(?:`|^    )make ([a-z][\w-]*)", TEXT, re.MULTILINE))))
+def test_every_target_that_the_pages_make_is_there(target: str) -> None:
+    assert re.search(rf"^{target}:", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE)
