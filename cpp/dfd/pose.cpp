@@ -32,20 +32,15 @@ struct Displacement {
     Matrix3d change;  // of the linear part: A - I
     Point shift, place;
     Polar polar;
-    double turning;   // how much the linear part does: |A - I|
 };
 
 Displacement displacement_of(const Affine& transform, const Point& place, Blend blend)
 {
-    Displacement d{{}, {transform[3], transform[7], transform[11]}, place, {{1, 0, 0, 0}, {}}, 0};
+    Displacement d{{}, {transform[3], transform[7], transform[11]}, place, {{1, 0, 0, 0}, {}}};
     for (std::size_t row = 0; row < 3; ++row)
         for (std::size_t column = 0; column < 3; ++column)
             d.change[row * 3 + column] = transform[row * 4 + column] - (row == column ? 1.0 : 0.0);
-    if (blend == Blend::linear) return d;
-    d.polar = polar_decomposition(d.change);
-    double square = 0;
-    for (const double entry : d.change) square += entry * entry;
-    d.turning = std::sqrt(square);
+    if (blend != Blend::linear) d.polar = polar_decomposition(d.change);
     return d;
 }
 
@@ -134,36 +129,21 @@ void append_dual_quaternion(std::vector<double>& table, const Displacement& d, c
     table.insert(table.end(), shift.begin(), shift.end());
 }
 
-void append_polar(std::vector<double>& table, const Displacement& d, const Point& center)
-{
-    append_affine(table, d, center);
-    append_quaternion(table, d.polar.rotation);
-    append_stretch(table, d.polar.stretch);
-    const Point place = difference(d.place, center);
-    for (const double coordinate : place) table.push_back(d.turning * coordinate);
-    table.push_back(d.turning);
-}
-
 void append(std::vector<double>& table, const Displacement& d, const Point& center, Blend blend, bool stretched)
 {
-    switch (blend) {
-    case Blend::linear: return append_affine(table, d, center);
-    case Blend::dual_quaternion: return append_dual_quaternion(table, d, center, stretched);
-    case Blend::polar: return append_polar(table, d, center);
-    }
+    if (blend == Blend::linear) return append_affine(table, d, center);
+    append_dual_quaternion(table, d, center, stretched);
 }
 
 /// The rows of a table (H, entries) such that weights times them are weights times `mixing` times the table: what is
-/// blended is linear in its entries. Centers are means by the weights as they are.
+/// blended is linear in its entries.
 void mix(std::vector<double>& table, const Motion& motion, std::size_t entries)
 {
-    constexpr std::size_t polar_places = 4;
     if (motion.mixing.empty() || table.empty()) return;
     const std::size_t count = motion.transforms.size();
-    const std::size_t mixed = motion.blend == Blend::polar ? entries - polar_places : entries;
     const std::vector<double> given = table;
     for (std::size_t m = 0; m < count; ++m) {
-        for (std::size_t e = 0; e < mixed; ++e) {
+        for (std::size_t e = 0; e < entries; ++e) {
             double& entry = table[m * entries + e] = 0;
             for (std::size_t k = 0; k < count; ++k) entry += motion.mixing[m * count + k] * given[k * entries + e];
         }

@@ -48,10 +48,8 @@ struct PoseArrays {
 /// A vertex moves by blended displacements, taken about a point of the mesh, so nothing is lost to a far origin, and
 /// transforms that are the identity leave every vertex as it is, to the bit, unless `overlap` scales it.
 ///
-/// Dual quaternions blend each transform as a stretch about the handle's place and a rigid motion after it. Polar
-/// blending moves each vertex with the mean place of the handles that turn it, which goes where Eq. (1) sends it, and
-/// turns and stretches what lies between the two. D_0 stands at the first vertex. Neither scales a vertex whose weights
-/// pass 1: `paper` is `normalize` there.
+/// Dual quaternions blend each transform as a stretch about the handle's place and a rigid motion after it. D_0 stands
+/// at the first vertex. They do not scale a vertex whose weights pass 1: `paper` is `normalize` there.
 ///
 /// @throws std::invalid_argument if shapes disagree, or a value is not finite or too large for T
 /// @throws Stopped if `poll` returned true

@@ -148,9 +148,7 @@ def pose(
     for i in range(len(v)):
         sums = []
         for parts in (above, below):
-            blended = _sum([rest, *parts], [remainder[i], *acting[i]])
-            turning = _sum([rest, *parts], [remainder[i], *w[i].clip(0.0)])  # means by the weights as they are
-            sums.append(blended._replace(turning=turning.turning, turning_place=turning.turning_place))
+            sums.append(_sum([rest, *parts], [remainder[i], *acting[i]]))
         mixed = _sum(sums, [share[i], 1.0 - share[i]])
         moved[i], linear = _apply(blend, mixed, excess[i], v[i])
         if normals is not None:
@@ -165,8 +163,6 @@ class _Parts(NamedTuple):
     rotation: Array  # (4,) quaternion w, x, y, z
     dual: Array  # (4,) dual part of the rigid motion that follows a stretch about the place
     stretch: Array  # (4, 4) that stretch
-    turning: Any  # how much the linear part does
-    turning_place: Array  # (3,) the place times that
 
 
 def _sum(parts: list[_Parts], weights: Any) -> _Parts:
@@ -186,9 +182,8 @@ def _parts(matrix: Array, place: Array, towards: Array | None) -> _Parts:
     translation = matrix[:3, :3] @ place + matrix[:3, 3] - rotation @ place
     about = np.eye(4)
     about[:3, :3], about[:3, 3] = stretch, place - stretch @ place
-    turning = float(np.linalg.norm(linear - np.eye(3)))
     dual = 0.5 * _product(np.array([0.0, *translation]), q)
-    return _Parts(matrix - np.eye(4), q - IDENTITY_QUATERNION, dual, about - np.eye(4), turning, turning * place)
+    return _Parts(matrix - np.eye(4), q - IDENTITY_QUATERNION, dual, about - np.eye(4))
 
 
 def _apply(blend: str, sums: _Parts, excess: float, vertex: Array) -> tuple[Array, Array]:
@@ -202,11 +197,8 @@ def _apply(blend: str, sums: _Parts, excess: float, vertex: Array) -> tuple[Arra
     q = q / length
     rotation = np.array([_product(_product(q, np.array([0.0, *axis])), _conjugate(q))[1:] for axis in np.eye(3)]).T
     linear: Array = rotation @ stretch[:3, :3]
-    if blend == "dual_quaternion":
-        translation = 2.0 * _product(sums.dual / length, _conjugate(q))[1:]
-        return rotation @ (stretch[:3, :3] @ vertex + stretch[:3, 3]) + translation, linear
-    center = sums.turning_place / sums.turning if sums.turning > 0 else vertex
-    return linear @ (vertex - center) + matrix[:3, :3] @ center + matrix[:3, 3], linear
+    translation = 2.0 * _product(sums.dual / length, _conjugate(q))[1:]
+    return rotation @ (stretch[:3, :3] @ vertex + stretch[:3, 3]) + translation, linear
 
 
 def _turn_normal(linear: Array, normal: Array) -> Array:

@@ -63,14 +63,6 @@ struct AffineSum {
         return {row(0), row(4), row(8)};
     }
 
-    DFD_INLINE Vector3<T> linear(const Vector3<T>& p) const
-    {
-        const auto row = [&](std::size_t e) __attribute__((always_inline)) {
-            return multiply_add(entry[e], p.x, multiply_add(entry[e + 1], p.y, entry[e + 2] * p.z));
-        };
-        return {row(0), row(4), row(8)};
-    }
-
     // Normals turn by the cofactors of the linear part, whose rows are a, b and c; `one` is the identity's weight.
     DFD_INLINE Vector3<T> turned(Vector<T> one, const Vector3<T>& normal) const
     {
@@ -182,38 +174,6 @@ struct DualQuaternionBlend {
         Vector3<T> n = normal;
         if constexpr (Stretched) n = StretchSum<T>{entry + 8}.turned(normal);
         return unit_normal<T>(sum<T>(n, RotationSum<T>(entry).displacement(n)), normal);
-    }
-};
-
-// Rotations and stretches, which Shoemake and Duff, Matrix Animation and Polar Decomposition, 1992, blend apart, about
-// centers that move by the blended matrices, as those of Le and Hodgins, Real-time Skeletal Skinning with Optimized
-// Centers of Rotation, 2016, do.
-template <class T>
-struct PolarBlend {
-    static constexpr std::size_t count = entries_of(Blend::polar, true);
-    static constexpr std::size_t places = 22;  // from here on negative weights count for nothing
-
-    static DFD_INLINE Vector3<T> displacement(const Vector<T>* entry, const Vector3<T>& p)
-    {
-        const AffineSum<T> affine{entry};
-        const Vector<T> mass = entry[25], zero{};
-        constexpr T least = sizeof(T) == sizeof(float) ? T(1e-20f) : T(1e-100);
-        const auto turns = at_least(mass, splat(least));
-        const Vector<T> share = T(1) / select(turns, mass, zero + T(1));
-        const Vector3<T> arm{p.x - select(turns, entry[22] * share, p.x), p.y - select(turns, entry[23] * share, p.y),
-                             p.z - select(turns, entry[24] * share, p.z)};
-        const Vector3<T> stretch = StretchSum<T>{entry + 16}.displacement(arm);
-        const Vector3<T> rotation = RotationSum<T>(entry + 12).displacement(sum<T>(arm, stretch));
-        const Vector3<T> sheared = affine.linear(arm);
-        const Vector3<T> gained{rotation.x + stretch.x - sheared.x, rotation.y + stretch.y - sheared.y,
-                                rotation.z + stretch.z - sheared.z};
-        return sum<T>(affine.displacement(p), gained);
-    }
-
-    static DFD_INLINE Vector3<T> turned(const Vector<T>* entry, Vector<T>, const Vector3<T>& normal)
-    {
-        const Vector3<T> n = StretchSum<T>{entry + 16}.turned(normal);
-        return unit_normal<T>(sum<T>(n, RotationSum<T>(entry + 12).displacement(n)), normal);
     }
 };
 

@@ -35,7 +35,6 @@ enum class Overlap : std::int32_t {
 enum class Blend : std::int32_t {
     linear,           // their matrices, Eq. (1)
     dual_quaternion,  // their rigid parts as dual quaternions, and their stretches
-    polar,            // their rotations and stretches, about centers that move by the blended matrices
 };
 
 /// Feature rows to measure distances to, rearranged for the kernels.
@@ -99,11 +98,9 @@ constexpr std::size_t bind_scratch(std::size_t dimension, std::size_t handle_cou
 ///
 /// All begin with D_k - I as three rows (linear | translation), but for dual quaternions, which begin with
 /// (w - 1, x, y, z) and the dual part, and then stretch by six entries (xx, yy, zz, yz, zx, xy) and a translation.
-/// Polar blending goes on with the quaternion (w - 1, x, y, z), six entries of the stretch, the center times how much
-/// the linear part does, and how much that is.
 constexpr std::size_t entries_of(Blend blend, bool stretched)
 {
-    return blend == Blend::linear ? 12 : blend == Blend::dual_quaternion ? (stretched ? 17 : 8) : 26;
+    return blend == Blend::linear ? 12 : stretched ? 17 : 8;
 }
 
 template <class T>

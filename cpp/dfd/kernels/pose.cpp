@@ -51,13 +51,12 @@ DFD_INLINE Totals<T> totals(const PoseJob<T>& job, const Weights<T>& weights)
 }
 
 // Sums of entries from First to Last: as many as registers hold.
-template <std::size_t First, std::size_t Last, bool Positive, class T, std::size_t Count>
+template <std::size_t First, std::size_t Last, class T, std::size_t Count>
 DFD_INLINE void accumulate(const PoseJob<T>& job, const T* table, const Weights<T>& weights, Vector<T> remainder,
                            Sums<T, Count>& sums)
 {
     Vector<T> part[Last - First] = {};
     const auto add = [&](const T* entries, Vector<T> weight) __attribute__((always_inline)) {
-        if constexpr (Positive) weight = maximum(weight, Vector<T>{});
 #pragma GCC unroll 12
         for (std::size_t e = First; e < Last; ++e)
             part[e - First] = multiply_add(weight, splat(entries[e]), part[e - First]);
@@ -73,14 +72,10 @@ DFD_INLINE Sums<T, Kind::count> blended(const PoseJob<T>& job, const T* table, c
 {
     Sums<T, Kind::count> sums;
     if constexpr (Kind::count <= 12) {
-        accumulate<0, Kind::count, false>(job, table, weights, remainder, sums);
-    } else if constexpr (Kind::count == 17) {
-        accumulate<0, 8, false>(job, table, weights, remainder, sums);
-        accumulate<8, 17, false>(job, table, weights, remainder, sums);
+        accumulate<0, Kind::count>(job, table, weights, remainder, sums);
     } else {
-        accumulate<0, 12, false>(job, table, weights, remainder, sums);
-        accumulate<12, Kind::places, false>(job, table, weights, remainder, sums);
-        accumulate<Kind::places, Kind::count, true>(job, table, weights, remainder, sums);
+        accumulate<0, 8>(job, table, weights, remainder, sums);
+        accumulate<8, Kind::count>(job, table, weights, remainder, sums);
     }
     return sums;
 }
@@ -282,7 +277,6 @@ DFD_INLINE bool pose_range(const PoseJob<T>& job, std::size_t begin, std::size_t
     case Blend::dual_quaternion:
         return job.stretched ? pose_blocks<DualQuaternionBlend<T, true>>(job, begin, end, scratch)
                              : pose_blocks<DualQuaternionBlend<T, false>>(job, begin, end, scratch);
-    case Blend::polar: return pose_blocks<PolarBlend<T>>(job, begin, end, scratch);
     default: return pose_blocks<LinearBlend<T>>(job, begin, end, scratch);
     }
 }

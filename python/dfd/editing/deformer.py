@@ -358,7 +358,7 @@ class Deformer:
         """
     )
     blend: Setting[BlendRule] = Setting(
-        """How transforms are blended: "linear" (Eq. 1), "dual_quaternion" or "polar".
+        """How transforms are blended: "linear" (Eq. 1) or "dual_quaternion".
 
         "auto" is "dual_quaternion" while a handle turns by more than 30°, which keeps the volume of what lies between
         it and the rest, and "linear" otherwise.

@@ -24,7 +24,7 @@ WITHIN_PART, PARTLESS_REACH = 6.0, 0.7
 Instances = Literal["own_pivot", "shared_pivot", "only"]
 Reach = float | Literal["part"]
 SymmetryCandidates = Literal["any", "axes"]
-BlendRule = Literal["auto", "linear", "dual_quaternion", "polar"]  # `dfd.posing.pose.Blend`, or what fits the edit
+BlendRule = Literal["auto", "linear", "dual_quaternion"]  # `dfd.posing.pose.Blend`, or what fits the edit
 
 # What a handle takes hold of besides where it is: the fields of `dfd.editing.controls.Controls`.
 CONTROLS = {
@@ -82,7 +82,7 @@ CONTROLS = {
 WHOLE_SHAPE = {
     "overlap": About("Where weights meet: add, interpolate, normalize or paper (Eq. 1).", metavar="RULE"),
     "blend": About(
-        "How transforms blend: linear (Eq. 1), dual_quaternion, polar, or auto: linear up to turns of 30°.",
+        "How transforms blend: linear (Eq. 1), dual_quaternion, or auto: linear up to turns of 30°.",
         metavar="RULE",
         label="Blending",
     ),

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 Overlap = Literal["add", "interpolate", "normalize", "paper"]
 KERNEL_OVERLAPS = ("add", "paper", "normalize")  # numbered as in the kernels; interpolating weights are made before
-Blend = Literal["linear", "dual_quaternion", "polar"]  # numbered as in the kernels
+Blend = Literal["linear", "dual_quaternion"]  # numbered as in the kernels
 
 Out = TypeVar("Out")
 
@@ -132,10 +132,7 @@ def pose(
         What of the transforms is blended. "linear": the matrices, Eq. 1.
         "dual_quaternion": each transform is a stretch about the handle's place and a rigid motion after it; stretches
         blend linearly, rigid motions as dual quaternions (Kavan et al., Geometric Skinning with Approximate Dual
-        Quaternion Blending, 2008). "polar": rotations and stretches of the polar decompositions (Shoemake and Duff,
-        Matrix Animation and Polar Decomposition, 1992) blend apart, as quaternions and linearly, and act about the mean
-        place of the handles that turn, which the linear blend moves (as do the centers of Le and Hodgins, Real-time
-        Skeletal Skinning with Optimized Centers of Rotation, 2016). Both keep the thickness of what is twisted.
+        Quaternion Blending, 2008). This keeps the thickness of what is twisted.
     out
         (V, 3) array of the type of `vertices` for the result, otherwise a new one is made.
 
@@ -151,7 +148,7 @@ def pose(
 
     Equation 1: V' = (max(1 − Σ W_k, 0) D₀ + Σ W_k D_k) V. With "add", V' = V + max(1 − Σ W_k, 0) (D₀ V − V) +
     Σ W_k (D_k V − V), which is the same where weights sum to at most 1, and leaves vertices as they are, to the bit,
-    where all transforms are the identity. The other blends take the same sums of what quaternions and stretches differ
+    where all transforms are the identity. Dual quaternions take the same sums of what quaternions and stretches differ
     from the identity's by, each quaternion with the sign that turns it the shorter way from D₀; D₀ stands at the first
     vertex. They have no Eq. 1 to follow: their "paper" is "normalize".
     Equation 8: at vertices on the other side of the plane, with reflection R, handle k acts through R D_k R and stands

@@ -57,7 +57,7 @@ DEFORM = ("deform", "MESH", "--field", "FIELD")
         (("--handle", 1, "--axes", "skew"), "`--axes` must be normal, auto or 3 unit vectors at right angles"),
         (("--handle", 1, "--symmetry", "x=50"), "`--symmetry` must pass through the shape"),
         (("--handle", 1, "--overlap", "sum"), "`--overlap` must be one of add, interpolate, normalize, paper"),
-        (("--handle", 1, "--blend", "cubic"), "`--blend` must be one of auto, linear, dual_quaternion, polar"),
+        (("--handle", 1, "--blend", "cubic"), "`--blend` must be one of auto, linear, dual_quaternion"),
         (("--handle", 1, "--fix", "2:1.5"), "`--fix` must be at most 1, got 1.5"),
         (("--handle", 1, "--fix", "part:0.5"), "must be"),
         (("--handle", 1, "--zoom", 0), "`--zoom` must be above 0"),

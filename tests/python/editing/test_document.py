@@ -361,7 +361,7 @@ MISSING = object()
         (("handles", 2, "mask", "radius"), -1, r"`handles\[2\].mask.radius` must be above 0, got -1"),
         (("handles", 2, "mask", "radius"), 1e-9, r"`handles\[2\].mask` must hold a vertex, but the ball"),
         (("overlap",), "sum", r"`overlap` must be 'add', 'interpolate', 'normalize' or 'paper', got .sum."),
-        (("blend",), "cubic", r"`blend` must be 'auto', 'linear', 'dual_quaternion' or 'polar', got .cubic."),
+        (("blend",), "cubic", r"`blend` must be 'auto', 'linear', or 'dual_quaternion', got .cubic."),
         (("reach_targets",), None, r"`reach_targets` must be true or false, got null"),
         (("fixed",), 5, r"`fixed` must be a list, got 5"),
         (("fixed", 0, "vertex"), 1.5, r"`fixed\[0\].vertex` must be a whole number"),

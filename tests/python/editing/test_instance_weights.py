@@ -218,7 +218,7 @@ def test_what_is_no_list_of_places_is_refused(session, foot, given, message):
 
 
 @pytest.mark.parametrize("level", [False, True])
-@pytest.mark.parametrize("blend", ["linear", "polar"])
+@pytest.mark.parametrize("blend", ["linear", "dual_quaternion"])
 def test_four_alike_handles_arrive_each_with_instances_of_its_own(session, sample, mesh, asked, level, blend):
     """Instances of one stand where another handle does, and must not keep it from its target."""
     session.overlap, session.blend = "interpolate", blend

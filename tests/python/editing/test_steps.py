@@ -60,7 +60,7 @@ def test_every_verb_can_join_the_step_before_about_the_same(deformer):
     handle = deformer.add(5)
     for change in (
         lambda merge: deformer.change(handle, strength=0.5 + 0.1 * merge, merge=merge),
-        lambda merge: deformer.set(blend="polar" if merge else "dual_quaternion", merge=merge),
+        lambda merge: deformer.set(blend="linear" if merge else "dual_quaternion", merge=merge),
         lambda merge: deformer.set_symmetry("x", band=0.1 + merge, merge=merge),
         lambda merge: deformer.set_default(translation=(0, 0, 1 + merge), merge=merge),
     ):

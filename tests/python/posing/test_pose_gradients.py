@@ -72,14 +72,14 @@ def test_an_optimizer_finds_a_translation():
 def test_without_recording_tensors_are_taken_as_they_are():
     vertices, weights, transforms = tensors()
     with torch.no_grad():
-        posed = dfd.pose(vertices, weights, transforms, blend="polar")
+        posed = dfd.pose(vertices, weights, transforms, blend="dual_quaternion")
     assert not posed.requires_grad
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"blend": "polar"}, r"only a linear blend without interpolation has gradients"),
+        ({"blend": "dual_quaternion"}, r"only a linear blend without interpolation has gradients"),
         ({"overlap": "interpolate"}, r"only a linear blend without interpolation has gradients"),
         ({"default": torch.eye(4, requires_grad=True)}, r"`default` has no gradient"),
         ({"normals": np.ones((12, 3))}, r"`normals` is not for tensors that require gradients"),

@@ -12,7 +12,7 @@ from posing.made_motion import scene, turning_scene
 import dfd
 
 OVERLAPS = ("add", "paper", "normalize", "interpolate")
-BLENDS = ("linear", "dual_quaternion", "polar")
+BLENDS = ("linear", "dual_quaternion")
 TYPES = pytest.mark.parametrize("dtype", [np.float32, np.float64])
 PLANE = dfd.SymmetryPlane((0.6, 0.0, 0.8), 0.25)
 
@@ -164,7 +164,7 @@ IDLE[1] = 0
     ("arguments", "message"),
     [
         ({"overlap": "sum"}, r"`overlap` must be one of add, interpolate, normalize, paper, got 'sum'"),
-        ({"blend": "cubic"}, r"`blend` must be one of linear, dual_quaternion, polar, got 'cubic'"),
+        ({"blend": "cubic"}, r"`blend` must be one of linear, dual_quaternion, got 'cubic'"),
         ({"weights": ALIKE}, r"handles 0 and 2 stand at one place, or look alike there, and cannot both arrive"),
         ({"weights": IDLE}, r"handle 1 cannot arrive: no handle has a weight where it stands"),
         ({"handles": VERTICES[:3]}, r"`handle_weights` must be given to interpolate handles that are no vertices"),
