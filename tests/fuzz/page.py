@@ -46,7 +46,7 @@ ASKED: list[dict[str, Any]] = [  # all but those that start processes or open sa
     *({"type": name} for name in ("features", "undo", "redo", "clear", "cancel")),
     {"type": "suggest", "count": 3},
     *({"type": name, "handle": 1} for name in ("instances", "axis", "reset", "remove")),
-    *({"type": name, "transforms": [TURNED]} for name in ("compute", "pose", "script")),
+    *({"type": name, "transforms": [TURNED]} for name in ("compute", "pose")),
     {"type": "move", "handle": 1, "transform": TRANSFORM, "controls": CONTROLS, "merge": True, "settle": True},
     {"type": "change", "handle": 1, "at": {"vertex": 2}, "controls": {**CONTROLS, "mask": {"mask": MASK}}},
     {"type": "change", "handle": 1, "controls": {"mask": "part", "excluded_instances": [1], "radius": "10 %"}},

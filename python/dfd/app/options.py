@@ -1,12 +1,12 @@
-"""What a session is started with, as it travels to its process, and the shapes that it can open."""
+"""What a session is started with, what it opens, and the made shapes."""
 
 from __future__ import annotations
 
 import warnings
+from dataclasses import dataclass
+from dataclasses import field as dataclass_field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-from pydantic import BaseModel, ConfigDict, JsonValue
 
 from dfd.app.protocol.answers import SampleEntry
 from dfd.common.preset import Preset
@@ -15,42 +15,54 @@ from dfd.encoders.known import DEFAULT_ENCODER
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-UPLOADS = "uploads"  # the folder of uploaded files, inside that of the session
 
-
-class Source(BaseModel):
-    """Where a shape comes from: a sample of that name, or a file, under the name that a person knows it by."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
+@dataclass(frozen=True)
+class Source:
+    """Where a shape comes from: a sample of that name, or a file, under the name that the user knows."""
 
     name: str
     sample: str | None = None
     path: Path | None = None
 
 
-class OpenedFile(BaseModel):
-    """A field or an edit on disk, under the name that a person knows it by."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
+@dataclass(frozen=True)
+class OpenedFile:
+    """A field or an edit on disk, under the name that the user knows."""
 
     name: str
     path: Path
 
 
-class SessionOptions(BaseModel):
-    """What every new session opens, and how it makes fields."""
+@dataclass(frozen=True)
+class Upload:
+    """What to open of an upload, whose files are in `folder`."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    # mesh, field, edit: what a new tab shows; None is the start page, no field of its own, no edit
+    folder: Path
     mesh: Source | None = None
     field: OpenedFile | None = None
     edit: OpenedFile | None = None
-    preset: Preset = "default"  # what new sessions start with, and by what fields are distilled
-    # encoder, distill: the encoder's name or folder, and further keywords of `dfd.distill`
+
+
+@dataclass(frozen=True)
+class SessionOptions:
+    """What every new session opens, and how it makes fields.
+
+    Attributes
+    ----------
+    mesh, field, edit
+        What a new session shows; without a mesh, the start page.
+    preset
+        What sessions start with, and by which fields are distilled.
+    encoder, distill
+        The encoder's name or folder, and further keywords of `dfd.distill`.
+    """
+
+    mesh: Source | None = None
+    field: OpenedFile | None = None
+    edit: OpenedFile | None = None
+    preset: Preset = "default"
     encoder: str = DEFAULT_ENCODER
-    distill: dict[str, JsonValue] = {}
-    memory_bytes: int | None = None  # what one session may take; None sets no limit
+    distill: dict[str, Any] = dataclass_field(default_factory=dict)
 
     def distill_arguments(self) -> dict[str, Any]:
         """The keywords for `dfd.distill` and `find_distilled`."""
@@ -58,10 +70,8 @@ class SessionOptions(BaseModel):
         return {"encoder": self.encoder, **preset, **self.distill}
 
 
-SAMPLES = (
-    SampleEntry(name="quadruped", title="Quadruped", faces=20_000),
-    SampleEntry(name="chair", title="Chair", faces=20_000),
-    SampleEntry(name="robot", title="Robot", faces=20_000),
+SAMPLES = tuple(
+    SampleEntry(name=name, title=name.capitalize(), faces=20_000) for name in ("quadruped", "chair", "robot")
 )
 
 

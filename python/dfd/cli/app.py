@@ -25,10 +25,6 @@ def app(
         int | None, Option(min=0, max=65535, help="Where to listen; by default 8765 or a free one.")
     ] = None,
     host: Annotated[str, Option(help="Whom to listen for; all but the default let other machines in.")] = "127.0.0.1",
-    memory: Annotated[
-        float | None,
-        Option(metavar="GB", min=0.5, help="What one tab may take; by default three quarters of all memory."),
-    ] = None,
     browser: Annotated[bool, Option("--browser/--no-browser", help="Open a browser.")] = True,
 ) -> None:
     """Open MESH in a browser: grab it anywhere, and everything alike follows."""
@@ -41,7 +37,7 @@ def app(
         raise ValueError(f"MESH must be given: it is what `{'--field' if field else '--edit'}` is for")
     try:
         from dfd.app.options import OpenedFile, SessionOptions, Source, sample_source
-        from dfd.app.web.launch import serve, session_memory
+        from dfd.app.web.launch import serve
         from dfd.app.web.safety import loopback
     except ImportError as error:
         raise ValueError(f"the app needs more packages ({error.name}): pip install 'dfd[app]'") from None
@@ -56,7 +52,6 @@ def app(
         edit=None if edit is None else OpenedFile(name=edit.name, path=edit.resolve()),
         preset=chosen_preset(preset) or "default",
         encoder=encoder,
-        memory_bytes=session_memory() if memory is None else int(memory * 1e9),
     )
     if not loopback(host):
         typer.echo(

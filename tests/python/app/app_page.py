@@ -21,7 +21,7 @@ from dfd.app.web.launch import RunningApp
 ROOT = Path(__file__).parents[3]
 CLIENT = ROOT / "python" / "dfd" / "app" / "client"
 SCREENS = ROOT / "build" / "screens"
-PATIENCE = 400.0  # seconds; a busy machine imports torch slowly
+PATIENCE = 120.0  # seconds; a busy machine imports torch slowly
 
 
 @dataclass

@@ -14,7 +14,6 @@ from app_page import CLIENT, Page, Shape
 
 import dfd
 from dfd.app.options import OpenedFile, SessionOptions, Source
-from dfd.app.session.level_of_detail import MOST_FACES
 from dfd.app.web.launch import RunningApp
 from dfd.app.web.server import STATIC
 from dfd.editing.deformer import Deformer
@@ -61,8 +60,8 @@ def animal(distilled: Distill, quadruped_sample: Sample) -> Shape:
 
 @pytest.fixture(scope="session")
 def large(made_once: Callable[..., Path]) -> Path:
-    """The same animal with so many faces that it has a coarse level."""
-    make = lambda folder: dfd.samples.quadruped(3 * MOST_FACES).mesh.save(folder / "large.ply")  # noqa: E731
+    """The same animal with many faces."""
+    make = lambda folder: dfd.samples.quadruped(48_000).mesh.save(folder / "large.ply")  # noqa: E731
     return made_once("large", make) / "large.ply"
 
 

@@ -52,7 +52,6 @@ def test_story(story: str, browser: str, start_page: RunningApp, animal: Shape, 
         "DFD_LARGE": str(large),
         "DFD_ALIKE": json.dumps(animal.alike),
         "DFD_OUT": str(tmp_path),
-        "DFD_SERVER": str(os.getpid()),
     }
     done = subprocess.run(
         ["node", "--test", f"tests/browser/{story}"],

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,8 +9,9 @@ import pytest
 from app_page import Page, Shape
 
 from dfd.app.options import SessionOptions, Source
+from dfd.app.session import preparation
 from dfd.app.session.distill_process import DistillProcess
-from dfd.app.session.preparation import USUAL_SECONDS, TimeLeft
+from dfd.app.session.preparation import USUAL_SECONDS, seconds_left
 from dfd.app.web.launch import RunningApp
 
 
@@ -91,59 +88,36 @@ def test_an_encoder_that_is_not_there_is_said(shape: Shape, static: Path, tmp_pa
         running.stop()
 
 
-def order(shape: Shape, folder: Path) -> tuple[Source, SessionOptions, Path]:
-    options = SessionOptions(encoder=str(shape.encoder), distill={**shape.settings, "cache": False})
-    return Source(name="c", path=shape.mesh), options, folder
-
-
 def test_a_process_that_is_killed_is_said(shape: Shape, tmp_path: Path) -> None:
-    process = DistillProcess(*order(shape, tmp_path), None)
-    os.kill(process._process.pid, signal.SIGKILL if sys.platform != "win32" else signal.SIGTERM)
+    process = DistillProcess(Source(name="c", path=shape.mesh), SessionOptions(), tmp_path / "field")
+    process.stop()
     with pytest.raises(ValueError, match="ended before it was done"):
         process.run(lambda *_: None)
 
 
 @pytest.mark.processes
-def test_one_distillation_at_a_time(shape: Shape, tmp_path: Path) -> None:
-    """The second waits until the first has ended, however it ends."""
-    lock = tmp_path / "lock"
-    first = DistillProcess(*order(shape, tmp_path / "1"), lock)
-    (tmp_path / "1").mkdir()
-    (tmp_path / "2").mkdir()
-    heard: list[str] = []
-    begun = time.monotonic()
-    while not lock.exists():
-        assert time.monotonic() - begun < 60
-        time.sleep(0.01)
-    time.sleep(0.2)
-    second = DistillProcess(*order(shape, tmp_path / "2"), lock)
-    first_path = first.run(lambda *_: None)
-    second_path = second.run(lambda stage, *_: heard.append(stage))
-    assert heard[0] == "wait"
-    assert first_path is not None
-    assert second_path is not None
-    assert first_path.read_bytes() == second_path.read_bytes()
+def test_one_distillation_at_a_time(bare: RunningApp) -> None:
+    """The second waits until the first has ended, and can be stopped while it waits."""
+    with preparation._DISTILLING:
+        page = Page(bare)
+        page.open()
+        page.until(lambda message: message["type"] == "progress" and message["stage"] == "wait")
+        page.say("cancel")
+        page.until(lambda message: message["type"] == "progress" and message["stage"] == "cancelled")
+        page.say("distill")
+        page.until(lambda message: message["type"] == "progress" and message["stage"] == "wait")
+    assert page.alive()["field"]["origin"] == "distilled"
+    page.close()
 
 
-def test_the_time_left_falls_to_nothing() -> None:
-    left, now, last = TimeLeft(), 0.0, None
+def test_the_time_left_falls_to_nothing_and_follows_the_machine() -> None:
+    total, now = sum(USUAL_SECONDS.values()), 0.0
     for stage, seconds in USUAL_SECONDS.items():
         for step in range(10):
-            last = left.after(stage, step, 10, now + 2 * seconds * step / 10)
-            assert last is not None
-            assert last > 0
-        now += 2 * seconds
-    assert last is not None
-    assert last < 1.0, "the end is near"
-    assert left.after("fit", 10, 10, now) == pytest.approx(0.0)
-
-
-def test_the_time_left_follows_the_machine() -> None:
-    """One that takes three times the usual is told to take it to the end."""
-    left, now = TimeLeft(), 0.0
-    for stage in ("read", "load", "simplify", "render"):
-        left.after(stage, 0, None, now)
-        now += 3 * USUAL_SECONDS[stage]
-    told = left.after("encode", 0, 24, now)
-    assert told == pytest.approx(3 * (USUAL_SECONDS["encode"] + USUAL_SECONDS["smooth"] + USUAL_SECONDS["fit"]))
-    assert left.after("a stage of another kind", 0, 1, now) is None
+            left = seconds_left(stage, step, 10, now + 3 * seconds * step / 10)
+            assert left is not None
+            if now > 0:
+                assert left == pytest.approx(3 * total - now - 3 * seconds * step / 10)
+        now += 3 * seconds
+    assert seconds_left("fit", 10, 10, now) == pytest.approx(0.0)
+    assert seconds_left("a stage of another kind", 0, 1, now) is None

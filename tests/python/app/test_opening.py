@@ -34,12 +34,12 @@ def test_what_is_no_longer_open_is_deleted(app: RunningApp, new_page: Page, shap
         page.upload({name: shape.mesh.read_bytes(), "own.safetensors": field})
         page.until(lambda message, name=name: message["type"] == "mesh" and message["name"] == name)
         page.alive()
-    tab = app.tabs.find(page.session or "")
+    tab = app.sessions.find(page.session)
     assert tab is not None
-    (kept,) = (tab.folder / "uploads").iterdir()
+    (kept,) = tab.folder.iterdir()
     page.upload({"third.glb": b"no mesh"})
     page.until(lambda message: message["type"] == "failure")
-    assert kept.is_dir(), "what is still open"
+    assert list(tab.folder.iterdir()) == [kept], "what is still open"
 
 
 @pytest.mark.parametrize(

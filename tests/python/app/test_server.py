@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import json
-import socket
 
 import pytest
 from app_page import Page
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from dfd.app.web import safety
 from dfd.app.web.launch import RunningApp
 from dfd.app.web.server import MESSAGE_BYTES
-from dfd.app.web.tabs import SESSION_ENDED
+from dfd.app.web.sessions import SESSION_ENDED
 
 # --- the page's files
 
@@ -27,19 +25,6 @@ def test_the_page_and_its_files(app: RunningApp) -> None:
         assert http.get("/").headers["cache-control"] == "no-store"
         for path in ("/../conftest.py", "/..%2fconftest.py", "/%2e%2e/conftest.py", "//etc/passwd", "/assets/"):
             assert http.get(path).status_code in (404, 405), path
-
-
-def test_a_request_whose_headers_do_not_arrive_is_closed(app: RunningApp, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(safety, "HEADER_SECONDS", 0.5)
-    request = f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{app.port}\r\n".encode()
-    with socket.create_connection(("127.0.0.1", app.port), timeout=30) as silent:
-        assert silent.recv(1) == b""
-    with socket.create_connection(("127.0.0.1", app.port), timeout=30) as slow:
-        slow.sendall(request + b"\r\n")
-        assert slow.recv(12) == b"HTTP/1.1 403"
-        slow.sendall(request)  # a second one on the same connection, without its end
-        while slow.recv(4096):
-            pass
 
 
 def test_the_printed_address_opens_the_page(app: RunningApp) -> None:

@@ -13,16 +13,14 @@ from PIL import Image
 
 import dfd
 from dfd.app.protocol.binary_messages import unpack
-from dfd.app.session.level_of_detail import MOST_FACES
-from dfd.app.session.surface import center_of, mesh_messages
+from dfd.app.session.surface import center_of, mesh_message
 from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.mesh import Mesh
 
 
 def sent(mesh: Mesh) -> tuple[dict[str, Any], dict[str, Any]]:
-    header, arrays = messages(mesh)[-1]
+    header, arrays = unpack(mesh_message(mesh, number=3, name="a mesh", warnings=["a warning"]))
     assert header["type"] == "mesh"
-    assert not header["coarse"]
     assert (header["mesh"], header["name"], header["warnings"]) == (3, "a mesh", ["a warning"])
     assert (header["vertices"], header["faces"]) == (len(mesh.vertices), len(mesh.faces))
     assert len(arrays["positions"]) == len(arrays["vertex"]) == len(arrays["normals"])
@@ -31,56 +29,6 @@ def sent(mesh: Mesh) -> tuple[dict[str, Any], dict[str, Any]]:
     np.testing.assert_array_equal(arrays["vertex"][arrays["triangles"]], mesh.faces)
     assert sum(group["count"] for group in header["groups"]) == len(mesh.faces)
     return header, arrays
-
-
-def messages(mesh: Mesh) -> list[tuple[dict[str, Any], dict[str, Any]]]:
-    return [unpack(each) for each in mesh_messages(mesh, number=3, name="a mesh", warnings=["a warning"])]
-
-
-def sent_in_levels(mesh: Mesh) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
-    """The header of the coarse level, and the arrays of that and of the whole."""
-    (coarse, few), (detail, every) = messages(mesh)
-    assert (coarse["type"], coarse["coarse"], detail["type"], detail["mesh"]) == ("mesh", True, "detail", 3)
-    assert (coarse["vertices"], coarse["faces"]) == (len(mesh.vertices), len(mesh.faces))
-    count = len(few["vertex"])
-    for name, values in few.items():
-        if name in every and name != "triangles":
-            np.testing.assert_array_equal(values, every[name][:count], err_msg="rows of the coarse level come first")
-    assert set(few["triangles"].reshape(-1).tolist()) == set(range(count)), "no row travels for nothing"
-    assert sum(group["count"] for group in coarse["groups"]) == len(few["triangles"])
-    assert len(every["positions"]) == len(every["vertex"]) == len(every["normals"])
-    corners = every["positions"][every["triangles"]].astype(np.float64) + center_of(mesh)
-    np.testing.assert_allclose(corners, mesh.vertices[mesh.faces], atol=1e-6 * mesh.diagonal)
-    np.testing.assert_array_equal(every["vertex"][every["triangles"]], mesh.faces)
-    assert sum(group["count"] for group in detail["groups"]) == len(mesh.faces)
-    return coarse, few, every
-
-
-def test_a_coarse_level_travels_first_and_then_the_whole() -> None:
-    mesh = dfd.samples.chair(40_000).mesh
-    _, few, _ = sent_in_levels(mesh)
-    assert len(few["triangles"]) < 1.2 * MOST_FACES
-    np.testing.assert_allclose(few["normals"][:, :3] / 32767, mesh.normals[few["vertex"]], atol=2e-5)
-
-
-def test_the_coarse_level_keeps_materials_and_sides_of_seams() -> None:
-    plain = dfd.samples.chair(40_000).mesh
-    count, faces = len(plain.vertices), len(plain.faces)
-    second = np.arange(faces) >= faces // 2
-    # Every vertex has two rows, far apart in the texture: one for the faces of each material.
-    looks = Appearance(
-        corners=np.tile(np.arange(count, dtype=np.int32), 2),
-        corner_faces=plain.faces + np.where(second, count, 0).astype(np.int32)[:, None],
-        face_material=second.astype(np.int32),
-        materials=(Material(color=(1.0, 0.0, 0.0, 1.0)), Material(color=(0.0, 1.0, 0.0, 1.0))),
-        uv=np.repeat(np.array([[0, 0], [9, 9]], np.float32), count, axis=0),
-    )
-    mesh = Mesh(plain.vertices, plain.faces, appearance=looks)
-    coarse, few, _ = sent_in_levels(mesh)
-    assert {group["material"] for group in coarse["groups"]} == {0, 1}
-    for group in coarse["groups"]:
-        rows = few["triangles"][group["start"] : group["start"] + group["count"]]
-        assert (few["uv"][rows] == 9 * group["material"]).all()
 
 
 def test_a_mesh_from_arrays() -> None:

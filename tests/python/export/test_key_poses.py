@@ -10,14 +10,10 @@ from dfd.export.key_poses import read_key_poses
 from dfd.posing.transforms import Transform
 
 
-def test_the_page_s_own_file_is_read(tmp_path):
-    from dfd.app.protocol.parts import KeyPose as PageKeyPose
-    from dfd.app.protocol.parts import PoseTransform
-    from dfd.app.session.autosave import Autosave
-
-    one = PoseTransform(handle=3, translation=(1, 2, 3), rotation=(0, 90, 0), scale=(1, 1, 2), pivot=(0, 0, 1))
-    Autosave(tmp_path).save_poses((PageKeyPose(name="up", seconds=1.5, transforms=(one,)),))
-    (pose,) = read_key_poses(tmp_path / "poses.json")
+def test_a_file_of_key_poses_is_read(tmp_path):
+    one = {"handle": 3, "translation": [1, 2, 3], "rotation": [0, 90, 0], "scale": [1, 1, 2], "pivot": [0, 0, 1]}
+    path = write(tmp_path / "poses.json", json.dumps([{"name": "up", "seconds": 1.5, "transforms": [one]}]))
+    (pose,) = read_key_poses(path)
     transform = Transform(translation=(1, 2, 3), rotation=(0, 90, 0), scale=(1, 1, 2), pivot=(0, 0, 1))
     assert pose == dfd.KeyPose(1.5, {3: transform}, "up")
 

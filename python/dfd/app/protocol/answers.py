@@ -228,11 +228,3 @@ class DownloadMessage(Answer):
     url: str
     name: str
     said: str = ""  # of the file, where it is not all that is seen
-
-
-class ScriptMessage(Answer):
-    """Answer to `script`."""
-
-    type: Literal["script"] = "script"
-    python: str
-    command: str

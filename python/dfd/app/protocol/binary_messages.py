@@ -53,8 +53,6 @@ class MeshMessage(Binary):
     Buffers: `positions` float32 (R, 3), relative to `center`; `triangles` uint32 (F, 3), corners as rows; `vertex`
     uint32 (R,), the vertex of each row; `normals` int16 (R, 4), of length 32767, the fourth 0; where the file has them,
     `uv` float32 (R, 2), v upwards, and `colors` uint8 (R, 4), display-referred; and the textures' files.
-
-    With `coarse` these are few rows and triangles, which look like the shape from afar; all of them follow in `detail`.
     """
 
     type: Literal["mesh"] = "mesh"
@@ -63,20 +61,11 @@ class MeshMessage(Binary):
     vertices: int
     faces: int
     parts: int
-    coarse: bool
     center: Vector
     diagonal: float
     groups: tuple[Group, ...]
     materials: tuple[MaterialEntry, ...]
     warnings: tuple[str, ...]  # of reading the file, sentences
-
-
-class DetailMessage(Binary):
-    """The whole of a shape that came as its coarse level: the buffers of `mesh`, its rows first, in their order."""
-
-    type: Literal["detail"] = "detail"
-    mesh: int
-    groups: tuple[Group, ...]
 
 
 class InstanceEntry(Model):

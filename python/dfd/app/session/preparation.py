@@ -1,32 +1,47 @@
-"""Background work for one shape: find, open or distill its field, then evaluate the features of all vertices."""
+"""Background work for one shape: find, open or distill its field, then compute what the first handle needs."""
 
 from __future__ import annotations
 
-import hashlib
 import threading
 import time
 import warnings
 from collections.abc import Callable
-from functools import partial
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from weakref import WeakValueDictionary
 
 from dfd.app.options import SessionOptions, Source
 from dfd.app.session.distill_process import DistillProcess
 
 if TYPE_CHECKING:
-    from dfd.app.shared import SharedValues
-    from dfd.common.linear_algebra import Float32
     from dfd.common.preset import Preset
+    from dfd.editing.influence.instances import InstanceFinder
+    from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
+    from dfd.segmentation.parts import Parts
     from dfd.symmetry.plane import SymmetryPlane
-    from dfd.weights.compact import CompactFeatures
+
+# Seconds of each stage of a distillation with the default settings on two cores, in order.
+USUAL_SECONDS = {"read": 0.5, "load": 5.0, "simplify": 1.0, "render": 1.0, "encode": 8.0, "smooth": 1.5, "fit": 4.0}
+
+
+@dataclass
+class SharedShape:
+    """What all sessions of one shape and field share; None until the first session has computed it."""
+
+    making: threading.Lock = field(default_factory=threading.Lock)
+    features: Any = None
+    planes: dict[Preset, list[SymmetryPlane]] = field(default_factory=dict)
+    found: tuple[InstanceFinder, Parts] | None = None
+
+
+_SHARED: WeakValueDictionary[str, SharedShape] = WeakValueDictionary()  # by the content of mesh and field
+_DISTILLING = threading.Lock()  # held by the one distillation that runs; two at once would each take twice as long
 
 
 class Preparation:
-    """The background work for one shape, which another process reads from `source`; fields are saved in `folder`.
-
-    What the `shared` values have under `key`, that of the mesh, other sessions have as well.
+    """The background work for one shape, read from `source`; fields are saved in `folder`.
 
     Progress and results go to the methods `field_…` of `session`, on its thread, by `post`.
     """
@@ -34,20 +49,18 @@ class Preparation:
     def __init__(
         self,
         mesh: Mesh,
-        key: str,
-        shared: SharedValues,
         source: Source,
         options: SessionOptions,
         folder: Path,
-        lock: Path | None,
         session: Any,
         post: Callable[[Callable[[], None]], None],
     ) -> None:
-        self._mesh, self._key, self._shared = mesh, key, shared
-        self._source, self._options, self._folder, self._lock = source, options, folder, lock
+        self._mesh, self._source, self._options, self._folder = mesh, source, options, folder
         self._session, self._post = session, post
         self._dropped = False
+        self._stopped = threading.Event()
         self._process: DistillProcess | None = None
+        self._shared: SharedShape | None = None
 
     def find_cached(self) -> None:
         """Search the cache for a field of the shape, and open it."""
@@ -59,13 +72,14 @@ class Preparation:
 
     def distill(self) -> None:
         """Distill the field in a process of its own."""
-        self._process = DistillProcess(self._source, self._options, self._folder, self._lock)
+        self._stopped.clear()
         self._start("distill", self._distill)
 
     def cancel(self) -> None:
         """Stop a distillation."""
+        self._stopped.set()
         if self._process is not None:
-            self._process.cancel()
+            self._process.stop()
 
     def drop(self) -> None:
         """Stop a distillation, and report nothing more."""
@@ -107,16 +121,29 @@ class Preparation:
         self._prepare(path, "cache")
 
     def _distill(self) -> None:
-        assert self._process is not None
-        left = TimeLeft()
+        path, begun = self._folder / "distilled.field.safetensors", time.monotonic()
 
         def tell(stage: str, done: int, total: int | None) -> None:
-            seconds = left.after(stage, done, total, time.monotonic())
-            self._tell("field_progress", "distill", stage, done, total, seconds)
+            left = seconds_left(stage, done, total, time.monotonic() - begun)
+            self._tell("field_progress", "distill", stage, done, total, left)
 
-        path = self._process.run(tell)
-        self._process = None
-        if path is None:
+        try:
+            while not _DISTILLING.acquire(timeout=0.1):
+                tell("wait", 0, None)
+                begun = time.monotonic()
+                if self._stopped.is_set():
+                    raise ValueError("It was stopped while it waited")
+            try:
+                self._process = DistillProcess(self._source, self._options, path)
+                if self._stopped.is_set():
+                    self._process.stop()
+                self._process.run(tell)
+            finally:
+                _DISTILLING.release()
+                self._process = None
+        except ValueError:
+            if not self._stopped.is_set():
+                raise
             self._tell("field_cancelled")
         else:
             self._prepare(path, "distilled")
@@ -126,15 +153,37 @@ class Preparation:
         from dfd.editing.deformer import Deformer
         from dfd.editing.influence.handle_features import HandleFeatures
         from dfd.editing.presets import PRESETS
+        from dfd.field.cache_key import hash_arrays
         from dfd.field.compatibility import check_compatible
         from dfd.field.field import Field
         from dfd.symmetry.search import symmetry_planes
 
+        mesh = self._mesh
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", UserWarning)
-            field = Field.load(path, mesh=self._mesh)
-            check_compatible(field.center, field.scale, self._mesh)
+            field = Field.load(path, mesh=mesh)
+            check_compatible(field.center, field.scale, mesh)
         messages = [str(each.message) for each in caught if issubclass(each.category, UserWarning)]
+        assert field.source is not None
+        key = f"{hash_arrays(mesh.vertices, mesh.faces)} {field.source.sha256}"
+        self._shared = shared = _SHARED.setdefault(key, SharedShape())
+        with shared.making:
+            if shared.features is None:
+                rows = HandleFeatures(mesh, field)
+                rows.prepare(self._counted(field))
+                shared.features = rows.features
+            deformer = Deformer(mesh, field, preset=self._options.preset, features=shared.features)
+            self._tell("field_ready", deformer, path, origin, messages)
+            if shared.found is None:
+                for preset, defaults in PRESETS.items():
+                    shared.planes[preset] = symmetry_planes(
+                        field, mesh, candidates=defaults.candidates, threshold=defaults.threshold
+                    )
+            shared.found = deformer.bound.prepare_instances(shared.planes["default"], shared.found)
+        self._tell("field_prepared", shared.planes)
+
+    def _counted(self, field: Field) -> Callable[[int], None]:
+        """What hears how many further vertices have their features."""
         count, done, reported = len(self._mesh.vertices), 0, 0.0
 
         def advance(rows: int) -> None:
@@ -144,58 +193,15 @@ class Preparation:
                 reported = time.monotonic()
                 self._tell("field_progress", "prepare", "features", done, count, None)
 
-        def features() -> Float32 | CompactFeatures:
-            rows = HandleFeatures(self._mesh, field)
-            rows.prepare(advance)
-            return rows.features
-
-        def planes() -> dict[Preset, list[SymmetryPlane]]:
-            return {
-                preset: symmetry_planes(field, self._mesh, candidates=defaults.candidates, threshold=defaults.threshold)
-                for preset, defaults in PRESETS.items()
-            }
-
-        key = f"{self._key} {hashlib.sha256(path.read_bytes()).hexdigest()}"
-        deformer = Deformer(
-            self._mesh, field, preset=self._options.preset, features=self._shared.value(f"features {key}", features)
-        )
-        self._tell("field_ready", deformer, path, origin, messages)
-        found = self._shared.value(f"planes {key}", planes)
-        deformer.bound.prepare_instances(found["default"], partial(self._shared.value, f"instances {key}"))
-        self._tell("field_planes", found)
-        self._tell("field_parts")
+        return advance
 
 
-# Seconds of each stage of a distillation with the default settings on two cores, in order. Only the proportions
-# matter: the speed of this machine is estimated from the stages already finished.
-USUAL_SECONDS = {"read": 0.5, "load": 5.0, "simplify": 1.0, "render": 1.0, "encode": 8.0, "smooth": 1.5, "fit": 4.0}
-
-
-class TimeLeft:
-    """Estimates the seconds left from the finished steps."""
-
-    def __init__(self) -> None:
-        self._stage: str | None = None
-        self._start = 0.0
-        self._spent: dict[str, float] = {}
-
-    def after(self, stage: str, done: int, total: int | None, now: float) -> float | None:
-        """Seconds left when `done` of `total` items of `stage` are done at time `now`; None if unknown."""
-        if stage != self._stage:
-            if self._stage is not None:
-                self._spent[self._stage] = self._spent.get(self._stage, 0.0) + now - self._start
-            self._stage, self._start = stage, now
-        if stage not in USUAL_SECONDS:
-            return None
-        names = list(USUAL_SECONDS)
-        later = sum(USUAL_SECONDS[name] for name in names[names.index(stage) + 1 :])
-        known = [name for name in self._spent if name in USUAL_SECONDS]
-        usual = sum(USUAL_SECONDS[name] for name in known)
-        pace = sum(self._spent[name] for name in known) / usual if usual > 0 else 1.0
-        stage_left = max(USUAL_SECONDS[stage] * pace - (now - self._start), 0.0)
-        if total and done:
-            stage_left = (now - self._start) * (total - done) / done
-            # Weight this stage's measured pace by how much of it is done.
-            fraction = done / total
-            pace = (1 - fraction) * pace + fraction * (now - self._start) / (USUAL_SECONDS[stage] * fraction)
-        return stage_left + later * pace
+def seconds_left(stage: str, done: int, total: int | None, elapsed: float) -> float | None:
+    """Estimate the seconds left of a distillation with `done` of `total` items of `stage` done; None if unknown."""
+    if stage not in USUAL_SECONDS:
+        return None
+    names = list(USUAL_SECONDS)
+    spent = sum(USUAL_SECONDS[name] for name in names[: names.index(stage)])
+    spent += USUAL_SECONDS[stage] * done / total if total else 0.0
+    left = sum(USUAL_SECONDS.values()) - spent
+    return left * elapsed / spent if spent > 0.0 else left

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import base64
 import binascii
+import secrets
+import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -18,7 +20,6 @@ from dfd.app.protocol.answers import (
     AxisMessage,
     DoneMessage,
     DownloadMessage,
-    ScriptMessage,
     SimilarMessage,
     SimilarPoint,
     Suggestion,
@@ -43,7 +44,6 @@ from dfd.app.protocol.requests import Request, call, request
 from dfd.app.session import exports
 from dfd.app.session.columns import heat_message
 from dfd.app.session.parts import Combine
-from dfd.app.session.script import as_command, as_python
 from dfd.app.session.session import Session
 from dfd.app.session.state import feature_colors_message, positions_message
 from dfd.common.preset import Preset
@@ -380,21 +380,19 @@ def export(
 ) -> Answer:
     """Export what is seen, the edit or the field; `transforms` are those that the page shows instead of the edit's.
 
-    "rig" is a GLB with joints, "morph" one with morph targets, "animation" one of the key poses; "files" is a ZIP of
-    what the texts of `script` name. Answer: `download`.
+    "rig" is a GLB with joints, "morph" one with morph targets, "animation" one of the key poses. Answer: `download`.
     """
-    deformer, poses = session.require_deformer(), session.view_state.poses
-    with _posed_by(session, transforms):
-        url, name, said = exports.export(deformer, format, session.name, session.folder, poses, session.source)
-    return DownloadMessage(url=url, name=name, said=said)
-
-
-@request
-def script(session: Session, transforms: PoseTransforms | None = None) -> Answer:
-    """What is seen as a Python script and as a command; `transforms` are as in `export`. Answer: `script`."""
-    deformer, name = session.require_deformer(), session.name
-    with _posed_by(session, transforms):
-        return ScriptMessage(python=as_python(deformer, name), command=as_command(deformer, name))
+    deformer, poses, number = session.require_deformer(), session.view_state.poses, secrets.token_hex(16)
+    folder = session.folder / number
+    folder.mkdir()
+    try:
+        with _posed_by(session, transforms):
+            path, said = exports.export(deformer, format, session.name, folder, poses)
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    session.exports[number] = path
+    return DownloadMessage(url=f"download/{session.folder.name}/{number}", name=path.name, said=said)
 
 
 class _TakenBackError(Exception):

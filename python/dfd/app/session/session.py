@@ -5,20 +5,17 @@ from __future__ import annotations
 import logging
 import re
 import shutil
-import time
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from dfd.app.options import UPLOADS, OpenedFile, SessionOptions, Source
+from dfd.app.options import OpenedFile, SessionOptions, Source, Upload, read_shape
 from dfd.app.protocol.answers import Answer, FailureMessage, FieldState, ProgressMessage, StartMessage
-from dfd.app.session.autosave import Autosave, Saved
 from dfd.app.session.columns import Columns
 from dfd.app.session.parts import ShapeParts
 from dfd.app.session.preparation import Preparation
 from dfd.app.session.state import ViewState, check_drawable, report, state_message
-from dfd.app.session.surface import mesh_messages
-from dfd.app.shared import SharedValues
+from dfd.app.session.surface import mesh_message
 from dfd.editing.edit_file import read_edit
 
 if TYPE_CHECKING:
@@ -31,15 +28,12 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 
-UPLOAD_SECONDS = 600.0  # an upload waits for its turn no longer
-
 
 class Session:
-    """The work of one tab, which it saves in `folder`. All its methods are called on one thread.
+    """The work of one tab, whose files are in `folder`. All its methods are called on one thread.
 
     `send` takes a message for the page, text or binary, and drops it where none is connected; `post` runs a call on the
-    session's thread, from any thread. Of all sessions with one `server_folder` only one distills at a time, and they
-    share what they compute of one shape. `deformer` is an editing session that exists already, as in a notebook.
+    session's thread, from any thread. `deformer` is an editing session that exists already, as in a notebook.
     """
 
     def __init__(
@@ -49,21 +43,18 @@ class Session:
         send: Callable[[str | bytes], None],
         post: Callable[[Callable[[], None]], None],
         *,
-        server_folder: Path | None = None,
         deformer: Deformer | None = None,
     ) -> None:
         self.folder = folder
         self.options = options
         self._send, self._post = send, post
-        self._lock = None if server_folder is None else server_folder / "distilling"
-        self._shared = SharedValues(None if server_folder is None else server_folder / "shared")
-        self._autosave = Autosave(folder)
         self._preparation: Preparation | None = None
         self._progress: ProgressMessage | None = None  # the last one sent, while its task runs
         self._number, self._warnings = 0, list[str]()
         self.after = 0  # the number of the newest request
         self._names: dict[str, str] = {}  # path of each opened file: its name as the user knows it
-        self._saved_edit: Edit | None = None  # as on disk
+        self._uploads: list[Path] = []  # folders of the uploads that the open shape came from
+        self.exports: dict[str, Path] = {}  # files to download, by number
         self._shown_edit: Edit | None = None  # as last sent to the page
         self._ready = True  # whether instances can be found
         self._unreported = False  # whether a report is due
@@ -86,29 +77,15 @@ class Session:
     # --- opening
 
     def begin(self) -> None:
-        """Restore the session saved in the folder, or open what the options name."""
-        if self.mesh is not None:
-            self.attach()
-            return
-        saved = self._autosave.saved()
-        if saved is None and self.options.mesh is not None:
-            self._open_or_start(self.options.mesh, self.options.field, self.options.edit)
-        elif saved is None or saved.source is None:
-            self.attach()
-        else:
-            edit = OpenedFile(name="the saved edit", path=self._autosave.edit)
-            self._open_or_start(saved.source, saved.field, edit if edit.path.exists() else None)
-            self.view_state.poses = self._autosave.poses()
-            self.tell_state()
-
-    def _open_or_start(self, source: Source, field: OpenedFile | None, edit: OpenedFile | None) -> None:
+        """Open what the options name, for the first page."""
         try:
-            self.open_shape(source, field=field, edit=edit)
-        except BaseException:
-            self.attach()  # to the start page
-            raise
+            if self.options.mesh is not None:
+                self.open_shape(self.options.mesh, self.options.field, self.options.edit)
+        finally:
+            if self._preparation is None:
+                self.attach()
 
-    def open_shape(self, source: Source, *, field: OpenedFile | None = None, edit: OpenedFile | None = None) -> None:
+    def open_shape(self, source: Source, field: OpenedFile | None = None, edit: OpenedFile | None = None) -> None:
         """Show another shape in place of the present one, which stays open if the new one cannot be read.
 
         Raises ValueError, OSError as `dfd.load` does.
@@ -117,61 +94,51 @@ class Session:
             self._names[str(source.path)] = source.name
         self._tell_progress("open", "read")
         try:
-            mesh, warnings, key = self._shared.shape(source)
-            messages = mesh_messages(mesh, number=self._number + 1, name=source.name, warnings=warnings)
-            first = next(messages)
+            mesh, warnings = read_shape(source)
+            message = mesh_message(mesh, number=self._number + 1, name=source.name, warnings=warnings)
         finally:
             self._tell_progress("open", "done")
         self.close_shape()
         self._number += 1
         self.source, self.mesh, self._warnings, self._pending_edit = source, mesh, warnings, edit
-        self._autosave.save_opened(Saved(source=source, field=field))
-        self._delete_uploads(*(each.path for each in (source, field, edit) if each is not None))
-        self._send(first)
-        self._preparation = Preparation(
-            mesh, key, self._shared, source, self.options, self.folder, self._lock, self, self._post
-        )
+        self._send(message)
+        self._preparation = Preparation(mesh, source, self.options, self.folder, self, self._post)
         self._tell_field("preparing")
         if field is None:
             self._preparation.find_cached()
         else:
             self._names[str(field.path)] = field.name
             self._preparation.open(field.path, "file")
-        for message in messages:
-            self._send(message)
 
     def close_shape(self) -> None:
         """Drop the shape and everything that belongs to it."""
         if self._preparation is not None:
             self._preparation.drop()
-        self._preparation = self._progress = self._saved_edit = self._shown_edit = self._pending_edit = None
+        self._preparation = self._progress = self._shown_edit = self._pending_edit = None
         self.source = self.mesh = self.deformer = self.columns = None
         self.view_state, self._unreported = ViewState(), False
-
-    def _delete_uploads(self, *opened: Path | None) -> None:
-        """Delete uploads that nothing open comes from, but for those that arrived since what is being opened."""
-        places = {path.parent: path.parent.stat().st_mtime for path in opened if path is not None and path.exists()}
-        before = max(places.values(), default=time.time() - UPLOAD_SECONDS)
-        for place in (self.folder / UPLOADS).glob("*"):
-            if place.stat().st_mtime < before and not any(place in (used, *used.parents) for used in places):
-                shutil.rmtree(place, ignore_errors=True)
+        while self._uploads:
+            shutil.rmtree(self._uploads.pop(), ignore_errors=True)
 
     def show_start(self) -> None:
         """Close the shape and go back to the start page."""
         self.close_shape()
-        self._autosave.save_opened(Saved())
-        self._delete_uploads()
         self.send(StartMessage())
 
-    def open_files(self, mesh: Source | None, field: OpenedFile | None, edit: OpenedFile | None) -> None:
+    def open_upload(self, upload: Upload) -> None:
         """Open uploaded files: a mesh with its field and edit, or a field and an edit for the open mesh."""
-        if mesh is not None:
-            self.open_shape(mesh, field=field, edit=edit)
-            return
-        if field is not None:
-            self.open_field(field)
-        if edit is not None:
-            self.open_edit(edit)
+        try:
+            if upload.mesh is not None:
+                self.open_shape(upload.mesh, upload.field, upload.edit)
+            else:
+                if upload.field is not None:
+                    self.open_field(upload.field)
+                if upload.edit is not None:
+                    self.open_edit(upload.edit)
+        except BaseException:
+            shutil.rmtree(upload.folder, ignore_errors=True)
+            raise
+        self._uploads.append(upload.folder)
 
     def open_field(self, field: OpenedFile) -> None:
         """Load the field from a file."""
@@ -225,8 +192,6 @@ class Session:
         self.deformer, self.columns = deformer, Columns(deformer)
         self.view_state.parts = ShapeParts(deformer)
         self._ready = path is None
-        if path is not None:
-            self._autosave.save_opened(Saved(source=self.source, field=OpenedFile(name="field", path=path)))
         self.view_state.field = FieldState(status="ready", origin=origin, parts=path is None)
         self._tell_progress("prepare", "done")
         for warning in warnings:
@@ -236,16 +201,11 @@ class Session:
         if pending_edit is not None:
             self.guarded(0, lambda: self.open_edit(pending_edit))
 
-    def field_planes(self, planes: dict[Preset, list[SymmetryPlane]]) -> None:
-        """Store the symmetry planes, by preset; from now on instances can be computed."""
-        self.view_state.planes = planes
-        self._ready = True
-        self.tell_state()
-
-    def field_parts(self) -> None:
-        """Parts can be shown under the pointer from now on."""
+    def field_prepared(self, planes: Mapping[Preset, Sequence[SymmetryPlane]]) -> None:
+        """Store the symmetry planes, by preset; instances and parts can be found without delay from now on."""
         assert self.view_state.parts is not None
-        self.view_state.parts.ready = True
+        self.view_state.planes, self.view_state.parts.ready = planes, True
+        self._ready = True
         self.view_state.field = self.view_state.field.model_copy(update={"parts": True})
         self.tell_state()
 
@@ -268,8 +228,7 @@ class Session:
         if self.mesh is None or self.source is None:
             self.send(StartMessage())
             return
-        for message in mesh_messages(self.mesh, number=self._number, name=self.name, warnings=self._warnings):
-            self._send(message)
+        self._send(mesh_message(self.mesh, number=self._number, name=self.name, warnings=self._warnings))
         if self.columns is not None:
             self.columns.forget()
         self.after = 0
@@ -367,27 +326,21 @@ class Session:
             self.send(report(self.deformer))
 
     def set_poses(self, poses: tuple[KeyPose, ...]) -> None:
-        """Replace and save the key poses."""
+        """Replace the key poses."""
         self.view_state.poses = poses
-        self._autosave.save_poses(poses)
         self.tell_state()
 
     def rest(self) -> None:
-        """Do deferred work between requests: report, save, and send an edit that was changed from outside."""
-        if self.deformer is None or self.mesh is None:
+        """Do deferred work between requests: the report, and an edit that was changed from outside."""
+        if self.deformer is None:
             return
-        edit = self.deformer.edit
-        if edit is not self._shown_edit:
+        if self.deformer.edit is not self._shown_edit:
             self.tell_all()
         elif self._unreported:
             self._report()
-        if edit is not self._saved_edit:
-            self._autosave.save_edit(edit, self.mesh)
-            self._saved_edit = edit
 
     def end(self) -> None:
-        """Save, and stop background work."""
-        self.rest()
+        """Stop background work."""
         if self._preparation is not None:
             self._preparation.drop()
 

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from dfd.app.protocol.binary_messages import DetailMessage, Group, MaterialEntry, MeshMessage, pack
-from dfd.app.session.level_of_detail import CoarseLevel, coarse_level
-from dfd.common.linear_algebra import Float64, Int32, Int64, UInt8
+from dfd.app.protocol.binary_messages import Group, MaterialEntry, MeshMessage, pack
+from dfd.common.linear_algebra import Float64, Int32, UInt8
 from dfd.mesh.appearance import Material
 from dfd.mesh.mesh import Mesh
 
@@ -27,57 +26,24 @@ def center_of(mesh: Mesh) -> Float64:
     return mesh.bounds[0] / 2 + mesh.bounds[1] / 2
 
 
-def mesh_messages(mesh: Mesh, *, number: int, name: str, warnings: Sequence[str]) -> Iterator[bytes]:
-    """The messages that show `mesh`, the `number`-th of its session.
-
-    A coarse level, if there is one, comes first; the full mesh follows, built lazily.
-    """
+def mesh_message(mesh: Mesh, *, number: int, name: str, warnings: Sequence[str]) -> bytes:
+    """The message that shows `mesh`, the `number`-th of its session."""
     rows, corner_faces = _rows(mesh)
-    level = coarse_level(mesh.vertices, mesh.faces)
-    arrays = _row_arrays(mesh, rows)
     textures, materials = _materials(mesh)
     none = np.zeros(len(mesh.faces), np.int32)
-    material_of = none if mesh.appearance is None else mesh.appearance.face_material
-
-    def message(shown: Arrays, triangles: Int32, material_of: Int32) -> bytes:
-        return pack(
-            MeshMessage,
-            {**shown, "triangles": triangles.astype(np.uint32), **textures},
-            mesh=number,
-            name=name,
-            vertices=len(mesh.vertices),
-            faces=len(mesh.faces),
-            parts=mesh.part_count,
-            coarse=level is not None,
-            center=tuple(center_of(mesh).tolist()),
-            diagonal=mesh.diagonal,
-            groups=_material_runs(material_of),
-            materials=materials,
-            warnings=tuple(warnings),
-        )
-
-    if level is None:
-        yield message(arrays, corner_faces, material_of)
-        return
-    level = level.sorted_by(material_of)
-    corners = _corner_rows(level, rows, corner_faces, arrays)
-    chosen = np.zeros(len(rows), bool)
-    chosen[corners] = True
-    order = np.concatenate([np.flatnonzero(chosen), np.flatnonzero(~chosen)])
-    new_index = np.empty(len(rows), np.int32)
-    new_index[order] = np.arange(len(rows), dtype=np.int32)
-    first = order[: np.count_nonzero(chosen)]
-    yield message(
-        {name: values[first] for name, values in arrays.items()}, new_index[corners], material_of[level.source_faces]
-    )
-    yield pack(
-        DetailMessage,
-        {
-            **{name: values[order] for name, values in arrays.items()},
-            "triangles": new_index[corner_faces].astype(np.uint32),
-        },
+    return pack(
+        MeshMessage,
+        {**_row_arrays(mesh, rows), "triangles": corner_faces.astype(np.uint32), **textures},
         mesh=number,
-        groups=_material_runs(material_of),
+        name=name,
+        vertices=len(mesh.vertices),
+        faces=len(mesh.faces),
+        parts=mesh.part_count,
+        center=tuple(center_of(mesh).tolist()),
+        diagonal=mesh.diagonal,
+        groups=_material_runs(none if mesh.appearance is None else mesh.appearance.face_material),
+        materials=materials,
+        warnings=tuple(warnings),
     )
 
 
@@ -96,31 +62,6 @@ def _row_arrays(mesh: Mesh, rows: Int32) -> Arrays:
         if appearance.colors is not None:
             arrays["colors"] = np.rint(appearance.colors[used] * 255).astype(np.uint8)
     return arrays
-
-
-def _corner_rows(level: CoarseLevel, rows: Int32, corner_faces: Int32, arrays: Arrays) -> Int32:
-    """(K, 3) rows of the coarse faces' corners: of a vertex's rows, the most similar to the source face's corner."""
-    vertices = level.faces.reshape(-1)
-    needed = np.zeros(int(rows.max()) + 1, bool)
-    needed[vertices] = True
-    some = np.flatnonzero(needed[rows])
-    some = some[np.argsort(rows[some], kind="stable")]
-    starts = np.searchsorted(rows[some], vertices)
-    counts = np.searchsorted(rows[some], vertices, side="right") - starts
-    # Pair every corner with every row of its vertex.
-    corner = np.repeat(np.arange(len(vertices)), counts)
-    begins = np.cumsum(counts) - counts
-    candidates = some[np.arange(len(corner)) - np.repeat(begins - starts, counts)]
-    origins = corner_faces[level.source_faces].reshape(-1)[corner]
-    dissimilarity = _row_distances(arrays["normals"] / np.float32(32767), candidates, origins)
-    if "uv" in arrays:
-        dissimilarity += _row_distances(arrays["uv"], candidates, origins)
-    best = np.lexsort((dissimilarity, corner))[begins]
-    return candidates[best].reshape(-1, 3).astype(np.int32)
-
-
-def _row_distances(values: NDArray[Any], some: Int64, others: Int32) -> NDArray[Any]:
-    return np.linalg.norm(values[some] - values[others], axis=1)
 
 
 def _materials(mesh: Mesh) -> tuple[Arrays, tuple[MaterialEntry, ...]]:

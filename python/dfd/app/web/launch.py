@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import html
-import os
-import shutil
 import signal
 import socket
 import sys
@@ -20,27 +17,21 @@ from typing import TYPE_CHECKING
 import uvicorn
 
 from dfd.app.options import SessionOptions
-from dfd.app.session.distill_process import try_lock
-from dfd.app.web.link import Link, ThreadLink
-from dfd.app.web.safety import Rules, TimedHTTP, loopback
+from dfd.app.web.safety import Rules, loopback
 from dfd.app.web.server import MESSAGE_BYTES, STATIC, UPLOAD_BYTES, create
-from dfd.app.web.tabs import Tabs
+from dfd.app.web.sessions import Sessions
 
 if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
 
 DEFAULT_PORT = 8765
-MEMORY_FRACTION = 0.75  # of the machine, for one session; the rest is left to the server, the browser and the system
-FOLDER_PREFIX = "dfd-app-"
-LOCK_NAME = "running"  # a file in the server's folder, locked while the server runs
 NOTEBOOK_ORIGINS = ("http://localhost:*", "http://127.0.0.1:*")  # of notebooks
 
 
 class RunningApp:
     """A server on a thread of this process, until `stop`; port 0 is any free one.
 
-    `make_link` makes the link to a session that is not a process of its own, and pages of `frame_ancestors` may show
-    this one in a frame.
+    With `deformer`, all pages show this session; pages of `frame_ancestors` may show this one in a frame.
 
     Raises OSError if the port is taken, or the host is not an address of this machine.
     """
@@ -51,7 +42,7 @@ class RunningApp:
         *,
         host: str = "127.0.0.1",
         port: int = 0,
-        make_link: Callable[[], Link] | None = None,
+        deformer: Deformer | None = None,
         frame_ancestors: tuple[str, ...] = (),
         upload_bytes: int = UPLOAD_BYTES,
         static: Path = STATIC,
@@ -59,14 +50,10 @@ class RunningApp:
         self._socket = _listen(host, port)
         self.host, self.port = host, int(self._socket.getsockname()[1])
         self.rules = Rules(host=host, cookie=f"dfd-{self.port}", frame_ancestors=frame_ancestors)
-        _remove_abandoned()
-        self._root = Path(tempfile.mkdtemp(prefix=FOLDER_PREFIX))
-        self._lock = (self._root / LOCK_NAME).open("w")
-        try_lock(self._lock)
-        self.tabs = Tabs(self._root, options, make_link)
+        self._root = tempfile.TemporaryDirectory(prefix="dfd-app-", ignore_cleanup_errors=True)
+        self.sessions = Sessions(Path(self._root.name), options, deformer)
         config = uvicorn.Config(
-            create(self.tabs, self.rules, upload_bytes=upload_bytes, static=static),
-            http=TimedHTTP,
+            create(self.sessions, self.rules, upload_bytes=upload_bytes, static=static),
             ws="websockets-sansio",
             ws_max_size=MESSAGE_BYTES,
             ws_per_message_deflate=False,  # compressing a mesh would block the event loop for seconds
@@ -77,7 +64,6 @@ class RunningApp:
         )
         self.server = uvicorn.Server(config)
         self._thread: threading.Thread | None = None
-        self.loop: asyncio.AbstractEventLoop | None = None  # on which the server runs
 
     @property
     def url(self) -> str:
@@ -89,7 +75,7 @@ class RunningApp:
 
     def redirecting_file(self) -> Path:
         """A page readable by this user alone that redirects to `url`: command lines are visible to all users."""
-        path = self._root / "open.html"
+        path = Path(self._root.name) / "open.html"
         path.touch(0o600, exist_ok=False)
         path.write_text(f'<!doctype html><meta http-equiv="refresh" content="0; url={html.escape(self.url)}">')
         return path
@@ -100,15 +86,10 @@ class RunningApp:
             # uvicorn raises the signal again after its shutdown; the default action would skip the cleanup below.
             signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
         try:
-            asyncio.run(self._serve())
+            asyncio.run(self.server.serve(sockets=[self._socket]))
         finally:
             self._socket.close()
-            self._lock.close()
-            shutil.rmtree(self._root, ignore_errors=True)
-
-    async def _serve(self) -> None:
-        self.loop = asyncio.get_running_loop()
-        await self.server.serve(sockets=[self._socket])
+            self._root.cleanup()
 
     def start(self) -> None:
         """Serve on a thread; return once the server accepts requests."""
@@ -171,27 +152,6 @@ def serve(options: SessionOptions, *, host: str, port: int | None, browser: bool
         timer.cancel()
 
 
-def session_memory() -> int | None:
-    """The default memory limit of a session, bytes: a fraction of the machine's or of its container's.
-
-    None (no limit) if the system does not tell.
-    """
-    sizes = []
-    with contextlib.suppress(AttributeError, OSError, ValueError):
-        sizes.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
-    with contextlib.suppress(OSError, ValueError):  # "max" is no limit
-        sizes.append(int(Path("/sys/fs/cgroup/memory.max").read_text()))
-    return min((int(MEMORY_FRACTION * size) for size in sizes if size > 0), default=None)
-
-
-def _remove_abandoned() -> None:
-    """Remove the folders of servers that were killed: their lock files are not locked."""
-    for path in Path(tempfile.gettempdir()).glob(f"{FOLDER_PREFIX}*/{LOCK_NAME}"):
-        with contextlib.suppress(OSError), path.open("r+") as stream:
-            if try_lock(stream):
-                shutil.rmtree(path.parent, ignore_errors=True)
-
-
 class Frame:
     """The page in a cell of a notebook, of `height` pixels."""
 
@@ -236,7 +196,7 @@ def show(deformer: Deformer, *, height: int = 640) -> Frame:
     check_built()
     running = _SHOWN.get(id(deformer))
     if running is None:
-        running = RunningApp(SessionOptions(), make_link=lambda: ThreadLink(deformer), frame_ancestors=NOTEBOOK_ORIGINS)
+        running = RunningApp(SessionOptions(), deformer=deformer, frame_ancestors=NOTEBOOK_ORIGINS)
         running.start()
         _SHOWN[id(deformer)] = running
     return Frame(running, height)

@@ -7,25 +7,20 @@ only at the address with the token.
 
 from __future__ import annotations
 
-import asyncio
 import hmac
 import ipaddress
 import secrets
 import socket
 from collections.abc import Collection
 from dataclasses import dataclass, field
-from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qs, urlencode
 
-import h11
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
-from uvicorn.protocols.http.h11_impl import H11Protocol
 
 LOOPBACK_NAMES = ("127.0.0.1", "localhost", "::1")
 NOT_ALLOWED = 4403  # close code of a WebSocket
-HEADER_SECONDS = 20.0
 
 CONTENT = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; font-src 'self'; "
@@ -45,7 +40,7 @@ class Rules:
         The secret in the address that is opened first.
     cookie
         The cookie's name, different for each port of this machine.
-    frames
+    frame_ancestors
         Origins whose pages may show this one in a frame.
     """
 
@@ -66,40 +61,6 @@ class Rules:
         if loopback(self.host):
             return False
         return _is_address(name) or name in (socket.gethostname().lower(), socket.getfqdn().lower())
-
-
-class TimedHTTP(H11Protocol):
-    """HTTP on a connection that is closed if a request's headers take longer than `HEADER_SECONDS` to arrive."""
-
-    _deadline: asyncio.TimerHandle | None = None
-
-    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        super().connection_made(transport)
-        self._watch()
-
-    def data_received(self, data: bytes) -> None:
-        super().data_received(data)
-        self._watch()
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        self._stop_watching()
-        super().connection_lost(exc)
-
-    def _watch(self) -> None:
-        """Start the deadline while headers are awaited, and end it once they are there."""
-        if self.conn.their_state is not h11.IDLE:
-            self._stop_watching()
-        elif self._deadline is None:
-            self._deadline = self.loop.call_later(HEADER_SECONDS, self._give_up)
-
-    def _stop_watching(self) -> None:
-        if self._deadline is not None:
-            self._deadline.cancel()
-        self._deadline = None
-
-    def _give_up(self) -> None:
-        if self.conn.their_state is h11.IDLE:
-            self.transport.close()
 
 
 def loopback(host: str) -> bool:
@@ -149,12 +110,10 @@ class Guard:
         return None
 
     def _has_cookie(self, headers: Headers) -> bool:
-        try:
-            cookies = SimpleCookie(headers.get("cookie", ""))
-        except CookieError:
-            return False
-        cookie = cookies.get(self._rules.cookie)
-        return cookie is not None and _equal(cookie.value, self._rules.token)
+        """Whether one of the cookies is ours; those of other programs on this machine may have any characters."""
+        pairs = (each.partition("=") for value in headers.getlist("cookie") for each in value.split(";"))
+        known = (value.strip() for name, _, value in pairs if name.strip() == self._rules.cookie)
+        return any(_equal(value, self._rules.token) for value in known)
 
     def _admit(self, scope: Scope, headers: Headers) -> Response:
         """Set the cookie if the request has the token, else refuse it."""
@@ -162,9 +121,8 @@ class Guard:
             query = parse_qs(scope["query_string"].decode("latin-1"))
             if _equal(query.pop("token", [""])[0], self._rules.token):
                 rest = urlencode(query, doseq=True)
-                path = "/" + scope["path"].lstrip(
-                    "/\\"
-                )  # a path with two leading slashes would redirect to another server
+                # A path with two leading slashes would redirect to another server.
+                path = "/" + scope["path"].lstrip("/\\")
                 response = RedirectResponse(f"{path}{'?' if rest else ''}{rest}", 303)
                 response.set_cookie(self._rules.cookie, self._rules.token, httponly=True, samesite="strict")
                 return response

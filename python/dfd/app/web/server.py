@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import shutil
+import threading
 from collections.abc import AsyncIterator
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -25,40 +26,37 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from dfd.app.options import SAMPLES
 from dfd.app.protocol.answers import VERSION, FailureMessage, SessionMessage
 from dfd.app.protocol.requests import Hello
-from dfd.app.session.exports import EXPORTS
 from dfd.app.web.safety import Guard, Rules
-from dfd.app.web.tabs import NAME, SESSION_ENDED, Tab, Tabs
+from dfd.app.web.sessions import SESSION_ENDED, Outbox, Sessions, Tab
 from dfd.app.web.uploads import FORMATS, MOST_FILES, UploadedFile, receive
 
 STATIC = Path(__file__).parents[1] / "static"
 MESSAGE_BYTES = 1 << 20  # the longest message of a page
 UPLOAD_BYTES = 1 << 30  # an upload's files together, unpacked
 HELLO_SECONDS = 10.0
-FOREVER = "public, max-age=31536000, immutable"  # of files whose names change with what is in them
 
 
 class PageFiles(StaticFiles):
     """The built page."""
 
     def file_response(self, full_path: object, *rest: object, **options: object) -> Response:
-        """As Starlette's, kept by browsers where the name tells of the content."""
+        """As Starlette's; browsers keep files whose names contain a hash of the content."""
         response: Response = super().file_response(full_path, *rest, **options)  # type: ignore[arg-type]
         if "assets" in Path(str(full_path)).parts:
-            response.headers["Cache-Control"] = FOREVER
+            response.headers["Cache-Control"] = "public, max-age=31536000, immutable"
         return response
 
 
-def create(tabs: Tabs, rules: Rules, *, upload_bytes: int = UPLOAD_BYTES, static: Path = STATIC) -> Starlette:
-    """The application for `tabs`, guarded by `rules`."""
-    server = _Server(tabs, upload_bytes)
+def create(sessions: Sessions, rules: Rules, *, upload_bytes: int = UPLOAD_BYTES, static: Path = STATIC) -> Starlette:
+    """The application for `sessions`, guarded by `rules`."""
+    server = _Server(sessions, upload_bytes)
 
     @contextlib.asynccontextmanager
     async def lifespan(app: Starlette) -> AsyncIterator[None]:
-        await tabs.start()
-        try:
-            yield
-        finally:
-            await tabs.stop()
+        # Importing torch takes seconds: begin before the first page asks for it.
+        threading.Thread(target=lambda: __import__("dfd.editing.deformer"), name="dfd-import", daemon=True).start()
+        yield
+        sessions.close()
 
     return Starlette(
         routes=[
@@ -73,32 +71,30 @@ def create(tabs: Tabs, rules: Rules, *, upload_bytes: int = UPLOAD_BYTES, static
 
 
 class _Server:
-    """The three doors."""
+    """The routes that reach sessions."""
 
-    def __init__(self, tabs: Tabs, upload_bytes: int) -> None:
-        self._tabs = tabs
+    def __init__(self, sessions: Sessions, upload_bytes: int) -> None:
+        self._sessions = sessions
         self._upload_bytes = upload_bytes
 
     async def socket(self, page: WebSocket) -> None:
-        """Carry a page's messages to its session for as long as the page is there."""
+        """Carry messages between a page and its session for as long as the page is there."""
         await page.accept()
-        tab: Tab | None = None
-        try:
+        with contextlib.suppress(WebSocketDisconnect):
             tab = await self._greet(page)
-            while tab is not None:
-                message = await page.receive()
-                if message["type"] == "websocket.disconnect":
-                    break
-                text = message.get("text")
-                if text is None:
-                    await tab.tell(FailureMessage(message="Messages of the page must be text").model_dump_json())
-                elif tab.link is not None:
-                    await tab.link.send(text)
-        except WebSocketDisconnect:
-            pass
-        finally:
-            if tab is not None:
-                tab.detach(page)
+            if tab is None:
+                return
+            outbox = tab.attach()
+            sending = asyncio.create_task(_send_all(page, outbox))
+            try:
+                while (message := await page.receive())["type"] != "websocket.disconnect":
+                    if message.get("text") is None:
+                        tab.tell(FailureMessage(message="Messages of the page must be text").model_dump_json())
+                    else:
+                        tab.thread.ask(message["text"])
+            finally:
+                sending.cancel()
+                self._sessions.leave(tab, outbox)
 
     async def _greet(self, page: WebSocket) -> Tab | None:
         """The tab of a page that says hello; None, once it is told why, of one that does not."""
@@ -109,12 +105,12 @@ class _Server:
             number = hello.id
             if hello.version != VERSION:
                 raise ValueError("The page and the server are of different versions: reload the page")
-            tab, resumed = await self._tabs.open(hello.session)
         except (ValueError, KeyError, asyncio.TimeoutError) as error:
             reason = str(error) if number else "The first message must be hello"
             await page.send_text(FailureMessage(id=number, message=reason, fatal=True).model_dump_json())
             await page.close(SESSION_ENDED)
             return None
+        tab, resumed = self._sessions.open(hello.session)
         answer = SessionMessage(
             id=number,
             session=tab.name,
@@ -125,12 +121,11 @@ class _Server:
             formats=FORMATS,
         )
         await page.send_text(answer.model_dump_json())
-        await tab.attach(page)
         return tab
 
     async def upload(self, request: Request) -> Response:
         """Take files for a session and have it open them; what comes of it, the page hears over its WebSocket."""
-        tab = self._tabs.find(request.query_params.get("session", ""))
+        tab = self._sessions.find(request.query_params.get("session"))
         if tab is None:
             return _refusal(404, "There is no such session: reload the page")
         length = request.headers.get("content-length", "")
@@ -139,51 +134,41 @@ class _Server:
         if int(length) > self._upload_bytes:
             return _refusal(413, f"The files are larger than {self._upload_bytes / 2**20:.0f} MiB")
         try:
-            form = await request.form(max_files=MOST_FILES, max_fields=0)
+            async with request.form(max_files=MOST_FILES, max_fields=0) as form:
+                given = [each for _, each in form.multi_items() if isinstance(each, UploadFile)]
+                files = [UploadedFile(each.filename or "", each.file) for each in given]
+                upload = await run_in_threadpool(receive, files, tab.folder, self._upload_bytes)
         except (MultiPartException, HTTPException, KeyError) as error:
             return _refusal(400, f"The upload could not be read: {getattr(error, 'detail', error)}")
         except ClientDisconnect:
             return _refusal(400, "The upload was broken off")
-        try:
-            files = [
-                UploadedFile(each.filename or "", each.file)
-                for _, each in form.multi_items()
-                if isinstance(each, UploadFile)
-            ]
-            if not files:
-                return _refusal(400, "An upload must hold at least one file")
-            upload = await run_in_threadpool(receive, files, tab.folder, self._upload_bytes)
         except ValueError as error:
             return _refusal(400, str(error))
         except OSError as error:
             return _refusal(507, f"The files could not be kept: {error.strerror}")
-        finally:
-            await form.close()
-        await tab.order("open_files", mesh=upload.mesh, field=upload.field, edit=upload.edit)
+        tab.thread.call(lambda: tab.thread.session.open_upload(upload))
         return JSONResponse({})
 
     async def download(self, request: Request) -> Response:
-        """Give away an export, once."""
-        tab, number = self._tabs.find(request.path_params["session"]), request.path_params["number"]
-        place = None if tab is None or not NAME.fullmatch(number) else tab.folder / EXPORTS / number
-        files = [] if place is None else await run_in_threadpool(_files, place)
-        if place is None or len(files) != 1:
+        """Serve an export, once."""
+        tab = self._sessions.find(request.path_params["session"])
+        path = None if tab is None else tab.thread.session.exports.pop(request.path_params["number"], None)
+        if path is None or not path.is_file():
             return _refusal(404, "There is no such file: it can be taken once")
-        # Taken out of the way first, so that nobody else gets it.
-        taken = place.with_name(f"{place.name}-taken")
-        with contextlib.suppress(OSError):
-            place.rename(taken)
-            return FileResponse(
-                taken / files[0].name,
-                filename=files[0].name,
-                media_type="application/octet-stream",
-                background=BackgroundTask(shutil.rmtree, taken, ignore_errors=True),
-            )
-        return _refusal(404, "There is no such file: it can be taken once")
+        return FileResponse(
+            path,
+            filename=path.name,
+            media_type="application/octet-stream",
+            background=BackgroundTask(shutil.rmtree, path.parent, ignore_errors=True),
+        )
 
 
-def _files(place: Path) -> list[Path]:
-    return sorted(place.iterdir()) if place.is_dir() else []
+async def _send_all(page: WebSocket, outbox: Outbox) -> None:
+    """Send the messages for a page until it has gone, or one is the code to close with."""
+    with contextlib.suppress(RuntimeError, OSError, WebSocketDisconnect):
+        while not isinstance(message := await outbox.get(), int):
+            await (page.send_text(message) if isinstance(message, str) else page.send_bytes(message))
+        await page.close(message)
 
 
 def _refusal(status: int, sentence: str) -> JSONResponse:

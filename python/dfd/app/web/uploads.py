@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import IO
 
-from dfd.app.options import UPLOADS, OpenedFile, Source
+from dfd.app.options import OpenedFile, Source, Upload
 from dfd.mesh.file.read import ENDINGS
 
 FORMATS = (*ENDINGS, ".zip", ".safetensors", ".json")
@@ -34,15 +34,6 @@ class UploadedFile:
     stream: IO[bytes]
 
 
-@dataclass(frozen=True)
-class Upload:
-    """What to open."""
-
-    mesh: Source | None
-    field: OpenedFile | None
-    edit: OpenedFile | None
-
-
 def receive(files: Sequence[UploadedFile], folder: Path, most_bytes: int) -> Upload:
     """Put `files` into a new folder inside `folder`; return what to open.
 
@@ -52,7 +43,7 @@ def receive(files: Sequence[UploadedFile], folder: Path, most_bytes: int) -> Upl
     Raises ValueError if there is nothing to open among them, or more than one mesh, or they are too large or too many,
     or a zip is damaged or names a place outside itself.
     """
-    place = folder / UPLOADS / secrets.token_hex(8)
+    place = folder / secrets.token_hex(16)
     place.mkdir(parents=True)
     try:
         return _receive(files, place, most_bytes)
@@ -80,7 +71,7 @@ def _receive(files: Sequence[UploadedFile], place: Path, most_bytes: int) -> Upl
     if mesh is None and field is None and edit is None:
         names = ", ".join(_last(name) for name in list(given)[:5]) or "nothing"
         raise ValueError(f"There must be a file that ends in one of {', '.join(FORMATS)}, got {names}")
-    return Upload(mesh, field, edit)
+    return Upload(place, mesh, field, edit)
 
 
 def _single(given: Mapping[str, Path], ending: str, *, beside_mesh: bool) -> OpenedFile | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
     from dfd.segmentation.parts import Grip, Parts
     from dfd.symmetry.plane import SymmetryPlane
-
-Made = TypeVar("Made")
 
 # Of a handle's weight that fixed points leave at the handle itself: with less, dividing by it makes noise of the rest.
 LEAST_LEFT = 0.01
@@ -99,12 +97,6 @@ class Key(NamedTuple):
     bridges: bool  # whether those cross small gaps
 
 
-class Sharing(Protocol):
-    """Gives what `make` gives, perhaps from another process, and of what it refers to the process's own `known`."""
-
-    def __call__(self, make: Callable[[], Made], *, known: Sequence[object]) -> Made: ...
-
-
 class HandleWeights:
     """Weights on one mesh, a contiguous column per handle.
 
@@ -163,20 +155,21 @@ class HandleWeights:
         """What finds instances on the mesh."""
         return self._instances.finder
 
-    def prepare_instances(self, planes: Sequence[SymmetryPlane], share: Sharing | None = None) -> None:
-        """Compute what the first handle with instances would wait for, seconds for a million faces.
+    def prepare_instances(
+        self, planes: Sequence[SymmetryPlane], found: tuple[InstanceFinder, Parts] | None = None
+    ) -> tuple[InstanceFinder, Parts]:
+        """Compute and return what the first handle with instances needs, seconds for a million faces.
 
-        `planes` are those that `symmetry_planes` finds. It may run on another thread than the rest. With `share`,
-        another process may have computed it.
+        `planes` are those that `symmetry_planes` finds. It may run on another thread than the rest. With `found`, what
+        another session of the same mesh and field returned is taken instead.
         """
-
-        def make() -> tuple[InstanceFinder, Parts]:
-            self.finder.prepare()
-            self.parts.prepare()
-            return self.finder, self.parts
-
-        finder, self.parts = make() if share is None else share(make, known=(self.mesh, self._rows))
+        if found is None:
+            found = self.finder, self.parts
+            for each in found:
+                each.prepare()
+        finder, self.parts = found
         self._instances.prepare(planes, finder)
+        return found
 
     def of(self, edit: Edit) -> Float32:
         """(V, H) weights of the handles of `edit`, in their order; read-only, and nothing that follows changes it."""

@@ -1,4 +1,4 @@
-/** Files in and out: uploads, exports, and what was done as Python or as a command. */
+/** Files in and out: uploads and exports. */
 
 import type { Export } from "../protocol/messages";
 import { store } from "../store/state";
@@ -50,19 +50,6 @@ export async function exportAs(format: Export["format"]): Promise<void> {
   const { url, name, said } = received.message;
   save(new URL(url, location.href).href, name);
   if (said) note(`${name}: ${said}`);
-}
-
-export async function copyScript(as: "python" | "command"): Promise<void> {
-  const received = await ask({ type: "script", transforms: seenTransforms() });
-  if (received?.message.type !== "script") return;
-  const text = received.message[as];
-  try {
-    await navigator.clipboard.writeText(text);
-    note(`Copied. ${stem()}_files.zip holds the files that it names: unpack it, and run it there.`);
-    await exportAs("files");
-  } catch {
-    problem("The browser does not let this page copy. Open it at localhost, or over https.");
-  }
 }
 
 function save(address: string, name: string): void {

@@ -92,7 +92,6 @@ export function receive({ message, payload }: Received): void {
       break;
     case "done":
     case "download":
-    case "script":
       break;
   }
 }

@@ -1,5 +1,5 @@
 import { send } from "../actions/connection";
-import { chooseFiles, copyScript, exportAs } from "../actions/files";
+import { chooseFiles, exportAs } from "../actions/files";
 import { LOOKS, shortcut } from "../actions/keyboard";
 import type { Export } from "../protocol/messages";
 import { ready, store, type Theme } from "../store/state";
@@ -56,10 +56,6 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
     exported("Animated GLB", moves ? "key poses" : "needs two poses", "animation", moves),
     exported("Weights", "NPZ", "weights", held),
   ];
-  const scripts: MenuItem[] = [
-    ["Copy as Python", "and its files", () => void copyScript("python")],
-    ["Copy as command", "and its files", () => void copyScript("command")],
-  ];
   return (
     <header class="topbar">
       <div class="bar-group">
@@ -79,7 +75,7 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
       </div>
       <div class="bar-group end">
         <IconButton icon="camera" label="Screenshot" onPress={() => viewer.screenshot()} />
-        <Menu icon="save" label="Export" text="Export" groups={[shapes, rigs, scripts]} />
+        <Menu icon="save" label="Export" text="Export" groups={[shapes, rigs]} />
         <IconButton icon={themeIcon} label={themeLabel} onPress={() => store.set({ theme: nextTheme })} />
         <KeyButton icon="play" keys="T" pressed={timeline} />
         <KeyButton icon="help" keys="?" />

@@ -1,0 +1,163 @@
+"""The open sessions: each has a thread of its own, and goes on when its page is reloaded."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import queue
+import secrets
+import shutil
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dfd.app.options import SessionOptions
+from dfd.app.protocol.requests import RequestError, read_request
+from dfd.app.session.requests import answer
+from dfd.app.session.session import Session
+
+if TYPE_CHECKING:
+    from dfd.editing.deformer import Deformer
+
+OPENED_ELSEWHERE, SESSION_ENDED = 4001, 4002  # close codes of a WebSocket
+MOST_UNATTENDED = 8  # sessions that no page shows; beyond, the one that was left first ends
+# Of these, only the newest request is answered: the pointer or the shape has changed since the older ones.
+NEWEST_ONLY = ("probe", "part", "compute")
+REST_PAUSE = 0.5  # seconds without a request, after which the session does deferred work
+INSTANCES_PAUSE = 0.05  # seconds without a request, after which instances are computed
+
+Outbox = asyncio.Queue[str | bytes | int]  # messages for a page; a number is the code to close its WebSocket with
+
+
+class SessionThread:
+    """A session and the thread that does its work in order; all methods are thread-safe."""
+
+    def __init__(
+        self, folder: Path, options: SessionOptions, send: Callable[[str | bytes], None], deformer: Deformer | None
+    ) -> None:
+        self._inbox: queue.Queue[Callable[[], None] | None] = queue.Queue()
+        self._newest: dict[str, int] = {}
+        self.session = Session(folder, options, send, self._inbox.put, deformer=deformer)
+        threading.Thread(target=self._run, name="dfd-session", daemon=True).start()
+
+    def call(self, work: Callable[[], None]) -> None:
+        """Queue work; an exception is sent to the page as a failure."""
+        self._inbox.put(lambda: self.session.guarded(0, work))
+
+    def ask(self, text: str) -> None:
+        """Queue a request of the page."""
+        try:
+            request = read_request(text)
+        except RequestError as error:
+            number, why = error.number, str(error)
+            self._inbox.put(lambda: self.session.fail(number, why))
+            return
+        if request.type in NEWEST_ONLY:
+            self._newest[request.type] = request.id
+
+        def work() -> None:
+            if self._newest.get(request.type, request.id) == request.id:
+                answer(self.session, request)
+
+        self._inbox.put(work)
+
+    def end(self) -> None:
+        """End the session after the work in the queue."""
+        self._inbox.put(None)
+
+    def _run(self) -> None:
+        session = self.session
+        while True:
+            pending = session.has_pending_columns
+            try:
+                work = self._inbox.get(timeout=INSTANCES_PAUSE if pending else REST_PAUSE)
+            except queue.Empty:
+                session.guarded(0, session.send_pending_columns if pending else session.rest)
+                continue
+            if work is None:
+                session.end()
+                return
+            work()
+
+
+class Tab:
+    """A session, and the page that shows it, if one does; all methods are called on the event loop."""
+
+    def __init__(self, folder: Path, options: SessionOptions, deformer: Deformer | None) -> None:
+        self.name, self.folder = folder.name, folder
+        self._events = asyncio.get_running_loop()
+        self._outbox: Outbox | None = None
+        self._begun = False
+        self.thread = SessionThread(folder, options, self._send, deformer)
+
+    def _send(self, message: str | bytes) -> None:
+        """Bring a message of the session's thread to the page that shows the session."""
+        with contextlib.suppress(RuntimeError):  # the event loop has ended
+            self._events.call_soon_threadsafe(self.tell, message)
+
+    def tell(self, message: str | bytes | int) -> None:
+        """Send a message, or close the connection with a code, if a page shows the session."""
+        if self._outbox is not None:
+            self._outbox.put_nowait(message)
+
+    @property
+    def attended(self) -> bool:
+        """Whether a page shows the session."""
+        return self._outbox is not None
+
+    def attach(self) -> Outbox:
+        """Return the messages for a new page; the page before, if any, is closed."""
+        self.tell(OPENED_ELSEWHERE)
+        outbox = self._outbox = asyncio.Queue()
+        session = self.thread.session
+        self.thread.call(session.attach if self._begun else session.begin)
+        self._begun = True
+        return outbox
+
+    def detach(self, outbox: Outbox) -> None:
+        """Note that the page with these messages has gone."""
+        if self._outbox is outbox:
+            self._outbox = None
+
+    def end(self) -> None:
+        """End the session, delete its files and close its page."""
+        self.tell(SESSION_ENDED)
+        self.thread.end()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+class Sessions:
+    """All sessions of one server, with folders in `root`; with `deformer`, all pages show this one."""
+
+    def __init__(self, root: Path, options: SessionOptions, deformer: Deformer | None = None) -> None:
+        self._root, self._options, self._deformer = root, options, deformer
+        self._tabs: dict[str, Tab] = {}  # by name; those left last come last
+
+    def find(self, name: str | None) -> Tab | None:
+        """The session of that name."""
+        return self._tabs.get(name or "")
+
+    def open(self, name: str | None) -> tuple[Tab, bool]:
+        """The session of that name, or a new one; and whether it is the one asked for."""
+        if (found := self.find(name)) is not None:
+            return found, True
+        if self._deformer is not None and self._tabs:
+            return next(iter(self._tabs.values())), False
+        for tab in [each for each in self._tabs.values() if not each.attended][:-MOST_UNATTENDED]:
+            self._tabs.pop(tab.name).end()
+        folder = self._root / secrets.token_hex(16)
+        folder.mkdir()
+        self._tabs[folder.name] = tab = Tab(folder, self._options, self._deformer)
+        return tab, False
+
+    def leave(self, tab: Tab, outbox: Outbox) -> None:
+        """Note that a page has gone."""
+        tab.detach(outbox)
+        if self._tabs.pop(tab.name, None) is not None:
+            self._tabs[tab.name] = tab
+
+    def close(self) -> None:
+        """End all sessions."""
+        while self._tabs:
+            self._tabs.popitem()[1].end()

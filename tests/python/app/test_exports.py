@@ -1,0 +1,89 @@
+"""Files for download: shapes, rigs, animations, the edit and the field."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from made_field import made_field
+from skinned_figure import skinned_figure
+
+import dfd
+from dfd.app.protocol.parts import KeyPose, PoseTransform
+from dfd.app.session.exports import Kind, export, file_stem
+from dfd.editing.deformer import Deformer
+
+
+def header_of(path: Path) -> Any:
+    """The JSON of a GLB file."""
+    data = path.read_bytes()
+    return json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
+
+
+def raised(handle: int, y: float) -> PoseTransform:
+    return PoseTransform(handle=handle, translation=(0, y, 0), rotation=(0, 0, 0), scale=(1, 1, 1))
+
+
+@pytest.mark.parametrize("kind", ["glb", "obj", "ply", "stl"])
+def test_an_export_is_the_kernels_shape(kind: Kind, deformer: Deformer, tmp_path: Path) -> None:
+    deformer.add(5, translation=(0, -0.3, 0.1), rotation=(0, 20, 0), scale=(1, 2, 1), pivot=(0, 0.5, 0))
+    deformer.fix(900)
+    path, _ = export(deformer, kind, "my \"chair\"; rm -rf '$HOME'.glb", tmp_path)
+    assert path == tmp_path / f"my_chair_rm_-rf_HOME_edited.{kind}"
+    made = dfd.load(path)
+    atol = 1e-5 if kind == "stl" else 2e-6
+    np.testing.assert_allclose(made.vertices[made.faces], deformer.vertices[deformer.mesh.faces], atol=atol)
+
+
+def test_names_are_those_of_files_and_lead_nowhere() -> None:
+    assert file_stem("../../chair.glb") == "chair"
+    assert file_stem("é.obj") == "é"
+    assert file_stem("/") == "mesh"
+
+
+def test_rigs_targets_weights_edit_and_field(deformer: Deformer, tmp_path: Path) -> None:
+    deformer.add(5, translation=(0, -0.3, 0.1), bend=30)
+    rig, said = export(deformer, "rig", "chair.glb", tmp_path)
+    assert "bent or twisted is not in a skin" in said
+    assert "skins" in header_of(rig)
+    morph, _ = export(deformer, "morph", "chair.glb", tmp_path)
+    assert b'"targets"' in morph.read_bytes()
+    with np.load(export(deformer, "weights", "chair.glb", tmp_path)[0]) as arrays:
+        assert arrays["weights"].shape[0] == len(deformer.mesh.vertices)
+    edit, _ = export(deformer, "edit", "chair.glb", tmp_path)
+    assert Deformer.load(edit, deformer.mesh, deformer.field).edit == deformer.edit
+    field, _ = export(deformer, "field", "chair.glb", tmp_path)
+    np.testing.assert_array_equal(dfd.Field.load(field)([[0, 0, 0]]), deformer.field([[0, 0, 0]]))
+
+
+def test_key_poses_become_an_animation(deformer: Deformer, tmp_path: Path) -> None:
+    handle = deformer.add(5)
+    deformer.add(40, translation=(0.1, 0, 0))
+    poses = [
+        KeyPose(name="a", seconds=0, transforms=(raised(handle, 0.0), raised(99, 9.0))),
+        KeyPose(name="b", seconds=2, transforms=(raised(handle, 0.5),)),
+    ]
+    path, _ = export(deformer, "animation", "chair.glb", tmp_path, poses)
+    header = header_of(path)
+    inputs = {sampler["input"] for sampler in header["animations"][0]["samplers"]}
+    assert [header["accessors"][each]["max"] for each in inputs] == [[2.0]]
+    for wrong, message in ((poses[:1], "^Store at least two poses"), ([poses[0]] * 2, "one after the other in time")):
+        with pytest.raises(ValueError, match=message):
+            export(deformer, "animation", "chair.glb", tmp_path, wrong)
+
+
+def test_a_shape_on_joints_of_its_own_moves_by_morph_targets(tmp_path: Path) -> None:
+    (tmp_path / "figure.glb").write_bytes(skinned_figure())
+    mesh = dfd.load(tmp_path / "figure.glb")
+    deformer = Deformer(mesh, made_field(8, center=mesh.bounds.mean(axis=0), scale=2 / max(mesh.extents)))
+    handle = deformer.add(0)
+    poses = [KeyPose(name="p", seconds=each, transforms=(raised(handle, each / 4),)) for each in (0, 1)]
+    path, said = export(deformer, "animation", "figure.glb", tmp_path, poses)
+    header = header_of(path)
+    assert {each["target"]["path"] for each in header["animations"][-1]["channels"]} == {"weights"}
+    assert any("targets" in primitive for each in header["meshes"] for primitive in each["primitives"])
+    assert "skins" in header
+    assert said.startswith("3 morph targets")

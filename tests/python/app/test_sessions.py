@@ -1,0 +1,122 @@
+"""Sessions outlive reloads, know nothing of each other, and share what they compute of one shape."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from app_page import Page
+
+from dfd.app.options import SessionOptions
+from dfd.app.session.session import Session
+from dfd.app.web import sessions
+from dfd.app.web.launch import RunningApp
+from dfd.app.web.sessions import OPENED_ELSEWHERE, SESSION_ENDED, SessionThread
+
+
+def session_of(page: Page) -> Session:
+    tab = page.app.sessions.find(page.session)
+    assert tab is not None
+    return tab.thread.session
+
+
+def leave(page: Page) -> None:
+    """Close the page, and wait until the server has noticed."""
+    tab = page.app.sessions.find(page.session)
+    assert tab is not None
+    page.close()
+    while tab.attended:
+        time.sleep(0.01)
+
+
+def test_a_reload_loses_nothing(page: Page) -> None:
+    handle = page.ask("add", at={"vertex": 5}, transform={"translation": [0, -0.3, 0]})["handle"]
+    leave(page)
+    assert page.open()["resumed"]
+    state = page.alive()
+    assert [each["handle"] for each in state["handles"]] == [handle]
+    assert state["can_undo"]
+    assert page.last("mesh")["name"] == "chair.glb"
+    assert page.last("columns")["columns"][0]["column"] == state["handles"][0]["column"]
+
+
+def test_a_tab_that_opens_a_session_takes_it_over(page: Page) -> None:
+    other = Page(page.app, session=page.session)
+    assert other.open()["resumed"]
+    assert page.closed_with() == OPENED_ELSEWHERE
+    other.alive()
+    other.close()
+    page.open()
+
+
+def test_two_tabs_have_one_shape_and_each_its_own_edit(page: Page, new_page: Page) -> None:
+    assert new_page.session != page.session
+    for each in (page, new_page):
+        if not each.last("state")["field"]["parts"]:
+            each.until(lambda message: message["type"] == "state" and message["field"]["parts"])
+    page.ask("add", at={"vertex": 5}, transform={"translation": [0, -0.3, 0]})
+    new_page.ask("undo")
+    assert all(message["type"] != "state" or not message["handles"] for message in new_page.heard)
+    one, other = session_of(page).deformer, session_of(new_page).deformer
+    assert one is not None
+    assert other is not None
+    assert one.features is other.features
+    assert one.bound.parts is other.bound.parts
+    assert one.bound.finder is other.bound.finder
+    np.testing.assert_array_equal(other.vertices, other.mesh.vertices)
+    assert one.part(5) == other.part(5)
+
+
+def test_of_the_sessions_that_no_page_shows_the_oldest_end(app: RunningApp, page: Page, monkeypatch: object) -> None:
+    monkeypatch.setattr(sessions, "MOST_UNATTENDED", 1)  # type: ignore[attr-defined]
+    left = [Page(app) for _ in range(2)]
+    for each in left:
+        each.open()
+    folders = [session_of(each).folder for each in left]
+    leave(left[1])
+    leave(left[0])
+    new = Page(app)
+    assert not new.open()["resumed"]
+    assert [folder.is_dir() for folder in folders] == [True, False], "the one that was left first has ended"
+    assert left[0].open()["resumed"]
+    assert not left[1].open()["resumed"]
+    for each in (new, *left):
+        each.close()
+    assert page.ask("undo")["type"] == "done", "one that a page shows goes on"
+
+
+def test_a_server_that_stops_closes_its_pages(options: SessionOptions) -> None:
+    app = RunningApp(options)
+    app.start()
+    page = Page(app)
+    page.open()
+    app.stop()
+    assert page.closed_with() in (SESSION_ENDED, 1012)
+    page.close()
+
+
+def test_a_click_waits_for_the_instances_of_one_column_at_most_and_deferred_work_comes_last(tmp_path, monkeypatch):  # type: ignore[no-untyped-def]
+    did: list[str] = []
+    pending = ["a", "b"]
+
+    class Stub(Session):
+        has_pending_columns = property(lambda self: bool(pending))  # type: ignore[assignment]
+
+        def send_pending_columns(self) -> None:
+            did.append(f"send {pending.pop()}")
+            thread.call(lambda: did.append("click"))
+
+        def rest(self) -> None:
+            did.append("rest")
+            thread.end()
+
+        def end(self) -> None:
+            did.append("end")
+
+    monkeypatch.setattr(sessions, "Session", Stub)
+    thread = SessionThread(tmp_path, SessionOptions(), lambda message: None, None)
+    for _ in range(3):
+        thread.call(lambda: did.append("click"))
+    while "end" not in did:
+        time.sleep(0.01)
+    assert did == [*["click"] * 3, "send b", "click", "send a", "click", "rest", "end"]
