@@ -1,16 +1,19 @@
-"""How the kinds of parts are learned, which a metric tells beside its directions: on points of many labelled shapes."""
+"""The kinds of parts that a metric tells beside its directions, learned from points of many labelled shapes."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.distillation.metric import Kinds
+
+if TYPE_CHECKING:
+    from bench.training.learn_metric import Lesson
 
 KINDS = ("ear", "horn", "trunk", "wing", "fin", "tail", "foot", "leg", "neck", "head", "torso", "hand", "arm")
 SAME = {"body": "torso", "hoof": "foot"}
@@ -23,23 +26,7 @@ FAMILY_POWER = 0.5  # a family counts as the square root of its shapes
 SCALE = 20.0  # about √384, so that numbers of a feature are near one
 
 
-class Taught(Protocol):
-    """A labelled shape to learn from."""
-
-    @property
-    def family(self) -> str:
-        """Shapes of one family count together."""
-
-    @property
-    def mean(self) -> Float32:
-        """(D,) the mean feature of its surface."""
-
-    @property
-    def kinds(self) -> Sequence[tuple[str, Float32]]:
-        """The name of each part, and the features (N, D) of its points."""
-
-
-def learn_kinds(taught: Sequence[Taught], seed: int = 0) -> Kinds | None:
+def learn_kinds(taught: Sequence[Lesson], seed: int = 0) -> Kinds | None:
     """The kinds of parts of all shapes that have two of `KINDS` or more; None where no shape has.
 
     Families count by the square root of how many shapes they have, shapes of a family alike, parts of a shape alike.
@@ -66,16 +53,9 @@ def _fitted(
     chances: Float64,  # (N,)
     generator: np.random.Generator,
 ) -> Kinds:
-    """The network that tells `kinds`, points drawn by their `chances`; on one thread, so that sums are reproducible."""
+    """Fit the network that tells `kinds`, points drawn by their `chances`."""
     threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        return _on_one_thread(rows, kinds, chances, generator)
-    finally:
-        torch.set_num_threads(threads)
-
-
-def _on_one_thread(rows: Float32, kinds: Int64, chances: Float64, generator: np.random.Generator) -> Kinds:
+    torch.set_num_threads(1)  # so that sums are reproducible
     x, y, until = torch.from_numpy(rows), torch.from_numpy(kinds), np.cumsum(chances / chances.sum())
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(int(generator.integers(2**31)))
@@ -92,5 +72,6 @@ def _on_one_thread(rows: Float32, kinds: Int64, chances: Float64, generator: np.
             loss.backward()  # type: ignore[no-untyped-call]
             optimizer.step()
             schedule.step()
+    torch.set_num_threads(threads)
     told = [each.detach().numpy().T.copy() for each in (first.weight, first.bias, second.weight, second.bias)]
     return Kinds(told[0] * np.float32(SCALE), *told[1:])

@@ -1,15 +1,12 @@
 """`python -m bench.training.learn_metric`: learn which differences tell parts apart, judged on families left out.
 
 From the rigs in the folder that DFD_MESHES names (its "rigs" and "upright" folders, and skinned characters), +y up, the
-samples of dfd, and the rigs and people in a folder given with `--lessons`. What the encoder sees is kept between runs;
-a folder that is given with --features is taken as it is. Equal features give equal files. docs/learned.md names the
-sources of the metric that comes with the package.
+samples of dfd, and the rigs and people in a folder given with `--lessons`. What the encoder sees is kept between runs.
+Equal features give equal files. docs/learned.md names the sources of the metric that comes with the package.
 """
 
 from __future__ import annotations
 
-import argparse
-import os
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -26,16 +23,14 @@ from bench.quality.parts import family_of
 from bench.quality.shapes import Shape
 from bench.tables import to_markdown, write_text
 from bench.training.learn_kinds import learn_kinds
-from bench.training.sources import add_lessons
+from bench.training.sources import RESULTS, options_of
 from bench.training.vertex_features import VertexFeatures, cached_vertex_features
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.distillation.metric import FOLDER, Metric
 from dfd.encoders.encode import Encoder, load_encoder
-from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.encoders.learned_file import encoder_identity
 
-REPORT = Path(__file__).resolve().parents[1] / "results" / "quality" / "metric.md"
-CACHE = REPORT.parent / "metric_features"
+REPORT, CACHE = RESULTS / "metric.md", RESULTS / "metric_features"
 DIRECTIONS = 51  # with the kinds of parts beside them, 64 numbers
 RIDGE = 1.0  # of the mean variance within parts
 THICKNESS = 0.25  # that a band of thickness counts, beside the numbers of a feature of unit length
@@ -55,11 +50,6 @@ class Lesson:
     seen: VertexFeatures
 
     @property
-    def features(self) -> Float32:
-        """(V, D) of the vertices."""
-        return self.seen.features
-
-    @property
     def family(self) -> str:
         """See `family_of`."""
         return family_of(self.shape.name)
@@ -67,13 +57,13 @@ class Lesson:
     @cached_property
     def mean(self) -> Float32:
         """(D,) the mean feature of the surface, whose faces stand for their corners."""
-        mean = np.average(self.features, axis=0, weights=area_fractions(self.shape.mesh))
+        mean = np.average(self.seen.features, axis=0, weights=area_fractions(self.shape.mesh))
         return np.asarray(mean, np.float32)
 
     @property
     def kinds(self) -> list[tuple[str, Float32]]:
         """The name of each part, and the features (N, D) of its vertices."""
-        return [(name, self.features[self.shape.labels == part]) for part, name in enumerate(self.shape.parts)]
+        return [(name, self.seen.features[self.shape.labels == part]) for part, name in enumerate(self.shape.parts)]
 
     @cached_property
     def scatters(self) -> tuple[Matrix, Matrix]:
@@ -81,7 +71,9 @@ class Lesson:
 
         Parts count alike.
         """
-        every = np.concatenate([self.features, np.float32(THICKNESS) * self.seen.thickness], axis=1, dtype=np.float64)
+        every = np.concatenate(
+            [self.seen.features, np.float32(THICKNESS) * self.seen.thickness], axis=1, dtype=np.float64
+        )
         rows = [every[self.shape.labels == part] for part in range(len(self.shape.parts))]
         rows = [part for part in rows if len(part) >= FEWEST]
         within = np.mean([np.cov(part.T, bias=True) for part in rows], axis=0)
@@ -92,25 +84,15 @@ class Lesson:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Distill, learn, judge and write."""
-    parser = argparse.ArgumentParser("python -m bench.training.learn_metric", description=__doc__)
-    parser.add_argument("--encoder", default=DEFAULT_ENCODER)
-    parser.add_argument("--output", type=Path, help="the metric's file; by default where the package looks for it")
-    parser.add_argument("--features", type=Path, default=CACHE, help="where what is seen is kept (%(default)s)")
-    add_lessons(parser)
-    options = parser.parse_args(arguments)
-    if not os.environ.get("DFD_MESHES"):
-        parser.error("DFD_MESHES must name the folder of meshes to learn from")
+    options = options_of(arguments, "learn_metric", __doc__, FOLDER)
     encoder = load_encoder(options.encoder)
     lessons = []
-    for shape in labelled_shapes(Path(os.environ["DFD_MESHES"]), options.lessons, print):
+    for shape in labelled_shapes(options.meshes, options.lessons, print):
         print(shape.name, flush=True)
-        lessons.append(Lesson(shape, cached_vertex_features(options.features, shape.mesh, encoder)))
-    output = options.output or FOLDER / f"{options.encoder}.safetensors"
-    output.parent.mkdir(parents=True, exist_ok=True)
-    learn(lessons, encoder).save(output)
-    REPORT.parent.mkdir(parents=True, exist_ok=True)
+        lessons.append(Lesson(shape, cached_vertex_features(CACHE, shape.mesh, encoder)))
+    learn(lessons, encoder).save(options.output)
     write_text(REPORT, report(lessons))
-    print(f"{output}\n{REPORT}")
+    print(f"{options.output}\n{REPORT}")
 
 
 def labelled_shapes(folder: Path, lessons: Path | None, say: Callable[[str], None]) -> list[Shape]:
@@ -143,7 +125,7 @@ def discriminants(lessons: Sequence[Lesson]) -> tuple[Float32, Float32]:
     ratio, directions = ratio[: -DIRECTIONS - 1 : -1], directions[:, : -DIRECTIONS - 1 : -1]
     directions *= np.sign(directions[np.abs(directions).argmax(axis=0), np.arange(directions.shape[1])])
     directions *= np.maximum(ratio, 0) ** POWER
-    of_features, of_bands = np.split(directions, [lessons[0].features.shape[1]])
+    of_features, of_bands = np.split(directions, [lessons[0].seen.features.shape[1]])
     return np.ascontiguousarray(of_features, np.float32), np.ascontiguousarray(THICKNESS * of_bands, np.float32)
 
 
@@ -178,8 +160,8 @@ def report(lessons: Sequence[Lesson]) -> str:
         metric = Metric(*discriminants(others), "", 0, learn_kinds(others))
         for lesson in tested:
             thickness = lesson.seen.thickness
-            mapped = metric.mapped(lesson.features, thickness, np.random.default_rng(0), mean=lesson.mean)
-            (plain, moves), (learned, moves_learned) = judged(lesson, lesson.features), judged(lesson, mapped)
+            mapped = metric.mapped(lesson.seen.features, thickness, np.random.default_rng(0), mean=lesson.mean)
+            (plain, moves), (learned, moves_learned) = judged(lesson, lesson.seen.features), judged(lesson, mapped)
             rows.append([family, lesson.shape.name, plain, learned, moves, moves_learned])
             gains.setdefault(family, []).append(learned - plain)
     by_family = {family: float(np.mean(some)) for family, some in gains.items()}

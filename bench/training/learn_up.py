@@ -7,9 +7,7 @@ that comes with the package.
 
 from __future__ import annotations
 
-import argparse
 import hashlib
-import os
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -18,12 +16,11 @@ from scipy.spatial.transform import Rotation
 
 import dfd
 from bench.tables import to_markdown, write_text
-from bench.training.sources import add_lessons, upright_files
+from bench.training.sources import RESULTS, options_of, upright_files
 from bench.training.up_lessons import (
     FRAMES,
     LESSONS,
     TRUE,
-    Choice,
     Odds,
     Tilted,
     UpLesson,
@@ -36,18 +33,16 @@ from bench.training.up_lessons import (
 from dfd.common.files import atomic_write
 from dfd.common.linear_algebra import Float64
 from dfd.encoders.encode import Encoder, load_encoder
-from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.encoders.learned_file import encoder_identity
 from dfd.field.cache_key import FIELD_VERSION, hash_key
 from dfd.mesh.normalization import normalization
 from dfd.upright import probe_views
-from dfd.upright.find_up import CLEAR, EARLY_STOP_CONFIDENCE, decide
+from dfd.upright.find_up import CLEAR, EARLY_STOP_CONFIDENCE
 from dfd.upright.probe import FOLDER, UpProbe
 from dfd.upright.probe_views import CORNERS, SIDES, ProbeCameras, ViewTokens
 from dfd.upright.stability import StabilityCues
 
-REPORT = Path(__file__).resolve().parents[1] / "results" / "quality" / "up.md"
-KEPT_VIEWS = REPORT.parent / "views_around"
+REPORT, KEPT_VIEWS = RESULTS / "up.md", RESULTS / "views_around"
 KEPT = 0.99  # of upright files must have pictures that show them upright
 KEPT_OWN = 0.97  # of those in DFD_MESHES and the samples, of which many hardly have an up, by the likeliest axis
 KEPT_UP = 0.985  # of upright files must not be taken for upside down
@@ -59,25 +54,15 @@ _FAVOR = np.array([[0, 0, 1, 0, Z_SHARE, Z_SHARE], [0, 0, 0, 1, 0, 0]])
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Learn, judge and write."""
-    parser = argparse.ArgumentParser("python -m bench.training.learn_up", description=__doc__)
-    parser.add_argument("--encoder", default=DEFAULT_ENCODER)
-    parser.add_argument("--output", type=Path, help="the probe's file; by default where the package looks for it")
-    add_lessons(parser)
-    options = parser.parse_args(arguments)
-    if not os.environ.get("DFD_MESHES"):
-        parser.error("DFD_MESHES must name the folder of meshes to learn from")
+    options = options_of(arguments, "learn_up", __doc__, FOLDER)
     encoder = load_encoder(options.encoder)
     lessons = []
-    for name, mesh in upright_shapes(Path(os.environ["DFD_MESHES"]), options.lessons):
+    for name, mesh in upright_shapes(options.meshes, options.lessons):
         print(name, flush=True)
         lessons.append(lesson(name, mesh, encoder))
-    probe = learn(lessons, encoder)
-    output = options.output or FOLDER / f"{options.encoder}.safetensors"
-    output.parent.mkdir(parents=True, exist_ok=True)
-    probe.save(output)
-    REPORT.parent.mkdir(parents=True, exist_ok=True)
+    learn(lessons, encoder).save(options.output)
     write_text(REPORT, report(lessons))
-    print(f"{output}\n{REPORT}")
+    print(f"{options.output}\n{REPORT}")
 
 
 def upright_shapes(folder: Path, lessons: Path | None = None) -> Iterator[tuple[str, dfd.Mesh]]:
@@ -143,19 +128,15 @@ def decided(odds: Odds, up: int, priors: tuple[float, float]) -> tuple[int, int]
 
     One look around the file's +y is enough where it leaves no doubt, as in `dfd.upright.find_up`.
     """
-    favored = (odds.at_once[up] if sure_at_once(odds, up) else odds.along).copy()
+    axes = np.logaddexp(odds.at_once[up][::2], odds.at_once[up][1::2])
+    sure = np.exp(axes.max() - np.logaddexp.reduce(axes)) >= EARLY_STOP_CONFIDENCE
+    favored = (odds.at_once[up] if sure else odds.along).copy()
     favored[up] += priors[0]
     favored[up ^ 1] += priors[1]
     z = (up // 2 + 1) % 3
     favored[[2 * z, 2 * z + 1]] += Z_SHARE * priors[0]
     axis = int(np.logaddexp(favored[::2], favored[1::2]).argmax())
     return axis, 2 * axis + int(favored[2 * axis + 1] > favored[2 * axis])
-
-
-def sure_at_once(odds: Odds, up: int) -> bool:
-    """Whether one look around frame `up` leaves no doubt about the axis."""
-    axes = np.logaddexp(odds.at_once[up][::2], odds.at_once[up][1::2])
-    return bool(np.exp(axes.max() - np.logaddexp.reduce(axes)) >= EARLY_STOP_CONFIDENCE)
 
 
 def least_priors(odds: Mapping[str, Float64], own: Collection[str] = ()) -> tuple[float, float]:
@@ -182,57 +163,32 @@ def least_priors(odds: Mapping[str, Float64], own: Collection[str] = ()) -> tupl
     return next((each for each in pairs if enough(*each)), (float(PRIORS[-1]), float(PRIORS[-1] - LOSSES[-1])))
 
 
-COLUMNS = ("family", "shapes", "without a prior", "kept upright", "found z up", "found, 24 turns", "at once", "tilted")
-
-
 def report(lessons: Sequence[UpLesson]) -> str:
-    """How often the right direction is found, each shape judged by what others taught."""
+    """Say how often the upright axis, and in brackets the up direction, is found by what others taught."""
     along = {name: odds.along for name, odds in left_out_odds(tuple(lessons), by_shape).items()}
     priors = least_priors(along, own_names(lessons))
-    own = [each for each in lessons if not each.name.startswith(LESSONS)]
+    own = [each for each in lessons if each.name in own_names(lessons)]
     lines = [
         "# Which way is up",
         "",
         f"{len(lessons)} shapes, of which {len(own)} are from DFD_MESHES or samples; those are judged. Log-odds of the "
-        f"file's +y: {priors[0]:.2f}, of −y: {priors[1]:.2f}, of ±z: {Z_SHARE * priors[0]:.2f}. Each cell: how often "
-        "the upright axis is right, and in brackets the direction; then how many upright files one look decides, "
-        "and for how many tilted ones a first look finds the axis within 20 degrees: the likeliest, and in brackets "
-        "any of the two that have pictures.",
-        "",
+        f"file's +y: {priors[0]:.2f}, of −y: {priors[1]:.2f}, of ±z: {Z_SHARE * priors[0]:.2f}.",
     ]
     for left_out, group in (("its family", by_family), ("itself", by_shape)):
-        odds = left_out_odds(tuple(lessons), group)
-        rows = []
+        odds, rows = left_out_odds(tuple(lessons), group), []
         for family in [*dict.fromkeys(each.family for each in own), "all"]:
             some = [odds[each.name] for each in own if family in (each.family, "all")]
-            rows.append([family, len(some), *_shares(some, priors)])
-        rows.append(["with --lessons", len(odds), *_shares(list(odds.values()), priors)])
-        wrong = [each.name for each in own if decided(odds[each.name], TRUE, (0.0, 0.0))[0] != TRUE // 2]
-        lines += [f"Each judged without {left_out}:", "", *to_markdown(COLUMNS, rows)]
-        lines += ["", f"Wrong axis without a prior: {', '.join(wrong)}.", ""]
-    return "\n".join(lines)
+            # The file's +y lies along an up, so the shape's own up is the file's z where that is the axis after it.
+            rows.append([family, len(some), *(_found(some, ups, priors) for ups in ([TRUE], [0, 1], range(6)))])
+        columns = ("family", "shapes", "kept upright", "found z up", "found, 24 turns")
+        lines += ["", f"Each judged without {left_out}:", "", *to_markdown(columns, rows)]
+    return "\n".join([*lines, ""])
 
 
-def _shares(odds: Sequence[Odds], priors: tuple[float, float]) -> list[str]:
-    """Of shapes, right without a prior, and with it: upright, with the file's z up, and turned all ways."""
-
-    def found(ups: Sequence[int], priors: tuple[float, float] = priors) -> str:
-        # The file's +y lies along `up`, so the shape's own up is the file's z where that is the axis after it.
-        all_found = [decided(each, up, priors) for each in odds for up in ups]
-        right = np.mean([[axis == TRUE // 2, frame == TRUE] for axis, frame in all_found], axis=0)
-        return f"{right[0]:.2f} ({right[1]:.2f})"
-
-    at_once = np.mean([sure_at_once(each, TRUE) for each in odds])
-    tilted = np.mean([_found_tilted(*pair) for each in odds for pair in each.tilted] or [(False, False)], axis=0)
-    columns = [found([TRUE], (0.0, 0.0)), found([TRUE]), found([0, 1]), found(range(6))]
-    return [*columns, f"{at_once:.2f}", f"{tilted[0]:.2f} ({tilted[1]:.2f})"]
-
-
-def _found_tilted(odds: Float64, choice: Choice) -> tuple[bool, bool]:
-    """Whether the likeliest axis is right, and whether one is of those that have pictures."""
-    up, either = decide(choice.frames, odds), choice.right[::2] | choice.right[1::2]
-    shown = [bool(np.repeat(either, 2)[(choice.frames == frame).all(axis=(1, 2))].any()) for frame in up.frames]
-    return shown[0], any(shown)
+def _found(odds: Sequence[Odds], ups: Sequence[int], priors: tuple[float, float]) -> str:
+    found = [decided(each, up, priors) for each in odds for up in ups]
+    axis, direction = np.mean([[axis == TRUE // 2, frame == TRUE] for axis, frame in found], axis=0)
+    return f"{axis:.2f} ({direction:.2f})"
 
 
 if __name__ == "__main__":

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser
+import argparse
+import os
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from bench.quality.parts import family_of
+from dfd.encoders.known import DEFAULT_ENCODER
 
+RESULTS = Path(__file__).resolve().parents[1] / "results" / "quality"
 OF_MESHES = ("knight.glb", "kaykit_*.obj", "rigs/*.glb", "upright/*.glb")  # what is under CC0 in DFD_MESHES
 OF_LESSONS = ("people/*.glb", "rigs/*.glb", "upright/*.glb")
 MOST_ALIKE = 12  # of a family, so that a pack of many jars does not outweigh all else
@@ -21,11 +24,22 @@ WITHOUT_UP = (
 )
 
 
-def add_lessons(parser: ArgumentParser) -> None:
-    """The option that names the folder of further models."""
-    parser.add_argument(
-        "--lessons", type=Path, help="a folder of CC0 models to learn from besides, +y up, in people, rigs and upright"
-    )
+def options_of(
+    arguments: Sequence[str] | None, module: str, description: str | None, folder: Path
+) -> argparse.Namespace:
+    """Read the command line: encoder, lessons, meshes (those of DFD_MESHES), and the output, by default in `folder`."""
+    parser = argparse.ArgumentParser(f"python -m bench.training.{module}", description=description)
+    parser.add_argument("--encoder", default=DEFAULT_ENCODER)
+    parser.add_argument("--output", type=Path, help="file to write; by default where the package looks for it")
+    parser.add_argument("--lessons", type=Path, help="a folder of further CC0 models, +y up: people, rigs and upright")
+    options = parser.parse_args(arguments)
+    if not os.environ.get("DFD_MESHES"):
+        parser.error("DFD_MESHES must name the folder of meshes to learn from")
+    options.meshes = Path(os.environ["DFD_MESHES"])
+    options.output = options.output or folder / f"{options.encoder}.safetensors"
+    for each in (options.output.parent, RESULTS):
+        each.mkdir(parents=True, exist_ok=True)
+    return options
 
 
 def upright_files(meshes: Path, lessons: Path | None) -> Iterator[Path]:

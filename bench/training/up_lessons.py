@@ -112,36 +112,26 @@ class Ridge:
     """
 
     def __init__(self, rows: Sequence[Rows], blocks: int) -> None:
-        size = rows[0].terms.shape[1]
-        squares = np.zeros(size)
+        self._blocks, size = blocks, rows[0].terms.shape[1]
+        squares = sum(each.counts @ np.square(each.terms) for each in rows).reshape(blocks, -1).sum(axis=1)
+        spread = squares / sum(each.counts.sum() for each in rows)
+        self._scales = np.sqrt(np.maximum(spread, np.finfo(np.float64).tiny)).repeat(size // blocks)
+        moment, told = self._moments(rows)
+        self._moment, self._told = moment + RIDGE * blocks * np.eye(size), told
+
+    def _moments(self, rows: Sequence[Rows]) -> tuple[Float64, Float64]:
+        moment, told = np.zeros((len(self._scales),) * 2), np.zeros(len(self._scales))
         for each in rows:
-            squares += each.counts @ np.square(each.terms)
-        spread = squares.reshape(blocks, -1).sum(axis=1) / sum(each.counts.sum() for each in rows)
-        self._blocks, self._scales = blocks, np.sqrt(np.maximum(spread, np.finfo(np.float64).tiny))
-        moment, told = RIDGE * blocks * np.eye(size), np.zeros(size)
-        for each in rows:
-            terms = self._scaled(each)
+            terms = each.terms / self._scales
             moment += terms.T @ (each.counts[:, None] * terms)
             told += terms.T @ (each.counts * each.targets)
-        self._inverse = np.linalg.inv(moment)
-        self._weights = self._inverse @ told
-
-    def _scaled(self, rows: Rows) -> Float64:
-        terms = rows.terms.reshape(len(rows.terms), self._blocks, -1) / self._scales[:, None]
-        scaled: Float64 = terms.reshape(rows.terms.shape)
-        return scaled
+        return moment, told
 
     def without(self, some: Sequence[Rows] = ()) -> Float32:
-        """The vote (J, D) that all rows but `some` teach; it follows from that of all (Woodbury's identity)."""
-        weights = self._weights
-        if some:
-            terms = np.concatenate([self._scaled(each) for each in some])
-            counts, targets = (np.concatenate([getattr(each, name) for each in some]) for name in ("counts", "targets"))
-            spread = self._inverse @ terms.T
-            inner = np.diag(1 / counts) - terms @ spread
-            weights = weights - spread @ np.linalg.solve(inner, targets - terms @ weights)
-        vote: Float64 = weights.reshape(self._blocks, -1) / self._scales[:, None]
-        return vote.astype(np.float32)
+        """Return the vote (J, D) that all rows but `some` teach."""
+        moment, told = self._moments(some)
+        weights = np.linalg.solve(self._moment - moment, self._told - told) / self._scales
+        return weights.reshape(self._blocks, -1).astype(np.float32)
 
 
 class Votes:
@@ -267,11 +257,10 @@ def fit_odds(choices: Sequence[Choice], start: Float64 | None = None) -> Float64
 
 @dataclass(frozen=True, eq=False)
 class Odds:
-    """Log-odds of the candidates of a shape, see `Choices`; of what is tilted with the choice."""
+    """Log-odds of the candidates of a shape, see `Choices`."""
 
     at_once: Float64  # (6, 6)
     along: Float64  # (6,)
-    tilted: tuple[tuple[Float64, Choice], ...] = ()
 
 
 @cache
@@ -285,13 +274,10 @@ def left_out_odds(lessons: tuple[UpLesson, ...], group: Group) -> dict[str, Odds
     groups = list(dict.fromkeys(map(group, lessons)))
     for fold in (set(groups[first::FOLDS]) for first in range(FOLDS)):
         names = {each.name for each in lessons if group(each) in fold}
-        at_once, along, tilted = learned_odds(lessons, names, start)
+        at_once, along, _ = learned_odds(lessons, names, start)
         for each in lessons:
             if each.name in names:
                 told = left_out_choices(lessons, group)[each.name]
-                found[each.name] = Odds(
-                    np.stack([choice.terms @ at_once for choice in told.at_once]),
-                    told.along.terms @ along,
-                    tuple((choice.terms @ tilted, choice) for choice in told.tilted),
-                )
+                looks = np.stack([choice.terms @ at_once for choice in told.at_once])
+                found[each.name] = Odds(looks, told.along.terms @ along)
     return found

@@ -58,7 +58,7 @@ def test_directions_between_parts_come_first_and_longest(lessons):
 def test_parts_that_only_differ_in_thickness_are_told_apart(lessons):
     thick = []
     for seed, each in enumerate(lessons):
-        noise = np.random.default_rng(seed).normal(size=each.features.shape).astype(np.float32)
+        noise = np.random.default_rng(seed).normal(size=each.seen.features.shape).astype(np.float32)
         bands = np.eye(BANDS, dtype=np.float32)[4 * each.shape.labels]
         thick.append(replace(each, seen=VertexFeatures(unit(noise), bands)))
     of_features, of_bands = discriminants(thick)
@@ -85,7 +85,7 @@ def test_kinds_are_known_again_on_a_shape_that_was_not_seen():
 
     kinds = learn_kinds([figure("man", 0), figure("knight", 1), figure("golem", 2)])
     stranger = figure("pilot", 3)
-    likely = np.square(kinds.likely(stranger.features, stranger.mean))
+    likely = np.square(kinds.likely(stranger.seen.features, stranger.mean))
     truth = np.array([KINDS.index(part) for part in sample.parts])[sample.labels]
     assert (likely.argmax(axis=1) == truth).mean() > 0.9
     np.testing.assert_allclose(likely.sum(axis=1), 1, atol=1e-4)
@@ -150,7 +150,6 @@ def test_one_look_decides_where_it_leaves_no_doubt():
 
 @pytest.mark.parametrize("left_out", [[], [2], [0, 5]])
 def test_votes_without_some_are_what_the_others_teach(left_out):
-    """The short cut gives what the normal equations of the others alone give."""
     generator, blocks, width = np.random.default_rng(0), 3, 5
     rows = [Rows(generator.normal(size=(6, 15)), generator.normal(size=6), np.full(6, 0.5)) for _ in range(6)]
     counts, terms = (np.concatenate([getattr(each, name) for each in rows]) for name in ("counts", "terms"))
