@@ -84,7 +84,7 @@ def export(
     if output is not None:
         with stages.stage("export"):
             report = export_rig(session, output, form=form, influences=most, poses=moments)  # type: ignore[arg-type]
-        say(f"{', '.join(map(str, report.paths))}: {report}")
+        say(f"{report.path}: {report}")
     if weights is not None:
         export_weights(session, weights)
         count = len(session.handles)

@@ -14,8 +14,10 @@ from dfd.editing.deformer import Deformer
 from dfd.export.gltf.export_gltf import export_gltf
 from dfd.export.gltf.skin import MOST_JOINTS, parts_with_deformers
 from dfd.export.key_poses import KeyPose, checked_poses
-from dfd.export.report import RigReport, rig_report
+from dfd.export.report import RigReport, report_of
 from dfd.export.rig import Rig, rig_of
+from dfd.export.skinning import Difference
+from dfd.mesh.file.write import write
 from dfd.mesh.mesh import Mesh
 
 Form = Literal["skin", "morph", "baked"]
@@ -79,8 +81,10 @@ def export_rig(
     if form == "skin":
         _check_joints(rig)
     if form == "baked":
-        session.mesh.save(target, session.vertices)
-        report = rig_report(rig, (target,), form)
+        mesh = session.mesh
+        lost = write(target, session.vertices, mesh.faces, appearance=mesh.appearance, scene=mesh.scene)
+        difference = Difference(float(lost.max(initial=0.0)), float(lost.mean()) if len(lost) else 0.0)
+        report = report_of(rig, target, form, difference)
     else:
         report = export_gltf(rig, target, form, most)
     return replace(report, notes=(*report.notes, *note))

@@ -27,6 +27,14 @@ class Local:
     rotation: Float64  # (4,) quaternion x, y, z, w
     scale: Float64  # (3,)
 
+    @property
+    def matrix(self) -> Float64:
+        """(4, 4) the transform."""
+        matrix = np.eye(4)
+        matrix[:3, :3] = Rotation.from_quat(self.rotation).as_matrix() * self.scale
+        matrix[:3, 3] = self.translation
+        return matrix
+
 
 @dataclass(frozen=True, eq=False)
 class Joint:
@@ -52,14 +60,6 @@ class Joint:
     def _basis(self) -> Float64:
         """(3, 3) the axes, negated where `carry` mirrors them."""
         return self.axes * np.sign(np.linalg.det(self.carry[:3, :3] @ self.axes))
-
-    def matrix(self, transform: Transform) -> Float64:
-        """(4, 4) the joint's matrix for the handle's `transform`, mesh units."""
-        matrix = np.vstack([transform.matrix(self.center), (0.0, 0.0, 0.0, 1.0)])
-        back = np.eye(4)
-        back[:3, :3] = self.carry[:3, :3].T
-        back[:3, 3] = -back[:3, :3] @ self.carry[:3, 3]
-        return self.carry @ matrix @ back
 
     def local(self, transform: Transform) -> Local:
         """The joint's transform in its own frame for the handle's `transform`.

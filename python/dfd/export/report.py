@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from dfd.export.influences import Influences
 from dfd.export.rig import Rig
-from dfd.export.skinning import Difference
+from dfd.export.skinning import Difference, Skin
 
 
 @dataclass(frozen=True)
 class RigReport:
     """What was written, and its deviation from `dfd.pose`."""
 
-    paths: tuple[Path, ...]  # the files, the named one first
+    path: Path
     form: str  # "skin", "morph" or "baked"
     joints: int  # 0 where there is no skin
     influences: int  # the most joints that a vertex follows
@@ -51,34 +49,32 @@ class RigReport:
         return f"maximum deviation from dfd.pose: {parts[0]}, {parts[1]} on average{where}"
 
 
-def rig_report(
+def report_of(
     rig: Rig,
-    paths: tuple[Path, ...],
+    path: Path,
     form: str,
-    difference: Difference | None = None,
-    influences: Influences | None = None,
+    difference: Difference,
     *,
+    skin: Skin | None = None,
     targets: int = 0,
-    notes: Sequence[str] = (),
+    notes: tuple[str, ...] = (),
 ) -> RigReport:
-    """The report of a rig in files that differ from `dfd.pose` by `difference`, None for nothing."""
-    difference = difference or Difference(0.0, 0.0, "the edit")
-    sentences = list(notes)
-    if influences is not None and rig.edit.blending != "linear":
-        sentences.append(f"the edit blends as {rig.edit.blending}, and a skin linearly")
-    if influences is not None and any(handle.transform.bends for _, edit in rig.moments() for handle in edit.handles):
-        sentences.append("what is bent or twisted is not in a skin: 'morph' and 'baked' have it")
+    """The report of a rig in a file that differs from `dfd.pose` by `difference`."""
+    if skin is not None and rig.edit.blending != "linear":
+        notes += (f"the edit blends as {rig.edit.blending}, and a skin linearly",)
+    if skin is not None and any(handle.transform.bends for _, edit in rig.moments() for handle in edit.handles):
+        notes += ("what is bent or twisted is not in a skin: 'morph' and 'baked' have it",)
     return RigReport(
-        paths,
+        path,
         form,
-        len(rig.joints) if influences is not None else 0,
-        0 if influences is None else influences.joints.shape[1],
+        0 if skin is None else len(rig.joints),
+        0 if skin is None else skin.joints.shape[1],
         targets,
-        0.0 if influences is None else influences.pruned,
-        0 if influences is None else influences.normalized,
+        0.0 if skin is None else skin.pruned,
+        0 if skin is None else skin.normalized,
         difference.largest,
         difference.mean,
         difference.at,
         rig.mesh.diagonal,
-        tuple(sentences),
+        notes,
     )

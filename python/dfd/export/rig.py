@@ -14,6 +14,7 @@ from dfd.editing.influence.instance_weights import Column
 from dfd.editing.shape import PosedShape
 from dfd.export.joints import Joint
 from dfd.export.key_poses import KeyPose, posed_edit
+from dfd.mesh.file.edits import far_origin
 from dfd.mesh.file.primitives import UniqueNames
 from dfd.mesh.mesh import Mesh
 from dfd.posing.overlap import interpolating
@@ -32,6 +33,7 @@ class Rig:
     edit: Edit
     # the root first, which never moves, and is the parent of all others; D₀ second where the edit has one
     joints: tuple[Joint, ...]
+    origin: Float64  # (3,) from which a file sees vertices: 0, but for shapes that 32-bit floats hold too coarsely
     default: int  # the joint that receives 1 minus the sum of the weights: the root, or D₀
     poses: tuple[KeyPose, ...]  # key poses, ordered by time
     _session: Deformer
@@ -95,7 +97,9 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
     weights, columns, overlap = session.bound.posing(edit)
     names = UniqueNames()
     center = box_center(session.mesh)
-    joints = [Joint(names.unique("root"), None, center, np.zeros(3), np.eye(3), np.eye(4))]
+    far = far_origin(session.mesh.vertices)
+    origin = np.zeros(3) if far is None else far
+    joints = [Joint(names.unique("root"), None, center, origin, np.eye(3), np.eye(4))]
     if edit.default is not None:
         pivot = np.asarray(center if edit.default.pivot is None else edit.default.pivot)
         joints.append(Joint(names.unique("default"), None, center, pivot, _frame([edit.default]), np.eye(4)))
@@ -125,6 +129,7 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
         session.mesh,
         edit,
         tuple(joints),
+        origin,
         default,
         tuple(poses),
         session,

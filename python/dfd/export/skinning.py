@@ -1,4 +1,4 @@
-"""Linear blend skinning as readers of a file do it, and its deviation from `dfd.pose`."""
+"""A rig as the skin of a file: a few joints for each vertex, and its deviation from `dfd.pose`."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from dfd.common.linear_algebra import Float32, Float64
-from dfd.export.influences import Influences, influences_of
+from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.export.joints import Joint, Local
 from dfd.export.rig import BATCH, Rig
+
+ABOVE = 1e-5  # by which a sum of weights exceeds 1 for other reasons than the rounding of 24 bits
 
 
 @dataclass(frozen=True)
@@ -20,27 +20,92 @@ class Difference:
     """The deviation of a file from `dfd.pose`, over the edit and all key poses."""
 
     # largest, mean: distances of vertices, mesh units; the mean is that of the pose where it is largest
-    largest: float
-    mean: float
-    at: str  # where the largest is: "the edit", or the name of a key pose
+    largest: float = 0.0
+    mean: float = 0.0
+    at: str = "the edit"  # where the largest is: there, or at the key pose of that name
 
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """The skin of a rig as a file stores it."""
+    """The skin of a rig as a file stores it; vertices and joints are seen from the rig's origin."""
 
-    influences: Influences
+    # (V, K) joints of each vertex, the heaviest first, no joint twice; 0 where the weight is 0
+    joints: Int64
+    weights: Float32  # (V, K) descending; rows sum to 1 within 1e-6
+    pruned: float  # the largest part of a vertex's weight that was left out, in [0, 1]
+    normalized: int  # how many vertices had weights that sum to more than 1, or negative ones, and have others here
     binds: Float32  # (J, 4, 4) inverse binds
-    moments: list[list[Local]]  # (M, J) each joint as seen from its parent, in the edit and then at each key pose
-    difference: Difference
+    moments: list[list[Local]]  # (M, J) each joint in the edit and then at each key pose
+
+    def shown(self, moment: int, rig: Rig) -> Float64:
+        """(V, 3) the vertices that readers show at a moment: Σ_k w_k M_k B_k v, their sums in 64 bits."""
+        points = (rig.mesh.vertices - rig.origin).astype(np.float32).astype(np.float64)
+        matrices = np.array([local.matrix for local in self.moments[moment]]) @ self.binds.astype(np.float64)
+        result = np.empty_like(points)
+        for start in range(0, len(points), BATCH):
+            rows = slice(start, start + BATCH)
+            blended = np.zeros((len(points[rows]), 3, 4))
+            for joint, weight in zip(self.joints[rows].T, self.weights[rows].T, strict=True):
+                blended += weight[:, None, None].astype(np.float64) * matrices[joint, :3]
+            result[rows] = np.einsum("nij,nj->ni", blended[:, :, :3], points[rows]) + blended[:, :, 3]
+        return result + rig.origin
+
+    def difference(self, rig: Rig) -> Difference:
+        """The deviation from `dfd.pose` of what readers show."""
+        return differences(rig, [partial(self.shown, moment, rig) for moment in range(len(self.moments))])
 
 
-def inverse_binds(joints: Sequence[Joint]) -> Float32:
-    """(J, 4, 4) from the mesh's coordinates to each joint's own, as a file stores them.
+def skin_of(rig: Rig, most: int | None) -> Skin:
+    """The skin of a rig with the `most` heaviest joints of each vertex, all where it is None.
 
-    Raises ValueError if a joint is so far away that its inverse overflows 32-bit floats.
+    Raises ValueError if a joint scales along other axes than its own, or is too far away.
     """
+    joints, weights = [], []
+    least, normalized, width = 1.0, 0, 1
+    for _, rows in rig.weights():
+        normalized += int(((rows.sum(axis=1) > 1.0 + ABOVE) | (rows.min(axis=1) < -ABOVE)).sum())
+        rows = np.maximum(rows, 0.0)
+        order = np.argsort(-rows, axis=1, kind="stable")[:, :most]
+        kept = np.take_along_axis(rows, order, axis=1)
+        sums = kept.sum(axis=1, keepdims=True)
+        least = min(least, float((sums[:, 0] / rows.sum(axis=1)).min()))
+        single = _summing_to_one(kept / sums)
+        order[single == 0] = 0
+        width = max(width, int((single > 0).sum(axis=1).max()))
+        joints.append(order)
+        weights.append(single)
+    return Skin(
+        np.concatenate([each[:, :width] for each in joints]),
+        np.concatenate([each[:, :width] for each in weights]),
+        0.0 if most is None else 1.0 - least,
+        normalized,
+        _inverse_binds(rig.joints, rig.origin),
+        _moments(rig),
+    )
+
+
+def differences(rig: Rig, shown: Sequence[Callable[[], Float64]]) -> Difference:
+    """The deviation from `dfd.pose` of the shapes (V, 3) that a file shows at each of the rig's moments."""
+    found = Difference()
+    for (name, edit), show in zip(rig.moments(), shown, strict=True):
+        distance = np.linalg.norm(show() - rig.posed(edit), axis=1)
+        if distance.max() > found.largest:
+            found = Difference(float(distance.max()), float(distance.mean()), name)
+    return found
+
+
+def _summing_to_one(weights: Float64) -> Float32:
+    """Weights in 24 bits whose rows sum to 1: the first, the heaviest, absorbs the rounding of the others."""
+    single = weights.astype(np.float32)
+    single[single < np.finfo(np.float32).tiny] = 0.0  # some readers treat denormal numbers as 0
+    single[:, 0] = 1.0 - single[:, 1:].sum(axis=1, dtype=np.float64)
+    return single
+
+
+def _inverse_binds(joints: Sequence[Joint], origin: Float64) -> Float32:
+    """(J, 4, 4) from the coordinates of the file's vertices to each joint's own."""
     frames = np.array([joint.frame for joint in joints])
+    frames[:, :3, 3] -= origin
     with np.errstate(over="ignore", invalid="ignore"):
         inverse = np.linalg.inv(frames).astype(np.float32)
     wrong = ~np.isfinite(inverse).all(axis=(1, 2))
@@ -50,53 +115,17 @@ def inverse_binds(joints: Sequence[Joint]) -> Float32:
     return inverse
 
 
-def skin_of(rig: Rig, most: int | None, stored: Callable[[Local], Local] = lambda local: local) -> Skin:
-    """The skin of a rig with at most `most` influences a vertex; `stored` rounds a pose to the precision of a format.
-
-    Raises ValueError if a joint scales along other axes than its own.
-    """
-    influences, binds = influences_of(rig, most), inverse_binds(rig.joints)
+def _moments(rig: Rig) -> list[list[Local]]:
+    """Each joint in 32-bit floats, in the edit and at each key pose; a rotation goes on from that before it."""
     moments: list[list[Local]] = []
     for _, edit in rig.moments():
         placed = []
         for number, (joint, transform) in enumerate(zip(rig.joints, rig.transforms(edit), strict=True)):
             local = joint.placed(joint.local(transform))
-            parts = (np.asarray(part, np.float32) for part in (local.translation, local.rotation, local.scale))
-            translation, rotation, scale = (part.astype(np.float64) for part in parts)
+            parts = (local.translation - rig.origin, local.rotation, local.scale)
+            translation, rotation, scale = (part.astype(np.float32).astype(np.float64) for part in parts)
             if moments and rotation @ moments[-1][number].rotation < 0:
                 rotation = -rotation
-            placed.append(stored(Local(translation, rotation, scale)))
+            placed.append(Local(translation, rotation, scale))
         moments.append(placed)
-    points = rig.mesh.vertices.astype(np.float32).astype(np.float64)
-    shown = [partial(skinned, points, influences, binds, each) for each in moments]
-    return Skin(influences, binds, moments, differences(rig, shown))
-
-
-def skinned(points: Float64, influences: Influences, binds: Float32, locals_: Sequence[Local]) -> Float64:
-    """(V, 3) Σ_k w_k M_k B_k v of points (V, 3), with joints at M and inverse binds B; their sums in 64 bits."""
-    matrices = np.array([_matrix(local) for local in locals_]) @ binds.astype(np.float64)
-    result = np.empty_like(points)
-    for start in range(0, len(points), BATCH):
-        rows = slice(start, start + BATCH)
-        blended = np.zeros((len(points[rows]), 3, 4))
-        for joint, weight in zip(influences.joints[rows].T, influences.weights[rows].T, strict=True):
-            blended += weight[:, None, None].astype(np.float64) * matrices[joint, :3]
-        result[rows] = np.einsum("nij,nj->ni", blended[:, :, :3], points[rows]) + blended[:, :, 3]
-    return result
-
-
-def differences(rig: Rig, shown: Sequence[Callable[[], Float64]]) -> Difference:
-    """The deviation from `dfd.pose` of the shapes (V, 3) that a file shows at each of the rig's moments."""
-    found = Difference(0.0, 0.0, "the edit")
-    for (name, edit), show in zip(rig.moments(), shown, strict=True):
-        distance = np.linalg.norm(show() - rig.posed(edit), axis=1)
-        if distance.max() > found.largest:
-            found = Difference(float(distance.max()), float(distance.mean()), name)
-    return found
-
-
-def _matrix(local: Local) -> Float64:
-    matrix = np.eye(4)
-    matrix[:3, :3] = Rotation.from_quat(local.rotation).as_matrix() * local.scale
-    matrix[:3, 3] = local.translation
-    return matrix
+    return moments

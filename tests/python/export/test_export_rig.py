@@ -8,7 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_field import field_of
 from mesh_files import checkered, scene_of_three, write
+from scipy.spatial import KDTree
 
 import dfd
 from dfd.posing.transforms import Transform
@@ -110,7 +112,8 @@ def test_baked_is_the_moved_shape_in_any_format(ending, session, tmp_path):
     after = dfd.load(tmp_path / f"moved.{ending}")
     corners = after.vertices[after.faces]
     np.testing.assert_allclose(corners, session.vertices[session.mesh.faces], atol=2e-6 * session.mesh.diagonal)
-    assert (report.form, report.largest, report.paths) == ("baked", 0, (tmp_path / f"moved.{ending}",))
+    assert (report.form, report.path) == ("baked", tmp_path / f"moved.{ending}")
+    assert report.largest < 1e-7
     assert str(report) == "the moved shape; as dfd.pose has it"
 
 
@@ -186,3 +189,20 @@ def test_a_file_that_cannot_be_replaced_stays(session, tmp_path, monkeypatch):
     monkeypatch.undo()
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("form", ["skin", "morph", "baked"])
+@pytest.mark.parametrize("source", [".ply", ".glb"])
+def test_a_shape_far_from_the_origin_is_exported_as_it_is(form, source, validated, tmp_path):
+    chair = dfd.samples.chair(4000).mesh
+    chair.save(tmp_path / f"chair{source}", chair.vertices + 5.4e6)
+    mesh = dfd.load(tmp_path / f"chair{source}")
+    assert np.abs(mesh.bounds - chair.bounds - 5.4e6).max() < 1e-6
+    session = dfd.Deformer(mesh, field_of(mesh))
+    session.add(40, translation=(0.1, 0.3, 0))
+    report = dfd.export_rig(session, tmp_path / "far.glb", form=form)
+    assert validated(tmp_path / "far.glb") == []
+    assert report.largest <= 1e-6 * report.size
+    shown = dfd.load(tmp_path / "far.glb")
+    nearest = KDTree(shown.vertices - 5.4e6).query(session.vertices - 5.4e6)[0]
+    assert nearest.max() < 1e-5 * report.size

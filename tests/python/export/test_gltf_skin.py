@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 import dfd
 from dfd.export.gltf import skin
-from dfd.export.influences import _summing_to_one
+from dfd.export.skinning import _summing_to_one
 from dfd.posing.transforms import Transform, frame_of_normal
 
 BEND = {"translation": (0.1, 0.2, -0.05), "rotation": (20, 70, -10), "scale": (1.5, 0.7, 1.1)}

@@ -1,14 +1,22 @@
-"""A rig as a glTF file: with a skin, or with morph targets."""
+"""A rig as a glTF file: with a skin, or with morph targets; its key poses as an animation, linear between them."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
-from dfd.export.gltf import animation, morph, skin
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.export.gltf import morph, skin
 from dfd.export.gltf.document import GltfDocument
-from dfd.export.report import RigReport, rig_report
+from dfd.export.report import RigReport, report_of
 from dfd.export.rig import Rig
 from dfd.export.skinning import skin_of
+from dfd.mesh.file.gltf.header import Header
+
+NAME = "dfd key poses"
 
 
 def export_gltf(rig: Rig, target: Path, form: str, most: int | None) -> RigReport:
@@ -17,25 +25,38 @@ def export_gltf(rig: Rig, target: Path, form: str, most: int | None) -> RigRepor
     Raises what `export_rig` raises.
     """
     document = GltfDocument(rig.mesh)
-    report = _skin(document, rig, target, most) if form == "skin" else _morph(document, rig, target)
+    if form == "skin":
+        left = ", ".join(skin.left_behind(document))
+        found = skin_of(rig, most)
+        joints = skin.add_skin(document, rig, found)
+        _animate(
+            document,
+            rig,
+            (
+                (node, path, np.array([getattr(locals_[number], path) for locals_ in found.moments[1:]]))
+                for number, node in list(enumerate(joints))[1:]  # the root rests
+                for path in ("translation", "rotation", "scale")
+            ),
+        )
+        note = f"the file's own animations no longer move {left}; morph targets would leave them theirs"
+        report = report_of(rig, target, form, found.difference(rig), skin=found, notes=(note,) if left else ())
+    else:
+        targets = morph.targets_of(rig)
+        nodes = morph.add_targets(document, rig, targets)
+        _animate(document, rig, ((node, "weights", targets.weights[1:].ravel()) for node in nodes))
+        report = report_of(rig, target, form, targets.difference(rig), targets=len(targets.names))
     document.write(target)
     return report
 
 
-def _skin(document: GltfDocument, rig: Rig, target: Path, most: int | None) -> RigReport:
-    left = skin.left_behind(document)
-    found = skin_of(rig, most)
-    joints = skin.add_joints(document, rig, found.moments[0])
-    skin.add_skin(document, rig, found.influences, found.binds, joints)
-    if rig.poses:
-        animation.add_joint_animation(document, joints, rig.poses, found.moments[1:])
-    note = f"the file's own animations no longer move {', '.join(left)}; morph targets would leave them theirs"
-    return rig_report(rig, (target,), "skin", found.difference, found.influences, notes=[note] if left else ())
-
-
-def _morph(document: GltfDocument, rig: Rig, target: Path) -> RigReport:
-    targets = morph.targets_of(rig)
-    nodes = morph.add_targets(document, rig, targets)
-    if rig.poses:
-        animation.add_weight_animation(document, nodes, rig.poses, targets.weights[1:])
-    return rig_report(rig, (target,), "morph", targets.difference(rig), targets=len(targets.names))
+def _animate(document: GltfDocument, rig: Rig, channels: Iterable[tuple[int, str, NDArray[Any]]]) -> None:
+    """Append an animation: nodes, what of them moves, and its values at the rig's key poses."""
+    if not rig.poses:
+        return
+    animation: Header = {"name": NAME, "channels": [], "samplers": []}
+    times = document.accessor(np.array([pose.seconds for pose in rig.poses], "<f4"), bounds=True)
+    for number, (node, path, values) in enumerate(channels):
+        output = document.accessor(values.astype("<f4"))
+        animation["samplers"].append({"input": times, "interpolation": "LINEAR", "output": output})
+        animation["channels"].append({"sampler": number, "target": {"node": node, "path": path}})
+    document.append("animations", animation)

@@ -31,9 +31,10 @@ class MorphTargets:
     shapes: Sequence[Float64]  # (T) arrays (V, 3), mesh units: the shape where that target alone has weight 1
     weights: Float64  # (M, T) weights of the targets, in the edit and then at each key pose
 
-    def shown(self, moment: int, rest: Float64) -> Float64:
+    def shown(self, moment: int, rig: Rig) -> Float64:
         """(V, 3) the shape at a moment: rest positions plus the weighted displacements."""
-        result = rest.astype(np.float32).astype(np.float64)
+        rest = rig.mesh.vertices
+        result = (rest - rig.origin).astype(np.float32) + rig.origin
         for weight, shape in zip(self.weights[moment], self.shapes, strict=True):
             if weight:
                 result += weight * (shape - rest).astype(np.float32).astype(np.float64)
@@ -41,8 +42,7 @@ class MorphTargets:
 
     def difference(self, rig: Rig) -> Difference:
         """The difference between the morphed shapes of the rig's moments and `dfd.pose`."""
-        moments = range(len(rig.poses) + 1)
-        return differences(rig, [partial(self.shown, each, rig.mesh.vertices) for each in moments])
+        return differences(rig, [partial(self.shown, moment, rig) for moment in range(len(rig.poses) + 1)])
 
 
 def targets_of(rig: Rig) -> MorphTargets:

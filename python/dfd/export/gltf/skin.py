@@ -11,9 +11,8 @@ import numpy as np
 from dfd.common.linear_algebra import Float32, Int64
 from dfd.export.gltf.document import GltfDocument
 from dfd.export.gltf.scene_space import animated_nodes, bring_to_scene, stand_alone
-from dfd.export.influences import Influences
-from dfd.export.joints import Local
 from dfd.export.rig import Rig
+from dfd.export.skinning import Skin
 from dfd.mesh.file.gltf.header import Header, objects, parents
 from dfd.mesh.file.primitives import Primitive
 from dfd.mesh.mesh import Mesh
@@ -50,42 +49,38 @@ def left_behind(document: GltfDocument) -> list[str]:
     return found
 
 
-def add_joints(document: GltfDocument, rig: Rig, locals_: list[Local]) -> list[int]:
-    """Append a node for each joint, the root to the scene and all others as its children; return their numbers."""
-    numbers = []
-    for joint, local in zip(rig.joints, locals_, strict=True):
-        node: Header = {"name": joint.name}
+def add_skin(document: GltfDocument, rig: Rig, skin: Skin) -> list[int]:
+    """Bind all displayed nodes to the joints of a rig, which become nodes; return their numbers.
+
+    The root joins the scene, at the rig's origin, and all others are its children.
+    """
+    joints = []
+    for joint, local in zip(rig.joints, skin.moments[0], strict=True):
+        content: Header = {"name": joint.name}
         if joint is not rig.joints[0]:
             parts = (("translation", local.translation), ("rotation", local.rotation), ("scale", local.scale))
-            node |= {name: values.tolist() for name, values in parts}
-        numbers.append(document.append("nodes", node))
-    if numbers[1:]:
-        document.header["nodes"][numbers[0]]["children"] = numbers[1:]
-    return numbers
-
-
-def add_skin(document: GltfDocument, rig: Rig, influences: Influences, binds: Float32, joints: list[int]) -> None:
-    """Bind all displayed nodes to the nodes `joints` with inverse binds (J, 4, 4)."""
-    skin = document.append(
-        "skins",
-        {"name": "dfd", "joints": joints, "inverseBindMatrices": document.accessor(binds), "skeleton": joints[0]},
-    )
-    skinned = []
+            content |= {name: values.tolist() for name, values in parts}
+        elif rig.origin.any():
+            content["translation"] = rig.origin.tolist()
+        joints.append(document.append("nodes", content))
+    if joints[1:]:
+        document.header["nodes"][joints[0]]["children"] = joints[1:]
+    content = {"name": "dfd", "joints": joints, "skeleton": joints[0]}
+    number = document.append("skins", content | {"inverseBindMatrices": document.accessor(skin.binds)})
+    shift = np.eye(4)
+    shift[:3, 3] = -rig.origin
     for node, primitives in document.parts():
-        bring_to_scene(document, node, primitives[0].transform)
-        weigh(document, node, primitives, influences, len(rig.joints), rig.default)
-        skinned.append(node)
-    for node in skinned:
-        document.header["nodes"][stand_alone(document, node)]["skin"] = skin
-    scene = document.header["scenes"][document.header["scene"]]
-    scene["nodes"].append(joints[0])
+        bring_to_scene(document, node, shift @ primitives[0].transform)
+        _weigh(document, node, primitives, skin, rig)
+    for node, _ in document.parts():
+        document.header["nodes"][stand_alone(document, node)]["skin"] = number
+    document.header["scenes"][document.header["scene"]]["nodes"].append(joints[0])
+    return joints
 
 
-def weigh(
-    document: GltfDocument, node: int, primitives: list[Primitive], influences: Influences, count: int, default: int
-) -> None:
+def _weigh(document: GltfDocument, node: int, primitives: list[Primitive], skin: Skin, rig: Rig) -> None:
     """Write joints and weights of a node's primitives; rows without weights, which no face uses, follow D₀."""
-    dtype = "u1" if count <= 256 else "<u2"
+    dtype = "u1" if len(rig.joints) <= 256 else "<u2"
     known = {each.source[2]: each for each in primitives}
     done: dict[int, dict[str, int]] = {}
     for number, content in enumerate(document.own_mesh(node)["primitives"]):
@@ -94,27 +89,25 @@ def weigh(
         if position not in done:
             rows = int(document.header["accessors"][position]["count"])
             vertex = document.rows(known[number]) if number in known else np.full(rows, -1)
-            joints, weights = _at(influences, vertex, default)
+            joints, weights = _at(skin, vertex, rig.default)
             done[position] = {}
             for first in range(0, joints.shape[1], SET):
                 some = slice(first, first + SET)
-                done[position][f"JOINTS_{first // SET}"] = document.accessor(
-                    joints[:, some].astype(dtype), attribute=True
-                )
-                done[position][f"WEIGHTS_{first // SET}"] = document.accessor(weights[:, some], attribute=True)
+                own = (("JOINTS", joints[:, some].astype(dtype)), ("WEIGHTS", weights[:, some]))
+                done[position] |= {
+                    f"{name}_{first // SET}": document.accessor(values, attribute=True) for name, values in own
+                }
         for name in [name for name in attributes if name.startswith(("JOINTS_", "WEIGHTS_"))]:
             del attributes[name]
         attributes |= done[position]
 
 
-def _at(influences: Influences, vertex: Int64, default: int) -> tuple[Int64, Float32]:
+def _at(skin: Skin, vertex: Int64, default: int) -> tuple[Int64, Float32]:
     """Joints and weights of rows that are at vertices, -1 for none; in whole sets of four."""
-    width = -(-influences.joints.shape[1] // SET) * SET
-    joints = np.zeros((len(vertex), width), np.int64)
-    weights = np.zeros((len(vertex), width), np.float32)
+    count = skin.joints.shape[1]
+    joints = np.zeros((len(vertex), -(-count // SET) * SET), np.int64)
+    weights = np.zeros(joints.shape, np.float32)
     there = vertex >= 0
-    joints[there, : influences.joints.shape[1]] = influences.joints[vertex[there]]
-    weights[there, : influences.joints.shape[1]] = influences.weights[vertex[there]]
-    joints[~there, 0] = default
-    weights[~there, 0] = 1.0
+    joints[there, :count], weights[there, :count] = skin.joints[vertex[there]], skin.weights[vertex[there]]
+    joints[~there, 0], weights[~there, 0] = default, 1.0
     return joints, weights

@@ -46,13 +46,12 @@ def far_origin(vertices: Float64) -> Float64 | None:
     The middle itself fits in 32-bit floats.
     """
     low, high = vertices.min(axis=0), vertices.max(axis=0)
-    if rounding(vertices) <= COARSE * np.linalg.norm(high - low):
+    if rounding(vertices).max() <= COARSE * np.linalg.norm(high - low):
         return None
     return (low / 2 + high / 2).astype(np.float32).astype(np.float64)
 
 
-def rounding(vertices: Float64) -> float:
-    """Return the largest distance by which 32-bit floats move vertices (V, 3)."""
+def rounding(vertices: Float64) -> Float64:
+    """Return the distances (V,) by which 32-bit floats move vertices (V, 3)."""
     with np.errstate(over="ignore"):
-        moved = np.linalg.norm(vertices - vertices.astype(np.float32), axis=1)
-    return float(moved.max(initial=0.0))
+        return np.linalg.norm(vertices - vertices.astype(np.float32), axis=1)

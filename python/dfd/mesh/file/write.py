@@ -34,10 +34,10 @@ def write(
     *,
     appearance: Appearance | None = None,
     scene: SceneFile | None = None,
-) -> float:
+) -> Float64:
     """Write a mesh whose vertices are at `vertices` (V, 3), in the `scene` of its file where it has one.
 
-    Return the largest distance by which 32-bit floats of the file move a vertex. Raises what `Mesh.save` raises.
+    Return the distances (N,) by which 32-bit floats of the file move vertices. Raises what `Mesh.save` raises.
     """
     target = Path(path)
     ending = check.ending("Mesh.save", "path", target, ENDINGS)
@@ -46,7 +46,7 @@ def write(
     if scene is not None:  # all vertices at one position move with the first of them
         vertices = vertices[scene.representative]
     moved = () if scene is None else _move(vertices, scene)
-    lost = 0.0
+    lost = np.zeros(0)
     files: dict[str, bytes]
     if ending == ".obj":
         files = _encode_obj(target, vertices, faces, scene, moved)
@@ -62,18 +62,16 @@ def write(
         files = {target.name: _encode_ply(vertices, faces, appearance, scene, moved)}
     elif scene is not None and scene.gltf is not None:
         files = {target.name: gltf_patch.encode(scene.gltf, moved, binary=ending == ".glb")}
-        lost = max(
-            (rounding(each.vertices) for each in moved if each.moved and gltf_patch.keeps_origin(scene.gltf, each)),
-            default=0.0,
-        )
+        kept = [each for each in moved if each.moved and gltf_patch.keeps_origin(scene.gltf, each)]
+        lost = np.concatenate([lost, *(rounding(each.vertices) for each in kept)])
     else:
         files = {target.name: as_gltf(vertices, faces, moved, binary=ending == ".glb")}
     _write(target, files)
     size = float(np.linalg.norm(np.ptp(vertices[faces.ravel()], axis=0)))
-    if lost > COARSE * size:
+    if lost.max(initial=0.0) > COARSE * size:
         warnings.warn(
-            f"Mesh.save: `path` {path} has 32-bit floats, which move vertices by up to {lost:.3g} "
-            f"({100 * lost / size:.2g} % of the shape); .ply, .obj and .off keep them",
+            f"Mesh.save: `path` {path} has 32-bit floats, which move vertices by up to {lost.max():.3g} "
+            f"({100 * lost.max() / size:.2g} % of the shape); .ply, .obj and .off keep them",
             stacklevel=3,
         )
     return lost
@@ -122,19 +120,19 @@ def _encode_obj(
 
 def _rewrite(
     source: PlainSource, vertices: Float64, scene: SceneFile, moved: Sequence[MovedPrimitive]
-) -> tuple[bytes, float]:
-    """Return a PLY, STL or OFF file with other positions in its own bytes, and by how much they are rounded."""
+) -> tuple[bytes, Float64]:
+    """Return a PLY, STL or OFF file with other positions in its own bytes, and how far 32-bit floats move them."""
     data = source.data.tobytes()
     if source.ending == ".stl":
         corners = vertices[scene.vertex]
-        return off_stl.rewrite_stl(data, corners), 0.0 if off_stl.is_text_stl(data) else rounding(corners)
+        return off_stl.rewrite_stl(data, corners), np.zeros(0) if off_stl.is_text_stl(data) else rounding(corners)
     normals = None
     before, after = scene.primitives[0].normals, moved[0].normals
     if before is not None and after is not None:
         normals = np.full(vertices.shape, np.nan)
         normals[source.numbers] = after
     rewrite = ply.rewrite if source.ending == ".ply" else off_stl.rewrite_off
-    return rewrite(data, vertices, normals), 0.0
+    return rewrite(data, vertices, normals), np.zeros(0)
 
 
 def _encode_ply(
