@@ -7,17 +7,15 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from inspect import Parameter, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, overload
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer import Argument, Option
 
 from dfd.cli.errors import say
 from dfd.common import check
-from dfd.common.described import About
 from dfd.common.errors import ArgumentError
 from dfd.common.preset import Preset
-from dfd.editing.presets import CONTROLS, PRESETS, WHOLE_SHAPE
 from dfd.encoders.known import DEFAULT_ENCODER
 
 if TYPE_CHECKING:
@@ -64,6 +62,11 @@ ThresholdOption = Annotated[
     float | None,
     Option(min=0.0, max=1.0, help="The least confidence of an edit; by default 0.39 of a learned metric, else 0.45."),
 ]
+AzimuthOption = Annotated[
+    float | None, Option(help="The first side, degrees from the front (+z) to +x; by default where the handles show.")
+]
+ElevationOption = Annotated[float, Option(min=-90.0, max=90.0, help="From how high up, degrees.")]
+ZoomOption = Annotated[float, Option(min=0.01, help="Above 1 nearer, at the handles.")]
 ViewsOption = Annotated[int, Option(min=1, max=36, help="From how many sides, all around.")]
 ResolutionOption = Annotated[int, Option(min=16, max=8192, help="Pixels along the side of each picture.")]
 
@@ -99,9 +102,8 @@ def open_or_distill(
 class Places:
     """Places that a command line names on a mesh, and what is to be said about them."""
 
-    def __init__(self, mesh: Mesh) -> None:
-        self._mesh = mesh
-        self.session: Deformer | None = None  # knows parts
+    def __init__(self, mesh: Mesh, session: Deformer | None = None) -> None:
+        self._mesh, self._session = mesh, session  # a session knows parts
         self.notes: list[str] = []  # lines for people: what a text that is no vertex index meant
 
     def find(self, option: str, text: str) -> Place:
@@ -113,9 +115,9 @@ class Places:
 
         kind, _, where = text.strip().partition("@")
         if where and kind in ("part", "piece"):
-            if self.session is None:
+            if self._session is None:
                 raise ValueError(f"`{option}` cannot be {text!r} without `--field`: features tell parts")
-            part = self.session.part(self.find(option, where), alike=kind == "part")
+            part = self._session.part(self.find(option, where), alike=kind == "part")
             self.notes.append(f"{option} {text} is {part}")
             return place_on(self._mesh, part)
         try:
@@ -167,19 +169,13 @@ def check_output(option: str, path: Path | None, endings: Sequence[str] = ()) ->
         raise OSError(error.errno, f"`{option}`: {path} cannot be written: {error.strerror}") from error
 
 
-@overload
-def file_in(output: Path, source: Path) -> Path: ...
-@overload
-def file_in(output: Path | None, source: Path) -> Path | None: ...
-def file_in(output: Path | None, source: Path) -> Path | None:
-    """The file that `output` names: in a folder that is there, one with the name of `source`, which stays as it is.
+def file_in(output: Path, source: Path) -> Path:
+    """Return the file that `output` names: if it is a folder, the one in it with the name of `source`.
 
     Raises ValueError if that is `source` itself.
     """
-    if output is None or not output.is_dir():
-        return output
-    written = output / source.name
-    if written.resolve() == source.resolve():
+    written = output / source.name if output.is_dir() else output
+    if output.is_dir() and written.resolve() == source.resolve():
         raise ValueError(f"`--output` must be another folder than that of {source}, which stays as it is")
     return written
 
@@ -189,17 +185,6 @@ def given_besides(context: typer.Context, names: Sequence[str]) -> list[str]:
     given = (each for each in context.command.params if each.name not in names and each.name is not None)
     sources = ((each, context.get_parameter_source(each.name or "")) for each in given)
     return [each.opts[0] for each, source in sources if source is not None and source.name == "COMMANDLINE"]
-
-
-def check_camera(azimuth: float | None, elevation: float, zoom: float) -> None:
-    """Refuse, before the work, a camera that could not be.
-
-    Raises ValueError if an angle is not finite, `elevation` is above 90 or below −90, or `zoom` is not above 0.
-    """
-    if azimuth is not None:
-        check.number(None, "--azimuth", azimuth)
-    check.number(None, "--elevation", elevation, minimum=-90.0, maximum=90.0)
-    check.number(None, "--zoom", zoom, minimum=0.0, exclusive=True)
 
 
 def add_options(command: Command, options: Mapping[str, Any], *, after: str | None = None) -> Command:
@@ -219,28 +204,6 @@ def add_options(command: Command, options: Mapping[str, Any], *, after: str | No
     return command
 
 
-def with_controls(*settings: str) -> Callable[[Command], Command]:
-    """Give a command, behind `preset`, an option for each control of a handle and for these `settings` of the shape."""
-    described = {**CONTROLS, **{name: WHOLE_SHAPE[name] for name in settings}}
-    options = {name: _option(name, about) for name, about in described.items()}
-    return lambda command: add_options(command, options, after="preset")
-
-
-def _option(name: str, about: About) -> Any:
-    """The option of a control or a setting, with what each preset has in its place."""
-    flag = name.replace("_", "-")
-    new, paper = (shown(getattr(PRESETS[preset], name, None)) for preset in ("default", "paper"))
-    text = about.text
-    if new != "none":
-        text += f" By itself {new}" + (f", the paper's is {paper}." if paper != new else ".")
-    if about.metavar is None:
-        return Annotated[bool | None, Option(f"--{flag}/--no-{flag}", help=text)]
-    if about.repeated:
-        return Annotated[list[str] | None, Option(f"--{flag[:-1]}", metavar=about.metavar, help=text)]
-    number = about.minimum is not None and "|" not in about.metavar
-    return Annotated[(float if number else str) | None, Option(f"--{flag}", metavar=about.metavar, help=text)]
-
-
 def shown(value: Any) -> str:
     """A default as the help of a command says it."""
     if isinstance(value, bool) or value is None:
@@ -248,37 +211,13 @@ def shown(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def controls(values: Mapping[str, Any]) -> dict[str, Any]:
-    """What of `values`, a command's parameters, `Deformer.add` takes as controls; what was not given is left out.
-
-    Raises ValueError if `--reach` is neither part nor a number.
-    """
-    given = {name: values[name] for name in CONTROLS if values[name] not in (None, [], ())}
-    if "reach" in given and given["reach"] != "part":
-        given["reach"] = number_or("part", "--reach", given["reach"], "a number above 0")
-    return given
-
-
 def chosen_preset(preset: str | None) -> Preset | None:
     """The preset of that name, or None where none was named; ValueError if there is none of that name."""
     return None if preset is None else check.choice(None, "--preset", preset, Preset)
 
 
-def number_or(word: str, option: str, text: str, number: str) -> Any:
-    """The number that `text` is, or `word`; `number` describes what is wanted.
-
-    Raises ValueError in the name of `option`, if it is neither.
-    """
-    if text == word:
-        return word
-    try:
-        return float(text)
-    except ValueError:
-        raise ValueError(f"`{option}` must be {word} or {number}, got {text!r}") from None
-
-
 def is_number(text: str) -> bool:
-    """Whether `text` is one."""
+    """Return whether `text` is a number."""
     try:
         float(text)
     except ValueError:

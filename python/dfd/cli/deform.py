@@ -11,23 +11,24 @@ from typer import Argument, Option
 
 from dfd.cli.arguments import (
     PLACE,
+    AzimuthOption,
+    ElevationOption,
     EncoderOption,
     FixOption,
     Places,
     PresetOption,
     ThresholdOption,
-    check_camera,
+    ZoomOption,
     check_output,
     chosen_preset,
     file_in,
     given_besides,
-    number_or,
+    open_or_distill,
     plane_text,
-    with_controls,
 )
 from dfd.cli.deform_many import ManyOptions, deform_many, is_many
 from dfd.cli.errors import say
-from dfd.cli.handles import handles, with_handle_options
+from dfd.cli.handles import handles, value_of, with_controls, with_handle_options
 from dfd.encoders.known import DEFAULT_ENCODER
 
 KEPT = ("output", "picture")
@@ -35,7 +36,7 @@ NOTHING_MOVED = 1  # exit code
 
 
 @with_handle_options
-@with_controls("overlap", "blend", "reach_targets", "mirrored_locality", "bridges")
+@with_controls
 def deform(
     context: typer.Context,
     meshes: Annotated[
@@ -68,7 +69,7 @@ def deform(
         Option(metavar="WIDTH", help="Half width of the blend at that plane, mesh units; 0 is a hard cut."),
     ] = None,
     symmetry_candidates: Annotated[
-        str | None, Option(metavar="any|axes", help="Which planes --symmetry auto looks at: axes is the paper's.")
+        str | None, Option(metavar="any|axes", help="Which planes --symmetry auto considers: axes is the paper's.")
     ] = None,
     symmetry_threshold: Annotated[
         str | None,
@@ -93,12 +94,9 @@ def deform(
         Option("--output", "-o", metavar="MESH|FOLDER", help="The mesh to write; of several shapes the folder."),
     ] = None,
     picture: Annotated[Path | None, Option(metavar="PNG", help="Draw before and after; several on one sheet.")] = None,
-    azimuth: Annotated[
-        float | None,
-        Option(help="The picture's side, degrees from the front (+z) to +x; by default where handles show."),
-    ] = None,
-    elevation: Annotated[float, Option(help="From how high up, degrees.")] = 18.0,
-    zoom: Annotated[float, Option(help="Above 1 nearer, at the handles.")] = 1.0,
+    azimuth: AzimuthOption = None,
+    elevation: ElevationOption = 18.0,
+    zoom: ZoomOption = 1.0,
     save_edit: Annotated[Path | None, Option(metavar="JSON", help="Keep the edit, for --edit.")] = None,
     **described: Any,
 ) -> None:
@@ -121,46 +119,33 @@ def deform(
     mesh = Path(meshes[0])
     if not held and edit is None:
         raise ValueError("`--handle` or `--edit` must be given: without them nothing moves")
-    about_plane = {"band": band, "symmetry-candidates": symmetry_candidates, "symmetry-threshold": symmetry_threshold}
-    for option, value in about_plane.items():
-        if value is not None and symmetry is None:
-            raise ValueError(f"`--symmetry` must be given: it is what `--{option}` is for")
+    auto = {"band": band, "candidates": symmetry_candidates, "threshold": symmetry_threshold}
+    if symmetry is None and any(value is not None for value in auto.values()):
+        raise ValueError("`--symmetry` must be given: it is what `--band` and `--symmetry-…` are for")
     if output is None and picture is None and save_edit is None:
         raise ValueError("`--output`, `--picture` or `--save-edit` must be given: otherwise nothing is kept")
-    output = file_in(output, mesh)
+    output = None if output is None else file_in(output, mesh)
     check_output("--output", output, (".obj", ".ply", ".stl", ".off", ".glb", ".gltf"))
     check_output("--picture", picture, (".png",))
     check_output("--save-edit", save_edit)
-    check_camera(azimuth, elevation, zoom)
 
-    auto: dict[str, Any] = {"candidates": symmetry_candidates}
-    if symmetry_threshold is not None:
-        auto["threshold"] = number_or("relative", "--symmetry-threshold", symmetry_threshold, "a number of at least 0")
-
-    from dfd import Deformer, Field, distill, load
+    from dfd import Deformer
     from dfd.common.progress import Stages
 
     stages = Stages()
-    with stages.stage("read"):
-        shape = load(mesh)
-        opened = None if field is None else Field.load(field, mesh=shape, other_shape=force)
-    if opened is None:
-        chosen: dict[str, Any] = {} if preset is None else {"preset": preset}
-        opened = distill(shape, encoder, progress=stages, **chosen)
+    chosen = chosen_preset(preset)
+    shape, opened = open_or_distill(mesh, field, stages, force=force, encoder=encoder, preset=chosen)
     start = partial(Deformer.load, edit) if edit else Deformer
     deformer: Deformer = start(shape, opened, other_shape=force)
-    places = Places(shape)
-    places.session = deformer
-    set_whole = {name: described[name] for name in ("reach_targets", "mirrored_locality", "bridges")}
-    deformer.set(preset=chosen_preset(preset), **set_whole)
+    places = Places(shape, deformer)
+    deformer.set(preset=chosen)
     for place, options in held:
         deformer.add(places.find("--handle", place), **options)
     for text in fix or ():
         at, held_by = places.fixed("--fix", text)
         deformer.fix(at, strength=held_by)
     if symmetry is not None:
-        deformer.set_symmetry(plane_text(symmetry), band=band, **auto)
-    deformer.set(overlap=described["overlap"], blend=described["blend"])
+        deformer.set_symmetry(plane_text(symmetry), **{name: value_of(value) for name, value in auto.items()})
     with stages.stage("features", len(shape.vertices)) as advance:
         deformer.prepare(advance)
     with stages.stage("deform"):

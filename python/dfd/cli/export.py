@@ -56,7 +56,7 @@ def export(
         raise ValueError("`--output` or `--weights` must be given: otherwise nothing is kept")
     if form not in (None, "skin", "morph", "baked"):
         raise ValueError(f"`--as` must be skin, morph or baked, got {form}")
-    output = file_in(output, mesh.with_suffix(".glb"))
+    output = None if output is None else file_in(output, mesh.with_suffix(".glb"))
     chosen = chosen_preset(preset)
     most: int | str | None = influences
     if influences is not None and influences != "all":

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any
 
+import numpy as np
 from typer import Option
 from typer.core import TyperCommand
 
-from dfd.cli.arguments import Command, add_options, controls, is_number
-from dfd.editing.presets import CONTROLS
+from dfd.cli.arguments import Command, add_options, is_number, shown
+from dfd.editing.presets import CONTROLS, PRESETS
 
 # The options of a handle: which argument of `Deformer.add` each is, its type, what stands for its value, and its help.
 TRANSFORM: dict[str, tuple[str, Any, str, str]] = {
@@ -44,6 +45,31 @@ def with_handle_options(command: Command) -> Command:
         for option, (name, kind, metavar, text) in TRANSFORM.items()
     }
     return add_options(command, options, after="handle")
+
+
+def with_controls(command: Command) -> Command:
+    """Give a command, behind `preset`, an option for each control of a handle, with the value of each preset."""
+    options: dict[str, Any] = {}
+    for name, about in CONTROLS.items():
+        flag = name.replace("_", "-")
+        default, paper = (shown(getattr(PRESETS[preset], name, None)) for preset in ("default", "paper"))
+        text = about.text
+        if default != "none":
+            text += f" By itself {default}" + (f", the paper's is {paper}." if paper != default else ".")
+        kind: Any
+        if about.metavar is None:
+            kind, spelled = bool, f"--{flag}/--no-{flag}"
+        elif about.repeated:
+            kind, spelled = list[str], f"--{flag[:-1]}"
+        else:
+            kind, spelled = float if about.minimum is not None and "|" not in about.metavar else str, f"--{flag}"
+        options[name] = Annotated[kind | None, Option(spelled, metavar=about.metavar, help=text)]
+    return add_options(command, options, after="preset")
+
+
+def controls(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the controls among `values`, a command's parameters, as `Deformer.add` takes them; None is left out."""
+    return {name: value_of(values[name]) for name in CONTROLS if values[name] not in (None, [], ())}
 
 
 class HandlesCommand(TyperCommand):
@@ -88,23 +114,17 @@ class HandlesCommand(TyperCommand):
 
 
 def handles(params: Mapping[str, Any], meta: Mapping[str, Any]) -> list[tuple[str, dict[str, Any]]]:
-    """What to take hold of, and what `Deformer.add` is told about it, for every handle of a command line.
+    """Return the place of every handle of a command line, and the arguments of `Deformer.add` for it.
 
     `params` and `meta` are those of the command's context.
 
-    Raises ValueError if something is said of a handle and no handle is given, or a factor of `--scale` is none or 0.
+    Raises ValueError if an option of a handle is given without a handle, or a factor of `--scale` is 0.
     """
     found = []
     for each in (params, *meta[FURTHER]):
-        given = {name: each[option] for option, (name, *_) in TRANSFORM.items() if each[option] is not None}
-        if "scale" in given:
-            given["scale"] = _factors(given["scale"])
-        for name in given.keys() & {"pivot", "towards"}:
-            parts = given[name].split(",")
-            if all(map(is_number, parts)):
-                given[name] = [float(part) for part in parts]
-        if is_number(given.get("joint", "")):
-            given["joint"] = float(given["joint"])
+        given = {name: value_of(each[option]) for option, (name, *_) in TRANSFORM.items() if each[option] is not None}
+        if 0.0 in np.ravel(given.get("scale", 1.0)):
+            raise ValueError(f"`--scale` must not be 0, which leaves nothing of what it holds, got {each['scale']}")
         given |= controls(each)
         if each["name"] is not None:
             given["name"] = each["name"]
@@ -113,6 +133,15 @@ def handles(params: Mapping[str, Any], meta: Mapping[str, Any]) -> list[tuple[st
         elif given:
             raise ValueError(f"`--handle` must be given: it is what the {', '.join(given)} is for")
     return found
+
+
+def value_of(value: Any) -> Any:
+    """Return the number or the numbers that a text holds, or the value as it is."""
+    parts = value.split(",") if isinstance(value, str) else []
+    if not parts or not all(map(is_number, parts)):
+        return value
+    numbers = [float(part) for part in parts]
+    return numbers if len(numbers) > 1 else numbers[0]
 
 
 def _values(name: str, count: int, rest: list[str]) -> list[str]:
@@ -131,19 +160,6 @@ def _values(name: str, count: int, rest: list[str]) -> list[str]:
     if count == 3 and numbers < 3 and (numbers == len(rest) or rest[numbers].startswith("-")):
         raise ValueError(f"`{name}` needs 3 numbers, got {_listed(rest[:numbers])}")
     return rest[:count]
-
-
-def _factors(text: str) -> float | list[float]:
-    """The factor or the factors of `--scale`."""
-    parts = text.split(",")
-    if not all(map(is_number, parts)):
-        raise ValueError(f"`--scale` must be one number or three, got {text!r}")
-    if len(parts) not in (1, 3):
-        raise ValueError(f"`--scale` needs 1 or 3 numbers, got {_listed(parts)}")
-    factors = [float(part) for part in parts]
-    if 0.0 in factors:
-        raise ValueError(f"`--scale` must not be 0, which leaves nothing of what it holds, got {text}")
-    return factors if len(factors) == 3 else factors[0]
 
 
 def _listed(numbers: list[str]) -> str:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 from typer import Argument, Option
 
 from dfd.cli.arguments import (
     PLACE,
+    AzimuthOption,
+    ElevationOption,
     FixOption,
     ForceOption,
     MeshArgument,
@@ -19,21 +21,16 @@ from dfd.cli.arguments import (
     PresetOption,
     ResolutionOption,
     ViewsOption,
-    check_camera,
+    ZoomOption,
     check_output,
     chosen_preset,
-    controls,
-    with_controls,
+    open_shape,
 )
 from dfd.cli.errors import say
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from dfd.mesh.mesh import Mesh
+from dfd.cli.handles import controls, with_controls
 
 
-@with_controls("reach_targets", "bridges")
+@with_controls
 def show(
     context: typer.Context,
     mesh: MeshArgument,
@@ -46,12 +43,9 @@ def show(
     preset: PresetOption = None,
     fix: FixOption = None,
     views: ViewsOption = 1,
-    azimuth: Annotated[
-        float | None,
-        Option(help="Where the first side is, degrees from the front (+z) to +x; by default where the handle shows."),
-    ] = None,
-    elevation: Annotated[float, Option(help="From how high up, degrees.")] = 15.0,
-    zoom: Annotated[float, Option(help="Above 1 nearer, at the handle.")] = 1.0,
+    azimuth: AzimuthOption = None,
+    elevation: ElevationOption = 15.0,
+    zoom: ZoomOption = 1.0,
     axes: Annotated[bool, Option("--axes", help="Draw the directions of the axes.")] = False,
     numbers: Annotated[bool, Option("--numbers", help="Write the indices of vertices that are seen.")] = False,
     legend: Annotated[bool, Option("--legend", help="Draw the scale of the heat beside it.")] = False,
@@ -61,32 +55,48 @@ def show(
 ) -> None:
     """Draw MESH: by itself, in the colors of its features, or the weights of handles as heat."""
     given = controls(context.params)
-    heat = field is not None and bool(handle)
     if field is None and (given or fix):
         raise ValueError("`--field` must be given: weights come from it")
     if (given or fix) and not handle:
         raise ValueError("`--handle` must be given: the others say what follows one, and what is held back")
-    if legend and not heat:
+    if legend and (field is None or not handle):
         raise ValueError("`--legend` needs `--field` and `--handle`: it is the scale of their heat")
-    check_camera(azimuth, elevation, zoom)
     check_output("--output", output, (".png",))
 
-    from dfd import load
+    from dfd import CompactFeatures, Deformer
     from dfd.common.progress import Stages
+    from dfd.pictures.colors import feature_colors
     from dfd.pictures.sheet import save_sheet
 
     stages = Stages()
-    with stages.stage("read"):
-        shape = load(mesh)
-    places = Places(shape)
-    if field is None:
+    shape, opened = open_shape(mesh, field, stages, force=force)
+    rows: list[tuple[str, dict[str, Any]]] = []  # the title of each row of pictures, and the arguments of `picture`
+    if opened is None:
+        places = Places(shape)
         marked = [places.find("--handle", text).position for text in handle or ()]
-        rows: list[tuple[str, dict[str, Any]]] = [("the mesh", {"handles": marked} if marked else {})]
+        rows = [("the mesh", {"handles": marked} if marked else {})]
     else:
-        whole = {"preset": chosen_preset(preset)} | {key: described[key] for key in ("reach_targets", "bridges")}
-        rows = _rows(shape, field, handle or [], given, fix or [], whole, places, stages, force)
-    if heat and not legend and len(rows) * views > 1:
-        legend = True
+        deformer = Deformer(shape, opened, preset=chosen_preset(preset) or "default", other_shape=force)
+        places = Places(shape, deformer)
+        for text in handle or ():
+            deformer.add(places.find("--handle", text), **given)
+        for text in fix or ():
+            at, strength = places.fixed("--fix", text)
+            deformer.fix(at, strength=strength)
+        with stages.stage("features", len(shape.vertices)) as advance:
+            deformer.prepare(advance)
+        if handle:
+            with stages.stage("bind"):
+                weights = deformer.following
+            fixed = [point.position for point in deformer.fixed] or None
+            for column, each in enumerate(deformer.handles):
+                marks = {"weights": weights[:, column], "handles": [each.place.position], "fixed": fixed}
+                rows.append((f"handle {each.place}", marks))
+            legend = legend or len(rows) * views > 1
+        else:
+            features = deformer.features
+            colors = features.principal(3) if isinstance(features, CompactFeatures) else features
+            rows = [("features", {"colors": feature_colors(colors)})]
     with stages.stage("draw", len(rows) * views) as advance:
         save_sheet(
             output,
@@ -105,44 +115,6 @@ def show(
         )
     places.tell()
     say(f"{output}: {'; '.join(title for title, _ in rows)}")
-
-
-def _rows(
-    shape: Mesh,
-    field: Path,
-    handles: list[str],
-    given: dict[str, Any],
-    fix: list[str],
-    whole: dict[str, Any],
-    places: Places,
-    stages: Any,
-    force: bool,
-) -> list[tuple[str, dict[str, Any]]]:
-    """What each row of pictures is called, and what `picture` is to draw in it."""
-    from dfd import CompactFeatures, Deformer, Field
-    from dfd.pictures.colors import feature_colors
-
-    deformer = Deformer(shape, Field.load(field, mesh=shape, other_shape=force), other_shape=force)
-    deformer.set(**whole)
-    places.session = deformer
-    for text in handles:
-        deformer.add(places.find("--handle", text), **given)
-    for text in fix:
-        at, strength = places.fixed("--fix", text)
-        deformer.fix(at, strength=strength)
-    with stages.stage("features", len(shape.vertices)) as advance:
-        deformer.prepare(advance)
-    if not handles:
-        features = deformer.features
-        shown = features.principal(3) if isinstance(features, CompactFeatures) else features
-        return [("features", {"colors": feature_colors(shown)})]
-    with stages.stage("bind"):
-        weights: NDArray[Any] = deformer.following
-    fixed = [point.position for point in deformer.fixed] or None
-    return [
-        (f"handle {handle.place}", {"weights": weights[:, column], "handles": [handle.place.position], "fixed": fixed})
-        for column, handle in enumerate(deformer.handles)
-    ]
 
 
 def pick(

@@ -12,8 +12,6 @@ import pytest
 from command_runs import failed, worked
 from heeding import HEED
 
-DISTILL = sys.modules["dfd.cli.distill"]  # by its own name there is the command
-
 
 def test_demo_writes_where_it_is_told(run):
     with mock.patch("dfd.cli.demo.run") as demo:
@@ -97,7 +95,9 @@ def test_python_m_dfd_is_the_command(tmp_path):
         output, error = process.communicate(timeout=60)
     assert process.returncode == 0, error
     assert output.startswith("dfd ")
-    with dfd_process("show", tmp_path / "none.obj", "-o", tmp_path / "out.png", "--level", module=True) as process:
+    with dfd_process(
+        "show", tmp_path / "none.obj", "-o", tmp_path / "out.png", "--strength", 1, module=True
+    ) as process:
         output, error = process.communicate(timeout=60)
     assert process.returncode == 2
     assert output == ""
