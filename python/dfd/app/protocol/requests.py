@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable
 from functools import cache
@@ -85,18 +86,10 @@ def call(session: Any, message: Request) -> Any:
     return HANDLERS[message.type](session, **{name: getattr(message, name) for name in names})
 
 
-TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[\[\]{}]', re.DOTALL)
-NUMBER = re.compile(r"\s*:\s*(\d{1,16})(?!\d)")
-
-
 def _number_in(text: str) -> int:
-    """The `id` of an outermost object, also of one that is nested too deeply, or broken, to be read as JSON; else 0."""
-    depth = 0
-    for token in TOKEN.finditer(text):
-        if token[0] in "[{":
-            depth += 1
-        elif token[0] in "]}":
-            depth -= 1
-        elif depth == 1 and token[0] == '"id"' and (found := NUMBER.match(text, token.end())):
-            return int(found[1]) if int(found[1]) <= LARGEST_NUMBER else 0
-    return 0
+    """The `id` of what is no request, if it can be read; else 0."""
+    try:
+        number = json.loads(text)["id"]
+    except (ValueError, TypeError, KeyError, RecursionError):
+        return 0
+    return number if isinstance(number, int) and 0 < number <= LARGEST_NUMBER else 0

@@ -1,4 +1,4 @@
-"""Files that a person drops on the page, put into a folder of their own under names that lead nowhere else."""
+"""Files dropped on the page, put into a folder of their own under names that lead nowhere else."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import shutil
 import struct
 import zipfile
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import IO
@@ -17,18 +17,20 @@ from typing import IO
 from dfd.app.options import OpenedFile, Source, Upload
 from dfd.mesh.file.read import ENDINGS
 
-FORMATS = (*ENDINGS, ".zip", ".safetensors", ".json")
 FIELD, EDIT = ".safetensors", ".json"
+FORMATS = (*ENDINGS, ".zip", FIELD, EDIT)
 MOST_FILES = 500
 DEEPEST = 6  # folders inside a zip
 CHUNK = 1 << 20  # bytes
-# Texture paths that a materials file may name: plain words, without a dot in front and with nothing that leads out.
+# Steps of texture paths that a materials file may name: plain words, without a dot in front.
 SAFE = re.compile(r"[\w+()\[\]@=,' -][\w.+()\[\]@=,' -]{0,120}")
+UNREADABLE = (zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, lzma.LZMAError, NotImplementedError, RuntimeError,
+              EOFError, OSError, struct.error)  # fmt: skip
 
 
 @dataclass(frozen=True)
 class UploadedFile:
-    """A file as it came: the name is what the browser said, and is believed for its ending and its looks alone."""
+    """A file as it came, with the name that the browser gave."""
 
     name: str
     stream: IO[bytes]
@@ -41,102 +43,77 @@ def receive(files: Sequence[UploadedFile], folder: Path, most_bytes: int) -> Upl
     keeps its name where that is harmless, and is left out where it is not.
 
     Raises ValueError if there is nothing to open among them, or more than one mesh, or they are too large or too many,
-    or a zip is damaged or names a place outside itself.
+    or a zip is damaged.
     """
     place = folder / secrets.token_hex(16)
     place.mkdir(parents=True)
     try:
-        return _receive(files, place, most_bytes)
+        given = _Kept(place, most_bytes)
+        for file in files:
+            if _ending(file.name) == ".zip":
+                given.unpack(file)
+            else:
+                given.keep(file.name, file.stream)
+        mesh = given.single(ENDINGS)
+        field, edit = (given.single((ending,), ignore_several=mesh is not None) for ending in (FIELD, EDIT))
+        if mesh is None and field is None and edit is None:
+            names = ", ".join(map(_last, list(given.paths)[:5])) or "nothing"
+            raise ValueError(f"There must be a file that ends in one of {', '.join(FORMATS)}, got {names}")
     except BaseException:
         shutil.rmtree(place, ignore_errors=True)
         raise
+    return Upload(place, None if mesh is None else Source(mesh.name, path=mesh.path), field, edit)
 
 
-def _receive(files: Sequence[UploadedFile], place: Path, most_bytes: int) -> Upload:
-    given: dict[str, Path] = {}  # by the name inside the upload
-    left = most_bytes
-    for file in files:
-        if _ending(file.name) == ".zip":
-            left -= _unpack(file, place, given, left)
-        else:
-            left -= _keep(file.name, file.stream, place, given, left)
-    meshes = [name for name in given if _ending(name) in ENDINGS]
-    if len(meshes) > 1:
-        raise ValueError(f"Open one mesh at a time, got {', '.join(_last(name) for name in sorted(meshes)[:5])}")
-    mesh = None
-    if meshes:
-        path = _renamed(given[meshes[0]], "mesh")
-        mesh = Source(name=_last(meshes[0]), path=path)
-    field, edit = (_single(given, ending, beside_mesh=bool(meshes)) for ending in (FIELD, EDIT))
-    if mesh is None and field is None and edit is None:
-        names = ", ".join(_last(name) for name in list(given)[:5]) or "nothing"
-        raise ValueError(f"There must be a file that ends in one of {', '.join(FORMATS)}, got {names}")
-    return Upload(place, mesh, field, edit)
+class _Kept:
+    """The files of one upload in their folder; `paths` are by the names inside the upload."""
 
+    def __init__(self, place: Path, most_bytes: int) -> None:
+        self.paths: dict[str, Path] = {}
+        self._place, self._left = place, most_bytes
 
-def _single(given: Mapping[str, Path], ending: str, *, beside_mesh: bool) -> OpenedFile | None:
-    """The one file of that ending; none where it belongs to the mesh, or to nobody."""
-    names = [name for name in given if _ending(name) == ending]
-    if not names:
-        return None
-    if len(names) > 1:
-        if beside_mesh:
+    def unpack(self, file: UploadedFile) -> None:
+        """Keep the files of a zip."""
+        try:
+            with zipfile.ZipFile(file.stream) as archive:
+                for entry in archive.infolist():
+                    if not entry.is_dir() and not entry.filename.startswith("__MACOSX/"):
+                        with archive.open(entry) as stream:
+                            self.keep(entry.filename, stream)
+        except UNREADABLE as error:
+            reason = error.strerror if isinstance(error, OSError) and error.strerror else error  # without the path
+            raise ValueError(f"{_shown(file.name)} is damaged or not a zip that can be read: {reason}") from None
+
+    def keep(self, name: str, stream: IO[bytes]) -> None:
+        """Write one file, unless its name is harmful and nobody needs it."""
+        if len(self.paths) >= MOST_FILES:
+            raise ValueError(f"An upload must have at most {MOST_FILES} files")
+        steps = [step for step in name.replace("\\", "/").split("/") if step != "."]
+        harmless = len(steps) <= DEEPEST and all(SAFE.fullmatch(step) for step in steps)
+        if not harmless and _ending(name) not in FORMATS:
+            return
+        path = self._place.joinpath(*(steps if harmless else [f"{len(self.paths)}{_ending(name)}"]))
+        if name in self.paths or path.exists() or not all(each.is_dir() for each in path.parents if each.exists()):
+            raise ValueError(f"An upload must have each file once, got {_shown(name)} twice")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("xb") as target:
+            while chunk := stream.read(CHUNK):
+                self._left -= len(chunk)
+                if self._left < 0:
+                    raise ValueError("The files are larger than this server takes")
+                target.write(chunk)
+        self.paths[name] = path
+
+    def single(self, endings: Sequence[str], *, ignore_several: bool = False) -> OpenedFile | None:
+        """The one file with one of `endings`, renamed in its folder, where what it names is; None if there is none."""
+        names = [name for name in self.paths if _ending(name) in endings]
+        if len(names) > 1 and not ignore_several:
+            raise ValueError(f"Open one {_ending(names[0])} file at a time, got {', '.join(map(_last, names[:5]))}")
+        if len(names) != 1:
             return None
-        raise ValueError(f"Open one {ending} file at a time, got {', '.join(_last(name) for name in names[:5])}")
-    return OpenedFile(name=_last(names[0]), path=_renamed(given[names[0]], ending[1:]))
-
-
-def _unpack(file: UploadedFile, place: Path, given: dict[str, Path], left: int) -> int:
-    """Put the files of a zip in place; return their bytes."""
-    used = 0
-    try:
-        with zipfile.ZipFile(file.stream) as archive:
-            for entry in archive.infolist():
-                name = entry.filename.replace("\\", "/")
-                path = PurePosixPath(name)
-                if path.is_absolute() or ".." in path.parts or re.match(r"[A-Za-z]:", name):
-                    raise ValueError(f"{_shown(file.name)} names a place outside itself: {_shown(entry.filename)}")
-                if entry.is_dir() or path.parts[:1] in ((), ("__MACOSX",)):
-                    continue
-                with archive.open(entry) as stream:
-                    used += _keep(name, stream, place, given, left - used)
-    except (zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, lzma.LZMAError, NotImplementedError, RuntimeError,
-            EOFError, OSError, struct.error) as error:  # fmt: skip
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else error  # without the path
-        raise ValueError(f"{_shown(file.name)} is damaged or not a zip that can be read: {reason}") from None
-    return used
-
-
-def _keep(name: str, stream: IO[bytes], place: Path, given: dict[str, Path], left: int) -> int:
-    """Write one file, unless its name is harmful and nobody needs it; return its bytes."""
-    if len(given) >= MOST_FILES:
-        raise ValueError(f"An upload must have at most {MOST_FILES} files")
-    steps = [step for step in name.replace("\\", "/").split("/") if step not in ("", ".")]
-    opened = _ending(name) in FORMATS
-    rooted = name.startswith(("/", "\\"))
-    harmless = not rooted and 0 < len(steps) <= DEEPEST and all(SAFE.fullmatch(step) for step in steps)
-    if not harmless and not opened:
-        return 0
-    path = place.joinpath(*(steps if harmless else [f"{len(given)}{_ending(name)}"]))
-    if name in given or path.exists() or not all(above.is_dir() for above in path.parents if above.exists()):
-        raise ValueError(f"An upload must have each file once, got {_shown(name)} twice")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    size = 0
-    with path.open("xb") as target:
-        while chunk := stream.read(CHUNK):
-            size += len(chunk)
-            if size > left:
-                raise ValueError("The files are larger than this server takes")
-            target.write(chunk)
-    given[name] = path
-    return size
-
-
-def _renamed(path: Path, stem: str) -> Path:
-    """The file under a name of ours, in its folder, where what it names is."""
-    target = path.with_name(f"{stem}-{secrets.token_hex(4)}{path.suffix.lower()}")
-    path.rename(target)
-    return target
+        path = self.paths[names[0]]
+        target = path.with_name(f"{secrets.token_hex(8)}{path.suffix.lower()}")
+        return OpenedFile(name=_last(names[0]), path=path.rename(target))
 
 
 def _ending(name: str) -> str:
