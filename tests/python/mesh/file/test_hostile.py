@@ -6,15 +6,12 @@ import base64
 import io
 import json
 import os
-import struct
-import sys
-import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from mesh_files import CORNERS, CUBE, Gltf, checkered, header_and_data, obj_cube, textured_quad, write
+from mesh_files import checkered, header_and_data, obj_cube, textured_quad, write
 from PIL import Image
 
 from dfd.mesh.file import images
@@ -150,25 +147,6 @@ def test_a_picture_too_large_to_decode_is_gray(tmp_path: Path) -> None:
     assert mesh.appearance is None
 
 
-def test_a_picture_is_decoded_once_however_often_it_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    decoded = []
-    original = images._decoded
-    monkeypatch.setattr(images, "_decoded", lambda data: decoded.append(len(data)) or original(data))
-    gltf = textured_quad(tmp_path)
-    paint = gltf.header["images"][0]
-    primitive = gltf.header["meshes"][0]["primitives"][0]
-    for number in range(1, 60):
-        gltf.header["images"].append(dict(paint))
-        gltf.header["textures"].append({"source": number})
-        gltf.header["materials"].append({"pbrMetallicRoughness": {"baseColorTexture": {"index": number}}})
-        gltf.header["meshes"][0]["primitives"].append({**primitive, "material": number})
-    look = load(write(tmp_path / "many.glb", gltf.glb())).appearance
-    assert look is not None
-    assert len(look.materials) == 60
-    assert len({id(each.texture) for each in look.materials}) == 1
-    assert len(decoded) == 1
-
-
 def test_all_pictures_of_a_file_share_one_budget(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(images, "MOST_TEXELS", 100)
     materials, faces = [], []
@@ -183,194 +161,62 @@ def test_all_pictures_of_a_file_share_one_budget(tmp_path: Path, monkeypatch: py
     assert [each.texture is None for each in look.materials].count(False) == 2
 
 
-# --- counts ---
+# --- what is written beside an OBJ file ---
 
 
-def test_cut_off_text_files_are_refused_wherever_they_end(tmp_path: Path) -> None:
-    Mesh(CORNERS, CUBE).save(tmp_path / "whole.off")
-    header = "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\n"
-    header += "element face 12\nproperty list uchar int vertex_indices\nend_header\n"
-    body = [" ".join(f"{each:g}" for each in corner) for corner in CORNERS] + [
-        "3 " + " ".join(map(str, face)) for face in CUBE
-    ]
-    write(tmp_path / "whole.ply", header + "\n".join(body) + "\n")
-    for ending in ("off", "ply"):
-        lines = (tmp_path / f"whole.{ending}").read_text().splitlines(keepends=True)
-        assert len(load(tmp_path / f"whole.{ending}").faces) == 12
-        for kept in range(len(lines) - 20, len(lines)):
-            with pytest.raises(ValueError, match="is cut off"):
-                load(write(tmp_path / f"cut.{ending}", "".join(lines[:kept])))
-        short = "".join(lines).rstrip().rsplit(" ", 1)[0]
-        with pytest.raises(ValueError, match="face 11 should have 3 corners, but 2 are there|is cut off"):
-            load(write(tmp_path / f"cut.{ending}", short))
-    edge = "".join((tmp_path / "whole.off").read_text().splitlines(keepends=True)[:-1]) + "2 0 1\n"
-    with pytest.raises(ValueError, match="face 11 has '2' corners, and 3 are needed"):
-        load(write(tmp_path / "edge.off", edge))
+TEXT = "password = hunter2\n"
 
 
-def test_a_cut_off_binary_stl_says_what_is_missing(tmp_path: Path) -> None:
-    Mesh(CORNERS, CUBE).save(tmp_path / "whole.stl")
-    data = (tmp_path / "whole.stl").read_bytes()
-    with pytest.raises(ValueError, match="it should have 12 faces in 684 bytes, but 600 are there"):
-        load(write(tmp_path / "cut.stl", data[:600]))
+def stranger(folder: Path, library: str, content: str) -> Mesh:
+    folder.mkdir()
+    write(folder / library, content)
+    return load(write(folder / "chair.obj", f"mtllib {library}\n" + obj_cube().replace("f ", "usemtl wood\nf ", 1)))
 
 
-@pytest.mark.parametrize("letters", [b"caf\xe9", b"\x83e\x83X\x83g", b"\xff\xfe\x00"])
-def test_letters_in_no_encoding_need_no_other_package(
-    letters: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for package in ("charset_normalizer", "chardet"):
-        monkeypatch.setitem(sys.modules, package, None)
-    Mesh(CORNERS, CUBE).save(tmp_path / "cube.off")
-    off = (tmp_path / "cube.off").read_bytes().replace(b"OFF\n", b"OFF\n# " + letters + b"\n", 1)
-    facets = b"".join(
-        b"facet normal 0 0 0\nouter loop\n"
-        + b"".join(b"vertex %g %g %g\n" % tuple(CORNERS[corner]) for corner in face)
-        + b"endloop\nendfacet\n"
-        for face in CUBE
-    )
-    header = b"ply\nformat ascii 1.0\ncomment " + letters + b"\nelement vertex 8\nproperty float x\nproperty float y\n"
-    header += b"property float z\nelement face 12\nproperty list uchar int vertex_indices\nend_header\n"
-    rows = [b"%g %g %g" % tuple(corner) for corner in CORNERS] + [b"3 %d %d %d" % tuple(face) for face in CUBE]
-    files = {
-        "cube.off": off,
-        "cube.stl": b"solid " + letters + b"\n" + facets + b"endsolid\n",
-        "cube.ply": header + b"\n".join(rows),
-        "cube.obj": b"# " + letters + b"\n" + obj_cube().encode(),
-    }
-    for name, content in files.items():
-        assert len(load(write(tmp_path / name, content)).faces) == 12
-    for length in range(84, 684, 37):  # nor does the rest of a binary file
-        binary = tmp_path / "whole.stl"
-        Mesh(CORNERS + 0.1, CUBE).save(binary)
-        with pytest.raises(ValueError, match="not a well-formed STL file"):
-            load(write(tmp_path / "cut.stl", binary.read_bytes()[:length]))
+@pytest.mark.parametrize("library", ["json.py", "Makefile", "notes.txt"])
+def test_a_library_plants_no_file_and_carries_no_text_away(library: str, tmp_path: Path) -> None:
+    mesh = stranger(tmp_path / "in", library, TEXT + "newmtl other\nKd 1 0 0\n")
+    (tmp_path / "out").mkdir()
+    mesh.save(tmp_path / "out" / "chair.obj", mesh.vertices + 1)
+    assert [each.name for each in (tmp_path / "out").iterdir()] == ["chair.obj"]
 
 
-def test_three_hundred_nodes_of_three_hundred_primitives(tmp_path: Path) -> None:
-    gltf = Gltf()
-    mesh_index = gltf.mesh("cube", CORNERS, CUBE)
-    gltf.header["meshes"][mesh_index]["primitives"] *= 300
-    for i in range(300):
-        gltf.node(mesh=mesh_index, translation=[2 * i, 0, 0])
-    path = write(tmp_path / "many.glb", gltf.glb())
-    mesh = load(path)
-    assert (mesh.part_count, len(mesh.faces), len(mesh.vertices)) == (300, 300 * 300 * 12, 300 * 8)
+def test_only_used_materials_are_written_under_the_name_of_the_file(tmp_path: Path) -> None:
+    mesh = stranger(tmp_path / "in", "json.py", TEXT + "newmtl wood\nKd 1 0 0\nnewmtl other\nKd 0 1 0\n")
+    (tmp_path / "out").mkdir()
+    mesh.save(tmp_path / "out" / "chair.obj", mesh.vertices + 1)
+    assert {each.name for each in (tmp_path / "out").iterdir()} == {"chair.obj", "chair.mtl"}
+    assert (tmp_path / "out" / "chair.mtl").read_text().split() == ["newmtl", "wood", "Kd", "1", "0", "0"]
+    assert "json.py" not in (tmp_path / "out" / "chair.obj").read_text()
+    again = load(tmp_path / "out" / "chair.obj")
+    assert again.appearance is not None
+    assert any(material.color == (1, 0, 0, 1) for material in again.appearance.materials)
 
 
-# --- headers of other types ---
+def test_a_picture_is_written_under_the_name_of_one(tmp_path: Path) -> None:
+    folder = tmp_path / "in"
+    folder.mkdir()
+    checkered(folder / "paint.png").rename(folder / "json.py")
+    (folder / "a.mtl").write_text("newmtl wood\nmap_Kd json.py\n")
+    text = "mtllib a.mtl\nvt 0 0\n" + obj_cube().replace("f ", "usemtl wood\nf ", 1)
+    mesh = load(write(folder / "chair.obj", text))
+    (tmp_path / "out").mkdir()
+    mesh.save(tmp_path / "out" / "chair.obj", mesh.vertices + 1)
+    assert {each.name for each in (tmp_path / "out").iterdir()} == {"chair.obj", "chair.mtl", "json.png"}
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        lambda h: h["materials"][0]["pbrMetallicRoughness"].update(baseColorTexture=5),
-        lambda h: h["materials"][0]["pbrMetallicRoughness"].update(baseColorTexture={"index": "0"}),
-        lambda h: h["materials"][0].update(pbrMetallicRoughness=[1]),
-        lambda h: h["materials"][0]["pbrMetallicRoughness"].update(baseColorFactor="red"),
-        lambda h: h["materials"][0].update(alphaMode=[], alphaCutoff={}),
-        lambda h: h["materials"][0].update(extensions=[]),
-        lambda h: h["textures"][0].update(sampler=[], source={}),
-        lambda h: h["textures"][0].update(extensions={"KHR_texture_basisu": 5}),
-        lambda h: h.update(samplers=5),
-        lambda h: h.update(textures=7),
-        lambda h: h.update(images={"a": 1}),
-        lambda h: h.update(skins="no", animations=3),
-        lambda h: h.update(materials=None),
-        lambda h: h["images"][0].update(uri=5),
-        lambda h: h["images"][0].update(bufferView=1e9),
-        lambda h: h["nodes"][0].update(mesh="0"),
-        lambda h: h["nodes"][0].update(mesh=[]),
-        lambda h: h["nodes"][0].update(rotation=[0, 0, 0, "1"]),
-        lambda h: h["nodes"][0].update(matrix=5),
-        lambda h: h["nodes"][0].update(name={"a": []}),
-        lambda h: h["meshes"][0].update(primitives=5),
-        lambda h: h["meshes"][0]["primitives"][0].update(mode=[], material=[]),
-        lambda h: h["meshes"][0]["primitives"][0].update(targets=5),
-        lambda h: h["meshes"][0]["primitives"][0].update(extensions={"KHR_draco_mesh_compression": {}}),
-        lambda h: h["meshes"][0]["primitives"][0]["attributes"].update(NORMAL=99, COLOR_0="x", TEXCOORD_0=[]),
-        lambda h: h["accessors"][0].update(sparse=5),
-        lambda h: h["accessors"][0].update(sparse={"count": 1, "indices": {"bufferView": 99}, "values": {}}),
-        lambda h: h["bufferViews"][0].update(extensions={"EXT_meshopt_compression": {"buffer": 0}}),
-        lambda h: h.update(scenes=[{"nodes": 5}]),
-        lambda h: h.update(scenes=[], scene=3),
-        lambda h: h.update(asset=[]),
-    ],
-)
-def test_values_of_another_type_give_a_mesh_or_one_error(change: Any, tmp_path: Path) -> None:
-    gltf = textured_quad(tmp_path)
-    change(gltf.header)
-    path = write(tmp_path / "odd.glb", gltf.glb())
-    mesh = refused = None
-    try:
-        mesh = load_quietly(path)
-    except ValueError as error:
-        refused = str(error)
-    if mesh is None:
-        assert refused is not None
-        assert refused.count(str(path)) == 1
-        assert "\n" not in refused
-        return
-    mesh.save(tmp_path / "out.glb", mesh.vertices + 1)
-    assert np.array_equal(load_quietly(tmp_path / "out.glb").vertices, mesh.vertices + 1)
-
-
-def load_quietly(path: Path) -> Mesh:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return load(path)
-
-
-def test_deep_values_are_refused_before_they_could_fail_to_be_saved(tmp_path: Path) -> None:
-    for depth, fails in ((150, False), (900, True)):
-        gltf = textured_quad(tmp_path)
-        deep: Any = 0
-        for _ in range(depth):
-            deep = [deep]
-        gltf.header["extras"] = deep
-        path = write(tmp_path / "deep.glb", gltf.glb())
-        if fails:
-            with pytest.raises(ValueError, match="its values are nested more than 200 deep"):
-                load(path)
-        else:
-            load(path).save(tmp_path / "out.glb", load(path).vertices + 1)
-            assert header_and_data(tmp_path / "out.glb")[0]["extras"] == deep
-
-
-def test_messages_do_not_quote_what_is_long(tmp_path: Path) -> None:
-    uri = "data:image/png;base64," + base64.b64encode(b"no picture" * 5000).decode()
-    with pytest.warns(UserWarning, match="a data URI of 66690 characters") as caught:
-        look = load(outside(tmp_path, lambda header: header["images"][0].update(uri=uri))).appearance
-    assert look is None
-    assert len(str(caught[0].message)) < 400
-    with pytest.raises(ValueError, match="a data URI of") as refused:
-        load(outside(tmp_path, lambda header: header["buffers"][0].update(uri=uri.replace("base64", "text"))))
-    assert len(str(refused.value)) < 400
-    with pytest.raises(ValueError, match=r"has count 'x+… \(100002 characters\)") as refused:
-        load(outside(tmp_path, lambda header: header["accessors"][0].update(count="x" * 100_000)))
-    assert len(str(refused.value)) < 400
-
-
-def test_views_of_a_compressed_buffer_are_bounded(tmp_path: Path) -> None:
-    gltf = Gltf()
-    gltf.node(mesh=gltf.mesh("cube", CORNERS, CUBE))
-    size = 2**32
-    gltf.header["buffers"] = [
-        {"byteLength": len(gltf.data)},
-        {"byteLength": size, "extensions": {"EXT_meshopt_compression": {"fallback": True}}},
-    ]
-    packed = {"buffer": 0, "byteLength": 100, "byteStride": 16, "count": size // 16, "mode": "ATTRIBUTES"}
-    gltf.header["bufferViews"][0] = {
-        "buffer": 1,
-        "byteLength": size,
-        "byteStride": 16,
-        "extensions": {"EXT_meshopt_compression": packed},
-    }
-    text = json.dumps(gltf.header).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = (
-        struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(gltf.data), 0x004E4942) + gltf.data
-    )
-    path = write(tmp_path / "views.glb", struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks)
-    with pytest.raises(ValueError, match=r"add up to 4294967296 bytes of|its bufferViews add up to"):
-        load(path)
+@pytest.mark.parametrize("kind", ["obj", "glb"])
+def test_materials_of_another_file_are_never_overwritten(kind: str, tmp_path: Path) -> None:
+    if kind == "glb":
+        mesh = load(write(tmp_path / "quad.glb", textured_quad(tmp_path).glb()))
+    else:
+        mesh = stranger(tmp_path / "in", "a.mtl", "newmtl wood\nKd 1 0 0\n")
+    (tmp_path / "to").mkdir()
+    out = tmp_path / "to" / "out.obj"
+    write(out.with_suffix(".mtl"), "newmtl mine\nKd 0 0 1\n")
+    for _ in range(2):  # written once more it keeps to its own names
+        mesh.save(out, mesh.vertices + 1)
+        assert out.with_suffix(".mtl").read_text() == "newmtl mine\nKd 0 0 1\n"
+        assert "mtllib out_2.mtl" in out.read_text()
+        assert sorted(each.name for each in out.parent.glob("*.mtl")) == ["out.mtl", "out_2.mtl"]
+    assert load(out).appearance is not None

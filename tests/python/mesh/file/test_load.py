@@ -160,6 +160,11 @@ PLY = "ply\nformat ascii 1.0\nelement vertex {n}\nproperty float x\nproperty flo
         ("many.off", "OFF\n999999999999 1 0\n0 0 0\n", "not a well-formed OFF"),
         ("cube.xyz", obj_cube(), "must end in .obj, .ply, .stl, .off, .glb, .gltf"),
         ("cube", obj_cube(), "must end in"),
+        ("edge.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n2 0 1\n", "face 0 has '2' corners, and 3 are needed"),
+        ("short.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1\n", "face 0 should have 3 corners, but 2 are there"),
+        ("cut.ply", PLY.format(n=3) + "end_header\n0 0 0\n1 0 0\n", "should have 3 of 'vertex', but is cut off"),
+        ("cut.stl", "x" * 80 + "\x0c\0\0\0" + "x" * 100, "it should have 12 faces in 684 bytes, but 184 are there"),
+        ("facet.stl", "solid\nfacet normal 0 0 0\n", "it is cut off: it begins 1 faces, ends 0"),
     ],
 )
 def test_malformed_files_get_one_sentence(name: str, content: str, message: str, tmp_path: Path) -> None:
@@ -184,6 +189,10 @@ def test_files_cut_off_anywhere_are_refused_or_lack_faces(ending: str, tmp_path:
         path = write(tmp_path / f"cut.{ending}", data[:length])
         with contextlib.suppress(ValueError):
             assert len(load(path).faces) < 12
+
+
+def nested(depth: int) -> list:
+    return [nested(depth - 1)] if depth else []
 
 
 def break_header(change: Callable[[dict], object]) -> bytes:
@@ -223,23 +232,20 @@ def break_header(change: Callable[[dict], object]) -> bytes:
         (lambda h: h.update(extensionsRequired="EXT_magic"), "'extensionsRequired' must be a list of names"),
         (lambda h: h.update(asset={"version": "1.0"}), "it has version '1.0' of the format, and only 2 can be read"),
         (lambda h: h.update(scene=5), "not a well-formed GLB"),
+        (lambda h: h["bufferViews"][0].update(byteStride=2), "the byteStride 2, but items of accessor 0 have 12 bytes"),
+        (lambda h: h["accessors"][1].update(componentType=5126), "of indices, must hold unsigned whole numbers"),
+        (lambda h: h.update(extras=nested(900)), "its values are nested more than 200 deep"),
+        (lambda h: h["accessors"][0].update(count="x" * 100_000), "has count 'xxx"),
+        (lambda h: h["nodes"][0].update(rotation=[0, 0, 0, "1"]), "node 0 has rotation"),
+        (lambda h: h["meshes"][0]["primitives"][0].update(targets=5), "'targets' must be a list of objects"),
     ],
 )
 def test_headers_that_cannot_be_right_are_refused(
     change: Callable[[dict], object], message: str, tmp_path: Path
 ) -> None:
-    assert message in reads(write(tmp_path / "broken.glb", break_header(change)))
-
-
-def test_views_that_overlap_a_hundred_times_are_refused(tmp_path: Path) -> None:
-    def overlap(header: dict) -> None:
-        header["bufferViews"] += [{"buffer": 0, "byteLength": 200_000} for _ in range(200)]
-
-    gltf = Gltf()
-    gltf.view(bytes(200_000))
-    gltf.node(name="cube", mesh=gltf.mesh("cube", CORNERS, CUBE))
-    overlap(gltf.header)
-    assert "its bufferViews add up to" in reads(write(tmp_path / "overlap.glb", gltf.glb()))
+    found = reads(write(tmp_path / "broken.glb", break_header(change)))
+    assert message in found
+    assert len(found) < 400
 
 
 @pytest.mark.skipif("DFD_CORPUS" not in os.environ, reason="DFD_CORPUS names no folder of malformed files")

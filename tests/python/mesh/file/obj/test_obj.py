@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import subprocess
 import sys
@@ -259,12 +258,6 @@ def test_names_of_a_scenes_parts_are_written(tmp_path: Path) -> None:
     assert again.part_names == ("first", "second")
     again.save(tmp_path / "back.obj")
     assert load(tmp_path / "back.obj").part_names == ("first", "second")
-
-
-def test_a_pipe_for_materials_is_not_waited_for(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "pipe.mtl")
-    with pytest.warns(UserWarning, match="pipe.mtl"):
-        load(write(tmp_path / "cube.obj", "mtllib pipe.mtl\nusemtl a\n" + obj_cube()))
 
 
 def test_a_shape_without_looks_is_read_without_the_libraries_that_looks_need(tmp_path: Path) -> None:

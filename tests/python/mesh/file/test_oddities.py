@@ -1,0 +1,161 @@
+"""Valid oddities that programs write, each read as it is meant."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mesh_files import CORNERS, CUBE, Gltf, checkered, obj_cube, same_shape, write
+
+from dfd.mesh.mesh import Mesh, load
+
+
+def refusal(gltf: Gltf | bytes, folder: Path) -> str:
+    path = write(folder / "odd.glb", gltf if isinstance(gltf, bytes) else gltf.glb())
+    with pytest.raises(ValueError, match="is not a well-formed GLB file") as caught:
+        load(path)
+    return str(caught.value)
+
+
+def cube(**node: object) -> Gltf:
+    gltf = Gltf()
+    gltf.node(mesh=gltf.mesh("cube", CORNERS, CUBE), **node)
+    return gltf
+
+
+def test_an_accessor_without_data_is_zeros(tmp_path: Path) -> None:
+    gltf = cube()
+    flat = {"count": 8, "componentType": 5126, "type": "VEC3"}
+    gltf.header["accessors"].append(flat)
+    primitive = gltf.header["meshes"][0]["primitives"][0]
+    primitive["targets"] = [{"POSITION": primitive["attributes"]["POSITION"]}]
+    primitive["attributes"]["POSITION"] = 2
+    gltf.header["meshes"][0]["weights"] = [1]
+    assert same_shape(load(write(tmp_path / "flat.glb", gltf.glb())), Mesh(CORNERS, CUBE))
+
+
+PLY = "ply\nformat {}\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\n"
+
+
+def packed_ply(body: bytes, header: str) -> bytes:
+    head = PLY.format("binary_little_endian 1.0") + header + "end_header\n"
+    return head.encode() + CORNERS.astype("<f4").tobytes() + body
+
+
+def test_binary_ply_with_triangles_and_quads(tmp_path: Path) -> None:
+    faces = [(0, 1, 3), (0, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    body = b"".join(struct.pack(f"<B{len(face)}i", len(face), *face) for face in faces)
+    header = f"element face {len(faces)}\nproperty list uchar int vertex_indices\n"
+    mesh = load(write(tmp_path / "mixed.ply", packed_ply(body, header)))
+    assert same_shape(mesh, Mesh(CORNERS, CUBE))
+    with pytest.raises(ValueError, match="should have 8 of 'face', but is cut off"):
+        load(write(tmp_path / "cut.ply", packed_ply(body[:-3], header)))
+
+
+def test_text_ply_with_two_lists_of_several_lengths(tmp_path: Path) -> None:
+    text = PLY.format("ascii 1.0") + "element face 2\nproperty list uchar int vertex_indices\n"
+    text += "property list uchar float texcoord\nend_header\n" + "".join(f"{x:g} {y:g} {z:g}\n" for x, y, z in CORNERS)
+    mesh = load(write(tmp_path / "lists.ply", text + "3 0 1 2 6 0 .5 0 1 1 1\n4 4 5 7 6 8 0 0 0 1 1 1 1 .5\n"))
+    assert mesh.faces.tolist() == [[0, 1, 2], [4, 5, 7], [4, 7, 6]]
+
+
+def test_ply_strips_of_triangles(tmp_path: Path) -> None:
+    strip = [0, 1, 2, 3, -1, 4, 6, 5, 7]
+    body = struct.pack(f"<i{len(strip)}i", len(strip), *strip)
+    mesh = load(
+        write(tmp_path / "s.ply", packed_ply(body, "element tristrips 1\nproperty list int int vertex_indices\n"))
+    )
+    assert mesh.faces.tolist() == [[0, 1, 2], [2, 1, 3], [4, 6, 5], [5, 6, 7]]
+
+
+def test_a_picture_of_a_ply_that_cannot_be_read_is_a_warning(tmp_path: Path) -> None:
+    text = PLY.format("ascii 1.0").replace("\nelement", "\ncomment TextureFile paint.png\nelement", 1)
+    text += "property float s\nproperty float t\nelement face 12\nproperty list uchar int vertex_indices\nend_header\n"
+    text += "".join(f"{x:g} {y:g} {z:g} {x:g} {y:g}\n" for x, y, z in CORNERS)
+    text += "".join("3 {} {} {}\n".format(*face) for face in CUBE)
+    write(tmp_path / "paint.png", "no picture")
+    with pytest.warns(UserWarning, match="paint.png"):
+        load(write(tmp_path / "cube.ply", text))
+    checkered(tmp_path / "paint.png")
+    look = load(tmp_path / "cube.ply").appearance
+    assert look is not None
+    assert look.materials[0].texture is not None
+
+
+def area(mesh: Mesh) -> float:
+    a, b, c = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
+@pytest.mark.parametrize("ending", ["obj", "off", "ply"])
+@pytest.mark.parametrize("turned", [False, True])
+def test_concave_polygons_become_triangles_inside_them(ending: str, turned: bool, tmp_path: Path) -> None:
+    outline = [(0, 0, 0), (4, 0, 0), (4, 3, 0), (3, 3, 0), (3, 1, 0), (1, 1, 0), (1, 3, 0), (0, 3, 0)]  # a U
+    order = range(7, -1, -1) if turned else range(8)
+    numbers = " ".join(map(str, order))
+    vertices = "".join(f"{x} {y} {z}\n" for x, y, z in outline)
+    text = {
+        "obj": "".join(f"v {x} {y} {z}\n" for x, y, z in outline) + "f " + " ".join(str(i + 1) for i in order) + "\n",
+        "off": f"OFF\n8 1 0\n{vertices}8 {numbers}\n",
+        "ply": PLY.format("ascii 1.0") + "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        + f"{vertices}8 {numbers}\n",
+    }[ending]  # fmt: skip
+    mesh = load(write(tmp_path / f"u.{ending}", text))
+    assert len(mesh.faces) == 6
+    assert area(mesh) == pytest.approx(8)
+    a, b, c = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
+    assert (np.sign(np.cross(b - a, c - a)[:, 2]) == (-1 if turned else 1)).all()
+
+
+def test_an_stl_file_in_capitals(tmp_path: Path) -> None:
+    Mesh(CORNERS, CUBE).save(tmp_path / "cube.off")
+    lines = ["SOLID CUBE"]
+    for face in CUBE:
+        lines += ["FACET NORMAL 0 0 0", "OUTER LOOP"]
+        lines += [f"VERTEX {x:g} {y:g} {z:g}" for x, y, z in CORNERS[face]] + ["ENDLOOP", "ENDFACET"]
+    mesh = load(write(tmp_path / "cube.stl", "\n".join([*lines, "ENDSOLID CUBE", ""])))
+    assert same_shape(mesh, Mesh(CORNERS, CUBE))
+
+
+@pytest.mark.parametrize("ending", ["obj", "ply"])
+def test_faces_of_two_corners_are_told(ending: str, tmp_path: Path) -> None:
+    text = obj_cube() + "f 1 2\n"
+    if ending == "ply":
+        text = PLY.format("ascii 1.0") + "element face 13\nproperty list uchar int vertex_indices\nend_header\n"
+        text += "".join(f"{x:g} {y:g} {z:g}\n" for x, y, z in CORNERS)
+        text += "".join("3 {} {} {}\n".format(*face) for face in CUBE) + "2 0 1\n"
+    with pytest.warns(UserWarning, match="1 faces of fewer than three corners"):
+        mesh = load(write(tmp_path / f"short.{ending}", text))
+    assert len(mesh.faces) == 12
+
+
+def test_a_scene_of_too_many_primitives_is_refused(tmp_path: Path) -> None:
+    gltf = cube()
+    gltf.header["nodes"] = [{"mesh": 0}] * 100_001
+    gltf.header["scenes"] = [{"nodes": list(range(100_001))}]
+    assert "its scene places more than 100000 primitives" in refusal(gltf, tmp_path)
+    gltf = cube()
+    gltf.header["meshes"][0]["primitives"] *= 20_001
+    assert "its scene shows more than 20000 primitives" in refusal(gltf, tmp_path)
+
+
+@pytest.mark.parametrize("letters", [b"caf\xe9", b"\x83e\x83X\x83g", b"\xff\xfe\x00"])
+def test_letters_in_no_encoding(letters: bytes, tmp_path: Path) -> None:
+    facets = b"".join(
+        b"facet normal 0 0 0\nouter loop\n"
+        + b"".join(b"vertex %g %g %g\n" % tuple(CORNERS[corner]) for corner in face)
+        + b"endloop\nendfacet\n"
+        for face in CUBE
+    )
+    rows = b"\n".join([b"%g %g %g" % tuple(each) for each in CORNERS] + [b"3 %d %d %d" % tuple(each) for each in CUBE])
+    head = PLY.format("ascii 1.0").encode() + b"element face 12\nproperty list uchar int vertex_indices\nend_header\n"
+    files = {
+        "cube.off": b"OFF\n# " + letters + b"\n8 12 0\n" + rows,
+        "cube.stl": b"solid " + letters + b"\n" + facets + b"endsolid\n",
+        "cube.ply": head.replace(b"\nelement", b"\ncomment " + letters + b"\nelement", 1) + rows,
+        "cube.obj": b"# " + letters + b"\n" + obj_cube().encode(),
+    }
+    for name, content in files.items():
+        assert same_shape(load(write(tmp_path / name, content)), Mesh(CORNERS, CUBE))
