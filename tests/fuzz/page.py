@@ -41,7 +41,7 @@ ASKED: list[dict[str, Any]] = [  # all but those that start processes or open sa
     *({"type": "add", "at": at} for at in ({"point": [0.5, 1, 1]}, {"mask": MASK}, {"part": 2})),
     {"type": "add", "at": {"vertex": 7}, "transform": TRANSFORM, "controls": CONTROLS},
     *({"type": "probe", "at": at} for at in ({"vertex": 3}, {"point": [9, 9, 9]})),
-    *({"type": name, "vertex": 3} for name in ("part", "take_part")),
+    *({"type": "take_part", "handle": 1, "how": how} for how in ("smaller", "larger")),
     {"type": "take_part", "vertex": 1, "handle": 1, "how": "add"},
     *({"type": name} for name in ("features", "undo", "redo", "clear", "cancel")),
     {"type": "suggest", "count": 3},

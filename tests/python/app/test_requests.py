@@ -55,29 +55,28 @@ def test_a_shape_is_shown_and_edited(page: Page, deformer: Deformer) -> None:
     assert page.last("state")["can_undo"]
 
 
-def test_a_part_is_shown_held_and_what_a_handle_is_limited_to(page: Page, deformer: Deformer) -> None:
+def test_a_part_is_held_resized_combined_and_what_a_handle_is_limited_to(page: Page, deformer: Deformer) -> None:
     if not page.last("state")["field"]["parts"]:
         page.until(lambda message: message["type"] == "state" and message["field"]["parts"])
     vertex, count = 5, len(deformer.mesh.vertices)
-    part = deformer.part(vertex).indices
-    answer = page.ask("part", vertex=vertex)
-    mask = np.unpackbits(answer["arrays"]["mask"], count=count, bitorder="little")
-    np.testing.assert_array_equal(np.flatnonzero(mask), part)
-    assert answer["count"] == len(part)
+    part, larger = (deformer.part(vertex, level=level).indices for level in ("part", "larger"))
 
-    handle = page.ask("take_part", vertex=vertex)["handle"]
-    assert page.last("state")["handles"][0]["region"] == len(part)
-    assert page.ask("take_part", vertex=vertex)["handle"] == handle, "it is held already"
-    page.ask("take_part", vertex=vertex, handle=handle)
-    assert page.last("state")["handles"][0]["region"] != len(part), "the next level"
-    page.ask("undo")
+    def held() -> int:
+        return page.last("state")["handles"][0]["region"]
+
+    handle = page.ask("add", at={"vertex": vertex})["handle"]
+    page.ask("take_part", handle=handle, how="larger")
+    assert held() == len(larger) > len(part)
+    assert "no larger part" in page.ask("take_part", handle=handle, how="larger")["message"]
+    page.ask("take_part", handle=handle, how="smaller")
+    assert held() == len(part), "back again"
 
     other = int(np.setdiff1d(np.arange(count), part)[0])
     added = np.union1d(part, deformer.part(other).indices)
     page.ask("take_part", vertex=other, handle=handle, how="add")
-    assert page.last("state")["handles"][0]["region"] == len(added)
+    assert held() == len(added)
     page.ask("take_part", vertex=vertex, handle=handle, how="remove")
-    assert page.last("state")["handles"][0]["region"] == len(np.setdiff1d(added, part))
+    assert held() == len(np.setdiff1d(added, part))
     page.ask("undo")
     page.ask("undo")
     assert "remove the handle" in page.ask("take_part", vertex=vertex, handle=handle, how="remove")["message"]
@@ -85,9 +84,9 @@ def test_a_part_is_shown_held_and_what_a_handle_is_limited_to(page: Page, deform
     page.ask("change", handle=handle, controls={"mask": "part"})
     limited = page.last("state")["handles"][0]
     assert (limited["mask"], limited["mask_part"]) == (len(part), True)
-    page.ask("take_part", vertex=vertex, handle=handle)
-    larger = page.last("state")["handles"][0]
-    assert (larger["mask"], larger["mask_part"]) == (larger["region"], True), "the limit goes along"
+    page.ask("take_part", handle=handle, how="larger")
+    grown = page.last("state")["handles"][0]
+    assert (grown["mask"], grown["mask_part"]) == (grown["region"], True), "the limit goes along"
     page.ask("change", handle=handle, controls={"mask": "everywhere", "reach": "part"})
     assert (page.last("state")["handles"][0]["mask_part"], page.last("state")["handles"][0]["reach_by"]) == (
         False,

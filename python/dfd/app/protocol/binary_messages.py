@@ -123,14 +123,6 @@ class HeatMessage(Binary):
     scale: float
 
 
-class PartMessage(Binary):
-    """Answer to `part`: buffer `mask` uint8, a bit per vertex, lowest bit first."""
-
-    type: Literal["part"] = "part"
-    vertex: int
-    count: int  # how many vertices it has
-
-
 class PositionsMessage(Binary):
     """Answer to `compute`: `positions` float32 (V, 3), relative to the mesh's center, and `normals` int16 (V, 4)."""
 

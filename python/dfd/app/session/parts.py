@@ -1,4 +1,4 @@
-"""Parts of the shape at a click: shown under the pointer, held, and what a handle may be limited to."""
+"""Parts of the shape: those that handles hold, and those that they are limited to."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from dfd.app.protocol.binary_messages import PartMessage, pack
 from dfd.editing.influence.regions import VertexSet, members
 
 if TYPE_CHECKING:
@@ -14,9 +13,8 @@ if TYPE_CHECKING:
     from dfd.editing.edit import Handle
     from dfd.segmentation.parts import Level
 
-Combine = Literal["take", "add", "remove"]
-# What the same place gives one click after the other: the level, and whether its look-alikes belong to it.
-STEPS: tuple[tuple[Level, bool], ...] = (("part", True), ("part", False), ("larger", True), ("smaller", True))
+Change = Literal["smaller", "larger", "add", "remove"]
+LEVELS: tuple[Level, ...] = ("smaller", "part", "larger")
 MOST_KEPT = 64  # parts, each of them a set of vertices
 
 
@@ -27,6 +25,7 @@ class ShapeParts:
         self._deformer = deformer
         self.ready = False  # whether what the first part would have to wait for is done
         self._found: dict[tuple[int, Level, bool], VertexSet] = {}
+        self._origins: dict[VertexSet, int] = {}  # the vertex for which a part was chosen
 
     def at(self, vertex: int, level: Level = "part", *, alike: bool = True) -> VertexSet:
         """The part that a vertex is on."""
@@ -37,25 +36,31 @@ class ShapeParts:
             self._found[key] = self._deformer.part(vertex, level=level, alike=alike)
         return self._found[key]
 
-    def message(self, vertex: int, *, request: int) -> bytes:
-        """The answer to `part`."""
-        part = self.at(vertex)
-        mask = np.zeros(len(self._deformer.mesh.vertices), bool)
-        mask[part.indices] = True
-        arrays = {"mask": np.packbits(mask, bitorder="little")}
-        return pack(PartMessage, arrays, id=request, vertex=vertex, count=len(part.indices))
+    def resized(self, handle: Handle, how: Change) -> VertexSet:
+        """Return the next smaller or larger part at the place that a handle holds.
 
-    def steps(self, vertex: int) -> list[VertexSet]:
-        """What clicks on a vertex take, one after the other."""
-        return list(dict.fromkeys(self.at(vertex, level, alike=alike) for level, alike in STEPS))
+        Raises ValueError if there is none.
+        """
+        region = handle.place.region if isinstance(handle.place.region, VertexSet) else None
+        vertex = self._deformer.bound.anchor(handle)
+        alike = handle.controls.instances != "only"
+        if region is not None:
+            vertex = self._origins.get(region, vertex)
+        levels = list(dict.fromkeys(self.at(vertex, level, alike=alike) for level in LEVELS))
+        present = self.at(vertex, alike=alike) if region is None or region not in levels else region
+        wanted = levels.index(present) + (1 if how == "larger" else -1)
+        if not 0 <= wanted < len(levels):
+            raise ValueError(f"There is no {how} part here")
+        self._origins[levels[wanted]] = vertex
+        return levels[wanted]
 
-    def combined(self, vertex: int, held: VertexSet, how: Combine) -> VertexSet:
-        """What is held with the part that a vertex is on added to it, or taken away from it.
+    def combined(self, handle: Handle, how: Change, vertex: int) -> VertexSet:
+        """Return what a handle holds with the part at a vertex added to it or removed from it.
 
         Raises ValueError if nothing would be left.
         """
         mesh, part = self._deformer.mesh, self.at(vertex).indices
-        own = members(mesh, held)
+        own = members(mesh, self.of(handle))
         chosen = np.union1d(own, part) if how == "add" else np.setdiff1d(own, part)
         if len(chosen) == 0:
             raise ValueError("That is all that the handle holds: remove the handle instead")

@@ -43,13 +43,12 @@ from dfd.app.protocol.parts import (
 from dfd.app.protocol.requests import Request, call, request
 from dfd.app.session import exports
 from dfd.app.session.columns import heat_message
-from dfd.app.session.parts import Combine
+from dfd.app.session.parts import Change
 from dfd.app.session.session import Session
 from dfd.app.session.state import feature_colors_message, positions_message
 from dfd.common.preset import Preset
 from dfd.editing.edit import Fixed, GivenSettings, empty_edit
 from dfd.editing.influence.held_parts import pivot_on
-from dfd.editing.influence.regions import VertexSet
 from dfd.editing.points import place_on
 from dfd.editing.presets import PRESETS, BlendRule
 from dfd.editing.suggestions import suggest_handles
@@ -109,12 +108,6 @@ def probe(session: Session, at: VertexPlace | PointPlace) -> bytes:
     """The column that a handle at `at` would have; a newer request replaces it unanswered. Answer: `heat`."""
     deformer = session.require_deformer()
     return heat_message(deformer, place_on(deformer.mesh, _at(session, at)), request=session.after)
-
-
-@request
-def part(session: Session, vertex: Index) -> bytes:
-    """The part that a vertex is on; a newer request replaces it unanswered. Answer: `part`."""
-    return session.require_parts().message(vertex, request=session.after)
 
 
 @request
@@ -188,30 +181,16 @@ def add(session: Session, at: Place, transform: Transform = NO_TRANSFORM, contro
 
 
 @request
-def take_part(session: Session, vertex: Index, handle: int | None = None, how: Combine = "take") -> Answer:
-    """Hold the part that a vertex is on. Answer: `done` with the handle that holds it.
+def take_part(session: Session, handle: int, how: Change, vertex: Index | None = None) -> None:
+    """Hold another part: one "smaller" or "larger", or with the part at `vertex` in "add" or "remove".
 
-    Where `handle` holds it already, it holds that of the next level instead. "add" adds the part to what `handle`
-    holds, and "remove" takes it away from there. A limit to the part goes along.
+    A limit to the part goes along.
     """
-    parts, handles = session.require_parts(), session.require_deformer().handles
-    held = next((each for each in handles if each.id == handle and isinstance(each.place.region, VertexSet)), None)
-    region: Any = None if held is None else held.place.region
-    if held is not None and how != "take":
-        chosen = parts.combined(vertex, region, how)
-    else:
-        steps = parts.steps(vertex)
-        # Another place is another part: a handle of its own.
-        held = held if region in steps else None
-        chosen = steps[0] if held is None else steps[(steps.index(region) + 1) % len(steps)]
-    same = next((each for each in handles if each.place.region == chosen), None)
-    if same is not None:
-        return DoneMessage(handle=same.id)
-    if held is None:
-        return DoneMessage(handle=session.change(lambda deformer: deformer.add(chosen)))
-    number, mask = held.id, chosen if parts.limits(held) else None
-    session.change(lambda deformer: deformer.change(number, at=chosen, mask=mask))
-    return DoneMessage(handle=number)
+    parts = session.require_parts()
+    held = session.require_deformer().edit.handle(handle)
+    chosen = parts.resized(held, how) if vertex is None else parts.combined(held, how, vertex)
+    mask = chosen if parts.limits(held) else None
+    session.change(lambda deformer: deformer.change(handle, at=chosen, mask=mask))
 
 
 @request

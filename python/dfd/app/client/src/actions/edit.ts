@@ -1,9 +1,9 @@
 /** What a person does to the shape, where that is more than one request. */
 
 import type { Transform } from "../posing/affine";
-import type { Controls, PoseTransform } from "../protocol/messages";
+import type { Controls, PoseTransform, TakePart } from "../protocol/messages";
 import { present, ready, serverPoses, store, type Ahead } from "../store/state";
-import { ask, congested, send } from "./connection";
+import { congested, send } from "./connection";
 import { note } from "./toasts";
 
 export function hold(vertex: number): void {
@@ -22,19 +22,12 @@ export function toggleFixed(vertex: number): void {
   else send({ type: "fix", at: { vertex } });
 }
 
-/**
- * Hold the part that a vertex is on, and where the selected handle holds that already, the part of the next level. With
- * Shift it is added to what the handle holds, with Ctrl taken away.
- */
-export async function takePart(vertex: number, { shiftKey, ctrlKey, metaKey }: PointerEvent): Promise<void> {
-  const { edit, tool, selected } = store.get();
-  if (!edit?.field.parts) note("Parts are being found: try again in a moment.");
-  else if (tool === "fix") send({ type: "fix", at: { part: vertex } });
-  else if (tool === "hold") {
-    const how = shiftKey ? "add" : ctrlKey || metaKey ? "remove" : "take";
-    const received = await ask({ type: "take_part", vertex, handle: selected, how });
-    if (received?.message.type === "done") select(received.message.handle);
-  }
+/** Have the selected handle hold a smaller or larger part, or add the part at a vertex to it or remove it. */
+export function changePart(how: TakePart["how"], vertex: number | null = null): void {
+  const { edit, selected } = store.get();
+  if (selected === null) return;
+  if (edit?.field.parts) send({ type: "take_part", handle: selected, how, vertex });
+  else note("Parts are being found: try again in a moment.");
 }
 
 /** What was painted, a bit per vertex, lowest first, as requests have it. */

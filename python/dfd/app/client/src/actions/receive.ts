@@ -44,19 +44,7 @@ export function receive({ message, payload }: Received): void {
     case "heat": {
       if (message.vertex === null || store.get().hover?.vertex !== message.vertex) break;
       const layer = { values: payload.get("values", "uint16"), scale: message.scale, kind: "distance" } as const;
-      store.set({ probe: { vertex: message.vertex, layer: { ...layer, geodesic: null }, part: 0 } });
-      break;
-    }
-    case "part": {
-      const { hover, mesh } = store.get();
-      const mask = payload.get("mask", "uint8");
-      const values = Uint16Array.from(
-        { length: mesh?.vertices ?? 0 },
-        (_, i) => ((mask[i >> 3] >> (i & 7)) & 1) * 65535,
-      );
-      // The pointer may have moved on, to another part.
-      if (!hover || values[hover.vertex] === 0) break;
-      store.set({ probe: { vertex: message.vertex, layer: weightLayer(values), part: message.count } });
+      store.set({ probe: { vertex: message.vertex, layer: { ...layer, geodesic: null } } });
       break;
     }
     case "progress": {

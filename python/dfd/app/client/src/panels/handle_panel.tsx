@@ -1,5 +1,5 @@
 import { send } from "../actions/connection";
-import { change, moveTo } from "../actions/edit";
+import { change, changePart, moveTo } from "../actions/edit";
 import { otherPlaces, toggleInstance } from "../actions/similar";
 import { niceStep, type PivotAt, type Transform } from "../posing/affine";
 import { followed, LEAST_SEEN } from "../posing/held";
@@ -7,7 +7,20 @@ import type { AxisMessage, HandleState } from "../protocol/messages";
 import { handleName, present, selectedHandle, store, type GizmoMode, type State } from "../store/state";
 import { readably, useParts } from "../store/use";
 import { columnsOf } from "../viewer/scene";
-import { count, IconButton, More, NumberRow, Panel, percent, Scale, Select, Toggle, Triple } from "../widgets/controls";
+import {
+  Button,
+  count,
+  IconButton,
+  More,
+  NumberRow,
+  Panel,
+  percent,
+  Scale,
+  Select,
+  titled,
+  Toggle,
+  Triple,
+} from "../widgets/controls";
 import { ControlField } from "./control_field";
 
 /** Controls that are always in sight. */
@@ -43,6 +56,18 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
   );
   return (
     <Panel title={handleName(handle)} action={reset}>
+      <div class="buttons">
+        {(["smaller", "larger"] as const).map((how) => (
+          <Button
+            key={how}
+            text={titled(how)}
+            style="small"
+            title={`Hold a ${how} part (${how === "larger" ? "]" : "["})`}
+            disabled={!state.edit?.field.parts}
+            onPress={() => changePart(how)}
+          />
+        ))}
+      </div>
       {verb[state.gizmo]}
       {state.gizmo !== "translate" && <PivotChoice handle={handle} axis={state.axis} />}
       {SHOWN.map(field)}

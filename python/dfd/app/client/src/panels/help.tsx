@@ -9,11 +9,8 @@ const POINTER: readonly Entry[] = [
   ["Click", "Take hold of a point"],
   ["Drag", "Orbit; right button pans"],
   ["Wheel", "Zoom; while dragging a handle: reach"],
-  ["Alt Wheel", "Reach of the selected handle"],
-  ["Alt", "Show the part under the pointer"],
-  ["Alt Click", "Hold that part; again for the next level"],
-  ["Alt Shift Click", "Add the part to what is held"],
-  ["Alt Ctrl Click", "Take the part away from it"],
+  ["Shift Click", "Add the part there to what is held"],
+  ["Ctrl Click", "Remove it from what is held"],
 ];
 const GROUPS: readonly Shortcut[1][] = ["Handle", "Tools", "View", "Edit", "Timeline"];
 const LOOKS: Entry = ["1 … 4", "Texture, clay, features, heat map"];

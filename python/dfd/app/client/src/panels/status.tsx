@@ -3,7 +3,7 @@ import { dismiss } from "../actions/toasts";
 import { present, ready, selectedHandle, type State } from "../store/state";
 import { readably, useParts } from "../store/use";
 import { held } from "../viewer/scene";
-import { Button, count, IconButton, percent, titled } from "../widgets/controls";
+import { Button, IconButton, percent, titled } from "../widgets/controls";
 
 const HINTS = {
   hold: "Click to take hold · drag to orbit",
@@ -15,14 +15,12 @@ const HINTS = {
 
 export function StatusLine() {
   const state = useParts(readably);
-  const { link, tool, hover, dragging, report, edit, ahead, comparing, probe } = state;
+  const { link, tool, hover, dragging, report, edit, ahead, comparing } = state;
   const { gizmo, selected, axis } = state;
   const said = report && !dragging ? report.text : "";
   const bends = gizmo === "bend" && tool === "hold" && selected !== null && axis?.handle === selected;
   const usual = bends ? (axis.tip ? "Drag the tip: what is held bends" : "Nothing that is held can bend") : HINTS[tool];
-  const part = probe?.part ? `Part of ${count.format(probe.part)} vertices · Alt-click to hold it` : "";
-  const hint =
-    part || (dragging ? dragText(state) : comparing ? "The original" : ready({ edit }) ? usual : "Drag to orbit");
+  const hint = dragging ? dragText(state) : comparing ? "The original" : ready({ edit }) ? usual : "Drag to orbit";
   return (
     <footer class="status">
       <span class={`link ${link}`} role="status">

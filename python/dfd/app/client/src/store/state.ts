@@ -53,8 +53,6 @@ export interface Hover {
 export interface Probe {
   readonly vertex: number;
   readonly layer: Layer;
-  /** How many vertices the part has that is shown; 0 where it is what a handle at the vertex would hold. */
-  readonly part: number;
 }
 
 export interface Toast {

@@ -79,9 +79,9 @@ export function sceneOf(state: State): Scene {
     });
     columns.push(...(data.instances.length > 0 ? data.instances.map(ofInstance) : [column]));
   }
-  // What was painted, and a part, in a color of the ramp that stands out from pale shapes too.
+  // What was painted, in a color of the ramp that stands out from pale shapes too.
   if (painted) columns.push(shownColumn(painted.layer, null, PAINTED, edit.new_handle));
-  else if (probe) columns.push(shownColumn(probe.layer, fixed, probe.part > 0 ? PAINTED : 1, edit.new_handle));
+  else if (probe) columns.push(shownColumn(probe.layer, fixed, 1, edit.new_handle));
   const d0 = state.comparing ? null : edit.default;
   const rest = d0 && matrixOf({ ...REST, ...d0 }, center);
   return {

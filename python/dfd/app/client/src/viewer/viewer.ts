@@ -3,7 +3,7 @@
 import { Box3, Color, MOUSE, Sphere, Vector3 } from "three";
 
 import { send } from "../actions/connection";
-import { hold, select, takePart, toggleFixed, wheelReach } from "../actions/edit";
+import { changePart, hold, select, toggleFixed, wheelReach } from "../actions/edit";
 import { saveBlob, stem } from "../actions/files";
 import { problem } from "../actions/toasts";
 import { niceStep } from "../posing/affine";
@@ -47,7 +47,7 @@ export class Viewer {
         if (this.shape) paint(this.shape, picked, erase);
       },
       box: (box, done, erase) => this.selectBox(box, done, erase),
-      rest: (picked, part) => this.probe(picked, part),
+      rest: (picked) => this.probe(picked),
     });
     this.box.className = "box";
     this.box.hidden = true;
@@ -246,7 +246,7 @@ export class Viewer {
     }
     if (!ready(state)) return;
     store.set({ hover: { vertex: picked.vertex, row: picked.row }, probe: null });
-    if (event.altKey) void takePart(picked.vertex, event);
+    if (event.shiftKey || event.ctrlKey || event.metaKey) changePart(event.shiftKey ? "add" : "remove", picked.vertex);
     else if (state.tool === "fix") toggleFixed(picked.vertex);
     else if (state.tool === "hold") hold(picked.vertex);
   }
@@ -258,11 +258,10 @@ export class Viewer {
     return true;
   }
 
-  private probe({ vertex }: Picked, part: boolean): void {
+  private probe({ vertex }: Picked): void {
     const state = store.get();
     if (!ready(state) || ["paint", "box", "pivot"].includes(state.tool) || isolates(state)) return;
-    if (!part) send({ type: "probe", at: { vertex } });
-    else if (state.edit?.field.parts) send({ type: "part", vertex });
+    send({ type: "probe", at: { vertex } });
   }
 }
 

@@ -33,10 +33,6 @@ export class Gizmo {
     this.controls.setSize(0.85);
     this.controls.setColors(0xd64545, 0x3f9b4a, 0x3b6fd8, 0xf2b632);
     this.helper = this.controls.getHelper();
-    // With Alt the pointer means the part beneath.
-    for (const type of ["pointermove", "pointerdown"] as const) {
-      canvas.addEventListener(type, ({ altKey }) => this.yield(altKey), { capture: true });
-    }
     this.controls.addEventListener("change", redraw);
     this.controls.addEventListener("dragging-changed", (event) => (event.value ? startDrag() : endDrag()));
     this.controls.addEventListener("objectChange", () => {
@@ -78,12 +74,6 @@ export class Gizmo {
     this.controls.setTranslationSnap(snap);
     this.controls.setRotationSnap(snap === null ? null : SNAP_ANGLE);
     this.controls.setScaleSnap(snap === null ? null : SNAP_SCALE);
-  }
-
-  private yield(on: boolean): void {
-    if (this.controls.dragging) return;
-    this.controls.enabled = !on;
-    if (on) this.controls.axis = null;
   }
 
   private read(held: Held): Transform {
