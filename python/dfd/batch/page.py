@@ -18,13 +18,11 @@ HEAD = """<!doctype html>
 <title>{title}</title>
 <style>
 body {{ font: 14px/1.4 system-ui, sans-serif; color: #1c1e24; margin: 2rem; }}
-h1 {{ font-size: 1.3rem; font-weight: 600; }}
 main {{ display: grid; grid-template-columns: repeat(auto-fill, minmax(180px, 1fr)); gap: 1rem; }}
-article {{ border: 1px solid #dcdee2; border-radius: 6px; padding: .5rem; overflow-wrap: anywhere; }}
+article {{ border: 1px solid #dcdee2; padding: .5rem; overflow-wrap: anywhere; }}
 article.failed {{ border-color: #c0392b; background: #fdf3f2; }}
 img {{ width: 100%; aspect-ratio: 1; object-fit: contain; background: white; }}
 small {{ color: #64686f; display: block; }}
-a {{ color: inherit; }}
 </style>
 <h1>{title}</h1>
 <p>Steps: {steps}. <a href='shapes.jsonl'>shapes.jsonl</a></p>

@@ -12,11 +12,7 @@ from dfd.encoders.known import DEFAULT_ENCODER
 
 Step = Literal["inspect", "distill", "features", "symmetry", "parts", "pictures", "edits", "exports"]
 STEPS: tuple[Step, ...] = get_args(Step)
-# The endings of exported files: deformed shapes, rigs and weights.
-MOVED = ("glb", "obj", "ply", "stl", "off")
-RIGS = ("rig.glb",)
-WEIGHTS = ("weights.npz", "weights.safetensors")
-EXPORTS = (*MOVED, *RIGS, *WEIGHTS)
+EXPORTS = ("glb", "obj", "ply", "stl", "off", "rig.glb", "weights.npz", "weights.safetensors")  # endings of files
 
 
 class EditSource(BaseModel):
@@ -75,11 +71,6 @@ class BatchSettings(BaseModel):
         if "exports" in self.steps and "edits" not in self.steps:
             raise ValueError("`--step` must hold edits for exports: they are what is written")
 
-    @property
-    def needs_field(self) -> bool:
-        """Whether a step works with a field."""
-        return bool({"features", "symmetry", "parts", "edits", "exports"} & set(self.steps))
-
 
 def begin_folder(root: Path, settings: BatchSettings) -> None:
     """Make the folder of a batch, or check that the batch in it has the same settings.
@@ -87,10 +78,6 @@ def begin_folder(root: Path, settings: BatchSettings) -> None:
     Raises ValueError if it holds something else, or a batch with other settings; OSError if it cannot be written.
     """
     file = root / "batch.json"
-    if root.exists() and not root.is_dir():
-        raise NotADirectoryError(f"`--output` must be a folder, but {root} is a file")
-    if not root.parent.is_dir():
-        raise FileNotFoundError(f"`--output`: the folder {root.parent} does not exist")
     if file.is_file():
         try:
             before = BatchSettings.model_validate_json(file.read_bytes())

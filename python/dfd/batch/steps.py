@@ -8,7 +8,6 @@ import shutil
 import time
 import traceback
 import warnings
-from collections.abc import Callable
 from dataclasses import asdict
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -18,9 +17,9 @@ import numpy as np
 
 import dfd
 from dfd.batch.inputs import Shape
-from dfd.batch.one_edit import Original, UnlikeError, before_and_after, carry
+from dfd.batch.one_edit import EditFiles, Original, UnlikeError, before_and_after, carry
 from dfd.batch.record import FAILED_EXPORT, Cause, Figure, Record, modified, shape_folder, write_record
-from dfd.batch.settings import MOVED, RIGS, WEIGHTS, BatchSettings, EditSource
+from dfd.batch.settings import BatchSettings, EditSource
 from dfd.common.files import atomic_write, plain
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillSettings
@@ -161,7 +160,7 @@ class _Work:
     def pictures(self) -> None:
         """A thumbnail, and one in the colors of the features where there is a field."""
         save_png(self.folder / "thumbnail.png", picture(self.mesh, resolution=PIXELS))
-        if self.settings.needs_field or (self.folder / FIELD).exists():
+        if self.shape.field is not None or (self.folder / FIELD).exists():
             features = self.session.features
             shown = features if isinstance(features, np.ndarray) else features.principal(3)
             save_png(self.folder / "features.png", picture(self.mesh, colors=feature_colors(shown), resolution=PIXELS))
@@ -194,10 +193,10 @@ class _Work:
             for ending in self.settings.exports:
                 failed = f"{name}.{ending}{FAILED_EXPORT}"
                 try:
-                    WRITERS[ending](self.folder / f"{name}.{ending}", deformer)
+                    _export(self.folder / f"{name}.{ending}", deformer)
                     self.figures[failed] = None
                 except ValueError as error:
-                    self.figures[failed] = f"{name}.{ending}: {' '.join(str(error).split())}"
+                    self.figures[failed] = f"{name}.{ending}: {_one_line(error)}"
 
     def parts(self) -> None:
         """The parts of the shape, the part of every vertex, and with the step pictures a drawing of them, numbered."""
@@ -224,12 +223,13 @@ def loaded_encoder(name: str, device: str, **options: Any) -> Any:
 @lru_cache(maxsize=16)
 def loaded_original(source: EditSource) -> Original:
     """Return an edit of the batch with its mesh and field, loaded once in a worker's life."""
-    mesh = dfd.load(source.mesh)
-    return Original.read(source.edit, mesh, Field.load(source.field, mesh=mesh))
+    return EditFiles(Path(source.edit), Path(source.mesh), Path(source.field)).original()
 
 
-WRITERS: dict[str, Callable[[Path, Deformer], object]] = {
-    **dict.fromkeys(MOVED, lambda path, deformer: deformer.mesh.save(path, deformer.vertices)),
-    **dict.fromkeys(RIGS, lambda path, deformer: export_rig(deformer, path)),
-    **dict.fromkeys(WEIGHTS, lambda path, deformer: export_weights(deformer, path)),
-}
+def _export(path: Path, deformer: Deformer) -> None:
+    if path.name.endswith(".rig.glb"):
+        export_rig(deformer, path)
+    elif path.name.endswith((".weights.npz", ".weights.safetensors")):
+        export_weights(deformer, path)
+    else:
+        deformer.mesh.save(path, deformer.vertices)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-import typer
 from typer import Argument, Option
 
 from dfd.cli.arguments import EncoderOption, MadeFieldOption, PresetOption, chosen_preset
+from dfd.cli.errors import say
 from dfd.encoders.known import DEFAULT_ENCODER
 
 
@@ -54,9 +55,8 @@ def app(
         encoder=encoder,
     )
     if not loopback(host):
-        typer.echo(
+        say(
             f"dfd: {host} lets other machines in, without encryption: whoever sees the address can open and change "
-            "everything in the app; an SSH tunnel to the default is safer",
-            err=True,
+            "everything in the app; an SSH tunnel to the default is safer"
         )
-    serve(options, host=host, port=port, browser=browser, tell=typer.echo)
+    serve(options, host=host, port=port, browser=browser, tell=partial(say, result=True))

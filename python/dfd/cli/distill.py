@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin
 
-import typer
 from typer import Option
 
 import dfd
 from dfd.cli.arguments import EncoderOption, MeshArgument, add_options, check_output, shown
+from dfd.cli.errors import say
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillSettings
 from dfd.encoders.known import DEFAULT_ENCODER
@@ -66,5 +66,5 @@ def distill(
     from dfd.upright.candidates import up_sentence
 
     if up := up_sentence(field.settings):
-        typer.echo(f"up: {up}", err=True)
-    typer.echo(f"{output}: a field of {field.dimension} dimensions{origin} ({times})", err=True)
+        say(f"up: {up}")
+    say(f"{output}: a field of {field.dimension} dimensions{origin} ({times})")

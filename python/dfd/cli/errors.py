@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import re
 import sys
@@ -75,15 +74,7 @@ class CommandGroup(TyperGroup):
 
 
 # What Python's names are called on the command line, where the option is not called by its parameter.
-OPTIONS = {
-    "path": "output",
-    "translation": "translate",
-    "rotation": "rotate",
-    "features": "field",
-    "candidates": "symmetry_candidates",
-    "plane": "symmetry",
-    "limits": "memory",
-}
+OPTIONS = {"path": "output", "translation": "translate", "rotation": "rotate", "features": "field", "plane": "symmetry"}
 
 # What Python's remedies are called there.
 PHRASES = {"dfd.editing.transfer": "`dfd deform --made-on`", "other_shape=True": "`--force`"}
@@ -114,11 +105,9 @@ def _fail(message: str, code: int) -> int:
 
 
 def _os_reason(error: OSError) -> str:
-    if error.strerror is None:
-        return str(error)
-    if error.errno == errno.ENOSPC and error.filename is None:
-        return error.strerror
-    return error.strerror if error.filename is None else f"{error.filename}: {error.strerror}"
+    if error.strerror is None or error.filename is None:
+        return error.strerror or str(error)
+    return f"{error.filename}: {error.strerror}"
 
 
 def _show_warning(

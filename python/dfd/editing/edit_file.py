@@ -258,11 +258,15 @@ def _made_on(path: Path, mesh: Mesh, field: Field | None) -> dict[str, str | Non
 
 
 def _from(folder: Path, file: Path | None) -> str | None:
-    """A file inside `folder` from there, so that both can be moved together; any other from the root."""
+    """A file inside `folder` from there, so that both can be moved together; any other from the root.
+
+    None stands for a name that is not UTF-8, which a JSON file cannot hold.
+    """
     if file is None:
         return None
     whole = file.resolve()
-    return (whole.relative_to(folder) if whole.is_relative_to(folder) else whole).as_posix()
+    named = (whole.relative_to(folder) if whole.is_relative_to(folder) else whole).as_posix()
+    return named if named.encode("utf-8", "replace").decode() == named else None
 
 
 def to_document(edit: Edit, mesh: Mesh) -> dict[str, Any]:

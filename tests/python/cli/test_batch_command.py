@@ -47,9 +47,9 @@ def shapes(run, chair, folder, monkeypatch):
         ((*BATCH, "--step", "inspect", "--distill", "views=3"), "`--distill` settings need the step distill"),
         ((*BATCH, "--workers", "2", "--address", "auto"), "`--workers` is for this machine"),
         ((*BATCH, "--timeout", "0"), "`--timeout` must be"),
-        (("batch", "shapes/*.ply", "-o", "none/out"), "the folder none does not exist"),
+        (("batch", "shapes/*.ply", "-o", "none/out"), "none/out: No such file or directory"),
         (("batch", "shapes/*.ply", "-o", "shapes"), "must be a new folder or one of an earlier batch, got shapes"),
-        (("batch", "shapes/*.ply", "-o", "far.ply"), "must be a folder, but far.ply is a file"),
+        (("batch", "shapes/*.ply", "-o", "far.ply"), "far.ply: File exists"),
     ],
 )
 def test_what_cannot_be_is_said_before_anything_is_written(shapes, chair, arguments, message):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -63,6 +64,15 @@ def test_shapes_that_do_not_fit_or_cannot_be_read_are_left_out_and_named(shapes,
     assert "dfd: stranger.ply is left out: nothing looks enough like what leg held: confidence 0." in result.stderr
     assert "2 of 4 shapes, 2 left out; out/sheet.png" in result.stderr
     assert sorted(path.name for path in Path("out").glob("*.ply")) == ["first.ply", "large.ply"]
+
+
+@pytest.mark.parametrize("name", [os.fsdecode(b"\xff"), "n" * 230])
+def test_an_odd_name_stops_nothing(shapes, name):
+    Path("large.ply").rename(f"{name}.ply")
+    Path("large.field.safetensors").rename(f"{name}.field.safetensors")
+    result = shapes("deform", "*.ply", "--edit", "edit.json", "-o", "out")
+    assert worked(result)
+    assert Path(f"out/{name}.edit.json").is_file()
 
 
 @pytest.mark.parametrize(
