@@ -1,38 +1,26 @@
-"""Arrays of odd shapes, types and memory layouts into every public function that takes arrays."""
+"""Arrays of odd shapes, types and memory layouts into every public function; kernels beside their float64 twins."""
 
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import reference
 from hypothesis import strategies as st
 from made_field import field_of
 from mesh_files import CORNERS, CUBE
 
 import dfd
 
-__all__ = ["array_input", "call_with_arrays"]
-
 MESH = dfd.Mesh(CORNERS, CUBE)
 FIELD = field_of(MESH)
 SHAPES = [
-    (8, 3),
-    (8, 4),
-    (12, 3),
-    (8,),
-    (1,),
-    (2,),
-    (8, 1),
-    (1, 8),
-    (2, 3, 4),
-    (1, 3, 4),
-    (0, 3),
-    (0,),
-    (3, 8),
-    (7, 4),
+    *((8, 3), (8, 4), (12, 3), (8,), (1,), (2,), (8, 1), (1, 8)),
+    *((2, 3, 4), (1, 3, 4), (0, 3), (0,), (3, 8)),
     (),
 ]
 DTYPES = ["<f8", "<f4", "<f2", "<i8", "<i4", "|u1", "<u8", "|b1", "<c8", "<U3", "|O", ">f4", ">i8", "<M8[s]"]
@@ -121,3 +109,49 @@ def call_with_arrays(path: Path) -> None:
         result = CALLS[name](*arrays)
     assert np.isfinite(np.asarray(result, np.float64)).all(), name
     assert repr([np.array(array).tolist() for array in arrays]) == before, "an argument was changed"
+
+
+def kernel_input() -> st.SearchStrategy[bytes]:
+    """What `run_kernels` makes arrays of: sizes, a seed and the scale of the numbers."""
+    numbers = {
+        "vertices": st.integers(1, 70),
+        "dimension": st.integers(1, 40),
+        "handles": st.integers(0, 9),
+        "fixed": st.integers(0, 4),
+        "threads": st.sampled_from([1, 1, 3]),
+        "seed": st.integers(0, 2**31),
+        "exponent": st.integers(-30, 30),
+        "locality": st.sampled_from([0.0, 0.5, 3.0, 1e30]),
+    }
+    return st.fixed_dictionaries(numbers).map(lambda drawn: json.dumps(drawn).encode())
+
+
+def run_kernels(path: Path) -> None:
+    """Bind and pose agree with their twins, stay within what they promise, and leave their inputs alone."""
+    case = json.loads(path.read_bytes())
+    random = np.random.default_rng(case["seed"])
+    count, handle_count = case["vertices"], min(case["handles"], case["vertices"])
+    features = random.standard_normal((count, case["dimension"])).astype(np.float32)
+    features /= np.maximum(np.linalg.norm(features, axis=1, keepdims=True), 1e-6)
+    handles = random.permutation(count)[:handle_count]
+    fixed = random.permutation(count)[: min(case["fixed"], count)]
+    geodesic = random.uniform(0, 1, (handle_count, count)).astype(np.float32)
+    options = {"fixed": fixed, "geodesic": geodesic, "locality": case["locality"]}
+    before = [array.copy() for array in (features, handles, fixed, geodesic)]
+    dfd.set_num_threads(case["threads"])
+    weights = dfd.bind(features, handles, **options)
+    assert weights.shape == (count, handle_count)
+    assert ((weights >= 0) & (weights <= 1)).all()
+    np.testing.assert_allclose(weights, reference.bind(features, handles, **options), atol=2e-3)
+    vertices = random.standard_normal((count, 3)) * 10.0 ** case["exponent"]
+    transforms = np.tile(np.eye(3, 4), (handle_count, 1, 1)) + random.standard_normal((handle_count, 3, 4)) * 0.3
+    transforms[:, :, 3] *= 10.0 ** case["exponent"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        posed = dfd.pose(vertices, weights, transforms)
+    size = float(np.abs(vertices).max()) + float(np.abs(transforms[:, :, 3]).max(initial=0))
+    np.testing.assert_allclose(
+        posed, reference.pose(vertices, weights, transforms), atol=1e-5 * size * (1 + handle_count)
+    )
+    for array, copy in zip((features, handles, fixed, geodesic), before, strict=True):
+        np.testing.assert_array_equal(array, copy)

@@ -27,12 +27,9 @@ from dfd.export.export_parts import export_parts
 from dfd.export.key_poses import read_key_poses
 from dfd.mesh.file.gltf import glb
 
-from .arrays import array_input, call_with_arrays
-from .kernels import kernel_input, run_kernels
+from .arrays import array_input, call_with_arrays, kernel_input, run_kernels
 from .mutation import damaged_bytes, damaged_json
 from .page import ask_all, page_input
-
-__all__ = ["TARGETS", "Target", "run"]
 
 SHAPE = Mesh(CORNERS, CUBE)
 FIELD = made_field(4, width=8, layers=1, center=(0.5,) * 3, scale=2.0)
@@ -47,7 +44,8 @@ POSES = [
 ]
 LONGEST_MESSAGE = 700  # characters
 
-Target = tuple[st.SearchStrategy[bytes], Callable[[Path], None]]
+Bytes = st.SearchStrategy[bytes]
+Target = tuple[Bytes, Callable[[Path], None]]
 
 
 def run(check: Callable[[Path], None], path: Path) -> None:
@@ -169,13 +167,13 @@ def seeds() -> Mapping[str, list[bytes]]:
         return found
 
 
-def damaged_glb(good: bytes) -> st.SearchStrategy[bytes]:
+def damaged_glb(good: bytes) -> Bytes:
     """A GLB file whose JSON is damaged and whose chunks fit."""
     text, data = glb.split(good)
-    return damaged_json(json.loads(text)).map(lambda header: glb.join(json.dumps(header).encode(), data or b""))
+    return damaged_json(json.loads(text)).map(lambda header: glb.join(to_bytes(header), data or b""))
 
 
-def damaged_data(good: bytes) -> st.SearchStrategy[bytes]:
+def damaged_data(good: bytes) -> Bytes:
     """A GLB file whose JSON is whole, and whose data, what decoders read, is damaged."""
     text, data = glb.split(good)
     longer = damaged_bytes(data or b"").map(lambda found: found[: len(data or b"")].ljust(len(data or b""), b"\0"))
@@ -184,31 +182,34 @@ def damaged_data(good: bytes) -> st.SearchStrategy[bytes]:
 
 def _targets() -> dict[str, Target]:
     good = seeds()
-    made: dict[str, Target] = {}
-    for ending in (".glb", ".obj", ".ply", ".stl", ".off"):
-        damaged = [damaged_bytes(seed) for seed in good[ending]]
-        if ending == ".glb":
-            damaged += [damaged_glb(seed) for seed in good[ending]] * 3
-        made[f"mesh{ending}"] = (st.one_of(damaged), load_mesh)
+
+    def damaged(kind: str, damage: Callable[[bytes], Bytes] = damaged_bytes) -> list[Bytes]:
+        return [damage(seed) for seed in good[kind]]
+
+    edits = damaged_json(json.loads(good[".json"][0])).map(to_bytes)
+    poses = st.one_of(damaged_json(POSES).map(to_bytes), damaged_bytes(json.dumps(POSES).encode()))
+    rigs = [*damaged("rigged", damaged_glb), *damaged(".glb", damaged_glb), *damaged("rigged", damaged_data)]
+    made: dict[str, Target] = {
+        **{f"mesh{ending}": (st.one_of(damaged(ending)), load_mesh) for ending in (".obj", ".ply", ".stl", ".off")},
+        "mesh.glb": (st.one_of([*damaged(".glb"), *damaged(".glb", damaged_glb) * 3]), load_mesh),
+        "exported.glb": (st.one_of(rigs), export_mesh),
+        "field.safetensors": (damaged_bytes(good[".safetensors"][0]), load_field),
+        "edit.json": (st.one_of(edits, edits, damaged_bytes(good[".json"][0])), load_edit),
+        "applied.json": (edits, apply_edit),
+        "poses.json": (poses, load_poses),
+        "arrays.json": (array_input(), call_with_arrays),
+        "page.json": (page_input(), ask_all),
+        "kernels.json": (kernel_input(), run_kernels),
+    }
     if good["compressed"]:
-        streams = [damaged_data(seed) for seed in good["compressed"]]
-        made["compressed.glb"] = (
-            st.one_of(streams + streams + [damaged_glb(seed) for seed in good["compressed"]]),
-            load_mesh,
-        )
-    rigs = [damaged_glb(seed) for seed in (*good["rigged"], *good[".glb"])]
-    made["exported.glb"] = (st.one_of([*rigs, *map(damaged_data, good["rigged"])]), export_mesh)
-    made["field.safetensors"] = (damaged_bytes(good[".safetensors"][0]), load_field)
-    edit = json.loads(good[".json"][0])
-    texts = damaged_json(edit).map(lambda document: json.dumps(document).encode())
-    made["edit.json"] = (st.one_of(texts, texts, damaged_bytes(good[".json"][0])), load_edit)
-    made["applied.json"] = (texts, apply_edit)
-    poses = damaged_json(POSES).map(lambda document: json.dumps(document).encode())
-    made["poses.json"] = (st.one_of(poses, damaged_bytes(json.dumps(POSES).encode())), load_poses)
-    made["arrays.json"] = (array_input(), call_with_arrays)
-    made["page.json"] = (page_input(), ask_all)
-    made["kernels.json"] = (kernel_input(), run_kernels)
+        streams = damaged("compressed", damaged_data) * 2 + damaged("compressed", damaged_glb)
+        made["compressed.glb"] = (st.one_of(streams), load_mesh)
     return made
+
+
+def to_bytes(document: object) -> bytes:
+    """Write JSON."""
+    return json.dumps(document).encode()
 
 
 TARGETS = _targets()  # by what their files are called

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from unittest import mock
 
 import numpy as np
@@ -69,6 +70,8 @@ def test_a_folder_is_read_by_category_and_half_of_it_judges(folder):
 def test_labels_that_do_not_fit_are_refused(folder, tmp_path):
     with pytest.raises(ValueError, match="labelled: there is no CATEGORY/N_labels.txt"):
         next(labelled_shapes(tmp_path))
+    with pytest.raises(ValueError, match="labelled: there is no CATEGORY/N_labels.txt"):
+        next(labelled_shapes(folder, only=["Table"]))
     (tmp_path / "Chair").mkdir()
     for name in ("9.off", "9_labels.txt"):
         (tmp_path / "Chair" / name).write_text((folder / "Chair" / name).read_text())
@@ -92,37 +95,23 @@ def test_overlaps_are_those_of_area():
     assert labelled.threshold_iou(on, np.ones(3), truth) == pytest.approx(3 / 4)
 
 
-@pytest.mark.parametrize("verb", ["labelled", pytest.param("grip", marks=pytest.mark.slow)])
-def test_the_bench_writes_its_tables(folder, tmp_path, verb):
+@pytest.mark.parametrize(
+    ("words", "page", "own"),
+    [
+        (["labelled", "--paper"], "labelled", "precision,thickness precision,paper precision,part,grip,counterparts"),
+        pytest.param(["grip"], "grip", "paper: grip,default: coverage,default: leak", marks=pytest.mark.slow),
+        (["labelled", "--turned", "--only", "Chair"], "turned", "precision,at random,by axes"),
+    ],
+)
+def test_the_bench_writes_its_tables(folder, tmp_path, words, page, own):
     with mock.patch.object(dfd, "distill", lambda mesh, **_: field_of(mesh)):
-        main([verb, str(folder), "--paper", "--output", str(tmp_path)])
-    table = (tmp_path / f"{verb}.csv").read_text().splitlines()
-    assert [line.split(",")[:3] for line in table[1:]] == [
-        ["Chair", "Chair 9", "chosen on"],
-        ["Chair", "Chair 10", "judged"],
-    ]
-    names = table[0].split(",")
-    values = dict(zip(names, table[1].split(","), strict=True))
-    own = ("paper: grip",)
-    if verb == "labelled":
-        own = ("precision", "thickness precision", "paper precision", "part", "instance", "grip", "counterparts")
-    for name in own:
-        assert 0 <= float(values[name]) <= 1
-    assert "## Judged on these" in (tmp_path / f"{verb}.md").read_text()
-    assert (tmp_path / "labelled_worst.png").exists() == (verb == "labelled")
-
-
-def test_turned_shapes_are_compared_with_those_that_stand(folder, tmp_path):
-    with mock.patch.object(dfd, "distill", lambda mesh, **_: field_of(mesh)):
-        main(["labelled", str(folder), "--turned", "--quick", "--only", "Chair", "--output", str(tmp_path)])
-    head, row = ((tmp_path / "turned.csv").read_text().splitlines())[:2]
-    values = dict(zip(head.split(","), row.split(","), strict=True))
-    for name in ("at random", "by axes"):
-        loss = float(values["precision"]) - float(values[name])
-        assert float(values[f"{name}: loss"]) == pytest.approx(loss, abs=1e-5)
-        assert 0 <= float(values[f"{name}: off"]) <= 90
-    with pytest.raises(ValueError, match="there is no CATEGORY"):
-        next(labelled_shapes(folder, only=["Table"]))
+        main([words[0], str(folder), *words[1:], "--output", str(tmp_path)])
+    names, *rows = csv.reader((tmp_path / f"{page}.csv").read_text().splitlines())
+    assert [row[:3] for row in rows] == [["Chair", "Chair 9", "chosen on"], ["Chair", "Chair 10", "judged"]]
+    values = dict(zip(names, rows[0], strict=True))
+    assert all(0 <= float(values[name]) <= 1 for name in own.split(","))
+    assert "## Judged on these" in (tmp_path / f"{page}.md").read_text()
+    assert (tmp_path / "labelled_worst.png").exists() == (page == "labelled")
 
 
 def test_turns_are_the_same_each_time_and_leave_up_where_it_was_in_none():
@@ -160,19 +149,14 @@ def test_precision_leaves_out_the_handle_and_vertices_without_a_part():
     assert handle_precision(column[:, None], labels, np.array([0])) == pytest.approx([1 / 2])
 
 
-def test_part_precision_is_a_mean_per_part_and_skips_parts_of_one_vertex():
+def test_a_verdict_is_a_mean_per_part_and_skips_what_has_none():
     labels = np.array([0, 0, 0, 1, 1, 2])
-    first = np.array([1.0, 0.9, 0.8, 0.1, 0.1, 0.1])
-    second = np.array([0.9, 0.2, 1.0, 0.9, 0.9, 0.9])  # handle 2: one of its kind among the first four, one last
-    third = np.array([0.1, 0.1, 0.1, 1.0, 0.9, 0.1])
-    weights = np.stack([first, second, third, np.ones(6)], axis=1)
-    found = part_precision(weights, labels, np.array([0, 2, 3, 5]))
-    assert found == {0: pytest.approx((1 + (1 / 4 + 2 / 5) / 2) / 2), 1: pytest.approx(1)}
-
-
-def test_only_vertices_with_a_part_count_as_moving():
-    weights = np.array([[1.0], [0.5], [0.25], [0.0], [1.0]])
-    assert moving(weights, np.array([0, 0, 1, 1, -1])) == pytest.approx(3 / 4)
+    first, second = np.array([1.0, 0.9, 0.8, 0.1, 0.1, 0.1]), np.array([0.9, 0.2, 1.0, 0.9, 0.9, 0.9])
+    weights = np.stack([first, second, np.array([0.1, 0.1, 0.1, 1.0, 0.9, 0.1]), np.ones(6)], axis=1)
+    # Handle 2 has one of its kind among the first four and one last; part 2 is nothing but its handle.
+    expected = {0: pytest.approx((1 + (1 / 4 + 2 / 5) / 2) / 2), 1: pytest.approx(1)}
+    assert part_precision(weights, labels, np.array([0, 2, 3, 5])) == expected
+    assert moving(first[:5, None] > 0.1, np.array([0, 0, 1, 1, -1])) == pytest.approx(3 / 4)
 
 
 def test_handles_are_drawn_in_every_part_and_again_for_the_same_seed():
@@ -195,49 +179,18 @@ def test_distances_as_weights_are_one_at_the_handle_and_zero_at_the_farthest():
 
 
 @pytest.mark.parametrize(
-    ("joint", "part"),
+    ("find", "found"),
     [
-        ("Head", "head"),
-        ("handslot.l", "hand"),
-        ("lowerarm.r", "arm"),
-        ("LeftForeArm", "arm"),
-        ("control-toe-roll.l", "foot"),
-        ("upperleg.l", "leg"),
-        ("hips", "torso"),
-        ("antenna", None),
+        (merged, "Head=head handslot.l=hand lowerarm.r=arm LeftForeArm=arm upperleg.l=leg hips=torso antenna=None"),
+        (kind_of_part, "Ear1.L=ear wing_feather_1_1_L=wing IKFrontLeg.L=foot Front_Leg_Tip_L=foot lowerarm_l=arm"),
+        (kind_of_part, "FrontShoulder.L=torso BackLowerLeg.R=leg mouth_tip=head back_fin_0_l=fin handle=hand"),
+        (kind_of_part, "Abdomen=torso Main6=tail cape=None"),
+        (family_of, "chair_nonmanifold=seats man=people wolf=four-legged rock=rock"),
     ],
 )
-def test_joints_fall_into_the_parts_of_a_character(joint, part):
-    assert merged(joint) == part
-
-
-@pytest.mark.parametrize(
-    ("joint", "kind"),
-    [
-        ("Ear1.L", "ear"),
-        ("wing_feather_1_1_L", "wing"),
-        ("IKFrontLeg.L", "foot"),
-        ("Front_Leg_Tip_L", "foot"),
-        ("FrontShoulder.L", "torso"),
-        ("lowerarm_l", "arm"),
-        ("BackLowerLeg.R", "leg"),
-        ("mouth_tip", "head"),
-        ("back_fin_0_l", "fin"),
-        ("handle", "hand"),
-        ("Abdomen", "torso"),
-        ("Main6", "tail"),
-        ("cape", None),
-    ],
-)
-def test_kinds_of_parts(joint, kind):
-    assert kind_of_part(joint) == kind
-
-
-@pytest.mark.parametrize(
-    ("name", "family"), [("chair_nonmanifold", "seats"), ("man", "people"), ("wolf", "four-legged"), ("rock", "rock")]
-)
-def test_families(name, family):
-    assert family_of(name) == family
+def test_names_say_what_a_part_and_a_shape_are(find, found):
+    for name, kind in (each.split("=") for each in found.split()):
+        assert str(find(name)) == kind
 
 
 def test_vertices_are_of_the_kind_of_their_joint_and_small_parts_are_left_out():
