@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import Bool, Float64, Int64, unit
 from dfd.geometry.surface_graph import surface_graph
-from dfd.geometry.topology import face_areas, points_on_faces
+from dfd.geometry.topology import even_points, face_areas
 from dfd.mesh.mesh import Mesh
 
 NODES = 33  # of the curve
@@ -142,6 +143,23 @@ class PartAxes:
         found = [self._of_piece(own[piece == k]) for k in order if area[k] > CRUMB * area[order[0]]]
         return [axis for axis in found if axis is not None]
 
+    def image(self, axis: PartAxis, isometry: Float64) -> PartAxis:
+        """Return the axis of a counterpart onto which `isometry` (3, 4) maps the part of `axis`."""
+        linear, shift = isometry[:, :3], isometry[:, 3]
+        whole = np.zeros(len(self._mesh.vertices))
+        whole[axis.vertices] = axis.parameter
+        vertices, parameter = carried(self._mesh.vertices, self.tree, whole, isometry)
+        points = (points @ linear.T + shift for points in (axis.nodes, axis.border, axis.middle, axis.rest))
+        nodes, border, middle, rest = points
+        return replace(
+            axis, vertices=vertices, parameter=parameter, nodes=nodes, border=border, middle=middle, rest=rest
+        )
+
+    @cached_property
+    def tree(self) -> cKDTree:
+        """Of the vertices."""
+        return cKDTree(self._mesh.vertices)
+
     def _of_piece(self, own: Int64) -> PartAxis | None:
         mesh, graph = self._mesh, self._graph
         inside = np.zeros(len(mesh.vertices), bool)
@@ -211,9 +229,7 @@ class PartAxes:
         areas = self._areas[whole]
         if not areas.sum() > 0:
             return None
-        evenly = (np.arange(SAMPLES) + 0.5) / SAMPLES * areas.sum()
-        hit = np.minimum(np.searchsorted(np.cumsum(areas), evenly), len(areas) - 1)
-        face, barycentric = points_on_faces(np.bincount(hit, minlength=len(areas)))
+        face, barycentric = even_points(areas, SAMPLES)
         corners = number[mesh.faces[whole[face]]]
         weight = np.ones(SAMPLES)
         points = np.einsum("nk,nkd->nd", barycentric, mesh.vertices[own[corners]])
@@ -260,6 +276,24 @@ class PartAxes:
             if width > 0:
                 result[here] += (np.median(result[here]) - result[here]) * far * far * (3 - 2 * far)
         return vertices, result
+
+
+def carried(vertices: Float64, tree: cKDTree, values: Float64, isometry: Float64) -> tuple[Int64, Float64]:
+    """Carry `values` (V,) by `isometry` (3, 4): return the vertices (N,) where they are above 0, and them.
+
+    Each vertex gets the mean over the vertices nearest to where it comes from, weighted by their nearness.
+    """
+    linear, shift = isometry[:, :3], isometry[:, 3]
+    some = vertices[values > 0]
+    margin = 0.05 * np.ptp(some, axis=0).max(initial=0.0)
+    corners = np.stack(np.meshgrid(*np.stack([some.min(axis=0) - margin, some.max(axis=0) + margin]).T), -1)
+    box = corners.reshape(-1, 3) @ linear.T + shift
+    near = np.flatnonzero(((vertices >= box.min(axis=0)) & (vertices <= box.max(axis=0))).all(axis=1))
+    apart, nearest = tree.query((vertices[near] - shift) @ linear, k=min(4, len(vertices)))
+    apart, nearest = apart.reshape(len(near), -1), nearest.reshape(len(near), -1)
+    weight = 1.0 / np.square(apart + 1e-6 * (margin + 1e-300))
+    found = (weight * values[nearest]).sum(axis=1) / weight.sum(axis=1)
+    return near[found > 0], found[found > 0]
 
 
 def _fitted(

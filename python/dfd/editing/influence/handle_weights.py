@@ -384,7 +384,7 @@ class HandleWeights:
 
         A region weighs by members that stand for it; here all of them count as the nearest.
         """
-        if key.controls.reach == "part" and (part := self.part(key.place)) is not None:
+        if key.controls.reach == "part" and (part := self._instances.part(key.place, self._rows)) is not None:
             column *= part
         if key.place.region is not None:
             own = self._rows.members(key.place)

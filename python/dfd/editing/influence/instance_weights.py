@@ -144,7 +144,18 @@ class InstanceColumns:
         planes = self._planes if symmetry is None else [symmetry]
         held = None if handle.place.region is None else rows.members(handle.place)
         vertex, pieces = rows.anchor(handle.place), None if grip is None else grip.pieces
-        return self.finder.find(looks, vertex, handle.place.position, held=held, pieces=pieces, planes=planes)
+        found = self.finder.find(looks, vertex, handle.place.position, held=held, pieces=pieces, planes=planes)
+        return found if grip is None else self.finder.as_images(found, grip.weights)[0]
+
+    def part(self, place: Place, rows: HandleFeatures) -> Float32 | None:
+        """(V,) 1 on the part of a place, alike on mirror images, falling smoothly to 0; None where none ends."""
+        grip = self._grip(place)
+        if grip is None or place.region is not None:
+            return None if grip is None else grip.weights
+        looks: Float32 = bind(rows.features, rows.points([place]))[:, 0]
+        vertex = rows.anchor(place)
+        found = self.finder.find(looks, vertex, place.position, pieces=grip.pieces, planes=self._planes)
+        return self.finder.as_images(found, grip.weights)[1]
 
     def _parts(
         self, edit: Edit, handle: Handle, weights: Float32, instances: Sequence[Instance], rows: HandleFeatures

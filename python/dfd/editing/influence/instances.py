@@ -10,7 +10,7 @@ about its own counterpart of the pivot instead, mirrored where a plane of symmet
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -22,7 +22,9 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
+from dfd.editing.influence.mirror_images import Component, component_of, mirror_image
 from dfd.geometry.coarse import Nodes, SliceWeights, nodes_of
+from dfd.geometry.part_axis import carried
 from dfd.posing.transforms import frame_of_normal
 
 if TYPE_CHECKING:
@@ -54,6 +56,8 @@ class Instance:
     # share_of: called with what indexes vertices, it works out the part of their weight that is this instance's; None
     # stands for all of it, where the handle has one instance
     share_of: SliceWeights | None
+    # image: (3, 4) the isometry that maps the handle's own component onto this one, where they are mirror images
+    image: Float64 | None = None
 
     @property
     def share(self) -> Float32 | None:
@@ -136,11 +140,69 @@ class InstanceFinder:
         shares = self._shares(of_node, basin, saddle, roots)
         x, y, z = centers.get(own, (x, y, z))
         found = [Instance(vertex, (x, y, z), np.eye(3), float(weights[vertex]), shares[0])]
-        for root, share in zip(roots[1:], shares[1:], strict=True):
+        surfaces: list[Component | None] = []
+        if pieces is not None:
+            surfaces = [component_of(self._mesh, self._members_of(basin == root)) for root in roots]
+        for number, (root, share) in enumerate(zip(roots[1:], shares[1:], strict=True), 1):
+            image = self._image(number, surfaces, found, planes)
+            if image is not None:
+                at = image[:, :3] @ np.asarray(position, np.float64) + image[:, 3]
+                peak = int(self._tree.query(at)[1])
+                place = (float(at[0]), float(at[1]), float(at[2]))
+                found.append(Instance(peak, place, image[:, :3], float(weights[peak]), share, image))
+                continue
             peak, frame = self._counterpart(root, weights, basin, found, planes)
             here = centers.get(root, self._mesh.vertices[peak])
             found.append(Instance(peak, (here[0], here[1], here[2]), frame, float(weights[peak]), share))
         return tuple(found)
+
+    def _members_of(self, inside: Bool) -> Int64:
+        """(N,) the vertices of the nodes `inside` (M,)."""
+        return np.flatnonzero(inside[self._nodes.of_vertex])
+
+    @staticmethod
+    def _image(
+        number: int, surfaces: Sequence[Component | None], found: Sequence[Instance], planes: Sequence[SymmetryPlane]
+    ) -> Float64 | None:
+        """The isometry (3, 4) that maps the handle's own component onto that of `number`, if mirror images relate them.
+
+        First by planes of the shape, then by a plane of the pair; first from the handle's own, then from others.
+        """
+        own = surfaces[number] if surfaces else None
+        if own is None:
+            return None
+        for some in (planes, None):
+            for before, known in zip(found, surfaces, strict=False):
+                whole = np.eye(3, 4) if before is found[0] else before.image
+                if whole is None or known is None:
+                    continue
+                step = mirror_image(known, own, some)
+                if step is not None:
+                    return np.column_stack([step[:, :3] @ whole[:, :3], step[:, :3] @ whole[:, 3] + step[:, 3]])
+        return None
+
+    def as_images(self, found: Sequence[Instance], part: Float32) -> tuple[tuple[Instance, ...], Float32]:
+        """`found` and the weights `part` (V,) of their part, with those of the handle's own carried to its images."""
+        if all(one.image is None for one in found):
+            return tuple(found), part
+        own = part.astype(np.float64) * found[0].share
+        each = []
+        for one in found:
+            if one.image is None:
+                each.append(part * one.share if one is not found[0] else own)
+                continue
+            vertices, values = carried(self._mesh.vertices, self._tree, own, one.image)
+            each.append(np.zeros(len(part)))
+            each[-1][vertices] = values
+        total = np.sum(each, axis=0)
+        some = total > 0
+
+        def share_of(weights: Float64) -> SliceWeights:
+            share = np.divide(weights, total, out=np.zeros(len(total)), where=some).astype(np.float32)
+            return share.__getitem__
+
+        shared = tuple(replace(one, share_of=share_of(weights)) for one, weights in zip(found, each, strict=True))
+        return shared, np.minimum(total, 1.0).astype(np.float32)
 
     def _counterpart(
         self,
