@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -19,8 +18,6 @@ if TYPE_CHECKING:
 # What nobody sees, as a part of the diagonal of the box: a vertex that moved less stayed, a handle that misses less
 # arrived.
 UNSEEN = 1e-3
-# A handle whose place follows another one by this much is pushed by it.
-PUSHED = 0.1
 
 
 @dataclass(frozen=True)
@@ -37,6 +34,7 @@ class HandleReport:
     arrived: bool  # whether `missing` is too small to see: below 0.1 % of the diagonal of the box
     mirrored: Vector | None  # (3,) where the handle acts mirrored as well, or None
     instances: int  # how many instances it moves, each about its own pivot; 1 where it moves all together
+    along_with: tuple[int, ...] = ()  # the ids of handles that move it as well: its part lies in theirs
 
     def __str__(self) -> str:
         """Say it in a few words."""
@@ -44,6 +42,8 @@ class HandleReport:
         words = f"{named} arrived" if self.arrived else f"{named} is {self.missing:.3g} from where it was sent"
         if self.instances > 1:
             words += f", each of {self.instances} instances about its own pivot"
+        if self.along_with:
+            words += f", along with handle {' and '.join(map(str, self.along_with))}"
         if self.mirrored is not None:
             words += f", mirrored at {','.join(f'{x:.3g}' for x in self.mirrored)}"
         return words
@@ -57,8 +57,7 @@ class Report:
     farthest: float  # how far the vertex moved that moved farthest, mesh units
     handles: tuple[HandleReport, ...]  # what became of each handle
     warning: str | None  # why nothing moved, where nothing did; None otherwise
-    # advice: which scales flatten or mirror, or what would help handles that did not arrive; None where neither is so
-    advice: str | None = None
+    advice: str | None = None  # which scales flatten or mirror; None where none does
 
     def __repr__(self) -> str:
         """Show the sentence."""
@@ -85,22 +84,32 @@ def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: Float64) -> Re
     farthest = float(distances.max())
     moved = float(np.mean(distances > UNSEEN * mesh.diagonal))
     counts = weights.instance_counts(edit)
-    own = {
-        column.handle: column for column in reversed(weights.columns(edit)[1])
-    }  # a handle's own instance is its first
+    following, columns = weights.columns(edit)
+    own = {column.handle: column for column in reversed(columns)}  # a handle's own instance is its first
     bent = weights.bent(edit)
-    handles = tuple(
-        _handle_report(mesh, edit, handle, own[i].matrix(handle), weights.anchor(handle), counts[i], bent, posed)
-        for i, handle in enumerate(edit.handles)
-    )
+    handles = []
+    for i, handle in enumerate(edit.handles):
+        vertex = weights.anchor(handle)
+        target = _sent(own[i].matrix(handle), bent[vertex])
+        for number in own[i].carriers:
+            moved_by = columns[number].matrix(edit.handles[columns[number].handle])
+            target += following[vertex, number] * (_sent(moved_by, bent[vertex]) - bent[vertex])
+        along = tuple(sorted({edit.handles[columns[number].handle].id for number in own[i].carriers}))
+        handles.append(_handle_report(mesh, edit, handle, target, vertex, counts[i], along, posed))
     warning = _warning(edit) if moved == 0 else None
-    return Report(moved, farthest, handles, warning, _advice(edit, weights, handles))
+    return Report(moved, farthest, tuple(handles), warning, _advice(edit))
 
 
 def _handle_report(
-    mesh: Mesh, edit: Edit, handle: Handle, matrix: Float64, vertex: int, instances: int, bent: Float64, posed: Float64
+    mesh: Mesh,
+    edit: Edit,
+    handle: Handle,
+    target: Float64,
+    vertex: int,
+    instances: int,
+    along_with: tuple[int, ...],
+    posed: Float64,
 ) -> HandleReport:
-    target = matrix[:, :3] @ bent[vertex] + matrix[:, 3]
     missing = float(np.linalg.norm(posed[vertex] - target))
     mirrored = None
     if edit.symmetry is not None:
@@ -117,11 +126,17 @@ def _handle_report(
         missing <= UNSEEN * mesh.diagonal,
         mirrored,
         instances,
+        along_with,
     )
 
 
-def _advice(edit: Edit, weights: HandleWeights, handles: Sequence[HandleReport]) -> str | None:
-    """What makes a shape flat or mirrors it, or else would help handles that others which look alike push."""
+def _sent(matrix: Float64, point: Float64) -> Float64:
+    """Where an affine `matrix` (3, 4) sends a point (3,)."""
+    return np.asarray(matrix[:, :3] @ point + matrix[:, 3])
+
+
+def _advice(edit: Edit) -> str | None:
+    """Which scales flatten or mirror the shape; None where none does."""
     flat = [f"handle {handle.id}" for handle in edit.handles if 0.0 in handle.transform.scale]
     if flat:
         return (
@@ -131,15 +146,7 @@ def _advice(edit: Edit, weights: HandleWeights, handles: Sequence[HandleReport])
     if mirrored:
         what = f"{' and '.join(mirrored)} {'mirrors' if len(mirrored) == 1 else 'mirror'} what follows"
         return f"{what}, whose faces then look inward: a factor of scale is negative"
-    missed = np.array([not handle.arrived for handle in handles], bool)
-    if edit.overlap == "interpolate" or len(handles) < 2 or not missed.any():
-        return None
-    among = weights.among(edit, weights.following(edit))
-    np.fill_diagonal(among, 0.0)
-    among[:, [handle.transform.rests for handle in edit.handles]] = 0.0  # what rests pushes nobody
-    if among[missed].max() < PUSHED:
-        return None
-    return 'handles that look alike push one another: with overlap "interpolate" each arrives'
+    return None
 
 
 def _warning(edit: Edit) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.editing.edit import Edit, Handle, box_center
-from dfd.editing.influence.instance_weights import Column
+from dfd.editing.influence.instance_weights import Column, InstanceColumns
 from dfd.editing.presets import WHOLE_SHAPE
 from dfd.posing.pose import Drag, Overlap, pose
 
@@ -92,6 +92,8 @@ def _moved(before: Edit, after: Edit) -> list[int] | None:
     """Which handles' transforms tell two edits apart; None where other things do."""
     if len(before.handles) != len(after.handles) or _whole_shape(before) != _whole_shape(after):
         return None
+    if InstanceColumns.allocating(before) != InstanceColumns.allocating(after):
+        return None  # which handle moves a component has changed
     moved = []
     for i, (old, new) in enumerate(zip(before.handles, after.handles, strict=True)):
         if old is not new and (old.place, old.controls) != (new.place, new.controls):

@@ -121,7 +121,7 @@ def _repeats_earlier(faces: Int32) -> Bool:
     return first[number] != np.arange(len(faces))
 
 
-def even_points(areas: Float64, count: int) -> tuple[Int64, Float64]:
+def even_points(areas: Float64, count: int) -> tuple[Int64, Float32]:
     """Spread `count` points over faces of `areas` (F,): return the face (N,) and barycentric row (N, 3) of each."""
     evenly = (np.arange(count) + 0.5) / count * areas.sum()
     hit = np.minimum(np.searchsorted(np.cumsum(areas), evenly), len(areas) - 1)

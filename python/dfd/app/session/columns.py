@@ -131,7 +131,7 @@ class Columns:
             share = bound.instance_share(edit, handle)
             most = float(share.max(initial=0.0)) or 1.0
             return [(Whole(handle.place.position, share / most), most)]
-        if controls.instances == "own_pivot" and not controls.level:
+        if controls.instances == "own_pivot" and not controls.level and not self._allocation():
             # Gains are 1, so the weights of all handles need not be computed.
             return [(instance, 1.0) for instance, on in bound.instances(edit, handle) if on]
         columns = bound.columns(edit)[1]
@@ -154,7 +154,14 @@ class Columns:
     def _instances_key(self, handle: Handle) -> Hashable:
         """Everything that a handle's instances depend on besides its column: gains that level them follow weights."""
         edit = self._deformer.edit
-        return (handle.controls, edit.fixed, edit.reach_targets) if handle.controls.level else None
+        about = (handle.controls, edit.fixed, edit.reach_targets) if handle.controls.level else ()
+        return *about, *self._allocation()
+
+    def _allocation(self) -> tuple[Hashable, ...]:
+        """Everything that the division of components among handles depends on."""
+        edit = self._deformer.edit
+        moving = self._deformer.bound.allocating(edit)
+        return (moving, *((handle.place, handle.controls) for handle in edit.handles)) if moving else ()
 
     def _handle_entry(self, number: int, index: int, arrays: Arrays) -> ColumnEntry:
         """The column of the handle at `index`; its buffers go into `arrays`."""

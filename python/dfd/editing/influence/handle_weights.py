@@ -187,7 +187,9 @@ class HandleWeights:
         """The connected parts that follow a handle of `edit`, the one that it stands on first."""
         weights, columns = self.columns(edit)
         number = next(i for i, each in enumerate(edit.handles) if each.id == handle.id)
-        key = (self._keys[number], wanted_of(handle), edit.fixed, edit.reach_targets, edit.symmetry)
+        moving = self.allocating(edit)
+        others = tuple((each.place, each.controls) for each in edit.handles) if moving else ()
+        key = (self._keys[number], wanted_of(handle), edit.fixed, edit.reach_targets, edit.symmetry, others, moving)
         own = [(weights[:, i], column) for i, column in enumerate(columns) if column.handle == number]
         return self._limbs.of(key, handle, self.anchor(handle), own, edit.symmetry)
 
@@ -213,6 +215,10 @@ class HandleWeights:
         """(V, H) how much vertices follow each handle, over all of its instances."""
         weights, columns = self.columns(edit)
         return followed_by(weights, columns, len(edit.handles))
+
+    def allocating(self, edit: Edit) -> tuple[int, ...]:
+        """The handles (H) among which components are divided: those that move, where they are several."""
+        return self._instances.allocating(edit)
 
     def instances(self, edit: Edit, handle: Handle) -> list[tuple[Instance, bool]]:
         """The places that look like the one a handle holds, its own first, and whether each moves with it."""

@@ -87,7 +87,7 @@ class HeldParts:
         # Instances may share one part, as the fingers of a hand do: parts are what all of them together hold.
         whole = np.sum([weights for weights, _ in columns], axis=0)
         pieces: list[tuple[PartAxis, Column, float]] = []
-        images = [column for _, column in columns if column.instance is not None and column.instance.image is not None]
+        images = {column: image for _, column in columns if (image := column.image) is not None}
         for axis in self._axes.of(whole >= HELD * whole.max()) if whole.any() else []:
             inside = axis.vertices
             most = int(np.argmax([weights[inside].sum() for weights, _ in columns]))
@@ -97,7 +97,7 @@ class HeldParts:
         if pieces and images:
             others = [piece for piece in others if piece[1] is not pieces[own][1] and piece[1] not in images]
             held = pieces[own][0], pieces[own][2]
-            others += [(self._axes.image(held[0], column.instance.image), column, held[1]) for column in images]
+            others += [(self._axes.image(held[0], image), column, held[1]) for column, image in images.items()]
         pieces = [*pieces[own : own + 1], *others]
         found = [self._part(piece, pieces[0][0], handle, plane) for piece in pieces]
         while len(self._found) > 64:
@@ -132,8 +132,7 @@ class HeldParts:
             elif (less > 0.5) != (float(plane.signed_distance([column.position(handle)])[0]) < 0):
                 frame = plane.reflection[:3, :3] @ frame
         handedness = float(np.sign(np.linalg.det(frame)))
-        is_image = column.instance is not None and column.instance.image is not None
-        turn = np.eye(3) if axis is own or is_image else _turn(frame @ own.direction, axis.direction)
+        turn = np.eye(3) if axis is own or column.image is not None else _turn(frame @ own.direction, axis.direction)
         carry = flat @ turn @ (handedness * frame)  # a rotation vector is mirrored as a pseudovector
         return HeldPart(axis, amount, carry, handedness, Sections(axis.vertices, axis.parameter), across)
 

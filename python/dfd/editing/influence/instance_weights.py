@@ -12,6 +12,7 @@ import numpy as np
 
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.editing.edit import Edit, Handle
+from dfd.editing.influence.allocation import HELD, carriers_of, following, shared
 from dfd.editing.influence.instances import LEAST_ALIKE, Instance, InstanceFinder
 from dfd.geometry.coarse import SliceWeights
 from dfd.posing.overlap import interpolating
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from dfd.segmentation.parts import Grip
     from dfd.symmetry.plane import SymmetryPlane
 
+MOST_FOUND = 16  # places whose instances are kept
 LEAST_LEVELED = 0.1  # of the handle's own weight: an instance that follows less is not brought to it
 
 Portion = tuple[Instance | None, float]  # what an instance, or all, has of a handle's weights, times a gain
@@ -38,12 +40,18 @@ class Column(NamedTuple):
     handle: int  # which of the edit's handles
     instance: Instance | None  # None where the handle's transform acts as it is
     gain: float = 1.0  # the column is the handle's, times the instance's share, times this
+    carriers: tuple[int, ...] = ()  # the columns of other handles in whose components its own is nested
 
     def matrix(self, handle: Handle) -> Float64:
         """The (3, 4) transform of the column, mesh units: the handle's own, carried into the instance's frame."""
         if self.instance is None:
             return handle.matrix
         return self.instance.transform(handle.matrix, handle.place.position)
+
+    @property
+    def image(self) -> Float64 | None:
+        """(3, 4) the isometry from the handle's own component, where they are mirror images."""
+        return None if self.instance is None else self.instance.image
 
     def vertex(self, anchor: int) -> int:
         """The vertex where it is held; `anchor` is that of the handle."""
@@ -70,7 +78,7 @@ class InstanceColumns:
         self._grip = grip
         self._near = near
         self.finder = InstanceFinder(mesh)
-        self._found: dict[Hashable, tuple[Instance, ...]] = {}
+        self._found: dict[Hashable, tuple[tuple[Instance, ...], Float32 | None]] = {}
         self._key: Hashable = None
         self._made: tuple[Float32, tuple[Column, ...]] | None = None
 
@@ -89,19 +97,17 @@ class InstanceColumns:
             return weights, tuple(Column(i, None) for i in range(len(edit.handles)))
         about = (edit.fixed, edit.reach_targets, edit.symmetry)
         wanted = [wanted_of(handle) for handle in edit.handles]
-        key = (about, tuple(zip(keys, wanted, strict=True)))
+        key = (about, tuple(zip(keys, wanted, strict=True)), self.allocating(edit))
         if self._made is None or key != self._key:
             self._made = None  # to make room
-            found: dict[Hashable, tuple[Instance, ...]] = {}
             parts: list[list[Portion]] = []
             columns: list[Column] = []
             for i, handle in enumerate(edit.handles):
                 instances: tuple[Instance, ...] = ()
                 if _told_apart(handle):
                     instances = self.instances(handle, rows, edit.symmetry)
-                    found[_asked(handle, edit.symmetry)] = instances
                 own = self._parts(edit, handle, weights[:, i], instances, rows)
-                apart = bool(instances) and handle.controls.instances != "shared_pivot"
+                apart = bool(instances) and _apart(handle)
                 parts += [[part] for part in own] if apart else [own]
                 columns += [Column(i, *part) for part in own] if apart else [Column(i, None)]
             made = np.zeros((len(columns), len(weights)), np.float32)
@@ -110,9 +116,50 @@ class InstanceColumns:
                     out += _weights_of(part, weights[:, column.handle])
                 if column.instance is None:
                     np.minimum(out, np.float32(1.0), out=out)
-            self._found = found
+            if self.allocating(edit):
+                made, columns = self._allocated(edit, weights, made, columns, rows)
             self._made, self._key = (made.T, tuple(columns)), key
         return self._made
+
+    @staticmethod
+    def allocating(edit: Edit) -> tuple[int, ...]:
+        """The handles (H) among which components are divided: those that move, where they are several."""
+        moving = [i for i, handle in enumerate(edit.handles) if not handle.transform.rests and _apart(handle)]
+        return tuple(moving) if len(moving) > 1 and edit.overlap == "add" else ()
+
+    def _allocated(
+        self, edit: Edit, weights: Float32, made: Float32, columns: list[Column], rows: HandleFeatures
+    ) -> tuple[Float32, list[Column]]:
+        """`made` (C, V) and `columns` with every component given to one of the handles that move."""
+        among = [i for i, column in enumerate(columns) if column.handle in self.allocating(edit)]
+        own = made[among]
+        samples, sizes = self.finder.samples
+        on_samples = own[:, samples]
+        held = (on_samples >= HELD * on_samples.max(axis=1, keepdims=True)) & (on_samples > 0)
+        same, nested = carriers_of(held, sizes)
+        handle_of = [columns[i].handle for i in among]
+        kept = following(handle_of, same)
+        same, nested = same[np.ix_(kept, kept)], nested[np.ix_(kept, kept)]
+        left = [handle_of[i] for i in kept]
+        nested &= np.not_equal.outer(left, left)
+        standing = {left.index(handle): handle for handle in dict.fromkeys(left)}
+        anchors = np.array([rows.anchor(handle.place) for handle in edit.handles], np.int64)
+        result = shared(own[kept], self._mesh.vertices, standing, anchors, same, nested)
+        others = [i for i in range(len(columns)) if i not in among]
+        places = {k: len(others) + k for k in range(len(kept))}
+        found = [columns[i] for i in others]
+        for k, i in enumerate(kept):
+            column = columns[among[i]]
+            carriers = tuple(places[int(j)] for j in np.flatnonzero(nested[k]))
+            whole = weights[:, column.handle] * np.float32(column.gain)
+            if column.instance is not None and not np.array_equal(result[k], own[i]):
+                part = np.divide(result[k], whole, out=np.zeros_like(whole), where=whole > 0)
+                column = column._replace(instance=replace(column.instance, share_of=part.__getitem__))
+            found.append(column._replace(carriers=carriers))
+        order = sorted(range(len(found)), key=lambda i: found[i].handle)  # stable: a handle's own column is its first
+        at = {before: after for after, before in enumerate(order)}
+        made = np.concatenate([made[others], result])[order]
+        return made, [found[i]._replace(carriers=tuple(at[carrier] for carrier in found[i].carriers)) for i in order]
 
     def share(self, edit: Edit, handle: Handle, weights: Float32, rows: HandleFeatures) -> Float32:
         """(V,) what the instances of a handle that move have of its `weights` (V,), with their gains."""
@@ -136,26 +183,28 @@ class InstanceColumns:
 
     def instances(self, handle: Handle, rows: HandleFeatures, symmetry: SymmetryPlane | None) -> tuple[Instance, ...]:
         """The instances of what a handle holds, by looks alone, mirrored across planes that were chosen or found."""
-        key = _asked(handle, symmetry)
-        if key in self._found:
-            return self._found[key]
-        grip = self._grip(handle.place) if handle.controls.reach == "part" else None
-        looks: Float32 = bind(rows.features, rows.points([handle.place]))[:, 0]
-        planes = self._planes if symmetry is None else [symmetry]
-        held = None if handle.place.region is None else rows.members(handle.place)
-        vertex, pieces = rows.anchor(handle.place), None if grip is None else grip.pieces
-        found = self.finder.find(looks, vertex, handle.place.position, held=held, pieces=pieces, planes=planes)
-        return found if grip is None else self.finder.as_images(found, grip.weights)[0]
+        return self._looked_up(handle.place, handle.controls.reach == "part", symmetry, rows)[0]
 
     def part(self, place: Place, rows: HandleFeatures) -> Float32 | None:
         """(V,) 1 on the part of a place, alike on mirror images, falling smoothly to 0; None where none ends."""
-        grip = self._grip(place)
-        if grip is None or place.region is not None:
-            return None if grip is None else grip.weights
-        looks: Float32 = bind(rows.features, rows.points([place]))[:, 0]
-        vertex = rows.anchor(place)
-        found = self.finder.find(looks, vertex, place.position, pieces=grip.pieces, planes=self._planes)
-        return self.finder.as_images(found, grip.weights)[1]
+        return None if self._grip(place) is None else self._looked_up(place, True, None, rows)[1]
+
+    def _looked_up(
+        self, place: Place, by_part: bool, symmetry: SymmetryPlane | None, rows: HandleFeatures
+    ) -> tuple[tuple[Instance, ...], Float32 | None]:
+        """The instances at a place, and (V,) the weights of the part, if `by_part` and there is one."""
+        key = (place, by_part, symmetry)
+        if key not in self._found:
+            while len(self._found) >= MOST_FOUND:
+                del self._found[next(iter(self._found))]
+            grip = self._grip(place) if by_part else None
+            looks: Float32 = bind(rows.features, rows.points([place]))[:, 0]
+            planes = self._planes if symmetry is None else [symmetry]
+            held = None if place.region is None else rows.members(place)
+            vertex, pieces = rows.anchor(place), None if grip is None else grip.pieces
+            found = self.finder.find(looks, vertex, place.position, held=held, pieces=pieces, planes=planes)
+            self._found[key] = (found, None) if grip is None else self.finder.as_images(found, grip.weights)
+        return self._found[key]
 
     def _parts(
         self, edit: Edit, handle: Handle, weights: Float32, instances: Sequence[Instance], rows: HandleFeatures
@@ -210,15 +259,15 @@ def wanted_of(handle: Handle) -> Hashable:
     return controls.instances, controls.level, controls.excluded_instances
 
 
-def _asked(handle: Handle, symmetry: SymmetryPlane | None) -> Hashable:
-    """What instances depend on."""
-    return handle.place, handle.controls.reach == "part", symmetry
+def _apart(handle: Handle) -> bool:
+    """Whether each of a handle's instances has a column of its own."""
+    return handle.controls.instances != "shared_pivot"
 
 
 def _told_apart(handle: Handle) -> bool:
     """Whether a handle has use for its instances."""
     controls = handle.controls
-    return controls.instances != "shared_pivot" or controls.level or controls.excluded_instances != ()
+    return _apart(handle) or controls.level or controls.excluded_instances != ()
 
 
 def _weights_of(part: Portion, weights: Float32) -> Float32:

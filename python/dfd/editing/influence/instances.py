@@ -156,6 +156,12 @@ class InstanceFinder:
             found.append(Instance(peak, (here[0], here[1], here[2]), frame, float(weights[peak]), share))
         return tuple(found)
 
+    @property
+    def samples(self) -> tuple[Int64, Float64]:
+        """(N,) vertices that stand for the surface, and for how many each does."""
+        nodes = self._nodes
+        return np.asarray(nodes.members[nodes.starts], np.int64), np.asarray(nodes.ends - nodes.starts, np.float64)
+
     def _members_of(self, inside: Bool) -> Int64:
         """(N,) the vertices of the nodes `inside` (M,)."""
         return np.flatnonzero(inside[self._nodes.of_vertex])
@@ -185,15 +191,14 @@ class InstanceFinder:
         """`found` and the weights `part` (V,) of their part, with those of the handle's own carried to its images."""
         if all(one.image is None for one in found):
             return tuple(found), part
-        own = part.astype(np.float64) * found[0].share
-        each = []
-        for one in found:
-            if one.image is None:
-                each.append(part * one.share if one is not found[0] else own)
-                continue
-            vertices, values = carried(self._mesh.vertices, self._tree, own, one.image)
-            each.append(np.zeros(len(part)))
-            each[-1][vertices] = values
+        own, *others = (part.astype(np.float64) * (1.0 if one.share is None else one.share) for one in found)
+        each: list[Float64] = [own]
+        for one, values in zip(found[1:], others, strict=True):
+            if one.image is not None:
+                vertices, near = carried(self._mesh.vertices, self._tree, own, one.image)
+                values = np.zeros(len(part))
+                values[vertices] = near
+            each.append(np.asarray(values, np.float64))
         total = np.sum(each, axis=0)
         some = total > 0
 
