@@ -1,39 +1,37 @@
-"""The demo: two made shapes, their real features, three edits each, and one sheet that tells the story."""
+"""The demo: two made shapes, their features, a few edits of each, and one sheet that shows all of it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
-import numpy as np
 from rich.console import Console
 from rich.table import Table
 
 from dfd import samples
-from dfd.common.linear_algebra import Float32, Float64, Int64, UInt8
+from dfd.common.linear_algebra import Float64, Int64, UInt8
 from dfd.common.preset import Preset
 from dfd.common.progress import Stages
 from dfd.distillation.distill import distill
 from dfd.distillation.settings import DistillSettings
 from dfd.editing.deformer import Deformer
-from dfd.encoders.encode import Encoder, load_encoder
+from dfd.encoders.encode import load_encoder
 from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.pictures.colors import feature_colors
 from dfd.pictures.contact_sheet import contact_sheet, heat_bar
 from dfd.pictures.picture import picture, save_png
 from dfd.pictures.sheet import session_views
+from dfd.samples import Sample
 from dfd.symmetry.plane import axis_name
 from dfd.symmetry.search import symmetry_planes
 from dfd.views.render import render
 
-if TYPE_CHECKING:
-    from dfd.field.field import Field
-    from dfd.samples import Sample
-
 Picture = tuple[UInt8, str]
-Row = tuple[str, Sequence[Picture]]
+Session = Callable[[], Deformer]
+Edit = tuple[str, str, Deformer, str]  # title, name of its files, session, what its handle is on if it opens the story
+ASIDE, BEHIND = 35.0, 215.0  # azimuths, degrees
 
 
 def run(
@@ -46,134 +44,94 @@ def run(
 ) -> None:
     """Make a chair and a quadruped, distill them, deform them, and write meshes and pictures into `output`.
 
-    `story.png` tells everything from the views to the moved shapes; `opening.png` is its shortest form. Each shape has
-    about `faces` faces.
+    `story.png` shows everything from the views to the moved shapes, `opening.png` the first edits. Each shape has about
+    `faces` faces.
 
     Raises OSError if the folder cannot be written, or the encoder's weights cannot be found.
     """
     console = console or Console()
     output.mkdir(parents=True, exist_ok=True)
-    rows: list[Row] = []
+    rows: list[tuple[str, Sequence[Picture]]] = []
     opening: list[Picture] = []
     table = Table("stage", title="Seconds")
     seconds: list[dict[str, float]] = []
     model = load_encoder(encoder, **DistillSettings(preset=preset).of_encoder())
-    for name, sample, edits in (
-        ("chair", samples.chair(faces), _edit_chair),
-        ("quadruped", samples.quadruped(faces), _edit_quadruped),
-    ):
-        console.print(f"[bold]{name}[/bold]: {len(sample.mesh.faces):,} faces")
-        stages = Stages()
-        field, features, first = _distill(sample, model, preset, stages)
+    shapes = (("chair", samples.chair(faces), _chair), ("quadruped", samples.quadruped(faces), _quadruped))
+    for name, sample, edits in shapes:
+        mesh, stages = sample.mesh, Stages()
+        console.print(f"[bold]{name}[/bold]: {len(mesh.faces):,} faces")
+        field = distill(mesh, model, progress=stages, cache=False, preset=preset)
         field.save(output / f"{name}.field.safetensors")
-        sample.mesh.save(output / f"{name}.glb")
-        rows.append((f"The {name}: what the encoder sees, and its features by color", first))
+        mesh.save(output / f"{name}.glb")
+        with stages.stage("symmetry"):
+            planes = symmetry_planes(field, mesh)
+        mirrors = ", ".join(f"{axis_name(plane.normal)} ({plane.score:.2f})" for plane in planes) or "none"
+        images, features = render(mesh, views=24, resolution=320).images, field.features(mesh)
+        colors = feature_colors(features)
+        seen = [(images[index], f"view {index + 1} of 24") for index in (6, 9, 16)]
+        seen += [(picture(mesh, colors=colors, azimuth=ASIDE), "features")]
+        behind = f"features, behind; mirror plane found: {mirrors}"
+        seen += [(picture(mesh, colors=colors, azimuth=BEHIND), behind)]
+        rows.append((f"The {name}: what the encoder sees, and its features by color", seen))
         with stages.stage("deform and draw"):
-            stories = edits(sample, partial(Deformer, sample.mesh, field, preset=preset, features=features), output)
-        rows += [story.row() for story in stories]
-        opening += [picture for story in stories if story.opens for picture in story.opening()]
+            session = partial(Deformer, mesh, field, preset=preset, features=features)
+            for title, file, deformer, held in edits(sample, session):
+                mesh.save(output / f"{file}.glb", deformer.vertices)
+                deformer.save(output / f"{file}.json")
+                weights, *rest = _drawn(deformer)
+                rows.append((title, [*weights, (heat_bar(512), ""), *rest[0], *rest[1]]))
+                if held:
+                    opening += [(weights[0][0], f"{held} held: weights"), (rest[1][0][0], "")]
         table.add_column(name, justify="right")
         seconds.append(stages.seconds)
-    with Stages().stage("sheet"):
-        save_png(output / "story.png", contact_sheet(rows, title="Deep feature deformation: grab one, move all alike"))
-        save_png(output / "opening.png", contact_sheet([("", opening)], cell=260))
+    save_png(output / "story.png", contact_sheet(rows, title="Deep feature deformation: grab one, move all alike"))
+    save_png(output / "opening.png", contact_sheet([("", opening)], cell=260))
     for stage in seconds[0]:
         table.add_row(stage, *(f"{times[stage]:.1f}" for times in seconds))
     console.print(table)
     console.print(f"Pictures: {output / 'story.png'}, {output / 'opening.png'}\nMeshes:   {output}")
 
 
-def _distill(sample: Sample, model: Encoder, preset: Preset, stages: Stages) -> tuple[Field, Float32, list[Picture]]:
-    mesh = sample.mesh
-    field = distill(mesh, model, progress=stages, cache=False, preset=preset)
-    with stages.stage("symmetry"):
-        planes = symmetry_planes(field, mesh)
-    found = ", ".join(f"{axis_name(plane.normal)} ({plane.score:.2f})" for plane in planes) or "none"
-    views = render(mesh, views=24, resolution=320)
-    pictures = [(views.images[index], f"view {index + 1} of 24") for index in (6, 9, 16)]
-    features = field.features(mesh)
-    colors = feature_colors(features)
-    pictures += [
-        (picture(mesh, colors=colors, azimuth=35), "features"),
-        (picture(mesh, colors=colors, azimuth=215), f"features, behind; mirror plane found: {found}"),
-    ]
-    return field, features, pictures
+def _drawn(deformer: Deformer) -> tuple[list[Picture], list[Picture], list[Picture]]:
+    """Weights from both sides, the shape before, and the shape after from both sides."""
+    views = session_views(deformer, ASIDE)
+
+    def draw(name: str, azimuth: float = ASIDE) -> UInt8:
+        options: dict[str, Any] = {**views[name], "azimuth": azimuth}
+        return picture(deformer.mesh, **options)
+
+    weights = [(draw("weights"), "weights"), (draw("weights", BEHIND), "weights, behind")]
+    return weights, [(draw("before"), "before")], [(draw("after"), "after"), (draw("after", BEHIND), "after, behind")]
 
 
-def _edit_chair(sample: Sample, session: Callable[[], Deformer], output: Path) -> list[_Story]:
-    mesh = sample.mesh
-    foot = _lowest(mesh.vertices, sample.vertices_of("leg", 0))
-    back = _highest(mesh.vertices, sample.vertices_of("back"))
-    legs = session()
-    legs.add(foot, translation=(0.0, -0.35, 0.0), name="foot")
-    tall = session()
-    tall.add(back, scale=(1.0, 1.5, 1.0), translation=(0.0, 0.12, 0.0), name="back")
+def _chair(sample: Sample, session: Session) -> list[Edit]:
+    vertices = sample.mesh.vertices
+    legs, tall = session(), session()
+    legs.add(_lowest(vertices, sample.vertices_of("leg", 0)), translation=(0.0, -0.35, 0.0), name="foot")
+    top = _lowest(-vertices, sample.vertices_of("back"))
+    tall.add(top, scale=(1.0, 1.5, 1.0), translation=(0.0, 0.12, 0.0), name="back")
     return [
-        _Story("One foot of the chair is pulled down: all four legs grow", legs, output / "chair_legs", "one foot"),
-        _Story("The top of its back is pulled up", tall, output / "chair_back"),
+        ("One foot of the chair is pulled down: all four legs grow", "chair_legs", legs, "one foot"),
+        ("The top of its back is pulled up", "chair_back", tall, ""),
     ]
 
 
-def _edit_quadruped(sample: Sample, session: Callable[[], Deformer], output: Path) -> list[_Story]:
-    mesh = sample.mesh
-    hoof = _lowest(mesh.vertices, sample.vertices_of("hoof", 0))
-    horn = _highest(mesh.vertices, sample.vertices_of("horn", 0))
-    root = mesh.vertices[_lowest(mesh.vertices, sample.vertices_of("horn", 0))]
-    head = sample.vertices_of("head")
-    muzzle = int(head[np.argmax(mesh.vertices[head, 2])])
-
-    def bent(locality: float = 0.0) -> Deformer:
-        horns = session()
-        horns.add(horn, rotation=(-50.0, 0.0, 0.0), scale=1.4, pivot=root, locality=locality, name="horn")
-        return horns
-
-    legs = session()
-    legs.add(hoof, translation=(0.0, -0.3, 0.0), name="hoof")
-    held = bent()
-    held.fix(muzzle)
+def _quadruped(sample: Sample, session: Session) -> list[Edit]:
+    vertices = sample.mesh.vertices
+    horn, head = sample.vertices_of("horn", 0), sample.vertices_of("head")
+    tip, root = _lowest(-vertices, horn), vertices[_lowest(vertices, horn)]
+    legs, bent, local, held = (session() for _ in range(4))
+    legs.add(_lowest(vertices, sample.vertices_of("hoof", 0)), translation=(0.0, -0.3, 0.0), name="hoof")
+    for each, locality in ((bent, 0.0), (local, 6.0), (held, 0.0)):
+        each.add(tip, rotation=(-50.0, 0.0, 0.0), scale=1.4, pivot=root, locality=locality, name="horn")
+    held.fix(int(head[vertices[head, 2].argmax()]))  # the muzzle
     return [
-        _Story("One hoof is pulled down: all four legs grow", legs, output / "quadruped_legs", "one hoof"),
-        _Story("One horn is bent: what looks alike follows", bent(), output / "quadruped_horn"),
-        _Story("The same with locality 6: it stays near", bent(6.0), output / "quadruped_horn_local"),
-        _Story(
-            "The same with a fixed point on the muzzle: the head holds",
-            held,
-            output / "quadruped_horn_fixed",
-            "one horn",
-        ),
+        ("One hoof is pulled down: all four legs grow", "quadruped_legs", legs, "one hoof"),
+        ("One horn is bent: what looks alike follows", "quadruped_horn", bent, ""),
+        ("The same with locality 6: it stays near", "quadruped_horn_local", local, ""),
+        ("The same with a fixed point on the muzzle: the head holds", "quadruped_horn_fixed", held, "one horn"),
     ]
-
-
-class _Story:
-    """One edit: its mesh and document on disk, and its pictures.
-
-    With `opens`, what its handle is on, it is one of those that the opening picture shows.
-    """
-
-    def __init__(self, title: str, deformer: Deformer, stem: Path, opens: str = "") -> None:
-        self.title, self.opens = title, opens
-        deformer.mesh.save(stem.with_suffix(".glb"), deformer.vertices)
-        deformer.save(stem.with_suffix(".json"))
-        self._mesh, self._views = deformer.mesh, session_views(deformer, 35.0)
-
-    def row(self) -> Row:
-        """Weights, before and after, from both sides."""
-        shown = [("weights", 35.0, "weights"), ("weights", 215.0, "weights, behind"), ("before", 35.0, "before")]
-        shown += [("after", 35.0, "after"), ("after", 215.0, "after, behind")]
-        cells = [(self._view(name, azimuth), caption) for name, azimuth, caption in shown]
-        return self.title, [*cells[:2], (heat_bar(512), ""), *cells[2:]]
-
-    def opening(self) -> list[Picture]:
-        """Weights and what came of them."""
-        return [(self._view("weights"), f"{self.opens} held: weights"), (self._view("after"), "")]
-
-    def _view(self, name: str, azimuth: float = 35.0) -> UInt8:
-        return picture(self._mesh, **{**self._views[name], "azimuth": azimuth})
 
 
 def _lowest(vertices: Float64, among: Int64) -> int:
-    return int(among[np.argmin(vertices[among, 1])])
-
-
-def _highest(vertices: Float64, among: Int64) -> int:
-    return int(among[np.argmax(vertices[among, 1])])
+    return int(among[vertices[among, 1].argmin()])

@@ -34,9 +34,9 @@ SAMPLE = 4096  # points of a surface, whose features have the mean of all of the
 # Of a field's settings: what its features come from.
 OF_FEATURES = ("encoder_family", "encoder_weights", "encoder_block", "metric_hash")
 # How often a handle lands on the part that it held, by the cosine between two features of the learned metric: of 923
-# handles carried between skinned models of 7 families 0.37 are right where the cosine is 0.1 to 0.2, 0.35 to 0.42 up to 0.5, 0.67 at 0.6, 0.83 at 0.75, 0.90 at 0.85 and all beyond
-# 0.9. The metric was learned from such models; shapes of other kinds may do worse. Without it no curve would help: 0.56
-# to 0.70 are right wherever the cosine lies between 0.2 and 0.9.
+# handles carried between skinned models of 7 families 0.37 are right where the cosine is 0.1 to 0.2, 0.35 to 0.42 up
+# to 0.5, 0.67 at 0.6, 0.83 at 0.75, and 0.90 from 0.85. The metric was learned from such models; shapes of other kinds
+# may do worse. Without it no curve would help: 0.56 to 0.70 are right wherever the cosine lies between 0.2 and 0.9.
 COSINES, RIGHT = (0.0, 0.2, 0.45, 0.75, 1.0), (0.0, 0.38, 0.45, 0.8, 1.0)
 TOO_SHORT = 1e-4  # a feature nearer to the mean of its shape differs from it in no way that could be told
 
