@@ -11,73 +11,45 @@ from made_field import same
 from tiny_encoder import save_tiny_encoder
 
 import dfd
-from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.field.field import Field
 
 
-def test_distill_hands_everything_on(run, folder):
+def test_distill_hands_on_what_is_given(run, folder):
     field = Field.load(folder / "chair.field.safetensors")
-    options = ("--encoder", "clip", "--views", 6, "--resolution", 224, "--framing", "paper", "--simplify-to", 500)
-    more = ("--supervision", "vertex", "--steps", 7, "--seed", 11, "--device", "cpu", "--loss-curve", "loss.png")
-    more += ("--metric", "none", "--octaves", 3, "--batch", 99, "--learning-rate", 0.004, "--preset", "paper")
     np.save("rows.npy", np.eye(3))
-    more += ("--features", "rows.npy", "--no-cache", "--no-mirrored", "--smoothing", 0.1)
+    options = ("--encoder", "clip", "--device", "cpu", "--features", "rows.npy", "--no-cache", "--preset", "paper")
+    settings = ("--views", 6, "--framing", "paper", "--no-mirrored", "--smoothing", 0.1, "--learning-rate", 0.004)
     with mock.patch("dfd.distill", return_value=field) as distill:
-        result = run("distill", "MESH", "-o", "out.safetensors", *options, *more)
+        result = run("distill", "MESH", "-o", "out.safetensors", "--loss-curve", "loss.png", *options, *settings)
+        assert worked(run("distill", "MESH", "-o", "other.safetensors"))
     assert worked(result)
-    (mesh, encoder), given = distill.call_args
-    assert len(mesh.vertices) == 2004
-    assert encoder == "clip"
-    del given["progress"]
+    ((mesh, encoder), given), (_, plain) = distill.call_args_list
+    assert (len(mesh.vertices), encoder) == (2004, "clip")
     np.testing.assert_array_equal(given.pop("features"), np.eye(3))
+    del given["progress"], plain["progress"]
     assert given == {
         "device": "cpu",
         "cache": False,
         "preset": "paper",
         "views": 6,
-        "resolution": 224,
         "framing": "paper",
-        "simplify_to": 500,
-        "supervision": "vertex",
         "mirrored": False,
         "smoothing": 0.1,
-        "metric": "none",
-        "octaves": 3,
-        "batch": 99,
         "learning_rate": 0.004,
-        "steps": 7,
-        "seed": 11,
     }
+    assert plain == {"features": None, "device": None, "cache": True}
     assert Field.load("out.safetensors").settings == field.settings
     assert drawn("loss.png").std() > 5
     assert "out.safetensors: a field of 16 dimensions" in result.stderr
 
 
-def test_distill_leaves_defaults_to_the_function(run, folder):
-    field = Field.load(folder / "chair.field.safetensors")
-    with mock.patch("dfd.distill", return_value=field) as distill:
-        assert worked(run("distill", "MESH", "-o", "out.safetensors"))
-    (_, encoder), given = distill.call_args
-    del given["progress"]
-    assert (encoder, given) == (DEFAULT_ENCODER, {"features": None, "device": None, "cache": True})
-
-
-def worked_from_cache(result):
-    assert worked(result)
-    return "from the cache" in result.stderr
-
-
 def test_distill_copies_what_the_cache_has(run, tmp_path):
     save_tiny_encoder(tmp_path / "tiny")
-    command = ("distill", "MESH", "--encoder", "./tiny", "--views", 2, "--resolution", 32, "--steps", 3)
-    assert not worked_from_cache(run(*command, "-o", "first.safetensors"))
-    again = run(*command, "-o", "again.safetensors", "--loss-curve", "loss.png")
-    assert worked(again)
-    assert "again.safetensors: a field of 16 dimensions, from the cache (" in again.stderr
-    assert drawn("loss.png").std() > 5
-    one, two = (Field.load(f"{name}.safetensors") for name in ("first", "again"))
-    assert same(one, two)
-    assert not worked_from_cache(run(*command, "-o", "anew.safetensors", "--no-cache"))
+    command = ("distill", "MESH", "--encoder", "./tiny", "--views", 2, "--resolution", 32, "--steps", 3, "-o")
+    told = {name: run(*command, f"{name}.safetensors").stderr for name in ("first", "again")}
+    assert {name: "from the cache" in text for name, text in told.items()} == {"first": False, "again": True}
+    assert same(*(Field.load(f"{name}.safetensors") for name in told))
+    assert "from the cache" not in run(*command, "anew.safetensors", "--no-cache").stderr
 
 
 def test_features_that_are_no_array_are_refused(run):

@@ -90,12 +90,3 @@ def test_pictures_that_say_nothing_and_other_meshes_are_refused(run, heat, folde
     assert worked(
         run("pick", heat, *map(round, pixel_of(dfd.load("chair.obj"), 40, 200, azimuth=20, elevation=15)), "chair.obj")
     )
-
-
-def test_an_odd_text_in_a_picture_is_named(run):
-    from PIL.PngImagePlugin import PngInfo
-
-    said = PngInfo()
-    said.add_text("dfd-picture", '{"format": "dfd-picture", "version": 7}')
-    Image.new("RGB", (9, 9)).save("odd.png", pnginfo=said)
-    assert failed(run("pick", "odd.png", 1, 1), "odd.png: what the picture says of itself is odd: `version`")
