@@ -36,7 +36,7 @@ from dfd.common.progress import Stages
 from dfd.common.threads import one_blas_thread, parallel_ranges
 from dfd.distillation.targets import PAIRS, PixelTargets, PointTargets, TokenGrid, mean_distance, restore_contrast, unit
 from dfd.field.component_residuals import apart, boxes_of_components
-from dfd.geometry.topology import face_areas, face_components
+from dfd.geometry.topology import face_areas, face_components, sample_surface
 from dfd.mesh.weld import weld
 from dfd.views.render import Views, used_vertices
 
@@ -83,7 +83,8 @@ def build_diffusion(views: Views, grid: TokenGrid, *, smoothing: float, seed: in
     generator = np.random.default_rng(seed)
     vertices, faces = views.vertices.astype(np.float64), views.faces
     component = face_components(weld(vertices)[1][faces])
-    points, face, area = _draw_points(vertices, faces, SURFACE_SAMPLES, generator)
+    points, face = sample_surface(vertices, faces, SURFACE_SAMPLES, generator)
+    area = float(np.cumsum(face_areas(vertices, faces))[-1]) / SURFACE_SAMPLES
     chosen, nearest = _gather(views, points, component, face, generator)
     seen = np.bincount(nearest, minlength=len(points)) / (len(chosen) / len(points))
     confidence = np.minimum(seen, SATURATED_COVERAGE) * area
@@ -161,21 +162,6 @@ def _gather(
 def _main_directions(rows: Float32, weight: NDArray[np.floating]) -> Float32:
     """Principal directions, orthonormal rows (d, D), of `rows` (N, D) weighted by `weight` (N,)."""
     return principal_directions(rows * np.sqrt(weight / weight.max()).astype(np.float32)[:, None], DIRECTIONS)
-
-
-def _draw_points(
-    vertices: Float64, faces: Int32, count: int, generator: np.random.Generator
-) -> tuple[Float64, Int64, float]:
-    """Draw points uniformly by area: (count, 3), the face of each, and the area per point."""
-    total = np.cumsum(face_areas(vertices, faces))
-    # Stratified: one point in each of `count` intervals of equal area.
-    at = (np.arange(count) + generator.random(count)) / count * total[-1]
-    face = np.searchsorted(total, at, side="right").clip(0, len(faces) - 1)
-    u, v = generator.random((2, count))
-    u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
-    first, second, third = vertices[faces[face]].transpose(1, 0, 2)
-    points = first + u[:, None] * (second - first) + v[:, None] * (third - first)
-    return points, face, float(total[-1]) / count
 
 
 def _factors(confidence: Float64, area: float, smoothing: float, links: sparse.csr_matrix) -> SuperLU:

@@ -17,7 +17,7 @@ from dfd.editing.edit import Edit, Handle
 from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.influence.regions import Ball, Box, Group, HalfSpace, Part, Region, VertexSet, members
 from dfd.editing.points import Place, place_on
-from dfd.geometry.topology import face_areas
+from dfd.geometry.topology import face_areas, sample_surface
 from dfd.posing.transforms import Transform, Vector, vector
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.bind import bind
@@ -222,15 +222,8 @@ class Carrier:
 
 def _mean(mesh: Mesh, field: Field) -> Points:
     """(D,) the mean of the features of a surface."""
-    areas = face_areas(mesh.vertices, mesh.faces)
-    total = np.cumsum(areas)
-    if not (len(areas) and total[-1] > 0):
+    if not face_areas(mesh.vertices, mesh.faces).sum() > 0:
         return np.zeros(field.dimension)
-    generator = np.random.default_rng(0)
-    evenly = (np.arange(SAMPLE) + generator.random(SAMPLE)) / SAMPLE * total[-1]
-    corners = mesh.vertices[mesh.faces[np.minimum(np.searchsorted(total, evenly, side="right"), len(areas) - 1)]]
-    # Uniform in a triangle: Osada et al. 2002, Shape Distributions, equation 1.
-    first, second = np.sqrt(generator.random((SAMPLE, 1))), generator.random((SAMPLE, 1))
-    points = (1 - first) * corners[:, 0] + first * (1 - second) * corners[:, 1] + first * second * corners[:, 2]
+    points, _ = sample_surface(mesh.vertices, mesh.faces, SAMPLE, np.random.default_rng(0))
     mean: Points = np.asarray(field(points), np.float64).mean(axis=0)
     return mean

@@ -128,6 +128,22 @@ def even_points(areas: Float64, count: int) -> tuple[Int64, Float32]:
     return points_on_faces(np.bincount(hit, minlength=len(areas)))
 
 
+def sample_surface(
+    vertices: NDArray[np.floating], faces: Int32, count: int, generator: np.random.Generator
+) -> tuple[Float64, Int64]:
+    """Draw points uniformly by area: (count, 3), and the face of each (count,).
+
+    They are stratified: each of `count` intervals of equal area, in the order of the faces, has one point.
+    """
+    total = np.cumsum(face_areas(vertices, faces))
+    at = (np.arange(count) + generator.random(count)) / count * total[-1]
+    face = np.searchsorted(total, at, side="right").clip(0, len(faces) - 1)
+    u, v = generator.random((2, count))
+    u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
+    first, second, third = vertices[faces[face]].astype(np.float64).transpose(1, 0, 2)
+    return first + u[:, None] * (second - first) + v[:, None] * (third - first), face
+
+
 def points_on_faces(counts: Int64) -> tuple[Int64, Float32]:
     """Spread points over faces, `counts` (F,) of them on each.
 

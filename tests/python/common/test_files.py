@@ -78,24 +78,6 @@ def test_what_is_no_file_is_refused_and_stays(tmp_path: Path) -> None:
         put(tmp_path / "absent" / "notes.txt")
 
 
-@pytest.mark.parametrize("name", ["a" * 251 + ".obj", "a" * 255, "a." + "b" * 253, "ü" * 127, "." + "x" * 250])
-def test_every_name_that_the_file_system_allows(name: str, tmp_path: Path) -> None:
-    put(tmp_path / name)
-    assert (tmp_path / name).read_text() == "new"
-    assert len(list(tmp_path.iterdir())) == 1
-
-
-def test_a_name_that_is_too_long_is_one_error(tmp_path: Path) -> None:
-    with pytest.raises(OSError, match="could not be written: File name too long"):
-        put(tmp_path / ("a" * 256))
-
-
-def test_the_temporary_file_keeps_the_ending(tmp_path: Path) -> None:
-    with atomic_write(tmp_path / "picture.png") as temporary:
-        assert temporary.suffix == ".png"
-        temporary.touch()
-
-
 def test_what_a_killed_process_left_is_swept_by_the_next_write(tmp_path: Path) -> None:
     path = tmp_path / "notes.txt"
     program = """

@@ -33,15 +33,6 @@ def test_what_is_beside_is_done_while_the_block_runs() -> None:
     assert result() == "done"
 
 
-def test_on_one_thread_it_waits_until_it_is_asked_for() -> None:
-    dfd.set_num_threads(1)
-    calls: list[int] = []
-    with beside(lambda: calls.append(threading.get_ident())) as result:
-        assert calls == []
-    result()
-    assert calls == [threading.get_ident()]
-
-
 @pytest.mark.parametrize("threads", [1, 2])
 def test_what_it_raises_is_raised_where_it_is_asked_for(threads: int) -> None:
     dfd.set_num_threads(threads)
@@ -53,25 +44,6 @@ def test_what_it_raises_is_raised_where_it_is_asked_for(threads: int) -> None:
         pass
     with pytest.raises(ValueError, match="^no ground$"):
         result()
-
-
-def test_what_the_block_raises_comes_after_what_was_begun() -> None:
-    dfd.set_num_threads(2)
-    begun = threading.Event()
-    done: list[bool] = []
-
-    def work() -> None:
-        begun.set()
-        done.append(True)
-
-    def fail() -> None:
-        with beside(work):
-            assert begun.wait(20)
-            raise KeyError
-
-    with pytest.raises(KeyError):
-        fail()
-    assert done == [True]
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5])

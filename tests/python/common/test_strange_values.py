@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 import torch
@@ -14,9 +10,6 @@ from made_field import made_field
 import dfd
 from dfd import samples
 from dfd.editing.controls import Controls
-from dfd.editing.edit import Handle
-from dfd.editing.points import Place
-from dfd.posing.transforms import Transform
 
 FEATURES = np.eye(4, dtype=np.float32)
 VERTICES = np.arange(12.0).reshape(4, 3)
@@ -87,27 +80,3 @@ def test_numbers_too_large_for_the_kernels_are_refused_early(name):
         Controls(**{name: 1e39})
     with pytest.raises(ValueError, match=f"`{name}` must be finite, got a whole number too large"):
         Controls(**{name: 10**400})
-
-
-def test_names_can_be_written():
-    with pytest.raises(ValueError, match=r"^Handle: `name` must be text that can be written"):
-        Handle(1, Place((0.0, 0.0, 0.0)), Transform(), Controls(), "\udc80")
-
-
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
-def test_a_field_loads_in_a_forked_child_without_torch(tmp_path):
-    made_field(8, width=32, layers=2).save(tmp_path / "made.safetensors")
-    code = f"""
-import os, sys, numpy as np, dfd
-dfd.set_num_threads(2)
-points = np.random.default_rng(0).uniform(-1, 1, (3000, 3))
-wanted = dfd.Field.load({str(tmp_path / "made.safetensors")!r})(points)
-dfd.bind(np.ones((4000, 16), np.float32), [0, 1])
-child = os.fork()
-if child == 0:
-    found = dfd.Field.load({str(tmp_path / "made.safetensors")!r})(points)
-    os._exit(0 if (found == wanted).all() and "torch" not in sys.modules else 3)
-print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
-"""
-    done = subprocess.run([sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True, timeout=60)
-    assert done.stdout.split() == ["0"], done.stderr

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import subprocess
 import sys
-import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
 import threadpoolctl
-import torch
 
 import dfd
 import dfd._core as _core
@@ -71,33 +68,6 @@ def test_environment_sets_the_default(setting, wanted):
     assert done.stdout.split() == [str(wanted)], done.stderr
 
 
-@pytest.mark.parametrize("setting", ["", "many", "0", "-4"])
-def test_default_is_at_most_what_the_process_may_use(setting, monkeypatch):
-    monkeypatch.setenv("OMP_NUM_THREADS", setting)
-    assert 1 <= threads._default_threads() <= (os.cpu_count() or 1)
-
-
-@linux_only
-def test_fewer_threads_where_there_is_no_room_for_more():
-    code = """
-import resource
-import numpy as np
-import dfd
-features = np.random.default_rng(0).random((60_000, 16), dtype=np.float32)
-few, many = np.empty((60_000, 2), np.float32), np.empty((60_000, 2), np.float32)
-dfd.set_num_threads(1)
-dfd.bind(features, features[:2], out=few)
-mapped = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
-resource.setrlimit(resource.RLIMIT_AS, (mapped + (40 << 20),) * 2)  # stacks of 8 MiB each
-dfd.set_num_threads(64)
-dfd.bind(features, features[:2], out=many)
-assert (few == many).all()
-print(2 <= dfd._core.team_size(64) < 64)
-"""
-    done = python(code, OMP_STACKSIZE="8M")
-    assert (done.returncode, done.stdout) == (0, "True\n"), done.stderr
-
-
 def loaded_runtimes(code, **environment):
     """The paths of OpenMP runtimes that a process has loaded after `code`."""
     code += """
@@ -123,23 +93,6 @@ dfd.bind(np.ones((5000, 8), np.float32), [0])
 
 
 @linux_only
-def test_a_runtime_that_is_loaded_already_is_kept():
-    code = f"""
-import ctypes
-try:
-    ctypes.CDLL("{openmp.NAME}")
-except OSError:
-    raise SystemExit("the system has none")
-import dfd, torch
-torch.ones(300, 300) @ torch.ones(300, 300)
-"""
-    if "the system has none" in python(code).stderr:
-        pytest.skip("this system has no OpenMP runtime of its own")
-    (kept,) = loaded_runtimes(code, OMP_NUM_THREADS="2")
-    assert kept != openmp.find_torch_runtime()
-
-
-@linux_only
 def test_torch_brings_the_runtime_where_the_system_has_none(tmp_path):
     (tmp_path / openmp.NAME).write_bytes(b"no library at all" * 20)  # the loader of libraries ends here
     code = f"import ctypes; ctypes.CDLL('{openmp.NAME}')"
@@ -156,22 +109,6 @@ def test_no_runtime_anywhere_is_said_with_what_to_install(tmp_path):
     told = python(code, LD_LIBRARY_PATH=str(tmp_path)).stderr.splitlines()[-1]
     assert told.startswith("ImportError: dfd needs GNU's OpenMP runtime, libgomp.so.1")
     assert "install libgomp1" in told
-
-
-def test_torch_runtime_is_found_in_either_folder_or_not_at_all(tmp_path, monkeypatch):
-    package = tmp_path / "torch"
-    package.mkdir()
-    (package / "__init__.py").write_text("raise AssertionError('imported')")
-    monkeypatch.setattr(sys, "path", [str(tmp_path)])
-    monkeypatch.delitem(sys.modules, "torch")
-    assert openmp.find_torch_runtime() is None
-    for folder in (tmp_path / "torch.libs", package / "lib"):
-        folder.mkdir()
-        (folder / openmp.NAME).touch()
-        assert openmp.find_torch_runtime() == folder / openmp.NAME
-    monkeypatch.setattr(sys, "path", [])
-    importlib.invalidate_caches()
-    assert openmp.find_torch_runtime() is None
 
 
 @linux_only
@@ -195,31 +132,6 @@ print(*(count - counts[0] for count in counts))
 """
     done = python(code)
     assert done.stdout.split() == ["0", "3", "3", "3"], done.stderr
-
-
-def test_torch_and_dfd_take_turns_on_several_threads():
-    wanted_weights, wanted_posed = work()
-    matrix = torch.from_numpy(np.random.default_rng(1).standard_normal((200, 200)))
-    wanted_product = matrix @ matrix
-    failures = []
-
-    def turns():
-        try:
-            for _ in range(20):
-                weights, posed = work()
-                np.testing.assert_array_equal(weights, wanted_weights)
-                np.testing.assert_array_equal(posed, wanted_posed)
-                torch.testing.assert_close(matrix @ matrix, wanted_product)
-        except Exception as failure:
-            failures.append(failure)
-
-    workers = [threading.Thread(target=turns, daemon=True) for _ in range(4)]
-    for worker in workers:
-        worker.start()
-    for worker in workers:
-        worker.join(timeout=60)
-        assert not worker.is_alive()
-    assert not failures
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")

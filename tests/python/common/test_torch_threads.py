@@ -9,7 +9,7 @@ import pytest
 import torch
 
 import dfd
-from dfd.common.devices import one_thread, parallel_inference
+from dfd.common.devices import parallel_inference
 
 
 @pytest.fixture(autouse=True)
@@ -20,13 +20,6 @@ def three_threads() -> Iterator[None]:
     yield
     dfd.set_num_threads(before)
     torch.set_num_threads(torchs)
-
-
-@pytest.mark.parametrize(("count", "size"), [(0, 4), (1, 4), (12, 4), (13, 4), (1000, 1)])
-def test_ranges_cover_everything_once(count: int, size: int) -> None:
-    done: list[int] = []
-    parallel_inference(count, size, lambda begin, end: done.extend(range(begin, end)))
-    assert sorted(done) == list(range(count))
 
 
 def test_torch_computes_alone_on_several_threads_and_without_gradients() -> None:
@@ -55,15 +48,4 @@ def test_an_error_ends_the_work_and_is_raised() -> None:
     with pytest.raises(ValueError, match="ten is too many"):
         parallel_inference(100_000, 1, work)
     assert len(begun) < 1000
-    assert torch.get_num_threads() == 2
-
-
-def test_one_thread_is_given_back_after_an_error() -> None:
-    def fail() -> None:
-        with one_thread():
-            assert torch.get_num_threads() == 1
-            raise KeyError
-
-    with pytest.raises(KeyError):
-        fail()
     assert torch.get_num_threads() == 2

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-import warnings
 from contextlib import contextmanager
 from types import ModuleType
 
@@ -20,12 +18,3 @@ def test_it_points_at_the_caller() -> None:
     with pytest.warns(UserWarning, match="mind") as given:
         inside.call()
     assert given[0].filename == __file__
-
-
-def test_a_thread_of_its_own_has_no_caller() -> None:
-    thread = threading.Thread(target=warn, args=("mind", UserWarning))
-    with warnings.catch_warnings(record=True) as given:
-        warnings.simplefilter("always")
-        thread.start()
-        thread.join(60)
-    assert [str(warning.message) for warning in given] == ["mind"]

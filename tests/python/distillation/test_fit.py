@@ -7,7 +7,6 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-import reference
 import torch
 from made_field import made_field, same
 
@@ -77,45 +76,6 @@ def test_an_epoch_has_every_point_once() -> None:
     epochs = [torch.cat(seen[begin : begin + 3]) for begin in (0, 3, 6)]
     assert all(torch.equal(epoch.sort().values, torch.arange(400)) for epoch in epochs)
     assert not torch.equal(epochs[0], epochs[1])
-
-
-@pytest.mark.parametrize(("kind", "rates"), [("constant", [0.01] * 10), ("one_cycle", [0.0004, 0.0052, 0.01])])
-def test_the_rate_of_every_step(kind: str, rates: list[float], monkeypatch: pytest.MonkeyPatch) -> None:
-    taken, step = list[float](), Adam.step
-
-    def noted(self: Adam, gradients: list[torch.Tensor], rate: float, momentum: float) -> None:
-        taken.append(rate)
-        step(self, gradients, rate, momentum)
-
-    monkeypatch.setattr(Adam, "step", noted)
-    fitted(DistillSettings(steps=10, batch=8, learning_rate=0.01, schedule=kind))
-    np.testing.assert_allclose(taken[: len(rates)], rates, rtol=1e-5)
-    assert len(taken) == 10
-    assert taken[-1] == (0.01 if kind == "constant" else pytest.approx(0.01 / 25e4, rel=1e-3))
-
-
-@pytest.mark.parametrize(("octaves", "width", "layers"), [(0, 256, 4), (0, 40, 2), (3, 7, 1)])
-def test_the_network_is_as_it_was_asked_for(octaves: int, width: int, layers: int) -> None:
-    settings = DistillSettings(steps=2, batch=8, octaves=octaves, width=width, layers=layers)
-    field, targets, _ = fitted(settings)
-    assert field.architecture == Architecture(4, width, layers, octaves)
-    points = targets.points[:60] / 0.5 + 1
-    np.testing.assert_allclose(field(points), reference.field(field, points), atol=1e-5)
-    np.testing.assert_allclose(field(points), field(torch.from_numpy(points)).numpy(), atol=1e-5)
-
-
-def test_torch_computes_as_before_afterwards() -> None:
-    threads, precision = torch.get_num_threads(), torch.get_float32_matmul_precision()
-    try:
-        torch.set_num_threads(1)
-        torch.set_float32_matmul_precision("high")
-        fitted(DistillSettings(steps=2, batch=8))
-        with pytest.raises(ValueError, match="learning_rate"):
-            fitted(DistillSettings(steps=20, batch=8, learning_rate=1e30))
-        assert (torch.get_num_threads(), torch.get_float32_matmul_precision()) == (1, "high")
-    finally:
-        torch.set_num_threads(threads)
-        torch.set_float32_matmul_precision(precision)
 
 
 def test_the_seed_decides_and_the_callers_random_numbers_stay() -> None:

@@ -95,20 +95,6 @@ def test_points_are_drawn_evenly_by_area_and_blended() -> None:
     np.testing.assert_allclose(targets[~left], unit(shares @ normalized[corners[0]]), atol=1e-4)
 
 
-def test_lengths_of_rows_do_not_count(mesh: Mesh) -> None:
-    rows = unit(smooth(mesh.vertices)).astype(np.float32)
-    lengths = np.float32(10) ** np.random.default_rng(0).integers(-30, 30, (len(rows), 1)).astype(np.float32)
-    _, plain = drawn(mesh, rows, 500)
-    _, scaled = drawn(mesh, rows * lengths, 500)
-    np.testing.assert_allclose(plain, scaled, atol=1e-5)
-
-
-def test_rows_that_cancel_out_leave_no_nan() -> None:
-    mesh = Mesh([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
-    field = dfd.distill(mesh, features=[[1.0, 0], [-1, 0], [1, 0]], steps=5, batch=256, **QUIET)
-    assert np.isfinite(field.features(mesh)).all()
-
-
 def with_row(rows: np.ndarray, row: int, value: float) -> np.ndarray:
     rows = rows.copy()
     rows[row] = value
@@ -147,19 +133,3 @@ def test_a_mesh_without_area_is_refused() -> None:
     mesh = Mesh([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]])
     with pytest.raises(ValueError, match="`mesh` must have a face with an area"):
         dfd.distill(mesh, features=np.eye(3), steps=1, **QUIET)
-
-
-def test_a_rate_that_explodes_is_refused(mesh: Mesh) -> None:
-    with pytest.raises(ValueError, match="`learning_rate` 1e\\+30 is too high"):
-        dfd.distill(mesh, features=smooth(mesh.vertices), steps=20, batch=64, learning_rate=1e30, **QUIET)
-
-
-def test_other_features_are_other_fields_in_the_cache(mesh: Mesh, tmp_path: Path) -> None:
-    rows = smooth(mesh.vertices)
-    settings = {"steps": 3, "batch": 64, **QUIET}
-    first = dfd.distill(mesh, features=rows, **settings).features(mesh)
-    np.testing.assert_array_equal(dfd.distill(mesh, features=rows, **settings).features(mesh), first)
-    assert len(list((tmp_path / "cache" / "fields").iterdir())) == 1
-    other = dfd.distill(mesh, features=rows[::-1], **settings).features(mesh)
-    assert np.abs(first - other).max() > 0
-    assert len(list((tmp_path / "cache" / "fields").iterdir())) == 2

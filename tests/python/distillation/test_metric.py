@@ -13,8 +13,7 @@ from safetensors.numpy import save_file
 import dfd
 from dfd.distillation import metric as metrics
 from dfd.distillation.metric import FOLDER, Kinds, Metric, find_metric
-from dfd.distillation.settings import DistillSettings
-from dfd.distillation.targets import PointTargets, mean_distance, restore_contrast, unit
+from dfd.distillation.targets import PointTargets, mean_distance, unit
 from dfd.distillation.thickness import BANDS
 from dfd.encoders.encode import Encoder
 
@@ -59,27 +58,6 @@ def test_mapped_rows_are_unit_and_about_as_far_apart_as_before(metric: Metric, f
     np.testing.assert_array_equal(features, before)
 
 
-def test_what_counts_more_sets_rows_farther_apart(features: np.ndarray) -> None:
-    """Two rows that differ in what counts are farther apart than two that differ in what does not."""
-    along, across = features[:200].copy(), features[:200].copy()
-    along[:, 2] += 0.1
-    across[:, 9] += 0.1
-    directions = np.diag([1.0] * 2 + [4.0] + [1.0] * 13).astype(np.float32)
-    rows, bands = np.concatenate([features, along, across]), np.zeros((900, BANDS), np.float32)
-    metric = Metric(directions, np.zeros((BANDS, 16), np.float32), "", 0)
-    mapped = metric.mapped(rows, bands, np.random.default_rng(0))
-    assert mean_distance(mapped[500:700], mapped[:200]) > 2 * mean_distance(mapped[700:], mapped[:200])
-
-
-def test_the_identity_changes_distances_alike(features: np.ndarray) -> None:
-    rows = Metric(np.eye(16, dtype=np.float32), np.zeros((BANDS, 16), np.float32), "", 0).mapped(
-        features, BANDS_OF_500, np.random.default_rng(0)
-    )
-    before, after = (np.linalg.norm(some[:250] - some[250:], axis=1) for some in (features, rows))
-    assert np.corrcoef(before, after)[0, 1] > 0.99
-    assert np.mean(after / before) == pytest.approx(metrics.FARTHER, rel=0.03)
-
-
 def test_targets_in_main_directions_are_mapped_as_features(metric: Metric, features: np.ndarray) -> None:
     turned = np.linalg.qr(np.random.default_rng(2).normal(size=(16, 16)))[0].astype(np.float32)
     points = np.zeros((500, 3), np.float32)
@@ -106,13 +84,6 @@ def test_thickness_sets_rows_apart_that_look_alike(metric: Metric, features: np.
     assert mean_distance(after[:500], after[500:]) > distance(after)
 
 
-def test_contrast_may_shrink_only_where_it_is_allowed(features: np.ndarray) -> None:
-    near = distance(features) / 4
-    np.testing.assert_allclose(restore_contrast(features, near, np.random.default_rng(0)), features, atol=1e-5)
-    shrunk = restore_contrast(features, near, np.random.default_rng(0), least=0.02)
-    assert distance(shrunk) == pytest.approx(near, rel=0.05)
-
-
 def test_kinds_are_what_the_twin_says(kinds: Kinds, features: np.ndarray) -> None:
     before = features.copy()
     rows = kinds.likely(features, features.mean(axis=0))
@@ -121,11 +92,6 @@ def test_kinds_are_what_the_twin_says(kinds: Kinds, features: np.ndarray) -> Non
     np.testing.assert_allclose(rows, twin, atol=1e-5)
     np.testing.assert_allclose(np.square(twin).sum(axis=1), 1)
     np.testing.assert_array_equal(features, before)
-
-
-def test_odds_of_any_size_give_finite_kinds(kinds: Kinds, features: np.ndarray) -> None:
-    rows = replace(kinds, output=kinds.output * np.float32(1e6)).likely(features, features.mean(axis=0))
-    np.testing.assert_allclose(np.linalg.norm(rows, axis=1), 1, atol=1e-5)
 
 
 def test_kinds_stand_beside_what_is_mapped_and_the_scale_stays(
@@ -144,29 +110,10 @@ def test_kinds_stand_beside_what_is_mapped_and_the_scale_stays(
     assert np.corrcoef(before, after)[0, 1] > 0.98
 
 
-def test_the_mean_of_a_shape_decides_and_may_be_said(metric: Metric, kinds: Kinds, features: np.ndarray) -> None:
-    both = replace(metric, kinds=kinds)
-    by_itself = both.mapped(features, BANDS_OF_500, np.random.default_rng(0))
-    said = both.mapped(features, BANDS_OF_500, np.random.default_rng(0), mean=features.mean(axis=0))
-    np.testing.assert_array_equal(by_itself, said)
-    other = both.mapped(features, BANDS_OF_500, np.random.default_rng(0), mean=np.zeros(16, np.float32))
-    assert np.abs(other - said).max() > 0.01
-
-
 def test_rows_that_are_all_alike_stay_finite(metric: Metric, kinds: Kinds) -> None:
     for some in (metric, replace(metric, kinds=kinds)):
         rows = some.mapped(np.full((4, 16), 0.25, np.float32), BANDS_OF_500[:4], np.random.default_rng(0))
         assert np.isfinite(rows).all()
-
-
-def test_metrics_come_back_from_their_files(metric: Metric, encoder: Encoder, tmp_path: Path) -> None:
-    metric.save(tmp_path / "metric.safetensors")
-    again = Metric.load(tmp_path / "metric.safetensors", encoder)
-    assert again.fits(encoder)
-    np.testing.assert_array_equal(again.directions, metric.directions)
-    np.testing.assert_array_equal(again.thickness_directions, metric.thickness_directions)
-    again.save(tmp_path / "again.safetensors")
-    assert (tmp_path / "again.safetensors").read_bytes() == (tmp_path / "metric.safetensors").read_bytes()
 
 
 def test_kinds_come_back_with_their_metric(metric: Metric, kinds: Kinds, features: np.ndarray, tmp_path: Path) -> None:
@@ -177,41 +124,6 @@ def test_kinds_come_back_with_their_metric(metric: Metric, kinds: Kinds, feature
     assert (tmp_path / "again.safetensors").read_bytes() == (tmp_path / "metric.safetensors").read_bytes()
     rows = (some.mapped(features, BANDS_OF_500, np.random.default_rng(0)) for some in (both, again))
     np.testing.assert_array_equal(*rows)
-
-
-def test_the_hash_is_of_every_number(metric: Metric, kinds: Kinds, tmp_path: Path) -> None:
-    both = replace(metric, kinds=kinds)
-    both.save(tmp_path / "metric.safetensors")
-    assert Metric.load(tmp_path / "metric.safetensors").content_hash == both.content_hash
-    thicker = metric.thickness_directions.copy()
-    thicker[3, 1] = 1
-    others = (metric, replace(both, thickness_directions=thicker), replace(both, directions=2 * metric.directions))
-    assert len({each.content_hash for each in (both, *others)}) == 4
-
-
-def test_damaged_kinds_are_refused(metric: Metric, kinds: Kinds, tmp_path: Path) -> None:
-    path = tmp_path / "metric.safetensors"
-    replace(metric, kinds=replace(kinds, output=kinds.output[:7])).save(path)
-    with pytest.raises(ValueError, match=r"^Metric\.load: `kinds_output` must have shape \(8, K\), got \(7, 5\) in "):
-        Metric.load(path)
-    replace(metric, kinds=replace(kinds, hidden=kinds.hidden[:15])).save(path)
-    with pytest.raises(ValueError, match=r"`kinds_hidden` must have shape \(16, n\), got \(15, 8\)"):
-        Metric.load(path)
-    replace(metric, kinds=replace(kinds, output_bias=np.full(5, np.inf, np.float32))).save(path)
-    with pytest.raises(ValueError, match=r"`kinds_output_bias` must be finite, got inf at"):
-        Metric.load(path)
-
-
-def test_metrics_of_another_version_are_refused(metric: Metric, tmp_path: Path) -> None:
-    told = {"kind": "dfd metric 2", "encoder_weights": metric.encoder_weights, "encoder_block": "1"}
-    save_file({"directions": metric.directions}, tmp_path / "old.safetensors", told)
-    told["kind"] = metrics.KIND
-    save_file({"directions": metric.directions}, tmp_path / "without.safetensors", told)
-    linear = {"directions": metric.directions, "thickness_directions": metric.thickness_directions}
-    save_file({**linear, "heads": np.ones(3)}, tmp_path / "new.safetensors", told)
-    for name in ("old", "without", "new"):
-        with pytest.raises(ValueError, match="does not hold dfd metric 3"):
-            Metric.load(tmp_path / f"{name}.safetensors")
 
 
 def test_damaged_and_foreign_metrics_are_refused(metric: Metric, encoder: Encoder, tmp_path: Path) -> None:
@@ -274,18 +186,3 @@ def test_fields_are_of_the_metric_where_there_is_one(
     np.testing.assert_array_equal(without.features(mesh), plain.features(mesh))
     unsmoothed = dfd.distill(mesh, encoder, smoothing=0.0, **SMALL)
     assert (unsmoothed.dimension, unsmoothed.settings["metric"]) == (16, "none")
-
-
-def test_a_damaged_metric_of_the_package_is_told(
-    encoder: Encoder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(metrics, "FOLDER", tmp_path)
-    (tmp_path / "tiny.safetensors").write_bytes(b"cut")
-    with pytest.raises(ValueError, match=r"is no whole \.safetensors file"):
-        dfd.distill(dfd.samples.chair(4000).mesh, encoder, **SMALL)
-
-
-def test_no_smoothing_is_the_papers_distance() -> None:
-    assert DistillSettings().metric == "learned"
-    assert DistillSettings(smoothing=0).metric == "none"
-    assert DistillSettings(supervision="vertex").metric == "none"

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
-import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from dfd.distillation.settings import DistillSettings
 
@@ -49,17 +46,6 @@ from dfd.distillation.settings import DistillSettings
 def test_each_one_is_named_when_it_is_out_of_range(setting: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=f"^distill: {message}"):
         DistillSettings(**setting)
-
-
-def test_they_do_not_change() -> None:
-    with pytest.raises(ValidationError, match="frozen"):
-        DistillSettings().views = 3  # type: ignore[misc]
-
-
-def test_numbers_of_numpy_are_pythons_and_equal_settings_are_equal() -> None:
-    one = DistillSettings(views=np.int64(7), mirrored=np.False_, smoothing=np.float64(0.5), simplify_to=np.int32(9))
-    assert one == DistillSettings(views=7, mirrored=False, smoothing=0.5, simplify_to=9)
-    assert json.loads(json.dumps(one.as_dict())) == one.as_dict()
 
 
 def test_the_ablation_is_never_smoothed() -> None:
@@ -118,25 +104,6 @@ OTHERS: dict[str, Any] = {
     "schedule": "one_cycle",
     "seed": 6,
 }
-
-
-@pytest.mark.parametrize("name", sorted(DistillSettings.model_fields.keys() - {"preset"}))
-def test_every_part_of_a_preset_can_be_overridden(name: str) -> None:
-    changes = {name: OTHERS[name], **({"smoothing": 0.1} if name in ("metric", "pieces") else {})}
-    settings = DistillSettings(preset="paper", **changes)
-    assert getattr(settings, name) == OTHERS[name]
-    others = (
-        settings.as_dict().keys() - changes.keys() - ({"steps", "epochs"} if name in ("steps", "epochs") else set())
-    )
-    paper = DistillSettings(preset="paper")
-    assert all(getattr(settings, other) == getattr(paper, other) for other in others)
-
-
-@pytest.mark.parametrize("given", [{}, {"preset": "paper"}, {"epochs": 3}, {"preset": "paper", "steps": 3}])
-def test_what_was_written_down_gives_the_same_settings(given: dict[str, Any]) -> None:
-    settings = DistillSettings(**given)
-    assert DistillSettings(**json.loads(json.dumps(settings.as_dict()))) == settings
-    assert (settings.steps is None) != (settings.epochs is None)
 
 
 def test_every_setting_belongs_to_the_encoder_up_the_pictures_the_spreading_or_the_fit() -> None:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import torch
 
 import dfd
-from dfd.distillation.targets import PixelTargets, PointTargets, side_by_side, unit
+from dfd.distillation.targets import PixelTargets, PointTargets, side_by_side
 from dfd.views.render import Views
 
 
@@ -72,28 +71,6 @@ def test_means_are_the_same_on_any_number_of_threads(views: Views) -> None:
         dfd.set_num_threads(threads)
     np.testing.assert_array_equal(means[0], means[1])
     np.testing.assert_array_equal(means[0], means[2])
-
-
-def test_rows_of_unit_length_are_the_same_in_any_number_at_once() -> None:
-    rows = np.random.default_rng(0).normal(size=(1500, 7)).astype(np.float32)
-    rows[3] = 0
-    whole = unit(rows)
-    np.testing.assert_allclose(np.delete(np.linalg.norm(whole, axis=1), 3), 1, atol=1e-6)
-    assert not whole[3].any()
-    for row in (0, 3, 511, 512, 1499):
-        np.testing.assert_array_equal(unit(rows[row : row + 1]), whole[row : row + 1])
-    assert unit(rows[:0]).shape == (0, 7)
-
-
-def test_draws_keep_points_and_targets_together(views: Views, tokens: np.ndarray) -> None:
-    pixels = PixelTargets(views, tokens)
-    points, targets = pixels.draw(64, torch.Generator().manual_seed(0))
-    chosen = (points[:, 0] / 3).long()
-    assert set(chosen.tolist()) == {0, 1, 2, 3}
-    np.testing.assert_array_equal(targets.numpy(), pixels.rows(chosen.numpy()))
-    rows = np.eye(4, dtype=np.float32)
-    points, targets = PointTargets(views.points, rows, rows).draw(64, torch.Generator().manual_seed(0))
-    torch.testing.assert_close(targets.argmax(dim=1), (points[:, 0] / 3).long())
 
 
 def test_squared_distances_side_by_side_are_means_by_share() -> None:

@@ -6,19 +6,16 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import pytest
 import trimesh
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import dfd
 from dfd.common.threads import get_num_threads, set_num_threads
-from dfd.distillation import algorithm, thickness
-from dfd.distillation.smoothing import _draw_points
+from dfd.distillation import thickness
 from dfd.distillation.targets import PointTargets
 from dfd.distillation.thickness import BANDS, RAYS, thickness_bands, thicknesses
-from dfd.encoders.encode import Encoder
-from dfd.geometry.topology import face_components
+from dfd.geometry.topology import face_components, sample_surface
 from dfd.views.raycast import Scene
 
 # Of the rays about a normal, even by solid angle, from the middle one outwards.
@@ -29,7 +26,7 @@ MEDIAN = (RAYS - 1) // 2
 def drawn(mesh: trimesh.Trimesh, count: int = 500) -> tuple[NDArray[np.float64], NDArray[np.int32], Any, Any]:
     """Vertices, faces, and points with the face of each."""
     vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int32)
-    points, face, _ = _draw_points(vertices, faces, count, np.random.default_rng(0))
+    points, face = sample_surface(vertices, faces, count, np.random.default_rng(0))
     return vertices, faces, points, face
 
 
@@ -45,7 +42,7 @@ def targets_of(mesh: dfd.Mesh, count: int = 3000) -> tuple[Any, PointTargets]:
     """What `thickness_bands` reads of the pictures of a mesh, and points on it, drawn alike on every copy."""
     low, high = mesh.bounds
     vertices = ((mesh.vertices - (low + high) / 2) / (np.max(high - low) / 2)).astype(np.float32)
-    points, face, _ = _draw_points(vertices.astype(np.float64), mesh.faces, count, np.random.default_rng(0))
+    points, face = sample_surface(vertices.astype(np.float64), mesh.faces, count, np.random.default_rng(0))
     component = face_components(mesh.faces)
     piece = component[face] if component.max() > 0 else None
     views = SimpleNamespace(vertices=vertices, faces=mesh.faces, scene=None)
@@ -64,14 +61,6 @@ def test_a_slab_is_as_thick_as_the_slanted_ways_through_it() -> None:
     np.testing.assert_allclose(found[middle], 0.1 / np.sort(COSINES)[::-1][MEDIAN], rtol=0.01)
 
 
-@pytest.mark.parametrize("share", [1.0, 0.5])
-def test_which_way_round_faces_are_does_not_matter(share: float) -> None:
-    vertices, faces, points, face = drawn(trimesh.creation.icosphere(subdivisions=5, radius=0.5))
-    chosen = np.random.default_rng(1).random(len(faces)) < share
-    found = thick(vertices, flipped(faces, chosen), points, face)
-    np.testing.assert_allclose(found, np.sort(COSINES)[MEDIAN], rtol=0.03)
-
-
 def test_where_both_sides_are_closed_in_the_rest_of_the_piece_decides() -> None:
     """A rod through a box, its faces the wrong way round: in the box rays meet something on either side."""
     rod, box = trimesh.creation.box((0.1, 1.8, 0.1)), trimesh.creation.box((0.6, 0.5, 0.6))
@@ -88,7 +77,7 @@ def test_where_both_sides_are_closed_in_the_rest_of_the_piece_decides() -> None:
 def test_an_open_sheet_has_no_thickness() -> None:
     vertices = np.array([[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]], float)
     faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
-    points, face, _ = _draw_points(vertices, faces, 50, np.random.default_rng(0))
+    points, face = sample_surface(vertices, faces, 50, np.random.default_rng(0))
     np.testing.assert_array_equal(thick(vertices, faces, points, face), 0)
 
 
@@ -112,18 +101,6 @@ def test_bands_go_up_with_thickness_and_are_the_same_on_a_turned_and_larger_copy
     assert np.quantile(np.abs(copy - bands), 0.99) < 0.05
 
 
-def test_neighbors_on_other_pieces_do_not_count() -> None:
-    """A thin plate close above a thick block."""
-    block, plate = trimesh.creation.box((1.8, 0.8, 1.8)), trimesh.creation.box((1.8, 0.04, 1.8))
-    both = trimesh.util.concatenate([block, plate.apply_translation((0, 0.43, 0))])
-    views, targets = targets_of(dfd.Mesh(both.vertices, both.faces))
-    bands = thickness_bands(views, targets).argmax(axis=1)
-    middle = np.abs(targets.points[:, [0, 2]]).max(axis=1) < 0.7
-    assert targets.component is not None
-    thin = targets.component == targets.component[targets.points[:, 1].argmax()]
-    assert bands[thin & middle].max() + 6 < bands[~thin & middle].min()
-
-
 def test_one_thread_gives_what_many_give() -> None:
     views, targets = targets_of(dfd.samples.chair(4000).mesh)
     threads = get_num_threads()
@@ -135,24 +112,3 @@ def test_one_thread_gives_what_many_give() -> None:
     finally:
         set_num_threads(threads)
     np.testing.assert_array_equal(*found)
-
-
-def test_the_scene_of_the_pictures_serves_as_one_of_its_own() -> None:
-    views, targets = targets_of(dfd.samples.chair(4000).mesh)
-    alone = thickness_bands(views, targets)
-    views.scene = Scene(views.vertices, views.faces)
-    np.testing.assert_array_equal(thickness_bands(views, targets), alone)
-
-
-def test_a_single_point_has_bands() -> None:
-    views, targets = targets_of(dfd.samples.chair(4000).mesh, count=1)
-    bands = thickness_bands(views, targets)
-    assert bands.shape == (1, BANDS)
-    assert np.isfinite(bands).all()
-
-
-def test_the_papers_distance_knows_no_thickness(encoder: Encoder, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(algorithm, "thickness_bands", lambda *_: pytest.fail("thickness was measured"))
-    small: dict[str, Any] = {"views": 4, "resolution": 64, "steps": 5, "cache": False, "progress": False}
-    field = dfd.distill(dfd.samples.chair(4000).mesh, encoder, metric="none", **small)
-    assert field.settings["metric"] == "none"

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -14,7 +11,6 @@ from tiny_families import Saved, pictures
 
 import dfd
 import dfd.encoders.encode
-from dfd.common.progress import Stages
 from dfd.encoders.encode import Encoder, _fill_in_batches, load_encoder
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -41,34 +37,6 @@ def test_threads_do_not_show(dinov2: Saved) -> None:
         assert np.array_equal(encoder.encode(images), alone)
     finally:
         dfd.set_num_threads(before)
-
-
-def test_read_only_and_flipped_images_are_taken(dinov2: Saved) -> None:
-    images = pictures(2, 48)
-    encoder = load_encoder(dinov2.folder, device="cpu", precision="float32")
-    turned = encoder.encode(images[:, :, ::-1])
-    images.setflags(write=False)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        encoder.encode(images)
-    np.testing.assert_array_equal(turned, encoder.encode(np.ascontiguousarray(images[:, :, ::-1])))
-
-
-def test_no_images_give_no_tokens(dinov2: Saved) -> None:
-    assert load_encoder(dinov2.folder, device="cpu").encode(np.empty((0, 32, 32, 3), np.uint8)).shape == (0, 4, 4, 16)
-
-
-def test_progress_counts_images(dinov2: Saved) -> None:
-    counted: list[int] = []
-
-    class Counting(Stages):
-        @contextmanager
-        def stage(self, name: str, total: int | None = None) -> Iterator[Any]:
-            assert (name, total) == ("encode", 5)
-            yield counted.append
-
-    load_encoder(dinov2.folder, device="cpu").encode(pictures(5, 32), stages=Counting(show=False))
-    assert counted == [1] * 5
 
 
 @pytest.mark.parametrize(("given", "used"), [(50, 48), (52, 56), (3, 8)])
@@ -153,9 +121,3 @@ def test_too_little_memory_for_one_image_says_what_to_lower(
     monkeypatch.setattr(Encoder, "_forward", fail)
     with pytest.raises(MemoryError, match="lower the resolution"):
         load_encoder(dinov2.folder, device="cpu").encode(pictures(5, 32))
-
-
-@pytest.mark.parametrize("resolution", [0, 2.5, True, "48"])
-def test_a_resolution_that_is_no_whole_number_is_refused(dinov2: Saved, resolution: Any) -> None:
-    with pytest.raises(ValueError, match="nearest_resolution: `resolution` must be a whole number"):
-        load_encoder(dinov2.folder, device="cpu").nearest_resolution(resolution)

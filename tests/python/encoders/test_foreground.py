@@ -57,12 +57,6 @@ def test_every_picture_has_its_own_foreground(dinov2: Saved) -> None:
     assert (tokens[2] == 0).all()  # nothing to see
 
 
-def test_a_whole_foreground_is_the_whole_picture(dinov2: Saved) -> None:
-    encoder = load_encoder(dinov2.folder, device="cpu", precision="float32")
-    images = pictures(2, 48)
-    np.testing.assert_array_equal(encoder.encode(images, covered=np.ones((2, 48, 48), bool)), encoder.encode(images))
-
-
 @pytest.mark.parametrize("name", ["dinov3", "clip", "sam"])
 def test_networks_that_cannot_do_without_see_the_background(name: str, saved: Callable[[str], Saved]) -> None:
     one = saved(name)
@@ -91,12 +85,3 @@ def test_large_networks_without_registers_see_the_background(width: int, registe
 def test_a_foreground_of_another_form_is_refused(dinov2: Saved, covered: np.ndarray) -> None:
     with pytest.raises(ValueError, match=r"encode: `covered` must be bool of shape \(2, 48, 48\), got"):
         load_encoder(dinov2.folder, device="cpu").encode(pictures(2, 48), covered=covered)
-
-
-def test_the_background_is_looked_at_where_it_is_wanted(dinov2: Saved) -> None:
-    images = pictures(2, 64)
-    plain = load_encoder(dinov2.folder, device="cpu", precision="float32")
-    wide = load_encoder(dinov2.folder, device="cpu", precision="float32", background=True)
-    assert (plain.foreground_only, wide.foreground_only) == (True, False)
-    assert plain.settings()["encoder_foreground_only"] != wide.settings()["encoder_foreground_only"]
-    np.testing.assert_allclose(wide.encode(images, covered=square(2, 64)), plain.encode(images), atol=1e-5)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -13,7 +11,7 @@ from tiny_families import Saved
 from dfd.encoders import precision
 from dfd.encoders.encode import load_encoder
 from dfd.encoders.loading import find_identity, loaded_identity
-from dfd.encoders.precision import choose_precision, save_device, saved_device, saved_precision
+from dfd.encoders.precision import choose_precision, saved_device, saved_precision
 
 CPU = torch.device("cpu")
 
@@ -55,28 +53,6 @@ def test_the_first_decision_stands(monkeypatch: pytest.MonkeyPatch, notes: Path)
     assert len(list(notes.iterdir())) == 1
 
 
-def test_of_two_processes_the_first_one_decides(monkeypatch: pytest.MonkeyPatch, notes: Path) -> None:
-    def late() -> bool:
-        precision._save("cpu", "float32")  # another process, meanwhile
-        return True
-
-    monkeypatch.setattr(precision, "_cpu_has", lambda feature: True)
-    monkeypatch.setattr(precision, "_bfloat16_pays", late)
-    assert choose_precision(CPU) == "float32"
-    assert [path.read_text() for path in notes.iterdir()] == ["float32"]
-
-
-@pytest.mark.parametrize("damage", [b"", b"float16", b"\xff\xfe"])
-def test_a_damaged_note_is_written_anew(monkeypatch: pytest.MonkeyPatch, notes: Path, damage: bytes) -> None:
-    measure(monkeypatch, True, False)
-    choose_precision(CPU)
-    (note,) = notes.iterdir()
-    note.write_bytes(damage)
-    assert saved_precision("cpu") is None
-    assert [choose_precision(CPU) for _ in range(2)] == ["float32"] * 2
-    assert note.read_text() == "float32"
-
-
 def test_another_machine_and_another_torch_decide_for_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
     left = measure(monkeypatch, True, False)
     assert choose_precision(CPU) == "bfloat16"
@@ -89,14 +65,6 @@ def test_another_machine_and_another_torch_decide_for_themselves(monkeypatch: py
             here = precision._machine.__wrapped__()
             patch.setattr(f"dfd.encoders.precision.{change}", lambda *_: "0")
             assert precision._machine.__wrapped__() != here
-
-
-def test_a_cache_that_cannot_be_written_is_no_matter(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    (tmp_path / "cache").write_text("a file where a folder should be")
-    measure(monkeypatch, True, True)
-    assert [choose_precision(CPU) for _ in range(2)] == ["bfloat16"] * 2
-    save_device("cpu")
-    assert saved_device() is None
 
 
 def test_an_explicit_precision_is_neither_measured_nor_noted(
@@ -124,13 +92,3 @@ def test_what_an_encoder_will_be_is_known_once_one_was_loaded(dinov2: Saved, mon
     # An encoder with other numbers than were noted is told by itself.
     exact = load_encoder(dinov2.folder, device="cpu", precision="float32")
     assert loaded_identity(dinov2.folder, "cpu", exact) == exact.identity() != known
-
-
-def test_looking_takes_no_torch(dinov2: Saved) -> None:
-    load_encoder(dinov2.folder, device="cpu")
-    code = (
-        "import sys\nfrom dfd.encoders.loading import find_identity\n"
-        f"print(find_identity({str(dinov2.folder)!r}, 'cpu') is not None, 'torch' in sys.modules)"
-    )
-    asked = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert asked.stdout.split() == ["True", "False"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import sys
 from pathlib import Path
@@ -59,16 +58,6 @@ def test_a_half_downloaded_model_is_not_taken(folder: Path) -> None:
         load_encoder("dinov2-base")
 
 
-def test_a_model_downloaded_without_its_other_formats_is_whole(folder: Path) -> None:
-    snapshot = put_in_hub_cache(folder, "facebook/dinov2-base")
-    files = {name: {"size": 1, "blob_id": "0" * 40} for name in ("model.safetensors", "pytorch_model.bin", "README.md")}
-    trees = snapshot.parents[1] / "trees"  # where the hub's client keeps what the repository has
-    trees.mkdir()
-    (trees / f"{snapshot.name}.json").write_text(json.dumps({"format_version": 1, "files": files}))
-    assert find_weights("dinov2-base").folder == snapshot
-    assert sources.find_fingerprint("dinov2-base") == f"revision:{snapshot.name}"
-
-
 def test_a_hub_name_has_the_settings_of_the_known_encoder(tmp_path: Path) -> None:
     sizes = {key: value for key, value in SIZES.items() if key != "mlp_ratio"} | {"num_hidden_layers": 14}
     transformers.CLIPVisionModel(transformers.CLIPVisionConfig(**sizes, intermediate_size=32)).save_pretrained(
@@ -78,15 +67,6 @@ def test_a_hub_name_has_the_settings_of_the_known_encoder(tmp_path: Path) -> Non
     assert load_encoder("clip-vit-l-14", device="cpu").block == 12
     assert load_encoder("openai/clip-vit-large-patch14", device="cpu").block == 12
     assert load_encoder("clip-vit-l-14", block=14, device="cpu").block == 14
-
-
-def test_a_folder_comes_before_a_known_encoder_of_its_name(
-    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    folder.rename(tmp_path / "clip-vit-l-14")
-    monkeypatch.chdir(tmp_path)
-    encoder = load_encoder("clip-vit-l-14", device="cpu")
-    assert (encoder.settings()["encoder_source"], encoder.block) == ("folder", 3)
 
 
 @pytest.mark.parametrize("form", ["model.safetensors", "pytorch_model.bin"])

@@ -75,17 +75,6 @@ def test_another_resolution_knows_its_pieces_and_another_shape_has_none() -> Non
     assert field.features(moved).tobytes() == field(moved.vertices).tobytes()
 
 
-def test_some_vertices_are_as_all_and_points_take_after_the_nearest_vertex() -> None:
-    mesh = shells()
-    field, _ = kept(mesh)
-    features, on_mesh = field.features(mesh), field.on(mesh)
-    some = np.array([200, 3, 3, 150])
-    assert on_mesh.shape == features.shape
-    np.testing.assert_allclose(on_mesh.rows(some), features[some], atol=1e-6)
-    np.testing.assert_allclose(on_mesh.at(mesh.vertices[some] * [1, 1.0001, 1]), features[some], atol=1e-2)
-    np.testing.assert_allclose(dfd.compact(on_mesh).rows(some), features[some], atol=0.02)
-
-
 def test_features_change_nowhere_at_once() -> None:
     random = np.random.default_rng(0)
     points = random.uniform(-1, 1, (300, 3)).astype(np.float32)
@@ -98,13 +87,6 @@ def test_features_change_nowhere_at_once() -> None:
     assert np.linalg.norm(np.diff(told, axis=0), axis=1).max() < 0.02
     np.testing.assert_array_equal(rows, np.tile(np.eye(WIDTH)[0], (steps, 1)))  # nothing changes its inputs
     assert pieces.add_residuals(rows, line, np.full(steps, -1)).tobytes() == rows.tobytes()
-
-
-def test_one_piece_needs_nothing_more() -> None:
-    box = dfd.Mesh(np.eye(4, 3), [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]])
-    field = made_field(dimension=WIDTH, width=16, layers=2, octaves=2)
-    targets = PointTargets(box.vertices.astype(np.float32), np.eye(4, WIDTH, dtype=np.float32), None)
-    assert fit_component_residuals(field, targets) is field
 
 
 def test_pieces_of_vertices_take_seams_together_and_leave_loose_vertices_out() -> None:
@@ -163,13 +145,6 @@ def test_damaged_pieces_are_refused(tmp_path: Path, name: str, change: object, s
     with pytest.raises(ValueError, match=r"Field\.load: `path`") as raised:
         dfd.Field.load(path)
     assert said in str(raised.value)
-
-
-def test_pieces_of_another_width_are_refused() -> None:
-    field, _ = kept(shells())
-    narrow = ComponentResiduals(np.zeros((1, 6)), np.zeros((2, 3)), np.zeros(2, np.int32), np.zeros((2, 3)))
-    with pytest.raises(ValueError, match="`residuals` must be 12 wide, got 3"):
-        field.with_residuals(narrow)
 
 
 def test_widened_pieces_differ_in_the_wider_features() -> None:

@@ -6,7 +6,6 @@ import pickle
 import numpy as np
 import pytest
 import torch
-from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -40,14 +39,6 @@ def test_vertices_have_what_was_given(chair, rows):
     np.testing.assert_allclose(field.features(chair), unit(before), atol=1e-7)
     assert repr(field) == f"VertexField(12 dimensions of {len(chair.vertices)} vertices)"
     assert field.settings == {"features": "vertices"}
-
-
-@given(rows=ROWS)
-def test_only_directions_count(rows):
-    cube = dfd.Mesh([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], [(0, 1, 3), (4, 6, 7)])
-    found = dfd.VertexField(cube, rows).features(cube)
-    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1, atol=1e-6)
-    np.testing.assert_array_equal(dfd.VertexField(cube, rows * 0.5).features(cube), found)
 
 
 def test_points_have_what_the_nearest_vertex_has(chair, rows):
@@ -97,15 +88,6 @@ def test_what_is_no_row_for_each_vertex_is_refused(chair, rows, change, message)
         dfd.VertexField(chair, change(rows, chair))
 
 
-def test_points_far_off_are_refused_and_nothing_is_saved(chair, rows, tmp_path):
-    field = dfd.VertexField(chair, rows)
-    with pytest.raises(ValueError, match="Field: `points` must lie near the shape"):
-        field([(1e9, 0, 0)])
-    with pytest.raises(ValueError, match="VertexField.save: .* fit a field with dfd.distill"):
-        field.save(tmp_path / "x.safetensors")
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_file_of_another_network_is_loaded_as_a_field(chair, rows, tmp_path):
     np.save(tmp_path / "chair.npy", rows)
     said = {"mode": "vertex", "num_vertices": len(rows), "feature_shape": list(rows.shape)}
@@ -149,26 +131,6 @@ def test_a_diff3f_file_is_a_tensor_of_half_precision(chair, tmp_path):
     np.testing.assert_array_equal(field.features(chair), dfd.VertexField(chair, rows.float().numpy()).features(chair))
 
 
-@pytest.mark.parametrize(
-    ("saved", "message"),
-    [
-        (b"no archive", "must be a tensor that torch saved, but .*x.pt is not"),
-        ({"features": torch.ones(3, 2)}, "must be a .pt file of one tensor, but .*x.pt holds a dict"),
-        (torch.nn.Identity(), "must be a tensor that torch saved"),
-        (torch.eye(3).to_sparse(), "must be a .pt file of plain numbers"),
-        (torch.ones(5, 2), "x.pt: `features` must have shape"),
-        (torch.ones(7), "x.pt: `features` must have shape"),
-    ],
-)
-def test_another_pt_file_is_refused(chair, tmp_path, saved, message):
-    if isinstance(saved, bytes):
-        (tmp_path / "x.pt").write_bytes(saved)
-    else:
-        torch.save(saved, tmp_path / "x.pt")
-    with pytest.raises(ValueError, match=f"Field.load: `path` .*{message}"):
-        dfd.Field.load(tmp_path / "x.pt", mesh=chair)
-
-
 def test_partfield_rows_of_faces_become_those_of_vertices(chair, tmp_path):
     rows = np.random.default_rng(0).normal(size=(len(chair.faces), 448)).astype(np.float32)
     np.save(tmp_path / "part_feat_chair_0_batch.npy", rows)
@@ -193,9 +155,3 @@ def test_meshfm_says_what_has_the_rows_where_faces_and_vertices_are_as_many(tmp_
         found = dfd.Field.load(tmp_path / "fan.npy", mesh=fan).features(fan)
         corner = np.array([1, 1, 1, 0]) / np.sqrt(3)
         np.testing.assert_allclose(found[0], rows[0] if mode == "vertex" else corner, atol=1e-6)
-
-
-def test_a_vertex_of_no_face_has_what_the_nearest_one_has():
-    mesh = dfd.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1.1, 0), (3, 3, 0)], [(0, 1, 2), (1, 3, 2)])
-    found = dfd.VertexField(mesh, [(1, 0), (0, 1)]).features(mesh)
-    np.testing.assert_array_equal(found[[0, 3, 4]], [(1, 0), (0, 1), (0, 1)])

@@ -101,13 +101,6 @@ def test_meshes_of_one_face_or_none_with_an_area(vertices: np.ndarray) -> None:
     assert all(np.isfinite([*plane.normal, plane.offset, plane.score]).all() for plane in planes)
 
 
-def test_features_without_any_spread_say_nothing() -> None:
-    def same(points: np.ndarray) -> np.ndarray:
-        return np.ones((len(points), 4), np.float32) / 2
-
-    assert dfd.symmetry_planes(same, creature()) == []  # type: ignore[arg-type]
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -13,17 +13,12 @@ from scipy.spatial.transform import Rotation
 
 import dfd
 from dfd.distillation.settings import DistillSettings
-from dfd.upright.candidates import UP_WORDS, Up, axis_frames, check_up, explicit_up, frame_facing
-from dfd.upright.find_up import CLEAR, SAME, UNALIGNED_PRIOR, candidates, decide, find_up, prior
+from dfd.upright.candidates import axis_frames, check_up, explicit_up
+from dfd.upright.find_up import CLEAR, candidates, decide, find_up, prior
 from dfd.upright.probe import FORM_TOKENS, FORMS, LOOKS, TERMS, VECTOR_TOKENS, VECTORS, find_probe
 from dfd.upright.probe_views import SIDES, ProbeCameras
 from dfd.upright.stability import RESTS, StabilityCues
 from dfd.views.render import render
-
-
-@pytest.mark.parametrize("up", UP_WORDS)
-def test_words_pass(up):
-    assert check_up(up) == up
 
 
 @pytest.mark.parametrize(
@@ -57,19 +52,6 @@ def test_frames_are_rotations_with_that_up(up):
     assert np.allclose(frame[1], np.array(up) / np.linalg.norm(up))
 
 
-def test_the_files_own_up_is_no_turn_at_all():
-    assert np.array_equal(explicit_up(table(), "+y").frame, np.eye(3))
-    assert str(explicit_up(table(), "+y")) == "+y"
-    assert str(Up(explicit_up(table(), (0.0, 0.6, 0.8)).frame, 1.0, "said")) == "0.000, 0.600, 0.800"
-
-
-def test_six_frames_of_an_axis_each():
-    frames = np.stack(axis_frames(np.eye(3)))
-    assert sorted(frames[:, 1].tolist()) == sorted(np.concatenate([np.eye(3), -np.eye(3)]).tolist())
-    assert np.allclose(np.linalg.det(frames), 1)
-    assert np.array_equal(frames[2], np.eye(3))
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_candidates_come_in_pairs_and_a_tilted_table_rests_on_its_legs_in_one(seed):
     mesh = table()
@@ -83,24 +65,6 @@ def test_candidates_come_in_pairs_and_a_tilted_table_rests_on_its_legs_in_one(se
     assert np.allclose(np.linalg.det(found), 1)
     assert np.allclose(found[::2, 1], -found[1::2, 1])
     assert np.abs(found[:, 1] @ rotation[:, 1]).max() > np.cos(np.radians(3))
-
-
-def test_the_axis_that_pictures_vote_for_is_a_candidate_and_leans_into_the_mirror_plane():
-    """What pictures tell is rough: with the mirror plane upright it is nearer to the truth."""
-    mesh = table()
-    rotation = Rotation.random(rng=np.random.default_rng(0)).as_matrix()
-    standing = StabilityCues(mesh.vertices @ rotation.T, mesh.faces)
-    frame = standing.frame()
-    rough = frame[0] + 2 * frame[1] + 1.5 * frame[2]
-    rough /= np.linalg.norm(rough)
-    ups = candidates(standing, frame, np.outer(rough, rough) - np.eye(3) / 3)[:, 1]
-    leaned = rough - (rough @ frame[0]) * frame[0]
-    leaned /= np.linalg.norm(leaned)
-    # One of its candidates may stand for another that is nearly the same.
-    assert np.abs(ups @ rough).max() > SAME
-    assert np.abs(ups @ leaned).max() > SAME
-    twice = np.abs(ups[::2] @ ups[::2].T) - np.eye(len(ups) // 2)
-    assert twice.max() < SAME
 
 
 def voting_for(seen, up, encoder):
@@ -143,16 +107,6 @@ def test_few_pictures_are_enough_where_they_leave_no_doubt(encoder, monkeypatch,
     assert (found.source == "averaged") == (then == "doubtful")
 
 
-def test_one_look_decides_only_what_it_leaves_no_doubt_about(encoder):
-    """What files have by convention makes nothing sure at once, but it counts where the look is sure of the axis."""
-    odds = np.zeros((3, len(TERMS)))
-    odds[1, TERMS.index("mirrors flat")] = 1000.0
-    z_up = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
-    lying = dfd.Mesh(table().vertices @ z_up.T, table().faces)
-    found = find_up(lying, encoder, probe=probe_of(encoder, odds=odds, file_up=9.0, file_down=9.0))
-    assert str(found) in ("+z", "-z")
-
-
 def test_the_axis_is_decided_before_its_end():
     """Two likely ends of one axis outweigh a direction that is likelier than each."""
     frames = np.stack(axis_frames(np.eye(3)))
@@ -173,18 +127,6 @@ def test_without_a_clear_axis_the_two_likeliest_stand_side_by_side():
     assert np.array_equal(found.frame, found.frames[0])
     assert found.sentence == "+y likeliest, 50% sure: +y and -z side by side"
     assert found.shares.tolist() == pytest.approx([5 / 9, 4 / 9])
-
-
-def test_axes_that_are_nearly_alike_speak_for_each_other():
-    lean = np.radians([0, 15, 90])
-    ups = np.stack([np.sin(lean), np.cos(lean), np.zeros(3)], axis=1)
-    frames = np.stack([frame_facing(sign * up, np.array([0.0, 0, 1])) for up in ups for sign in (1, -1)])
-    found = decide(frames, np.log([0.5, 0.02, 0.4, 0.02, 0.05, 0.01]))
-    assert (str(found), found.source) == ("+y", "file")
-    assert found.confidence == pytest.approx(0.94)
-    found = decide(frames, np.log([0.35, 0.05, 0.28, 0.02, 0.1, 0.2]))
-    assert [str(Up(frame, 1.0, "said")) for frame in found.frames] == ["+y", "-x"]
-    assert found.shares.tolist() == pytest.approx([0.7, 0.3])
 
 
 @pytest.mark.parametrize("up", range(6))
@@ -223,27 +165,6 @@ def test_a_tilted_table_is_found(encoder, seed):
     assert max(abs(frame[1] @ rotation[:, 1]) for frame in found.frames) > np.cos(np.radians(3))
 
 
-def test_a_tilted_shape_is_looked_at_along_all_axes_and_then_as_it_would_stand(encoder, monkeypatch):
-    looked, encode = [], encoder.encode
-    monkeypatch.setattr(
-        encoder, "encode", lambda images, **more: (looked.append(len(images)), encode(images, **more))[1]
-    )
-    silent = probe_of(encoder, odds=np.zeros((3, len(TERMS))))
-    assert find_up(tilted_table()[0], encoder, probe=silent).source == "averaged"
-    assert looked == [24, 8]
-
-
-def test_what_files_have_by_convention_counts_half_for_a_tilted_shape(encoder):
-    tilted, _ = tilted_table()
-    silent = probe_of(encoder, odds=np.zeros((3, len(TERMS))), file_up=9.0, file_down=8.0, file_z=1.0)
-    standing = StabilityCues(tilted.vertices, tilted.faces)
-    count = len(candidates(standing, standing.frame(), np.zeros((3, 3))))
-    found = find_up(tilted, encoder, probe=silent)
-    odds = np.exp(UNALIGNED_PRIOR * np.array([9.0, 8, 1, 1, *[0] * (count - 4)]))
-    assert str(found) == "+y"
-    assert found.confidence == pytest.approx(odds[:2].sum() / odds.sum(), rel=0.05)  # one candidate more or less
-
-
 def test_another_encoders_probe_is_refused_and_without_one_the_files_up_stays(encoder):
     with pytest.raises(ValueError, match="`probe` was learned from another encoder"):
         find_up(table(), encoder, probe=probe_of(encoder, encoder_block=encoder.block + 1))
@@ -257,13 +178,6 @@ def test_another_encoders_probe_is_refused_and_without_one_the_files_up_stays(en
 @pytest.mark.parametrize("vertices", [[[0, 0, 0]] * 3, [[0, 0, 0], [1, 0, 0], [2, 0, 0]]])
 def test_meshes_without_area_keep_the_files_up(encoder, vertices):
     assert find_up(dfd.Mesh(vertices, [[0, 1, 2]]), encoder, probe=probe_of(encoder)).source == "file"
-
-
-def test_a_flat_sheet_is_looked_at_like_anything_else(encoder):
-    sheet = dfd.Mesh([[0, 0, 0], [1, 0, 0], [0, 0, 1], [1, 0, 1]], [[0, 1, 2], [1, 3, 2]])
-    found = find_up(sheet, encoder, probe=probe_of(encoder))
-    assert np.isfinite(found.confidence)
-    assert np.allclose(found.frame @ found.frame.T, np.eye(3))
 
 
 def test_pictures_in_a_frame_are_those_of_the_turned_mesh():

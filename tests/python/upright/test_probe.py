@@ -9,9 +9,8 @@ from scipy.spatial.transform import Rotation
 
 import dfd
 from dfd.upright.candidates import axis_frames
-from dfd.upright.probe import FOLDER, FORM_TOKENS, LOOKS, TERMS, VECTOR_TOKENS, UpProbe
+from dfd.upright.probe import FOLDER, TERMS, UpProbe
 from dfd.upright.probe_views import SIDES, ProbeCameras, ViewTokens
-from dfd.upright.stability import EVIDENCE
 
 
 def test_what_is_seen_around_a_candidate_does_not_depend_on_where_it_lies(encoder):
@@ -79,30 +78,6 @@ def test_votes_turn_with_the_pictures_and_mirror_with_them(encoder):
     mirrored = ViewTokens(seen.tokens * np.float32([1, -1])[:, None], np.diag([-1.0, 1, 1]) @ seen.axes @ mirror)
     assert np.allclose(probe.votes(mirrored)[0], mirror @ form @ mirror)
     assert np.allclose(probe.votes(mirrored)[1], mirror @ vector)
-
-
-def test_votes_are_spherical_harmonics_of_the_tokens(encoder):
-    """What a candidate gets is linear in the tokens, times what its direction is in each picture."""
-    generator = np.random.default_rng(1)
-    probe = random_probe(encoder, generator, mean=generator.standard_normal(encoder.dimension).astype(np.float32))
-    seen, ups = pictures(generator, 3, encoder.dimension), np.array([[0.0, 1, 0], [0, 0.6, 0.8]])
-    evidence = generator.standard_normal((2, len(EVIDENCE)))
-    told = probe.terms(seen, ups, evidence)
-    assert told.shape == (2, len(TERMS))
-    assert np.array_equal(told[:, len(LOOKS) :], evidence)
-    for number, up in enumerate(ups):
-        form = vector = 0.0
-        for (mean, across), axes in zip(seen.tokens, seen.axes, strict=True):
-            x, y, z = axes @ up
-            tokens = (mean - probe.mean, across)
-            squares = (y * y - (x * x + z * z) / 2, (z * z - x * x) * 3**0.5 / 2, 3**0.5 * y * z)
-            for weight, at, token in zip(
-                probe.form, (*squares, 3**0.5 * x * y, 3**0.5 * x * z), FORM_TOKENS, strict=True
-            ):
-                form += float(weight @ tokens[token]) * at / len(seen.tokens)
-            for weight, at, token in zip(probe.vector, (y, z, x), VECTOR_TOKENS, strict=True):
-                vector += float(weight @ tokens[token]) * at / len(seen.tokens)
-        assert told[number, : len(LOOKS)] == pytest.approx((form, vector), rel=1e-4)
 
 
 def test_probes_come_back_from_their_files(encoder, tmp_path):

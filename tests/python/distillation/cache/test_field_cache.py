@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import subprocess
 import sys
@@ -115,16 +114,6 @@ def test_another_precision_is_another_field(
     assert len(list(cache.iterdir())) == 2
 
 
-def test_a_field_that_was_not_foreseen_is_found_once_the_encoder_is_loaded(
-    encoder: Path, mesh: Mesh, work: list[str], tmp_path: Path
-) -> None:
-    first = dfd.distill(mesh, encoder, **SMALL)
-    for note in (tmp_path / "cache" / "precision").iterdir():
-        note.unlink()
-    assert same(dfd.distill(mesh, encoder, **SMALL), first)
-    assert work == ["load_encoder", "render", "load_encoder"]
-
-
 def test_an_encoder_that_is_none_is_refused(mesh: Mesh) -> None:
     with pytest.raises(ValueError, match="`encoder` must be a name, a folder or a loaded Encoder, got 5"):
         dfd.distill(mesh, 5, **SMALL)  # type: ignore[arg-type]
@@ -136,13 +125,6 @@ def test_an_encoder_that_is_loaded_works_too(encoder: Path, mesh: Mesh, work: li
     assert same(dfd.distill(mesh, dfd.encoders.encode.load_encoder(encoder, device="cpu"), **SMALL), first)
     dfd.distill(mesh, dfd.encoders.encode.load_encoder(encoder, block=1, device="cpu"), **SMALL)
     assert work.count("render") == 2
-
-
-def test_without_the_cache_everything_is_done(encoder: Path, mesh: Mesh, work: list[str], cache: Path) -> None:
-    for _ in range(2):
-        dfd.distill(mesh, encoder, cache=False, **SMALL)
-    assert work == ["load_encoder", "render"] * 2
-    assert not cache.exists()
 
 
 def test_any_other_ingredient_is_another_field(encoder: Path, mesh: Mesh, work: list[str], tmp_path: Path) -> None:
@@ -186,13 +168,6 @@ def test_a_damaged_entry_is_made_again(encoder: Path, mesh: Mesh, work: list[str
         assert same(Field.load(entry), first)
 
 
-@pytest.mark.parametrize("content", [b"", b"no field", b"\x02" + bytes(7) + b"{}", b"\x05" + bytes(7) + b"[[1]]"])
-def test_an_entry_that_is_no_field_is_none(cache: Path, content: bytes) -> None:
-    cache.mkdir(parents=True)
-    (cache / f"{hash_key({})}-{hashlib.sha256(content).hexdigest()[:32]}.safetensors").write_bytes(content)
-    assert field_cache.find({}) is None
-
-
 def test_a_cache_that_cannot_be_written_is_one_warning(
     encoder: Path, mesh: Mesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -203,18 +178,6 @@ def test_a_cache_that_cannot_be_written_is_one_warning(
     assert len(told) == 1
     assert told[0].filename == __file__
     assert same(dfd.distill(mesh, encoder, cache=False, **SMALL), field)
-
-
-def test_a_full_disk_leaves_nothing_half(encoder: Path, mesh: Mesh, cache: Path) -> None:
-    resource = pytest.importorskip("resource")
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
-    try:
-        with pytest.warns(RuntimeWarning, match="cannot be written"):
-            dfd.distill(mesh, encoder, **SMALL)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert list(cache.iterdir()) == []
 
 
 def store(name: str, cache: Path, age: float) -> Path:
@@ -240,15 +203,6 @@ def test_entries_longest_unused_go_first(cache: Path, monkeypatch: pytest.Monkey
     assert store("e", cache, 0).exists()  # what was just made stays, however large
     assert not newest.exists()
     assert not older.exists()
-
-
-def test_equal_fields_are_one_entry(cache: Path) -> None:
-    def made() -> Field:
-        return made_field(4, seed=0, width=8, layers=1, settings={"b": 1, "a": [0.5]})
-
-    for _ in range(20):
-        field_cache.store({"name": "a"}, made())
-    assert len(list(cache.iterdir())) == 1
 
 
 def test_processes_may_do_the_same_at_once(cache: Path) -> None:
