@@ -175,7 +175,7 @@ class Case:
 
 CASES = {
     "dinov2": Case(_dinov2, _twin_backbone("Dinov2Backbone")),
-    "dinov2-registers": Case(_registers, _twin_backbone("Dinov2WithRegistersBackbone")),
+    "dinov2-registers": Case(_registers, _twin_backbone("Dinov2WithRegistersBackbone"), 32),
     "dinov3": Case(_dinov3, _twin_backbone("DINOv3ViTBackbone")),
     "clip": Case(_clip, _twin_clip),
     "sam": Case(_sam, _twin_sam, 64, 16, 8, early_patch=16),

@@ -1,4 +1,4 @@
-"""DINOv2 in plain torch, with and without registers: transformers, which takes seconds to import, is not needed for it.
+"""DINOv2 in plain torch: transformers, which takes seconds to import, is not needed for it.
 
 Only patches that show something of the shape take part. More than half of a picture that a shape fills is background,
 every block attends from every patch to every other, and the tokens of the background are never read. Without them
@@ -15,15 +15,14 @@ from typing import Any
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import gelu, interpolate, linear, scaled_dot_product_attention, silu
+from torch.nn.functional import gelu, interpolate, linear, scaled_dot_product_attention
 
 from dfd.encoders.known import IMAGENET, ChannelStats
 from dfd.encoders.vision_model import VisionModel, check_block
 from dfd.encoders.weight_files import EncoderWeights, read_tensors
 
-MODEL_TYPES = ("dinov2", "dinov2_with_registers")
-# Wider networks store global information in patches of the background, unless they have registers (Darcet et al.);
-# without background patches they would store it in those of the shape.
+# Wider networks store global information in patches of the background (Darcet et al.); without background patches they
+# would store it in those of the shape.
 _WIDEST_WITHOUT_BACKGROUND = 768
 # From the tensor names of older files, which the hub serves, to current ones.
 _RENAMED = {
@@ -31,7 +30,6 @@ _RENAMED = {
     "attention.attention.key": "attention.k_proj",
     "attention.attention.value": "attention.v_proj",
     "attention.output.dense": "attention.o_proj",
-    "mlp.weights_out": "mlp.down_proj",
 }
 
 
@@ -61,17 +59,6 @@ class _Perceptron(nn.Module):
         return self.fc2(gelu(self.fc1(tokens)))
 
 
-class _GatedPerceptron(nn.Module):
-    def __init__(self, width: int, hidden: int) -> None:
-        super().__init__()
-        hidden = (hidden * 2 // 3 + 7) // 8 * 8
-        self.gate_proj, self.up_proj = nn.Linear(width, hidden), nn.Linear(width, hidden)
-        self.down_proj = nn.Linear(hidden, width)
-
-    def forward(self, tokens: Tensor) -> Tensor:
-        return self.down_proj(silu(self.gate_proj(tokens)) * self.up_proj(tokens))
-
-
 class _LayerScale(nn.Module):
     def __init__(self, width: int) -> None:
         super().__init__()
@@ -85,10 +72,9 @@ class _Layer(nn.Module):
     def __init__(self, config: Mapping[str, Any]) -> None:
         super().__init__()
         width, epsilon = config["hidden_size"], config["layer_norm_eps"]
-        perceptron = _GatedPerceptron if config["use_swiglu_ffn"] else _Perceptron
         self.norm1, self.norm2 = (nn.LayerNorm(width, eps=epsilon) for _ in range(2))
         self.attention = _Attention(width, config["num_attention_heads"], config["qkv_bias"])
-        self.mlp = perceptron(width, int(width * config["mlp_ratio"]))
+        self.mlp = _Perceptron(width, int(width * config["mlp_ratio"]))
         self.layer_scale1, self.layer_scale2 = _LayerScale(width), _LayerScale(width)
 
     def forward(self, tokens: Tensor, lengths: Sequence[int]) -> Tensor:
@@ -101,8 +87,6 @@ class _Embeddings(nn.Module):
         super().__init__()
         width, patch = config["hidden_size"], config["patch_size"]
         self.cls_token = nn.Parameter(torch.zeros(1, 1, width))
-        if "num_register_tokens" in config:
-            self.register_tokens = nn.Parameter(torch.zeros(1, config["num_register_tokens"], width))
         self.position_embeddings = nn.Parameter(torch.zeros(1, 1 + (config["image_size"] // patch) ** 2, width))
         self.patch_embeddings = nn.ModuleDict({"projection": nn.Conv2d(3, width, patch, patch)})
 
@@ -117,7 +101,6 @@ class Dinov2(nn.Module):
     def __init__(self, config: Mapping[str, Any], blocks: int) -> None:
         super().__init__()
         self.patch = config["patch_size"]
-        self.has_registers = "num_register_tokens" in config
         self.embeddings: Any = _Embeddings(config)
         self.encoder: Any = nn.ModuleDict({"layer": nn.ModuleList(_Layer(config) for _ in range(blocks))})
         self.layernorm = nn.LayerNorm(config["hidden_size"], eps=config["layer_norm_eps"])
@@ -133,8 +116,6 @@ class Dinov2(nn.Module):
         entering = linear(squares[patches].flatten(1), projection.weight.flatten(1), projection.bias)
         entering = entering + self._interpolated_positions(rows, columns).expand(count, -1, -1, -1)[patches]
         prefix = embeddings.cls_token[0] + embeddings.position_embeddings[0, :1]
-        if self.has_registers:
-            prefix = torch.cat([prefix, embeddings.register_tokens[0]])
         counts = patches.sum(dim=(1, 2)).tolist()
         lengths = [len(prefix) + each for each in counts]
         tokens = torch.cat([part for picture in torch.split(entering, counts) for part in (prefix, picture)])
@@ -151,14 +132,14 @@ class Dinov2(nn.Module):
             table = self.embeddings.position_embeddings[:, 1:]
             side = round(table.shape[1] ** 0.5)
             maps = table.reshape(1, side, side, -1).permute(0, 3, 1, 2)
-            if (rows, columns) != (side, side):  # as transformers does it, which smooths for those with registers only
-                maps = interpolate(maps, (rows, columns), mode="bicubic", antialias=self.has_registers)
+            if (rows, columns) != (side, side):  # as transformers does it
+                maps = interpolate(maps, (rows, columns), mode="bicubic")
             self._positions[rows, columns] = maps.permute(0, 2, 3, 1)
         return self._positions[rows, columns]
 
 
 def build_dinov2(weights: EncoderWeights, block: int | None, channels: ChannelStats | None) -> VisionModel:
-    """Put `weights` of one of `MODEL_TYPES` into a network that is cut off after `block`; None takes the last.
+    """Put `weights` of `takes(config)` into a network that is cut off after `block`; None takes the last.
 
     `channels` are used where the weights come without their own.
 
@@ -166,7 +147,7 @@ def build_dinov2(weights: EncoderWeights, block: int | None, channels: ChannelSt
     configuration. Raises OSError if the file of weights cannot be read.
     """
     config = _checked(weights.config)
-    depth, width, kind = config["num_hidden_layers"], config["hidden_size"], config["model_type"]
+    depth, width = config["num_hidden_layers"], config["hidden_size"]
     block = check_block(depth if block is None else block, depth)
     with torch.device("meta"):  # its parameters come from the weights
         network = Dinov2(config, block)
@@ -181,7 +162,7 @@ def build_dinov2(weights: EncoderWeights, block: int | None, channels: ChannelSt
     missing = sorted(wanted.keys() - found.keys())
     if missing:
         raise ValueError(
-            f"load_encoder: `encoder`: the weights lack {len(missing)} tensors of a {kind} model, such as {missing[0]}"
+            f"load_encoder: `encoder`: the weights lack {len(missing)} tensors of a dinov2 model, such as {missing[0]}"
         )
     network.load_state_dict({name: tensor.float() for name, tensor in found.items()}, assign=True)
     network.eval().requires_grad_(False)
@@ -194,50 +175,41 @@ def build_dinov2(weights: EncoderWeights, block: int | None, channels: ChannelSt
         block=block,
         depth=depth,
         channels=weights.channels or channels or IMAGENET,
-        takes_patches=width <= _WIDEST_WITHOUT_BACKGROUND or kind == "dinov2_with_registers",
+        takes_patches=width <= _WIDEST_WITHOUT_BACKGROUND,
     )
 
 
-def _checked(given: Mapping[str, Any]) -> dict[str, Any]:
-    """The settings of `Dinov2`; missing ones get the defaults of transformers.
+def takes(config: Mapping[str, Any]) -> bool:
+    """Whether this module has the network: a DINOv2 without registers or gated perceptrons, which the giant one has."""
+    return config["model_type"] == "dinov2" and not config.get("use_swiglu_ffn")
 
-    Raises ValueError if there is no such network.
-    """
-    sizes = {
-        "hidden_size": 768,
-        "num_hidden_layers": 12,
-        "num_attention_heads": 12,
-        "image_size": 224,
-        "patch_size": 14,
-    }
-    if given["model_type"] == "dinov2_with_registers":
-        sizes["num_register_tokens"] = 4
-    others = {"mlp_ratio": 4, "layer_norm_eps": 1e-6, "qkv_bias": True, "use_swiglu_ffn": False}
+
+def _checked(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings of `Dinov2`, with the defaults of transformers; ValueError if there is no such network."""
+    sizes = {"hidden_size": 768, "num_hidden_layers": 12, "num_attention_heads": 12, "image_size": 224}
+    sizes["patch_size"] = 14
+    others = {"mlp_ratio": 4, "layer_norm_eps": 1e-6, "qkv_bias": True}
     config = {name: given.get(name, default) for name, default in (sizes | others).items()}
-    wrong = next((name for name in sizes if type(config[name]) is not int or config[name] < 1), None)
-    wrong = wrong or next((name for name in others if not isinstance(config[name], int | float)), None)
-    if wrong is None and config["hidden_size"] % config["num_attention_heads"]:
-        wrong = "num_attention_heads"
-    if wrong is None and given.get("hidden_act", "gelu") != "gelu":
-        wrong = "hidden_act"
-    if wrong is not None:
+    wrong = [name for name in sizes if type(config[name]) is not int or config[name] < 1]
+    wrong += [name for name in others if not isinstance(config[name], int | float)]
+    if not wrong and config["hidden_size"] % config["num_attention_heads"]:
+        wrong = ["num_attention_heads"]
+    if given.get("hidden_act", "gelu") != "gelu":
+        wrong.append("hidden_act")
+    if wrong:
         raise ValueError(
-            f"load_encoder: `encoder`: its config.json is not a valid {given['model_type']} model: "
-            f"`{wrong}` is {given.get(wrong)!r}"
+            "load_encoder: `encoder`: its config.json is not a valid dinov2 model: "
+            f"`{wrong[0]}` is {given.get(wrong[0])!r}"
         )
-    return {**config, "model_type": given["model_type"]}
+    return config
 
 
 def _current_names(tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
     """Tensors by the current names of transformers, whichever version saved them."""
     renamed = {}
     for name, tensor in tensors.items():
-        name = name.removeprefix("dinov2.").removeprefix("dinov2_with_registers.")
+        name = name.removeprefix("dinov2.")
         for old, new in _RENAMED.items():
             name = name.replace(f".{old}.", f".{new}.")
-        if ".mlp.weights_in." in name:
-            for half, part in zip(("gate_proj", "up_proj"), tensor.chunk(2), strict=True):
-                renamed[name.replace("weights_in", half)] = part
-        else:
-            renamed[name] = tensor
+        renamed[name] = tensor
     return renamed

@@ -18,7 +18,7 @@ from dfd.common import check
 from dfd.common.devices import choose_device, out_of_memory, parallel_inference
 from dfd.common.linear_algebra import Bool, Float32, UInt8
 from dfd.common.progress import Stages
-from dfd.encoders.dinov2 import MODEL_TYPES, build_dinov2
+from dfd.encoders import dinov2
 from dfd.encoders.families import build_family
 from dfd.encoders.known import DEFAULT_ENCODER, KNOWN_ENCODERS
 from dfd.encoders.precision import Precision, choose_precision, save_device
@@ -255,7 +255,7 @@ def load_encoder(
         known = KNOWN_ENCODERS.get(name) or next((each for each in KNOWN_ENCODERS.values() if each.hub == name), None)
     if block is None and known is not None:
         block = known.block
-    build = build_dinov2 if weights.config["model_type"] in MODEL_TYPES else build_family
+    build = dinov2.build_dinov2 if dinov2.takes(weights.config) else build_family
     model = build(weights, block, known.channels if known else None)
     chosen = choose_precision(target) if precision == "auto" else precision
     _log.info("encoder %s: weights from %s, block %d of %d", name, weights.source, model.block, model.depth)

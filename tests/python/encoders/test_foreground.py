@@ -23,7 +23,7 @@ def square(count: int, size: int) -> np.ndarray:
     return covered
 
 
-@pytest.mark.parametrize("name", ["dinov2", "dinov2-registers"])
+@pytest.mark.parametrize("name", ["dinov2"])
 def test_the_background_takes_no_part(name: str, saved: Callable[[str], Saved]) -> None:
     encoder = load_encoder(saved(name).folder, device="cpu", precision="float32")
     images = pictures(2, 64)
@@ -69,14 +69,12 @@ def test_networks_that_cannot_do_without_see_the_background(name: str, saved: Ca
 
 
 @pytest.mark.parametrize("width", [768, 776])
-@pytest.mark.parametrize("registers", [False, True])
-def test_large_networks_without_registers_see_the_background(width: int, registers: bool) -> None:
+def test_large_networks_see_the_background(width: int) -> None:
     sizes = {"hidden_size": width, "num_hidden_layers": 1, "num_attention_heads": 8, "image_size": 32, "patch_size": 8}
-    kind = "dinov2_with_registers" if registers else "dinov2"
-    config = {**sizes, "model_type": kind}
+    config = {**sizes, "model_type": "dinov2"}
     names = Dinov2(_checked(config), 1).state_dict()
     weights = EncoderWeights(config, "made", "none", tensors={name: each.numpy() for name, each in names.items()})
-    assert build_dinov2(weights, None, None).takes_patches is (registers or width <= 768)
+    assert build_dinov2(weights, None, None).takes_patches is (width <= 768)
 
 
 @pytest.mark.parametrize(
