@@ -7,13 +7,13 @@ import hashlib
 import os
 import secrets
 import stat
-import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-_WRITERS = 16  # of one file at the same time; more of them get names that are never reused
+_ABANDONED = 3600.0  # seconds after which an unfinished file is removed
 _LONGEST_ENDING = 32  # bytes of an ending that the temporary file keeps
 
 
@@ -39,16 +39,16 @@ def atomic_write(path: str | os.PathLike[str], argument: str = "path") -> Iterat
     """Yield a temporary path beside `path`; on success it takes the place of `path`, on failure it goes.
 
     The temporary file keeps the ending of `path`, so that writers that choose a format by it still can. A symbolic
-    link stays one: the file it leads to is replaced. What a killed process left behind goes with the next write of
-    the same file.
+    link stays one: the file it leads to is replaced. What a killed process left behind goes with a write of the same
+    file an hour later.
 
     Raises OSError if the folder does not exist or cannot be written, the disk is full, or `path` is a folder, a device,
     a pipe or anything else that is no file; an existing file stays as it was.
     """
     named, target = Path(path), _target(Path(path), argument)
-    temporary, held = None, -1
+    temporary = None
     try:
-        temporary, held = _temporary(target)
+        temporary = _temporary(target)
         # A writer may keep its file to itself; what it replaces, or an ordinary new file, says who may read it.
         mode = (target if target.exists() else temporary).stat().st_mode
         yield temporary
@@ -56,15 +56,13 @@ def atomic_write(path: str | os.PathLike[str], argument: str = "path") -> Iterat
         with temporary.open("rb+") as stream:
             os.fsync(stream.fileno())
         temporary.replace(target)
-        temporary = None  # by now another writer may have taken the name
+        temporary = None
     except OSError as error:
         reason = error.strerror or str(error)
         raise OSError(error.errno, f"`{argument}`: {named} could not be written: {reason}") from error
     finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)
-        if held >= 0:
-            os.close(held)
 
 
 def _target(path: Path, argument: str) -> Path:
@@ -84,56 +82,15 @@ def _target(path: Path, argument: str) -> Path:
     return target
 
 
-def _temporary(target: Path) -> tuple[Path, int]:
-    """Make an empty file beside `target`; return it and what holds its lock, -1 on systems without.
-
-    Names are few and follow from the target's, so that what a killed process left is met again, whatever else lies
-    in the folder. A lock tells it from the file of a process that is still writing.
-    """
+def _temporary(target: Path) -> Path:
+    """Make an empty file beside `target`, and remove those that killed processes left there for the same target."""
     ending = target.suffix if len(os.fsencode(target.suffix)) <= _LONGEST_ENDING else ""
     # a name of its own, not the target's made longer: file systems allow 255 bytes
-    digest = hashlib.sha256(os.fsencode(target.name)).hexdigest()[:16]
-    if sys.platform != "win32":
-        _sweep(target.with_name(f".dfd-{digest}-{writer}{ending}") for writer in range(_WRITERS))
-        for writer in range(_WRITERS):
-            path = target.with_name(f".dfd-{digest}-{writer}{ending}")
-            with suppress(FileExistsError):
-                held = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
-                if _lock(held) is not False and _is_at(path, held):
-                    return path, held
-                os.close(held)  # another process swept it before it was locked
-    path = target.with_name(f".dfd-{digest}-{secrets.token_hex(8)}{ending}")
+    start = f".dfd-{hashlib.sha256(os.fsencode(target.name)).hexdigest()[:16]}-"
+    for left in target.parent.glob(f"{start}*"):
+        with suppress(OSError):  # another process removed it, or it is somebody else's
+            if time.time() - left.stat().st_mtime > _ABANDONED:
+                left.unlink()
+    path = target.with_name(f"{start}{secrets.token_hex(8)}{ending}")
     path.touch(exist_ok=False)
-    return path, -1
-
-
-if sys.platform != "win32":
-    import fcntl
-
-    def _sweep(leftovers: Iterator[Path]) -> None:
-        """Remove the files that no process holds."""
-        for path in leftovers:
-            try:
-                held = os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
-            except OSError:  # it is not there, or is somebody else's
-                continue
-            try:
-                if _lock(held) and _is_at(path, held):
-                    path.unlink(missing_ok=True)
-            finally:
-                os.close(held)
-
-    def _lock(held: int) -> bool | None:
-        """Lock an open file; return whether it is ours now, None on a file system without locks."""
-        try:
-            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            return False if error.errno in (errno.EWOULDBLOCK, errno.EACCES) else None
-        return True
-
-    def _is_at(path: Path, held: int) -> bool:
-        """Whether an open file is the one at `path`."""
-        try:
-            return os.path.samestat(path.stat(), os.fstat(held))
-        except OSError:
-            return False
+    return path

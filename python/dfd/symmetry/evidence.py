@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
 from dfd.field.field import Field
-from dfd.geometry.topology import face_areas, points_on_faces
+from dfd.geometry.topology import even_points, face_areas
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.normalization import box_normalization
 
@@ -89,9 +89,7 @@ def _surface_points(vertices: Float64, faces: Int32) -> tuple[Float64, Float64]:
     if areas.sum() == 0:
         chosen = np.unique(faces)[:: max(1, len(vertices) // POINTS)]
         return vertices[chosen], np.zeros((len(chosen), 3))
-    # whole points of each face as the areas before it add up: also of many faces smaller than a point's share
-    counts = np.diff(np.floor(np.cumsum(areas) / areas.sum() * POINTS + 0.5).astype(np.int64), prepend=0)
-    face, weights = points_on_faces(counts)
+    face, weights = even_points(areas, POINTS)
     corners = vertices[faces[face]]
     crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     return np.einsum("nk,nkd->nd", weights, corners), crossed / np.linalg.norm(crossed, axis=1, keepdims=True)
