@@ -55,7 +55,7 @@ ASKED: list[dict[str, Any]] = [  # all but those that start processes or open sa
     {"type": "change_fixed", "index": 0, "strength": 0.2, "merge": True},
     {"type": "set_symmetry", "plane": {"normal": [1, 0, 0], "offset": 0.5}, "band": 0.1},
     {"type": "set_symmetry", "plane": "x"},
-    {"type": "set_mode", "preset": "paper", "overlap": "interpolate", "blend": "linear"},
+    {"type": "set_preset", "preset": "paper"},
     {"type": "set_default", "transform": {"translation": [0, 1, 0], "rotation": [0, 0, 0, 1]}},
     {"type": "set_poses", "poses": [{"name": "p", "seconds": 1, "transforms": [TURNED]}]},
     *({"type": "export", "format": kind, "transforms": [TURNED]} for kind in get_args(Kind)),

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 import dfd
 from dfd import Deformer, Field, Geodesics, Mesh
+from dfd.common.preset import Preset
 from dfd.editing.controls import Falloff, Instances
 from dfd.editing.edit import Edit
 from dfd.editing.influence.regions import Ball, Box, HalfSpace, VertexSet
@@ -104,7 +105,7 @@ def _edited(
     near: tuple[dict[str, Any], ...] = ({}, {"locality": 2.0}, {"radius": "30%"})
     for kind, how in zip(get_args(Instances), random.permutation(near), strict=True):  # type: ignore[arg-type]
         session.apply(Edit())
-        held = session.add(handles[0], instances=kind, level=bool(random.integers(2)), **turned, **how)
+        held = session.add(handles[0], instances=kind, **turned, **how)
         _check(session)
         off = [one.vertex for one, _ in session.bound.instances(session.edit, session.handle(held))]
         session.change(held, excluded_instances=off[1::2])
@@ -121,9 +122,8 @@ def _edited(
     _tried(session.move, session.handles[0].id, axes="normal")
     for plane in (None, *planes[:1], "x"):
         _tried(setattr, session, "symmetry", plane)
-        for overlap in get_args(Overlap):  # `_posed` takes each with each
-            _tried(setattr, session, "overlap", overlap)
-            session.blend = random.choice(get_args(Blend))
+        for preset in get_args(Preset):
+            _tried(setattr, session, "preset", preset)
             _check(session)
     _measured(session)
     moved = session.vertices

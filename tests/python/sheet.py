@@ -33,7 +33,6 @@ def full_edit(mesh):
         radius=0.25,
         strength=0.5,
         instances="own_pivot",
-        level=True,
         excluded_instances=(place_on(mesh, 60), Place((0.3, 0.1, 0.5))),
         mask=Ball((0.01, 0.0, 0.0), 0.7),
         mask_feather=0.125,
@@ -41,7 +40,7 @@ def full_edit(mesh):
     return Edit(
         handles=(
             Handle(3, place_on(mesh, 40), turned, Controls(locality=2.5), name="ear, links ◔"),
-            Handle(1, Place((0.1, 0.2, 1 / 3)), controls=Controls(reach=0.4)),
+            Handle(1, Place((0.1, 0.2, 1 / 3)), controls=Controls(reach=0.3)),
             Handle(7, place_on(mesh, np.array([3, 4, 5])), controls=near),
         ),
         fixed=(
@@ -52,7 +51,5 @@ def full_edit(mesh):
         ),
         symmetry=SymmetryPlane((1.0, 0.0, 0.0), 0.01, band=0.05),
         default=Transform(scale=(2.0, 2.0, 2.0)),
-        overlap="interpolate",
-        blend="dual_quaternion",
-        reach_targets=False,
+        preset="paper",
     )

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 import dfd
 from dfd.cli import app as commands
-from dfd.editing.presets import CONTROLS, WHOLE_SHAPE
+from dfd.editing.presets import CONTROLS
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -30,7 +30,7 @@ def test_the_reference_has_every_public_name(name: str) -> None:
     assert re.search(rf":: (dfd\.)?{name}$", PAGES[Path("docs/reference/python.md")], re.MULTILINE)
 
 
-@pytest.mark.parametrize("control", [*CONTROLS, *WHOLE_SHAPE])
+@pytest.mark.parametrize("control", CONTROLS)
 def test_how_it_works_has_every_control(control: str) -> None:
     assert any(f"`{control}" in page.read_text(encoding="utf-8") for page in (DOCS / "how_it_works").glob("*.md"))
 

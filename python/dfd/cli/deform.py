@@ -138,7 +138,8 @@ def deform(
     start = partial(Deformer.load, edit) if edit else Deformer
     deformer: Deformer = start(shape, opened, other_shape=force)
     places = Places(shape, deformer)
-    deformer.set(preset=chosen)
+    if chosen is not None:
+        deformer.preset = chosen
     for place, options in held:
         deformer.add(places.find("--handle", place), **options)
     for text in fix or ():

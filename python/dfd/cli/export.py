@@ -78,7 +78,8 @@ def export(
     if output is not None:
         form_for(shape, output, form)  # type: ignore[arg-type]  # refuses it before the work begins
     session = Deformer.load(edit, shape, opened, other_shape=force)
-    session.set(preset=chosen)
+    if chosen is not None:
+        session.preset = chosen
     with stages.stage("features", len(shape.vertices)) as advance:
         session.prepare(advance)
     if output is not None:

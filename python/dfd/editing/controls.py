@@ -40,7 +40,6 @@ class Controls(Brief):
     radius: Annotated[float | None, CONTROLS["radius"]] = None
     strength: Annotated[float, CONTROLS["strength"]] = 1.0
     instances: Annotated[Instances, CONTROLS["instances"]] = DEFAULTS.instances
-    level: Annotated[bool, CONTROLS["level"]] = DEFAULTS.level
     excluded_instances: Annotated[tuple[Place, ...], CONTROLS["excluded_instances"]] = ()
     mask: Annotated[Annotated[Region, Tagged("kind")] | None, CONTROLS["mask"]] = None
     mask_feather: Annotated[float, CONTROLS["mask_feather"]] = 0.0
@@ -59,7 +58,7 @@ class Controls(Brief):
     @cached_property
     def of_column(self) -> Controls:
         """Those that shape the column of weights: all but how instances share it."""
-        return replace(self, instances="shared_pivot", level=False, excluded_instances=())
+        return replace(self, instances="shared_pivot", excluded_instances=())
 
     def changed(self, **given: Any) -> Controls:
         """The controls with some of them exchanged; None leaves one, and of `radius` and `locality` one ends the other.
@@ -85,7 +84,6 @@ class GivenControls(TypedDict, total=False):
     radius: float | str | None
     strength: float | None
     instances: Instances | None
-    level: bool | None
     excluded_instances: Sequence[Any] | None
     mask: Any
     mask_feather: float | str | None

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Hashable
 from contextlib import AbstractContextManager
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,17 +16,16 @@ from dfd.common.errors import called, public
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.common.preset import Preset
 from dfd.editing import verbs
-from dfd.editing.edit import Edit, Fixed, Handle, edit_on, empty_edit
+from dfd.editing.edit import Edit, Fixed, Handle, edit_on, with_preset
 from dfd.editing.edit_file import read_edit, write_edit
 from dfd.editing.history import History
 from dfd.editing.influence.handle_weights import HandleWeights
-from dfd.editing.presets import BlendRule, SymmetryCandidates
+from dfd.editing.presets import SymmetryCandidates
 from dfd.editing.report import Report, report
 from dfd.editing.shape import PosedShape
 from dfd.field.compatibility import check_compatible
 from dfd.field.field import Field
 from dfd.mesh.mesh import MeshLike, as_mesh
-from dfd.posing.pose import Overlap
 from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.compact import CompactFeatures
@@ -35,33 +34,11 @@ if TYPE_CHECKING:
     from typing_extensions import Unpack
 
     from dfd.editing.controls import GivenControls
-    from dfd.editing.edit import GivenSettings
     from dfd.editing.influence.instances import Instance
     from dfd.editing.influence.regions import VertexSet
     from dfd.editing.verbs import GivenHandle
     from dfd.posing.transforms import GivenMotion, GivenTransform
     from dfd.segmentation.parts import Level
-
-Value = TypeVar("Value")
-
-
-class Setting(Generic[Value]):
-    """A property of a session that holds for the whole shape; set, it is a step, as `Deformer.set` makes it."""
-
-    def __init__(self, text: str) -> None:
-        self.__doc__ = text
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self._name = name
-
-    def __get__(self, session: Deformer, owner: type | None = None) -> Value:
-        if session is None:
-            return self  # asked of the class, as help() does
-        return getattr(session.edit, self._name)
-
-    def __set__(self, session: Deformer, value: Value) -> None:
-        with called(f"Deformer.{self._name}"):
-            session.set(**{self._name: value})  # type: ignore[arg-type]
 
 
 class Deformer:
@@ -117,7 +94,7 @@ class Deformer:
     ) -> None:
         self.mesh = as_mesh(mesh)
         self.field = check.field("Deformer", field)
-        start = empty_edit(preset)
+        start = Edit(preset=preset)
         if features is None and not other_shape:
             check_compatible(field.center, field.scale, self.mesh, allowed_by="other_shape=True")
         self._weights = HandleWeights(self.mesh, field, features)
@@ -196,7 +173,6 @@ class Deformer:
         """Take a step; one that may change weights is refused where a handle could not arrive."""
         if rebinds:
             self._weights.check_arrivals(edit)
-            self._weights.check_interpolation(edit)
         self._history.commit(edit, topic=topic, merge=merge)
 
     # --- handles
@@ -244,7 +220,7 @@ class Deformer:
             For people.
         **given
             What follows it, as `dfd.editing.presets.CONTROLS` says: `reach`, `falloff`, `locality`,
-            `radius`, `strength`, `instances`, `level`, `excluded_instances`, `mask` and `mask_feather`. What is left
+            `radius`, `strength`, `instances`, `excluded_instances`, `mask` and `mask_feather`. What is left
             out, or None, is as the preset has it. `mask="part"` is the part that the handle is on.
 
         Raises ValueError if a number is not finite, of another shape or out of its range, a name is unknown, a region
@@ -342,55 +318,19 @@ class Deformer:
 
     # --- the whole shape
 
-    preset: Setting[Preset] = Setting(
-        """What new handles start with: "default", or "paper" for Eq. 1 and 4 to 8 to the letter.
+    @property
+    def preset(self) -> Preset:
+        """What new handles start with and how handles act together (`dfd.editing.presets.PRESETS`).
 
-        Set, it puts everything that the preset says (`dfd.editing.presets.PRESETS`) in the place of what was there: how
-        handles are put together, the band of the plane, and reach, falloff and instances of every handle. It is one
-        step, and each of them can be set apart afterwards.
+        Setting it is one step. It also gives every handle the preset's reach, falloff and instances, and the plane its
+        band.
         """
-    )
-    overlap: Setting[Overlap] = Setting(
-        """How weights that meet are put together.
+        return self.edit.preset
 
-        "add": displacements add, and handles at rest change nothing. "interpolate": every handle lands where it was
-        sent. "normalize": weights that sum to more than 1 are divided by their sum. "paper": Eq. 1 to the letter.
-        """
-    )
-    blend: Setting[BlendRule] = Setting(
-        """How transforms are blended: "linear" (Eq. 1) or "dual_quaternion".
-
-        "auto" is "dual_quaternion" while a handle turns by more than 30°, which keeps the volume of what lies between
-        it and the rest, and "linear" otherwise.
-        """
-    )
-    reach_targets: Setting[bool] = Setting(
-        """Whether handles arrive where they are sent although fixed points take from them.
-
-        If so, a handle's weights are divided by what the fixed points leave of them at the handle; at most 1. If not,
-        they are those of Eq. 6, and fixed points shorten the move.
-        """
-    )
-    mirrored_locality: Setting[bool] = Setting(
-        """Whether locality and radius are measured from a handle's mirror image as well, where there is a plane.
-
-        If not, they are measured from the handle alone (Eq. 7), and what a handle moves on the other side of the plane
-        loses its weight with the way around to it.
-        """
-    )
-    bridges: Setting[bool] = Setting(
-        "Whether distances along the surface cross small gaps between components, as `dfd.Geodesics` says."
-    )
-
-    @public
-    def set(self, *, preset: Preset | None = None, merge: bool = False, **settings: Unpack[GivenSettings]) -> None:
-        """Set what holds for the whole shape, as one step: the preset first, then what is given beside it.
-
-        Raises ValueError if a name is unknown, a switch is neither True nor False, or a handle could not arrive.
-        """
-        given = sorted(name for name, value in settings.items() if value is not None)
-        edit = verbs.set_whole(self.edit, self._weights, preset, settings)
-        self._commit(edit, ("settings", preset is None, *given), merge)
+    @preset.setter
+    def preset(self, preset: Preset) -> None:
+        with called("Deformer.preset"):
+            self._commit(with_preset(self.edit, preset, self.mesh))
 
     @public
     def fix(self, at: Any, *, strength: float = 1.0, merge: bool = False) -> None:
@@ -490,7 +430,7 @@ class Deformer:
 
     @property
     def following(self) -> Float32:
-        """(V, H) how much vertices follow each handle: `weights`, less what `instances` and `level` change of them."""
+        """(V, H) how much vertices follow each handle: `weights`, less what their counterparts change of them."""
         return self._weights.following(self.edit)
 
     @property
@@ -505,7 +445,7 @@ class Deformer:
 
     @property
     def vertices(self) -> Float64:
-        """(V, 3) the posed shape in mesh units, read-only: Eq. 1 and 8, as `overlap` and `blend` say."""
+        """(V, 3) the posed shape in mesh units, read-only: Eq. 1 and 8, as the preset has them."""
         return self._posed.of(self.edit)
 
     def report(self) -> Report:

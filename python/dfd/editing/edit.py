@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Literal, TypedDict
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 
@@ -20,8 +20,8 @@ from dfd.common.preset import Preset
 from dfd.editing.controls import Controls
 from dfd.editing.influence.regions import members
 from dfd.editing.points import Place, place_on
-from dfd.editing.presets import PRESETS, WHOLE_SHAPE, BlendRule, SymmetryCandidates
-from dfd.posing.pose import Blend, Overlap
+from dfd.editing.presets import PRESETS, Rules, SymmetryCandidates
+from dfd.posing.pose import Blend
 from dfd.posing.transforms import Transform, Vector, vector
 from dfd.symmetry.plane import SymmetryPlane, plane_from_text
 from dfd.symmetry.search import symmetry_planes
@@ -31,9 +31,8 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
 IDENTITY = Transform()
-MOST_LINEAR = 30.0  # degrees: beyond, a linear blend is thinner halfway by more than 3 %
+MOST_LINEAR = 30.0  # degrees: under larger turns a linear blend is thinner by more than 3 % halfway
 CONTROLS = Controls()
-DEFAULTS = PRESETS["default"]
 
 
 @dataclass(frozen=True, repr=False)
@@ -106,13 +105,7 @@ class Edit(Brief):
     # symmetry: the plane across which handles act on both sides, or None; in a file also a letter
     symmetry: Annotated[SymmetryPlane | None, Written(SymmetryPlane | Literal["x", "y", "z"] | None)] = None
     default: Transform | None = None  # D₀ of Eq. 1, what happens to what no handle holds; None is nothing
-    # overlap to bridges: as `dfd.editing.presets.WHOLE_SHAPE` says
-    overlap: Annotated[Overlap, WHOLE_SHAPE["overlap"]] = DEFAULTS.overlap
-    blend: Annotated[BlendRule, WHOLE_SHAPE["blend"]] = DEFAULTS.blend
-    reach_targets: Annotated[bool, WHOLE_SHAPE["reach_targets"]] = DEFAULTS.reach_targets
-    mirrored_locality: Annotated[bool, WHOLE_SHAPE["mirrored_locality"]] = DEFAULTS.mirrored_locality
-    bridges: Annotated[bool, WHOLE_SHAPE["bridges"]] = DEFAULTS.bridges
-    # preset: what new handles start with, and where all this came from unless it was set apart
+    # preset: what new handles start with, and how handles act together
     preset: Annotated[Preset, About("The paper's equations to the letter, or dfd's own way.")] = "default"
 
     def __post_init__(self) -> None:
@@ -136,12 +129,16 @@ class Edit(Brief):
             taken[fixed.place.key] = "fixed"
 
     @property
+    def rules(self) -> Rules:
+        """What the preset says."""
+        return PRESETS[self.preset]
+
+    @property
     def blending(self) -> Blend:
-        """How transforms blend: `blend`, and for "auto" so that what turns far keeps its volume."""
-        if self.blend != "auto":
-            return self.blend
+        """How `dfd.pose` blends the transforms: dual quaternions preserve the volume under large turns."""
         turns = (np.linalg.norm(handle.transform.rotation) for handle in self.handles)
-        return "dual_quaternion" if max(turns, default=0.0) > MOST_LINEAR else "linear"
+        far = self.rules.blend == "auto" and max(turns, default=0.0) > MOST_LINEAR
+        return "dual_quaternion" if far else "linear"
 
     def handle(self, id: int) -> Handle:  # noqa: A002  # the handle's own word for it
         """The handle of that id; ValueError if there is none."""
@@ -166,16 +163,6 @@ class Edit(Brief):
     def replaced(self, changed: Handle) -> Edit:
         """The edit with `changed` in place of the handle of its id."""
         return replace(self, handles=tuple(changed if handle.id == changed.id else handle for handle in self.handles))
-
-
-class GivenSettings(TypedDict, total=False):
-    """What holds for a whole shape, as people give it: None is not given."""
-
-    overlap: Overlap | None
-    blend: BlendRule | None
-    reach_targets: bool | None
-    mirrored_locality: bool | None
-    bridges: bool | None
 
 
 def edit_on(mesh: Mesh, edit: Edit, place: Callable[[str, Place], Place] | None = None) -> Edit:
@@ -206,20 +193,15 @@ def edit_on(mesh: Mesh, edit: Edit, place: Callable[[str, Place], Place] | None 
     return replace(edit, handles=tuple(handles), fixed=tuple(fixed))
 
 
-def empty_edit(preset: Preset) -> Edit:
-    """The edit that a session of this preset starts with; ValueError if there is no such preset."""
-    return Edit(preset=preset, **PRESETS[check.choice("Edit", "preset", preset, Preset)].whole_shape)
-
-
 def with_preset(edit: Edit, preset: Preset, mesh: Mesh) -> Edit:
-    """`edit` with everything that a preset says, whatever it was before: of the shape, of its plane and of each handle.
+    """Return `edit` under another preset, with its reach, falloff and instances in every handle and its plane's band.
 
     Raises ValueError if there is no such preset.
     """
-    empty, shape = empty_edit(preset), PRESETS[preset].handle
-    handles = (replace(handle, controls=replace(handle.controls, **shape)) for handle in edit.handles)
+    said = PRESETS[check.choice("Edit", "preset", preset, Preset)].handle
+    handles = (replace(handle, controls=replace(handle.controls, **said)) for handle in edit.handles)
     plane = edit.symmetry and replace(edit.symmetry, band=band_on(mesh, preset))
-    return replace(empty, handles=tuple(handles), fixed=edit.fixed, default=edit.default, symmetry=plane)
+    return replace(edit, preset=preset, handles=tuple(handles), symmetry=plane)
 
 
 def band_on(mesh: Mesh, preset: Preset) -> float:

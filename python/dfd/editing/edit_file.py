@@ -2,7 +2,7 @@
 
     {
       "format": "dfd-edit",
-      "version": 5,
+      "version": 1,
       "preset": "default",
       "units": {"length": "mesh", "angle": "degree"},
       "mesh": {"vertices": 2930, "hash": null, "bounds": null},
@@ -29,7 +29,6 @@
           "radius": null,
           "strength": 1.0,
           "instances": "shared_pivot",
-          "level": false,
           "excluded_instances": [{"vertex": 812, "position": [-0.1, 0.9, -0.6]}],
           "mask": null,
           "mask_feather": 0.0
@@ -37,12 +36,7 @@
       ],
       "fixed": [{"vertex": 77, "position": [0.2, -0.7, 0.1], "region": null, "strength": 1.0}],
       "symmetry": {"normal": [1.0, 0.0, 0.0], "offset": 0.0, "band": 0.05},
-      "default": null,
-      "overlap": "add",
-      "blend": "linear",
-      "reach_targets": true,
-      "mirrored_locality": true,
-      "bridges": true
+      "default": null
     }
 
 Required: `format`, `version`, and for every handle and fixed point a `vertex`, a `position` or a `region`. All else may
@@ -52,13 +46,6 @@ twice, and numbers that are not finite are refused: a misspelt key is an error, 
 A vertex counts where it lies at `position` (or where there is none and `mesh` fits); on another resolution, where it
 does not, the position does, and it is a point of space there. A handle has the keys of its place, its transform and its
 controls side by side; otherwise a document is what pydantic makes of the fields of `Edit`.
-
-Documents of versions 1 to 4 have other names for some keys (`RENAMED`). What a version 3 document of the preset
-"default" leaves out is as `VERSION_3` says. A version 2 document has none of `preset`, `mirrored_locality` and
-`bridges`, and what it leaves out is what `VERSION_2` says. A version 1 document has none of `hash`, `bounds`, `region`,
-`axes`, `reach`, `falloff`, `radius`, `strength`, `instances`, `level`, `excluded_instances`, `mask`,
-`mask_feather`, `overlap`, `blend` and `reach_targets` either. It is read as one of version 2, but for `reach_targets`,
-which is false there: fixed points shortened the move.
 """
 
 from __future__ import annotations
@@ -95,22 +82,7 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
 FORMAT = "dfd-edit"
-VERSION = 5
-# What versions 1 to 4 called keys, and kinds of instances.
-RENAMED = {
-    "within": "mask",
-    "within_width": "mask_feather",
-    "without_instances": "excluded_instances",
-    "arrive": "reach_targets",
-}
-RENAMED_INSTANCES = {"own": "own_pivot", "together": "shared_pivot"}
-# What a handle and a shape of the preset "default" meant in version 3 by saying nothing.
-VERSION_3: dict[str, dict[str, Any]] = {"handle": {"reach": 0.7, "level": False}, "shape": {"blend": "linear"}}
-# What versions 1 and 2 meant by a handle, a plane and a shape of which they said nothing more.
-VERSION_2: dict[str, dict[str, Any]] = {
-    "handle": {"reach": 1.0, "falloff": "linear", "instances": "shared_pivot", "level": False},
-    "shape": {"overlap": "add", "blend": "linear", "reach_targets": True, "mirrored_locality": True, "bridges": True},
-}
+VERSION = 1
 # Two resolutions of one shape have boxes whose corners are nearer than this part of the diagonal.
 SAME_BOX = 0.05
 
@@ -151,7 +123,7 @@ class EditFile(Edit):
     """An edit of a shape, with what a file says besides."""
 
     format: Literal["dfd-edit"] = "dfd-edit"
-    version: Literal[5] = 5
+    version: Literal[1] = 1
     units: Units = field(default_factory=Units)
     mesh: MadeFor | None = None
     made_on: MadeOn | None = None
@@ -326,54 +298,30 @@ def _checked(document: Any, name: str) -> dict[str, Any]:
     if document.get("format") != FORMAT:
         raise ArgumentError("format", f'must be "{FORMAT}", got {_shown(document.get("format"))}', name)
     version = document.get("version")
-    if isinstance(version, bool) or version not in range(1, VERSION + 1):
-        raise ArgumentError("version", f"must be 1 to {VERSION}, got {_shown(version)}", name)
+    if isinstance(version, bool) or version != VERSION:
+        raise ArgumentError("version", f"must be {VERSION}, got {_shown(version)}", name)
     return document
 
 
 def _completed(document: dict[str, Any], mesh: Mesh | None = None) -> dict[str, Any]:
-    """A document of any version as pydantic takes one: of this version, with nothing left out or side by side."""
-    version = document["version"]
-    if version <= 4:
-        document = _renamed(document)
+    """A document as pydantic takes one: with nothing left out or side by side."""
     known: Preset = document["preset"] if document.get("preset") in tuple(PRESETS) else "default"
-    meant = VERSION_2
-    if version >= 3:
-        before = VERSION_3 if version == 3 and known == "default" else {}
-        own = {"handle": PRESETS[known].handle, "shape": PRESETS[known].whole_shape}
-        meant = {each: own[each] | before.get(each, {}) for each in own}
-    whole = {**meant["shape"], **({"reach_targets": False} if version == 1 else {}), **document, "version": VERSION}
+    whole = dict(document)
     handles, fixed, plane = (whole.get(key) for key in ("handles", "fixed", "symmetry"))
     if isinstance(handles, list):
         named = (entry.get("id") for entry in handles if isinstance(entry, dict))
         ids = {number for number in named if isinstance(number, int)}
         free = (number for number in range(1, 2 * len(handles) + 1) if number not in ids)
-        whole["handles"] = [_grouped(entry, SPREAD, meant["handle"], free) for entry in handles]
+        whole["handles"] = [_grouped(entry, SPREAD, PRESETS[known].handle, free) for entry in handles]
     if isinstance(fixed, list):
         whole["fixed"] = [_grouped(entry, {"place": Place}) for entry in fixed]
     if mesh is not None and isinstance(plane, str) and plane in AXES:
         found = symmetry_on(mesh, plane, preset=known)
         whole["symmetry"] = {"normal": found.normal, "offset": found.offset, "band": found.band}
     elif isinstance(plane, dict) and plane.get("band") is None:
-        band = band_on(mesh, known) if mesh is not None and version >= 3 else 0.0
+        band = band_on(mesh, known) if mesh is not None else 0.0
         whole["symmetry"] = {**plane, "band": band}
     return whole
-
-
-def _renamed(document: dict[str, Any]) -> dict[str, Any]:
-    """A document of versions 1 to 4 with the keys of today."""
-    whole = _renamed_keys(document)
-    if isinstance(handles := whole.get("handles"), list):
-        whole["handles"] = [_renamed_keys(entry) if isinstance(entry, dict) else entry for entry in handles]
-    return whole
-
-
-def _renamed_keys(entry: dict[str, Any]) -> dict[str, Any]:
-    """One of its objects; an old key beside the one of today stays, and is refused as unknown."""
-    named = {key if RENAMED.get(key) in entry else RENAMED.get(key, key): value for key, value in entry.items()}
-    if isinstance(kind := named.get("instances"), str):
-        named["instances"] = RENAMED_INSTANCES.get(kind, kind)
-    return named
 
 
 def _grouped(

@@ -13,7 +13,6 @@ from dfd.common.preset import Preset
 from dfd.symmetry.plane import DEFAULT_BAND
 
 if TYPE_CHECKING:
-    from dfd.posing.pose import Overlap
     from dfd.weights.bind import Falloff
 
 LARGEST = 1e38  # what the kernels compute with are 32-bit floats
@@ -24,7 +23,6 @@ WITHIN_PART, PARTLESS_REACH = 6.0, 0.7
 Instances = Literal["own_pivot", "shared_pivot", "only"]
 Reach = float | Literal["part"]
 SymmetryCandidates = Literal["any", "axes"]
-BlendRule = Literal["auto", "linear", "dual_quaternion"]  # `dfd.posing.pose.Blend`, or what fits the edit
 
 # What a handle takes hold of besides where it is: the fields of `dfd.editing.controls.Controls`.
 CONTROLS = {
@@ -60,10 +58,6 @@ CONTROLS = {
         metavar="own_pivot|shared_pivot|only",
         label="Look-alikes",
     ),
-    "level": About(
-        "Look-alikes follow in full; off: as much as they are alike. What is hardly alike never does.",
-        label="Look-alikes follow in full",
-    ),
     "excluded_instances": About("A place on an instance that does not move along.", metavar="PLACE", repeated=True),
     "mask": About(
         "Nothing follows beyond: part (the handle's), part:NAME, group:NAME, 'x>0', ball:x,y,z,r or box:x,y,z,x,y,z.",
@@ -78,67 +72,51 @@ CONTROLS = {
         slider=(0.0, 0.3, 0.005),
     ),
 }
-# What holds for all handles of a shape: fields of `dfd.editing.edit.Edit`, properties of `Deformer`.
-WHOLE_SHAPE = {
-    "overlap": About("Where weights meet: add, interpolate, normalize or paper (Eq. 1).", metavar="RULE"),
-    "blend": About(
-        "How transforms blend: linear (Eq. 1), dual_quaternion, or auto: linear up to turns of 30°.",
-        metavar="RULE",
-        label="Blending",
-    ),
-    "reach_targets": About("Whether handles reach their target although fixed points hold back."),
-    "mirrored_locality": About("Whether locality and radius start at the handle's mirror image as well."),
-    "bridges": About("Whether locality and radius reach across small gaps."),
-}
 
 
 @dataclass(frozen=True)
-class Defaults:
-    """What is meant where nothing else is said; what is left out here is as the preset "default" has it."""
+class Rules:
+    """Everything that differs between the presets, with the values of the preset "default"."""
 
-    # By what pictures and people's labels say: any one number is too wide for an ear and too narrow for a leg, and with
-    # a linear falloff what is pulled has a point. Wheels turn about their own axles, legs grow where they stand, and by
-    # as much as the leg that is held, so that nothing tips over.
-    # reach, falloff, instances, level: of a new handle, as in `Deformer.add`; its other controls change nothing unless
-    # they are given
+    # reach, falloff, instances: the controls of a new handle. By pictures and labels of people, any one number is too
+    # wide for an ear and too narrow for a leg, and with a linear falloff what is pulled has a point.
     reach: Reach = "part"
     falloff: Falloff = "smooth"
     instances: Instances = "own_pivot"
-    level: bool = True
-    # pivot: about what a handle turns and scales that says nothing of it: as `Deformer.add` has it, or the point held
+    # pivot: about what a handle turns and scales if none is given: as `Deformer.add` says, or the point held
     pivot: Literal["auto", "point"] = "auto"
-    # overlap to bridges: of a new session, as the properties of `Deformer`
-    overlap: Overlap = "add"
-    blend: BlendRule = "auto"
+    # equalize: whether counterparts follow as much as the component that is held, or as much as they resemble it
+    equalize: bool = True
+    # overlap, blend: how weights that meet and transforms are combined; "auto" is linear up to turns of `MOST_LINEAR`
+    overlap: Literal["add", "paper"] = "add"
+    blend: Literal["auto", "linear"] = "auto"
+    # reach_targets: whether handles get back what fixed points take from them where they are held (Eq. 6)
     reach_targets: bool = True
+    # mirrored_locality, bridges: whether the distances of Eq. 7 also start at the handle's mirror image, and whether
+    # they cross small gaps between components
     mirrored_locality: bool = True
     bridges: bool = True
-    # band: half width of the zone in which the sides of a mirror plane blend, as a part of the mesh's longest side
+    # band: half width of the blend band at a mirror plane, relative to the longest side of the box (Eq. 8)
     band: float = DEFAULT_BAND
-    # candidates, threshold: which planes symmetry "auto" takes, as `dfd.symmetry_planes` has them
+    # candidates, threshold: which planes symmetry "auto" takes, as in `dfd.symmetry_planes`
     candidates: SymmetryCandidates = "any"
     threshold: float | Literal["relative"] = "relative"
 
     @property
     def handle(self) -> dict[str, Any]:
-        """What of it holds for a handle, by the names of `Controls`."""
-        return {name: getattr(self, name) for name in ("reach", "falloff", "instances", "level")}
-
-    @property
-    def whole_shape(self) -> dict[str, Any]:
-        """What of it holds for a whole edit, by the names of `Edit`."""
-        return {name: getattr(self, name) for name in WHOLE_SHAPE}
+        """The controls of a new handle, by their names."""
+        return {name: getattr(self, name) for name in ("reach", "falloff", "instances")}
 
 
-PRESETS: dict[Preset, Defaults] = {
-    "default": Defaults(),
+PRESETS: dict[Preset, Rules] = {
+    "default": Rules(),
     # Eq. 1 and 4 to 8 to the letter, and the planes of section 3.3.3 with its ε.
-    "paper": Defaults(
+    "paper": Rules(
         reach=1.0,
         falloff="linear",
         instances="shared_pivot",
-        level=False,
         pivot="point",
+        equalize=False,
         overlap="paper",
         blend="linear",
         reach_targets=False,

@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dfd.common.linear_algebra import Float32, Float64
+from dfd.common.linear_algebra import Float64
 from dfd.editing.edit import Edit, Handle, box_center
 from dfd.editing.influence.instance_weights import Column, InstanceColumns
-from dfd.editing.presets import WHOLE_SHAPE
-from dfd.posing.pose import Drag, Overlap, pose
+from dfd.posing.pose import Drag, pose
 
 if TYPE_CHECKING:
     from dfd.editing.influence.handle_weights import HandleWeights
@@ -51,9 +50,9 @@ class PosedShape:
             self._drag = None
             return self._vertices if _acting(self._edit) == _acting(edit) else self._whole(edit)
         if self._drag is None or not self._moving.keys() >= set(moved):
-            weights, columns, overlap = self._weights.posing(edit)
+            weights, columns = self._weights.columns(edit)
             moving = [i for i, column in enumerate(columns) if column.handle in moved]
-            how = self._arguments(edit, weights, columns, overlap)
+            how = self._arguments(edit, columns)
             self._drag = Drag(self._weights.bent(edit), weights, moving=moving, **how)
             self._moving = {handle: [column for column in columns if column.handle == handle] for handle in moved}
         matrices = [self._matrix(edit, column) for columns in self._moving.values() for column in columns]
@@ -67,10 +66,10 @@ class PosedShape:
         bent = self._weights.bent(edit)
         if edit.default is None and all(np.array_equal(handle.matrix, IDENTITY) for handle in edit.handles):
             return bent  # nothing but bends and twists, as in most drags of a tip
-        weights, columns, overlap = self._weights.posing(edit)
-        return pose(bent, weights, **self._arguments(edit, weights, columns, overlap))
+        weights, columns = self._weights.columns(edit)
+        return pose(bent, weights, **self._arguments(edit, columns))
 
-    def _arguments(self, edit: Edit, weights: Float32, columns: tuple[Column, ...], overlap: Overlap) -> dict[str, Any]:
+    def _arguments(self, edit: Edit, columns: tuple[Column, ...]) -> dict[str, Any]:
         """What `pose` and `Drag` take for `edit`, besides vertices and weights."""
         positions = [column.position(edit.handles[column.handle]) for column in columns]
         return {
@@ -78,8 +77,7 @@ class PosedShape:
             "default": None if edit.default is None else edit.default.matrix(box_center(self._mesh)),
             "symmetry": edit.symmetry,
             "handles": np.reshape(positions, (-1, 3)),
-            "handle_weights": self._weights.among(edit, weights) if overlap == "interpolate" else None,
-            "overlap": overlap,
+            "overlap": edit.rules.overlap,
             "blend": edit.blending,
         }
 
@@ -112,8 +110,7 @@ def _bend(handle: Handle) -> tuple[Any, ...] | None:
 
 
 def _whole_shape(edit: Edit) -> tuple[Any, ...]:
-    named = (getattr(edit, name) for name in WHOLE_SHAPE if name != "blend")
-    return edit.fixed, edit.symmetry, edit.default, edit.blending, *named
+    return edit.fixed, edit.symmetry, edit.default, edit.blending, edit.preset
 
 
 def _acting(edit: Edit) -> tuple[Any, ...]:
@@ -121,7 +118,7 @@ def _acting(edit: Edit) -> tuple[Any, ...]:
 
     Handles that rest do not where displacements add, unless they keep a D₀ from what they hold.
     """
-    inert = edit.default is None and edit.overlap == "add" and edit.blending == "linear"
+    inert = edit.default is None and edit.rules.overlap == "add" and edit.blending == "linear"
     handles = [
         (handle.place, handle.controls, handle.transform)
         for handle in edit.handles

@@ -13,17 +13,15 @@ import numpy as np
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.editing.controls import GivenControls, controls_of, controls_on
-from dfd.editing.edit import Edit, GivenSettings, Handle, box_center, symmetry_on, with_preset
+from dfd.editing.edit import Edit, Handle, box_center, symmetry_on
 from dfd.editing.influence.held_parts import bend_vector, pivot_on
 from dfd.editing.influence.regions import VertexSet
 from dfd.editing.points import Place, place_on
-from dfd.editing.presets import PRESETS, WHOLE_SHAPE
 from dfd.posing.transforms import GivenMotion, GivenTransform, PivotAt, Transform, frame_of_normal
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-    from dfd.common.preset import Preset
     from dfd.editing.influence.handle_weights import HandleWeights
     from dfd.segmentation.parts import Level
     from dfd.symmetry.plane import SymmetryPlane
@@ -66,14 +64,6 @@ def change(edit: Edit, weights: HandleWeights, handle: int, at: Any, name: str |
     if not weights.held_parts(changed, changed.handle(handle)):
         return changed  # what it holds now has no axis: the pivot stays where it was
     return _on_part(changed, weights, handle, {"pivot": transform.pivot_at}, transform)
-
-
-def set_whole(edit: Edit, weights: HandleWeights, preset: Preset | None, given: GivenSettings) -> Edit:
-    """`edit` with everything that a preset says, then with what is given beside it."""
-    if unknown := given.keys() - WHOLE_SHAPE.keys():
-        raise TypeError(f"{unknown.pop()!r} is no setting of a whole shape; these are {', '.join(WHOLE_SHAPE)}")
-    settings: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
-    return replace(edit if preset is None else with_preset(edit, preset, weights.mesh), **settings)
 
 
 def set_symmetry(
@@ -155,7 +145,7 @@ def _on_part(edit: Edit, weights: HandleWeights, handle: int, given: GivenMotion
     held = edit.handle(handle)
     transform = held.transform
     begins = not before.turns or given.get("pivot") is not None
-    auto = PRESETS[edit.preset].pivot == "auto" and transform.turns and transform.pivot is None and begins
+    auto = edit.rules.pivot == "auto" and transform.turns and transform.pivot is None and begins
     if not found and not auto:
         return edit
     pivot = found.get("pivot")

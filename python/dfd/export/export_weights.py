@@ -56,7 +56,7 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
 
 def _arrays(session: Deformer) -> dict[str, np.ndarray[Any, Any]]:
     edit = session.edit
-    weights, columns, _ = session.bound.posing(edit)
+    weights, columns = session.bound.columns(edit)
     held = [edit.handles[column.handle] for column in columns]
     default = np.eye(3, 4) if edit.default is None else edit.default.matrix(box_center(session.mesh))
     return {
@@ -74,7 +74,7 @@ def _names(session: Deformer) -> list[str]:
     """A name for each column: its handle's, with a number for each further instance."""
     names = UniqueNames()
     handles = session.edit.handles
-    columns = session.bound.posing(session.edit)[1]
+    columns = session.bound.columns(session.edit)[1]
     named = (handles[column.handle] for column in columns)
     return [names.unique(handle.name or f"handle {handle.id}") for handle in named]
 

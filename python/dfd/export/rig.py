@@ -17,7 +17,6 @@ from dfd.export.key_poses import KeyPose, posed_edit
 from dfd.mesh.file.edits import far_origin
 from dfd.mesh.file.primitives import UniqueNames
 from dfd.mesh.mesh import Mesh
-from dfd.posing.overlap import interpolating
 from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
 
@@ -40,13 +39,11 @@ class Rig:
     _weights: Float32  # (V, C)
     _column: Int64  # (J − first,) the column of each joint of a handle
     _mirrored: Bool  # (J − first,) whether it acts on the side of the plane opposite to its handle
-    _mixing: Float64 | None  # (C, C)
 
     def weights(self) -> Iterator[tuple[slice, Float64]]:
         """Yield ranges of vertices and their weights (N, J), with which `dfd.pose` blends.
 
-        Rows sum to 1 wherever the weights of the handles sum to at most 1, and beyond it to that sum; with `overlap`
-        "interpolate" weights may be negative.
+        Rows sum to 1 wherever the weights of the handles sum to at most 1, and to that sum elsewhere.
         """
         plane = self.edit.symmetry
         first = self.default + 1
@@ -54,11 +51,6 @@ class Rig:
             rows = slice(start, min(start + BATCH, len(self._weights)))
             blended = self._weights[rows].astype(np.float64)
             total = blended.sum(axis=1, keepdims=True)
-            if self._mixing is not None:
-                blended = blended @ self._mixing
-                total = blended.sum(axis=1, keepdims=True)
-            elif self.edit.overlap == "normalize":
-                blended /= np.maximum(total, 1.0)
             result = np.zeros((len(blended), len(self.joints)))
             result[:, self.default] = np.maximum(1.0 - total[:, 0], 0.0)
             result[:, first:] = blended[:, self._column]
@@ -94,7 +86,7 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
     image.
     """
     edit = session.edit
-    weights, columns, overlap = session.bound.posing(edit)
+    weights, columns = session.bound.columns(edit)
     names = UniqueNames()
     center = box_center(session.mesh)
     far = far_origin(session.mesh.vertices)
@@ -121,9 +113,6 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
             joints.append(Joint(named, handle.id, handle.place.position, np.asarray(handle.pivot), frame, image))
             of_column.append(number)
             mirrored.append(mirror ^ _stands_below(edit, column, handle))
-    mixing = None
-    if overlap == "interpolate":
-        mixing = interpolating("export_rig", session.bound.among(edit, weights))
     sides = np.array(mirrored, bool)
     return Rig(
         session.mesh,
@@ -136,7 +125,6 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
         weights,
         np.array(of_column, int),
         sides,
-        mixing,
     )
 
 

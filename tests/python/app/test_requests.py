@@ -107,20 +107,18 @@ def test_a_part_is_held_resized_combined_and_what_a_handle_is_limited_to(page: P
 def test_a_preset_is_one_step_and_stays_when_all_is_cleared(new_page: Page) -> None:
     page = new_page
     page.ask("add", at={"vertex": 5}, controls={"reach": 0.4})
-    page.ask("set_mode", preset="paper")
+    page.ask("set_preset", preset="paper")
     state = page.last("state")
-    assert (state["preset"], state["overlap"], state["new_handle"]) == (
-        "paper",
-        "paper",
-        {"reach": 1, "falloff": "linear"},
-    )
-    assert (state["handles"][0]["reach"], state["preset"], state["overlap"]) == (1, "paper", "paper")
+    assert (state["preset"], state["new_handle"]) == ("paper", {"reach": 1, "falloff": "linear"})
+    assert state["handles"][0]["reach"] == 1
     page.ask("undo")
     assert (page.last("state")["preset"], page.last("state")["handles"][0]["reach"]) == ("default", 0.4)
     page.ask("redo")
     page.ask("clear")
     assert (page.last("state")["preset"], page.last("state")["handles"]) == ("paper", [])
-    assert "`set_mode.preset`: Input should be 'default' or 'paper'" in page.ask("set_mode", preset="mine")["message"]
+    assert (
+        "`set_preset.preset`: Input should be 'default' or 'paper'" in page.ask("set_preset", preset="mine")["message"]
+    )
 
 
 def test_the_heat_map_comes_first_and_instances_after_it(page: Page) -> None:
@@ -226,15 +224,15 @@ def test_a_pose_is_one_step(page: Page) -> None:
     assert [each["translation"][0] for each in page.last("state")["handles"]] == [0, 0]
 
 
-def test_radius_level_and_limits_are_set_and_taken_away(page: Page, deformer: Deformer) -> None:
+def test_radius_and_limits_are_set_and_taken_away(page: Page, deformer: Deformer) -> None:
     handle = page.ask("add", at={"vertex": 5})["handle"]
     count = len(deformer.mesh.vertices)
     inside = np.zeros(count, bool)
     inside[: count // 2] = True
     mask = base64.b64encode(np.packbits(inside, bitorder="little").tobytes()).decode()
-    page.ask("change", handle=handle, controls={"radius": 0.3, "level": True, "mask": {"mask": mask}})
+    page.ask("change", handle=handle, controls={"radius": 0.3, "mask": {"mask": mask}})
     state = page.last("state")["handles"][0]
-    assert (state["radius"], state["level"], state["mask"]) == (0.3, True, count // 2)
+    assert (state["radius"], state["mask"]) == (0.3, count // 2)
     assert page.last("columns")["columns"][0]["kind"] == "weight"
     assert state["mask_feather"] == 0
     page.ask("change", handle=handle, controls={"mask_feather": 0.25})

@@ -105,4 +105,4 @@ def test_what_cannot_be_is_said_before_anything_is_written(shapes, chair, argume
 def test_a_preset_takes_the_place_of_the_edit_s_own(shapes):
     assert worked(shapes("deform", "*.ply", "--edit", "edit.json", "--preset", "paper", "-o", "out"))
     large = json.loads(Path("out/large.edit.json").read_text())
-    assert (large["preset"], large["overlap"], large["handles"][0]["falloff"]) == ("paper", "paper", "linear")
+    assert (large["preset"], large["handles"][0]["falloff"]) == ("paper", "linear")

@@ -35,10 +35,19 @@ def deformer(mesh, field, features):
 
 
 @pytest.fixture
-def paper_handles(monkeypatch):
+def rules(monkeypatch):
+    """Change rules of the default preset."""
+
+    def change(**changes):
+        monkeypatch.setitem(PRESETS, "default", replace(PRESETS["default"], **changes))
+
+    return change
+
+
+@pytest.fixture
+def paper_handles(rules):
     """New handles reach and fall off as the paper's; instances have own pivots and follow as far as they look alike."""
-    new = replace(PRESETS["default"], reach=1.0, falloff="linear", level=False)
-    monkeypatch.setitem(PRESETS, "default", new)
+    rules(reach=1.0, falloff="linear", equalize=False)
 
 
 @pytest.fixture
@@ -79,7 +88,6 @@ def folds():
 
 
 @pytest.fixture
-def about_one_pivot(monkeypatch):
+def about_one_pivot(rules):
     """New handles as the paper has them: all that look alike moves about one pivot."""
-    new = replace(PRESETS["default"], **PRESETS["paper"].handle)
-    monkeypatch.setitem(PRESETS, "default", new)
+    rules(**PRESETS["paper"].handle, equalize=False)

@@ -50,7 +50,7 @@ def test_reach_and_falloff_are_those_of_bind(session, labeled, foot):
     session.undo()
     assert session.handles == ()
     session.redo()
-    assert session.handle(handle).controls == Controls(0.5, "sharp", instances="shared_pivot", level=False)
+    assert session.handle(handle).controls == Controls(0.5, "sharp", instances="shared_pivot")
 
 
 @pytest.mark.usefixtures("about_one_pivot")
@@ -137,7 +137,7 @@ def test_a_region_is_held_as_its_nearest_member_is(session, labeled, chair):
 
 
 @pytest.mark.usefixtures("paper_handles")
-def test_handles_arrive_although_fixed_points_take_from_them(session, chair, labeled, foot, mesh):
+def test_handles_arrive_although_fixed_points_take_from_them(session, rules, chair, labeled, foot, mesh):
     seat = int(chair.vertices_of("seat")[0])
     session.add(foot, translation=(0, -0.2, 0))
     session.fix(seat)
@@ -146,11 +146,8 @@ def test_handles_arrive_although_fixed_points_take_from_them(session, chair, lab
     np.testing.assert_allclose(session.weights, np.minimum(left / left[foot, 0], 1), rtol=1e-6)
     np.testing.assert_allclose(session.vertices[foot], mesh.vertices[foot] - (0, 0.2, 0), atol=1e-7)
     np.testing.assert_array_equal(session.vertices[seat], mesh.vertices[seat])
-    session.reach_targets = False
+    rules(reach_targets=False)
     np.testing.assert_array_equal(session.weights, left)
-    session.undo()
-    assert session.reach_targets
-    assert session.weights[foot, 0] == 1
 
 
 @pytest.mark.usefixtures("paper_handles")
@@ -172,9 +169,9 @@ def test_points_in_space_and_regions_arrive_too(session, field, labeled, chair, 
 
 @pytest.mark.usefixtures("paper_handles")
 @pytest.mark.parametrize("strength", [0.0, 0.5, 1.0])
-def test_a_fixed_point_holds_by_its_strength(session, labeled, chair, foot, strength):
+def test_a_fixed_point_holds_by_its_strength(session, rules, labeled, chair, foot, strength):
     seat = int(chair.vertices_of("seat")[0])
-    session.reach_targets = False
+    rules(reach_targets=False)
     session.add(foot)
     session.fix(seat, strength=strength)
     np.testing.assert_array_equal(session.weights, dfd.bind(labeled, [foot], fixed=[seat], strength=strength))
@@ -199,76 +196,9 @@ def test_nothing_left_of_a_handle_is_said_at_once(session, foot):
         session.fix(Ball(session.mesh.vertices[foot], 0.05))
     assert session.fixed == ()
     session.fix(Ball(session.mesh.vertices[foot], 0.05), strength=0.5)
-    session.reach_targets = False
-    session.fix(Ball(session.mesh.vertices[foot], 0.06))
-    assert session.weights[foot, 0] == 0
-    with pytest.raises(ValueError, match="Deformer.reach_targets: `fixed` must leave something of handle 1"):
-        session.reach_targets = True
 
 
 # --- how handles are put together
-
-
-@pytest.mark.usefixtures("about_one_pivot")
-def test_overlap_and_blend_are_those_of_pose(session, foot, mesh):
-    session.add(foot, rotation=(0, 0, 100))
-    session.add(int(mesh.vertices[:, 1].argmax()), translation=(0, 0.1, 0), scale=2)
-    for overlap in ("add", "normalize", "paper", "interpolate"):
-        for blend in ("linear", "dual_quaternion"):
-            session.overlap, session.blend = overlap, blend
-            held = [handle.place.vertex for handle in session.handles]
-            wanted = dfd.pose(
-                mesh.vertices, session.weights, session.transforms, handles=held, overlap=overlap, blend=blend
-            )
-            np.testing.assert_allclose(session.vertices, wanted, atol=1e-12)
-    session.undo()
-    assert (session.overlap, session.blend) == ("interpolate", "dual_quaternion")
-
-
-@pytest.mark.parametrize("overlap", ["add", "normalize", "paper", "interpolate"])
-@pytest.mark.parametrize("blend", ["linear", "dual_quaternion"])
-def test_a_drag_gives_what_a_whole_pose_gives_however_handles_are_put_together(mesh, field, features, overlap, blend):
-    session = dfd.Deformer(mesh, field, features=features)
-    handles = [session.add(vertex, rotation=(0, 9, vertex % 50)) for vertex in (5, 300, 900, 1500)]
-    session.overlap, session.blend, session.symmetry = overlap, blend, "x"
-    for angle in (30, 60):
-        session.move(handles[1], rotation=(angle, 0, 0), merge=True)
-        dragged = session.vertices
-    whole = dfd.Deformer(mesh, field, features=features)
-    whole.apply(session.edit)
-    np.testing.assert_allclose(dragged, whole.vertices, atol=1e-6)
-
-
-def test_interpolated_handles_land_where_they_were_sent(session, chair, mesh):
-    leg = chair.vertices_of("leg", 0)
-    heights = mesh.vertices[leg, 1]
-    held = [
-        int(leg[heights.argmin()]),
-        int(leg[heights.argmax()]),
-        *(int(chair.vertices_of(p)[0]) for p in ("seat", "back")),
-    ]
-    for i, vertex in enumerate(held):
-        session.add(vertex, translation=(0, -0.1 * i, 0.02))
-    targets = mesh.vertices[held] + [(0, -0.1 * i, 0.02) for i in range(4)]
-    assert np.abs(session.vertices[held] - targets).max() > 0.05
-    session.overlap = "interpolate"
-    np.testing.assert_allclose(session.vertices[held], targets, atol=1e-4)
-    session.move(2, translation=(0, 0, 0.3))
-    np.testing.assert_allclose(session.vertices[held[1]], mesh.vertices[held[1]] + (0, 0, 0.3), atol=1e-4)
-    np.testing.assert_allclose(session.vertices[held[3]], targets[3], atol=1e-4)
-
-
-def test_two_handles_that_look_the_same_cannot_be_interpolated(mesh, field, labeled):
-    same = labeled.copy()
-    same[6] = same[5]
-    session = dfd.Deformer(mesh, field, features=same)
-    session.add(5)
-    session.overlap = "interpolate"
-    with pytest.raises(
-        ValueError, match=r"Deformer.add: `overlap` cannot be 'interpolate': handle 1 at 5 and handle 2"
-    ):
-        session.add(6)
-    assert len(session.handles) == 1
 
 
 def test_symmetry_is_a_property_that_undoes_too(session, mesh):
@@ -316,7 +246,6 @@ def test_a_point_of_space_has_the_normal_of_the_nearest_vertex(session, mesh):
         ({"radius": 1, "locality": 1}, r"Deformer.add: `radius` and `locality` must not be given both, got 1 and 1"),
         ({"strength": 1.5}, r"Deformer.add: `strength` must be at most 1, got 1.5"),
         ({"instances": "all"}, r"Deformer.add: `instances` must be one of own_pivot, shared_pivot, only, got 'all'"),
-        ({"level": "yes"}, r"Deformer.add: `level` must be True or False, got 'yes'"),
         ({"mask": "y>0", "mask_feather": -1}, r"Deformer.add: `mask_feather` must be at least 0, got -1"),
         ({"mask": "y>0", "mask_feather": "wide"}, r"Deformer.add: `mask_feather` must be a length or a percentage"),
         ({"mask": "top"}, r"Deformer.add: `mask` must be a region, got 'top'"),
@@ -332,12 +261,7 @@ def test_odd_controls_are_refused_by_name(session, given, message):
 
 @pytest.mark.parametrize(
     ("name", "value", "message"),
-    [
-        ("overlap", "sum", r"Deformer.overlap: `overlap` must be one of add, interpolate, normalize, paper, got 'sum'"),
-        ("blend", "cubic", r"Deformer.blend: `blend` must be one of auto, linear, dual_quaternion, got 'cubic'"),
-        ("reach_targets", 1, r"Deformer.reach_targets: `reach_targets` must be True or False, got 1"),
-        ("symmetry", "x=wide", r"Deformer.symmetry: `plane` must be like x, x=0.1 or .* got 'x=wide'"),
-    ],
+    [("symmetry", "x=wide", r"Deformer.symmetry: `plane` must be like x, x=0.1 or .* got 'x=wide'")],
 )
 def test_odd_settings_are_refused_by_name(session, name, value, message):
     before = session.edit
@@ -347,8 +271,6 @@ def test_odd_settings_are_refused_by_name(session, name, value, message):
 
 
 def test_names_that_are_not_settings_are_refused(session):
-    with pytest.raises(TypeError, match="'handles' is no setting of a whole shape; these are overlap, blend"):
-        session.set(handles=())
     with pytest.raises(TypeError, match="'stretch' is no control of a handle; these are reach, falloff"):
         session.add(5, stretch=2)
 

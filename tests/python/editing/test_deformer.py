@@ -58,11 +58,11 @@ def test_handles_at_look_alikes_add_up(deformer, mesh):
 
 
 @pytest.mark.usefixtures("about_one_pivot")
-def test_the_session_is_bind_and_pose(deformer, mesh, features):
+def test_the_session_is_bind_and_pose(deformer, rules, mesh, features):
+    rules(reach_targets=False)
     deformer.add(5, translation=(0, 0.2, 0), rotation=(0, 30, 0), pivot="point")
     deformer.add(900, scale=(1, 2, 1), pivot="point")
     deformer.fix(6)
-    deformer.reach_targets = False
     transforms = [
         affine(translation=(0, 0.2, 0), rotation=(0, 30, 0), pivot=mesh.vertices[5]),
         affine(scale=(1, 2, 1), pivot=mesh.vertices[900]),
@@ -110,11 +110,11 @@ def test_fixed_points_stay_and_can_be_released(deformer, mesh):
 
 
 @pytest.mark.usefixtures("paper_handles")
-def test_points_in_space_can_be_fixed_among_vertices(deformer, field, features):
+def test_points_in_space_can_be_fixed_among_vertices(deformer, rules, field, features):
     deformer.add(5)
     deformer.fix(600)
     deformer.fix((0.3, 0.1, 0.2))
-    deformer.reach_targets = False
+    rules(reach_targets=False)
     rows = np.concatenate([features[[600]], field(np.array([[0.3, 0.1, 0.2]]))])
     np.testing.assert_array_equal(deformer.weights, dfd.bind(deformer.features, [5], fixed=rows))
     deformer.release((0.3, 0.1, 0.2))

@@ -15,15 +15,12 @@ from sheet import full_edit, grid
 import dfd
 from dfd.editing import edit_file
 from dfd.editing.controls import Controls
-from dfd.editing.edit import Edit, Fixed, Handle, symmetry_on
+from dfd.editing.edit import Edit, Handle, symmetry_on
 from dfd.editing.edit_file import edit_schema, from_document, read_edit, to_document, write_edit
-from dfd.editing.influence.regions import Ball
 from dfd.editing.points import Place, place_on
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
-
-OLD = Controls(reach=1.0, falloff="linear", instances="shared_pivot", level=False)  # what versions 1 and 2 leave out
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +57,6 @@ controls = st.builds(
     st.floats(0, 1e3),
     strength=st.floats(0, 1),
     instances=st.sampled_from(["own_pivot", "shared_pivot", "only"]),
-    level=st.booleans(),
     excluded_instances=st.lists(triples.map(Place), max_size=3).map(tuple),
 )
 
@@ -120,12 +116,7 @@ def test_a_short_document_by_hand_is_enough(mesh):
         {"format": "dfd-edit", "version": 1, "handles": [{"vertex": 4, "scale": 2}, {"position": [0, 1, 2]}]}, mesh
     )
     assert edit == Edit(
-        (
-            Handle(1, place_on(mesh, 4), Transform(scale=(2.0, 2.0, 2.0)), OLD),
-            Handle(2, Place((0.0, 1.0, 2.0)), controls=OLD),
-        ),
-        blend="linear",
-        reach_targets=False,
+        (Handle(1, place_on(mesh, 4), Transform(scale=(2.0, 2.0, 2.0))), Handle(2, Place((0.0, 1.0, 2.0))))
     )
 
 
@@ -153,51 +144,6 @@ def test_a_byte_order_mark_does_no_harm(edit, mesh, tmp_path):
     path = tmp_path / "edit.json"
     path.write_text(json.dumps(to_document(edit, mesh)), encoding="utf-8-sig")
     assert read_edit(path, mesh) == edit
-
-
-def test_a_document_of_version_1_means_what_it_meant(mesh):
-    document = {
-        "format": "dfd-edit",
-        "version": 1,
-        "mesh": {"vertices": 81},
-        "handles": [{"id": 2, "vertex": 4, "rotation": [0, 0, 400], "locality": 2.5}],
-        "fixed": [{"vertex": 7, "position": None}],
-        "symmetry": {"normal": [1, 0, 0], "offset": 0.5},
-        "default": {"scale": 2},
-    }
-    assert from_document(document, mesh) == Edit(
-        (Handle(2, place_on(mesh, 4), Transform(rotation=(0.0, 0.0, 400.0)), replace(OLD, locality=2.5)),),
-        (Fixed(place_on(mesh, 7)),),
-        SymmetryPlane((1.0, 0.0, 0.0), 0.5),
-        Transform(scale=(2.0, 2.0, 2.0)),
-        blend="linear",
-        reach_targets=False,
-    )
-    assert from_document({**document, "version": 2}, mesh).reach_targets
-
-
-@pytest.mark.parametrize("preset", ["default", "paper"])
-def test_a_document_of_version_3_means_what_it_meant(mesh, preset):
-    document = {"format": "dfd-edit", "version": 3, "preset": preset, "handles": [{"vertex": 4}]}
-    edit = from_document(document, mesh)
-    assert edit.blend == "linear"
-    controls = edit.handles[0].controls
-    assert (controls.reach, controls.level) == ((0.7, False) if preset == "default" else (1.0, False))
-    now = from_document({**document, "version": 5}, mesh)
-    assert (now.blend, now.handles[0].controls.level) == (("auto", True) if preset == "default" else ("linear", False))
-
-
-def test_documents_before_version_5_have_other_names(mesh):
-    handle = {"vertex": 4, "within": {"kind": "ball", "center": [0, 0, 0], "radius": 9}, "within_width": 0.5}
-    handle |= {"instances": "together", "level": False, "without_instances": [{"vertex": 7}]}
-    document = {"format": "dfd-edit", "version": 4, "handles": [handle], "arrive": False}
-    edit = from_document(document, mesh)
-    controls = edit.handles[0].controls
-    assert (edit.reach_targets, controls.instances, controls.mask_feather) == (False, "shared_pivot", 0.5)
-    assert (controls.mask, controls.excluded_instances) == (Ball((0.0, 0.0, 0.0), 9.0), (place_on(mesh, 7),))
-    for other in ({"version": 5}, {"reach_targets": True}):
-        with pytest.raises(ValueError, match="`arrive` is an unknown key"):
-            from_document({"format": "dfd-edit", "version": 4, "arrive": False, **other}, mesh)
 
 
 def test_the_schema_says_what_is_read_and_what_is_written(document):
@@ -277,8 +223,8 @@ MISSING = object()
     [
         (("format",), "gltf", r'`format` must be "dfd-edit", got "gltf"'),
         (("format",), MISSING, r'`format` must be "dfd-edit", got null'),
-        (("version",), 6, r"`version` must be 1 to 5, got 6"),
-        (("version",), True, r"`version` must be 1 to 5, got true"),
+        (("version",), 6, r"`version` must be 1, got 6"),
+        (("version",), True, r"`version` must be 1, got true"),
         (("units",), {"length": "inch"}, r"`units.length` must be 'mesh', got .inch."),
         (("mesh",), 9, r"`mesh` must be an object, got 9"),
         (("mesh",), {}, r"`mesh.vertices` is missing"),
@@ -327,7 +273,6 @@ MISSING = object()
             r"`handles\[0\].radius` and `locality` must not be given both, got 0.5 and 2.5",
         ),
         (("handles", 0, "strength"), 2, r"`handles\[0\].strength` must be at most 1, got 2"),
-        (("handles", 0, "level"), 1, r"`handles\[0\].level` must be true or false, got 1"),
         (("handles", 2, "excluded_instances"), 4, r"`handles\[2\].excluded_instances` must be a list, got 4"),
         (
             ("handles", 2, "excluded_instances", 0, "vertex"),
@@ -360,9 +305,6 @@ MISSING = object()
         (("handles", 2, "region", "size"), 3, r"`handles\[2\].region.size` is an unknown key$"),
         (("handles", 2, "mask", "radius"), -1, r"`handles\[2\].mask.radius` must be above 0, got -1"),
         (("handles", 2, "mask", "radius"), 1e-9, r"`handles\[2\].mask` must hold a vertex, but the ball"),
-        (("overlap",), "sum", r"`overlap` must be 'add', 'interpolate', 'normalize' or 'paper', got .sum."),
-        (("blend",), "cubic", r"`blend` must be 'auto', 'linear', or 'dual_quaternion', got .cubic."),
-        (("reach_targets",), None, r"`reach_targets` must be true or false, got null"),
         (("fixed",), 5, r"`fixed` must be a list, got 5"),
         (("fixed", 0, "vertex"), 1.5, r"`fixed\[0\].vertex` must be a whole number"),
         (("fixed", 0, "locality"), 1, r"`fixed\[0\].locality` is an unknown key"),

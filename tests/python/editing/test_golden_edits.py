@@ -1,19 +1,14 @@
-"""Edits as versions 1 to 4 wrote them, with every key and with as few as may be, mean what they meant then.
-
-`golden/posed.json` holds where every seventh vertex went when the files were written, by the program of that time.
-"""
+"""An edit in a file of version 1, with every key, poses the shape as it did when the file was written."""
 
 import json
 from pathlib import Path
 
 import numpy as np
-import pytest
 from made_field import made_field
 
 import dfd
 
 GOLDEN = Path(__file__).parent / "golden"
-NAMES = sorted(path.stem for path in GOLDEN.glob("v*.json"))
 
 
 def figure() -> dfd.Mesh:
@@ -31,19 +26,9 @@ def figure() -> dfd.Mesh:
     return dfd.Mesh(vertices, np.concatenate(faces).astype(np.int32))
 
 
-@pytest.fixture(scope="module")
-def egg():
+def test_an_edit_of_version_1_poses_the_shape_as_it_did():
     mesh = figure()
-    return mesh, made_field(16, seed=1, width=32, layers=2, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents))
-
-
-def posed(path, mesh, field):
-    return dfd.Deformer.load(path, mesh, field).vertices[::7]
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_an_old_edit_poses_the_shape_as_it_did(egg, name):
-    wanted = json.loads((GOLDEN / "posed.json").read_text())[name]
-    moved = posed(GOLDEN / f"{name}.json", *egg)
-    np.testing.assert_allclose(moved, wanted, atol=1e-4)
-    assert np.abs(moved - egg[0].vertices[::7]).max() > 0.1
+    field = made_field(16, seed=1, width=32, layers=2, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents))
+    moved = dfd.Deformer.load(GOLDEN / "v1.json", mesh, field).vertices[::7]
+    np.testing.assert_allclose(moved, json.loads((GOLDEN / "v1_posed.json").read_text()), atol=1e-4)
+    assert np.abs(moved - mesh.vertices[::7]).max() > 0.1

@@ -316,9 +316,9 @@ def compacted():
 
 
 @pytest.mark.usefixtures("paper_handles")
-def test_many_vertices_bind_from_compact_features(compacted, mesh, field, features):
+def test_many_vertices_bind_from_compact_features(compacted, rules, mesh, field, features):
+    rules(reach_targets=False)
     deformer = dfd.Deformer(mesh, field)
-    deformer.reach_targets = False
     for vertex in (5, 900, 1500):
         deformer.add(vertex, translation=(0, 0.1, 0))
     deformer.add(mesh.vertices[70], scale=2)

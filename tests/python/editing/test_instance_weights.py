@@ -95,27 +95,27 @@ def test_only_moves_the_handle_s_own(session, sample, mesh, asked, foot):
 
 @pytest.mark.usefixtures("paper_handles")
 @pytest.mark.parametrize("instances", ["own_pivot", "shared_pivot"])
-def test_level_brings_all_instances_to_full_weight(session, sample, mesh, asked, foot, instances):
-    handle = session.add(foot, translation=(0, -0.2, 0), instances=instances, level=False)
+def test_level_brings_all_instances_to_full_weight(session, rules, sample, mesh, asked, foot, instances):
+    session.add(foot, translation=(0, -0.2, 0), instances=instances)
     back = leg(sample, 2)
     half = session.vertices[back] - mesh.vertices[back]
     assert 0.05 < -half[:, 1].mean() < 0.15
-    session.change(handle, level=True)
-    np.testing.assert_allclose(session.vertices[back], mesh.vertices[back] - (0, 0.2, 0), atol=1e-6)
-    session.undo()
-    np.testing.assert_allclose(session.vertices[back] - mesh.vertices[back], half, atol=1e-12)
+    rules(equalize=True)
+    full = dfd.Deformer(mesh, session.field, features=session.features)
+    full.apply(session.edit)
+    np.testing.assert_allclose(full.vertices[back], mesh.vertices[back] - (0, 0.2, 0), atol=1e-6)
 
 
 @pytest.mark.parametrize("instances", ["own_pivot", "shared_pivot"])
 def test_level_keeps_the_strength_of_a_handle(session, sample, mesh, asked, foot, instances):
-    session.add(foot, translation=(0, -0.2, 0), instances=instances, strength=0.5, level=True, reach=0.7)
+    session.add(foot, translation=(0, -0.2, 0), instances=instances, strength=0.5, reach=0.7)
     legs = sample.vertices_of("leg")
     np.testing.assert_allclose(session.vertices[legs], mesh.vertices[legs] - (0, 0.1, 0), atol=1e-6)
 
 
 @pytest.mark.parametrize("near", [{"locality": 3.0}, {"radius": 1.5}])
 def test_level_makes_up_for_looks_and_not_for_distance(session, sample, asked, foot, near):
-    session.add(foot, translation=(0, -0.2, 0), level=True, reach=0.7)
+    session.add(foot, translation=(0, -0.2, 0), reach=0.7)
     full = session.following[:, 0].copy()
     session.change(1, **near)
     sources, distances, power = session.bound.locality(session.edit, session.edit.handles[0])
@@ -127,7 +127,7 @@ def test_level_makes_up_for_looks_and_not_for_distance(session, sample, asked, f
 
 def test_level_leaves_what_is_hardly_alike_where_it_is(session, sample, mesh, asked, foot, monkeypatch):
     monkeypatch.setattr(instance_weights, "LEAST_ALIKE", 0.8)  # the back legs follow by half
-    session.add(foot, translation=(0, -0.2, 0), level=True, reach=0.7)
+    session.add(foot, translation=(0, -0.2, 0), reach=0.7)
     front, back = leg(sample, 1), leg(sample, 2)
     np.testing.assert_allclose(session.vertices[front], mesh.vertices[front] - (0, 0.2, 0), atol=1e-6)
     assert (session.vertices[back, 1] > mesh.vertices[back, 1] - 0.15).all()
@@ -157,14 +157,12 @@ def test_level_lets_no_vertex_follow_more_than_the_handle(mesh, field, asked, fo
 
     monkeypatch.setattr(instance_weights, "InstanceFinder", Halves)
     session = dfd.Deformer(mesh, field, features=field.features(mesh))
-    handle = session.add(foot, translation=(0, -0.2, 0), instances="own_pivot", level=True)
+    session.add(foot, translation=(0, -0.2, 0), instances="own_pivot")
     assert session.following.max() <= 1 + 1e-6
     assert (session.vertices[:, 1] >= mesh.vertices[:, 1] - 0.2 - 1e-6).all()
     for column in session.bound.columns(session.edit)[1]:
         assert (column.instance.share >= 0).all()
         assert (column.instance.share <= 1).all()
-    session.change(handle, level=False)
-    assert session.following.max() == pytest.approx(1)
 
 
 @pytest.mark.parametrize("instances", ["own_pivot", "shared_pivot"])
@@ -227,9 +225,7 @@ def test_a_second_handle_takes_its_leg_over(session, sample, mesh, asked):
 
 def test_a_new_handle_has_instances_of_its_own(session, mesh, foot):
     handle = session.add(foot, scale=1.5)
-    assert session.handle(handle).controls == Controls(
-        reach="part", falloff="smooth", instances="own_pivot", level=True
-    )
+    assert session.handle(handle).controls == Controls(reach="part", falloff="smooth", instances="own_pivot")
     by_default = session.vertices
     session.change(handle, instances="own_pivot")
     np.testing.assert_array_equal(session.vertices, by_default)
@@ -237,16 +233,18 @@ def test_a_new_handle_has_instances_of_its_own(session, mesh, foot):
     assert (session.vertices != by_default).any()
 
 
-def test_together_is_the_paper_and_asks_nobody(session, mesh, asked, foot):
-    session.add(foot, rotation=(0, 20, 0), instances="shared_pivot", level=False, pivot="point", reach=1)
+def test_together_is_the_paper_and_asks_nobody(session, rules, mesh, asked, foot):
+    rules(equalize=False)
+    session.add(foot, rotation=(0, 20, 0), instances="shared_pivot", pivot="point", reach=1)
     wanted = dfd.pose(mesh.vertices, session.weights, [affine(rotation=(0, 20, 0), pivot=mesh.vertices[foot])])
     np.testing.assert_allclose(session.vertices, wanted, atol=1e-12)
     assert asked == []
 
 
-def test_instances_are_found_once_for_a_drag(session, mesh, field, asked, foot):
+def test_instances_are_found_once_for_a_drag(session, rules, mesh, field, asked, foot):
+    rules(equalize=False)
     handle = session.add(foot, instances="own_pivot")
-    together = {"instances": "shared_pivot", "level": False, "reach": 1}
+    together = {"instances": "shared_pivot", "reach": 1}
     other = session.add(5, translation=(0, 0.01, 0), **together)
     session.add(6, **together)
     session.add(7, **together)

@@ -19,10 +19,10 @@ from dfd.app.session.state import ViewState, state_message
 from dfd.cli.deform import deform
 from dfd.common.preset import Preset
 from dfd.editing.controls import Controls, GivenControls, controls_of
-from dfd.editing.edit import Edit, Handle, empty_edit
-from dfd.editing.edit_file import edit_schema, from_document, to_document
+from dfd.editing.edit import Handle
+from dfd.editing.edit_file import edit_schema, from_document
 from dfd.editing.points import place_on
-from dfd.editing.presets import CONTROLS, PARTLESS_REACH, PRESETS, WHOLE_SHAPE
+from dfd.editing.presets import CONTROLS, PARTLESS_REACH, PRESETS
 from dfd.editing.transfer import transfer
 from dfd.symmetry.plane import SymmetryPlane
 
@@ -34,10 +34,6 @@ each_preset = pytest.mark.parametrize("preset", NAMES)
 # --- the doors
 
 
-def whole(edit):
-    return {name: getattr(edit, name) for name in WHOLE_SHAPE}
-
-
 def test_there_is_one_object_for_each_preset():
     assert tuple(PRESETS) == NAMES
 
@@ -47,7 +43,7 @@ def test_a_session_starts_with_its_preset(mesh, field, features, preset):
     session = dfd.Deformer(mesh, field, preset=preset, features=features)
     controls = session.handle(session.add(5)).controls
     assert session.preset == preset
-    assert whole(session.edit) == PRESETS[preset].whole_shape
+    assert session.edit.rules == PRESETS[preset]
     assert {name: getattr(controls, name) for name in PRESETS[preset].handle} == PRESETS[preset].handle
     session.set_symmetry("x")
     assert session.symmetry.band == pytest.approx(PRESETS[preset].band * max(mesh.extents))
@@ -55,10 +51,10 @@ def test_a_session_starts_with_its_preset(mesh, field, features, preset):
 
 @each_preset
 def test_an_edit_file_means_its_preset_by_what_it_leaves_out(mesh, preset):
-    document = {"format": "dfd-edit", "version": 4, "preset": preset, "handles": [{"vertex": 5}], "symmetry": "x"}
+    document = {"format": "dfd-edit", "version": 1, "preset": preset, "handles": [{"vertex": 5}], "symmetry": "x"}
     edit = from_document(document, mesh)
     assert edit.handles == (Handle(1, place_on(mesh, 5), controls=controls_of(preset)),)
-    assert (edit.preset, whole(edit)) == (preset, PRESETS[preset].whole_shape)
+    assert edit.preset == preset
     assert edit.symmetry.band == pytest.approx(PRESETS[preset].band * max(mesh.extents))
     spelled = from_document({**document, "symmetry": {"normal": [1, 0, 0], "offset": 0}}, mesh)
     assert spelled.symmetry.band == edit.symmetry.band
@@ -66,21 +62,10 @@ def test_an_edit_file_means_its_preset_by_what_it_leaves_out(mesh, preset):
     assert (from_document(document, mesh) == edit) == (preset == "default")
 
 
-def test_a_file_of_version_3_means_the_reach_of_its_time(mesh):
-    document = {"format": "dfd-edit", "version": 3, "handles": [{"vertex": 5}]}
-    reaches = {"default": 0.7, "paper": 1.0}
-    for preset, reach in reaches.items():
-        assert from_document({**document, "preset": preset}, mesh).handles[0].controls.reach == reach
-    assert from_document(document, mesh).handles[0].controls.reach == 0.7
-    assert from_document({**document, "version": 4}, mesh).handles[0].controls.reach == "part"
-
-
 def test_values_made_of_nothing_are_those_of_the_default():
     assert Controls() == controls_of("default")
-    assert Edit() == empty_edit("default")
-    handle, shape = edit_schema()["$defs"]["Handle"]["properties"], edit_schema()["properties"]
+    handle = edit_schema()["$defs"]["Handle"]["properties"]
     assert {name: handle[name]["default"] for name in PRESETS["default"].handle} == PRESETS["default"].handle
-    assert {name: shape[name]["default"] for name in WHOLE_SHAPE} == PRESETS["default"].whole_shape
 
 
 @each_preset
@@ -92,11 +77,10 @@ def test_the_page_is_told_what_a_new_handle_has(mesh, field, features, preset):
     assert state.preset == preset
     reach = PARTLESS_REACH if defaults.reach == "part" else defaults.reach
     assert (state.new_handle.reach, state.new_handle.falloff) == (reach, defaults.falloff)
-    assert (state.overlap, state.blend) == (defaults.overlap, defaults.blend)
     assert [plane.band for plane in state.planes] == pytest.approx([defaults.band * max(mesh.extents)])
     if preset == "default":
         empty = state_message(ViewState(), after=0)
-        assert (empty.preset, empty.new_handle, empty.overlap) == (state.preset, state.new_handle, state.overlap)
+        assert (empty.preset, empty.new_handle) == (state.preset, state.new_handle)
 
 
 def test_the_command_line_says_the_defaults_in_its_help():
@@ -139,7 +123,7 @@ def test_the_documentation_has_the_same_table():
 def test_the_controls_are_those_of_every_door():
     text = (ROOT / "docs" / "reference" / "controls.md").read_text()
     rows = dict(re.findall(r"^\| `(\w+)` \| (.*) \|$", text, re.MULTILINE))
-    assert rows == {name: about.text for name, about in {**CONTROLS, **WHOLE_SHAPE}.items()}
+    assert rows == {name: about.text for name, about in CONTROLS.items()}
     names = [each.name for each in fields(Controls)]
     assert list(CONTROLS) == list(GivenControls.__annotations__) == names
     properties = edit_schema()["$defs"]["Handle"]["properties"]
@@ -198,23 +182,6 @@ def test_planes_of_auto_are_those_across_axes_within_epsilon(mesh, field, featur
         session.set_symmetry("x", threshold=0.1)
 
 
-def test_distances_end_at_gaps_without_bridges():
-    """Two strips that nearly touch: with bridges there is a way from one to the other."""
-    x, z = np.meshgrid(np.linspace(0, 1, 11), [0.0, 0.1], indexing="ij")
-    strip = np.stack([x.ravel(), 0 * x.ravel(), z.ravel()], axis=1)
-    corner = np.arange(0, 20, 2)[:, None]
-    quads = np.concatenate([corner + [0, 1, 2], corner + [1, 3, 2]])
-    mesh = dfd.Mesh(
-        np.concatenate([strip, strip + [1.005, 0, 0]]), np.concatenate([quads, quads + 22]).astype(np.int32)
-    )
-    across, apart = (dfd.Geodesics(mesh, bridges=bridges).distances([0])[0] for bridges in (True, False))
-    assert across[22:].max() <= 1
-    assert across[22] < 0.9
-    np.testing.assert_array_equal(apart[22:], 1)
-    with pytest.raises(ValueError, match="Geodesics: `bridges` must be True or False, got 1"):
-        dfd.Geodesics(mesh, bridges=1)
-
-
 # --- a session and its file
 
 
@@ -231,7 +198,7 @@ def test_a_preset_is_one_step_that_leaves_the_rest(deformer, mesh):
         "shared_pivot",
         1.0,
     )
-    assert (deformer.overlap, deformer.reach_targets, deformer.symmetry.band) == ("paper", False, 0.0)
+    assert deformer.symmetry.band == 0.0
     assert (deformer.fixed, deformer.handle(held).name) == (before.fixed, "leg")
     assert np.abs(deformer.vertices - shape).max() > 1e-3
     assert deformer.handle(deformer.add(7)).controls.reach == 1.0
@@ -245,30 +212,13 @@ def test_a_preset_is_one_step_that_leaves_the_rest(deformer, mesh):
 def test_the_preset_and_what_was_set_apart_stay_in_the_file_and_on_another_shape(mesh, field, features, tmp_path):
     session = dfd.Deformer(mesh, field, preset="paper", features=features)
     session.add(5, reach=0.5, locality=1.0)
-    session.bridges = True
-    session.mirrored_locality = True
     session.save(tmp_path / "edit.json")
     assert json.loads((tmp_path / "edit.json").read_text())["preset"] == "paper"
     again = dfd.Deformer.load(tmp_path / "edit.json", mesh, field, features=features)
     assert again.edit == session.edit
     assert again.handle(again.add(7)).controls == controls_of("paper")
     carried = transfer(session.edit, mesh, field, mesh, field).edit
-    assert (carried.preset, whole(carried)) == ("paper", whole(session.edit))
-    assert to_document(carried, mesh)["bridges"] is True
-
-
-@pytest.mark.parametrize("name", ["mirrored_locality", "bridges"])
-def test_rules_of_distances_are_true_or_false_and_undo(deformer, name):
-    deformer.add(int(deformer.mesh.vertices[:, 0].argmax()), reach=2.0, locality=3.0)
-    deformer.set_symmetry("x")
-    before = deformer.weights
-    setattr(deformer, name, False)
-    after = deformer.weights
-    assert (name == "bridges") or np.abs(after - before).max() > 0.1
-    deformer.undo()
-    np.testing.assert_array_equal(deformer.weights, before)
-    with pytest.raises(ValueError, match=f"Deformer.{name}: `{name}` must be True or False, got 1"):
-        setattr(deformer, name, 1)
+    assert carried.preset == "paper"
 
 
 @pytest.mark.parametrize("start", [lambda d: dfd.Deformer(d.mesh, d.field, preset="old"),

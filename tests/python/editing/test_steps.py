@@ -60,7 +60,6 @@ def test_every_verb_can_join_the_step_before_about_the_same(deformer):
     handle = deformer.add(5)
     for change in (
         lambda merge: deformer.change(handle, strength=0.5 + 0.1 * merge, merge=merge),
-        lambda merge: deformer.set(blend="linear" if merge else "dual_quaternion", merge=merge),
         lambda merge: deformer.set_symmetry("x", band=0.1 + merge, merge=merge),
         lambda merge: deformer.set_default(translation=(0, 0, 1 + merge), merge=merge),
     ):
@@ -123,8 +122,8 @@ def test_a_session_goes_on_from_its_file(deformer, mesh, field, features, geodes
 
 
 def test_an_edit_holds_on_another_resolution(deformer, mesh, field, tmp_path):
-    deformer.add(5, translation=(0, 0.2, 0), reach=0.7, level=False)
-    deformer.add(900, rotation=(0, 20, 0), reach=0.7, level=False)
+    deformer.add(5, translation=(0, 0.2, 0), reach=0.7)
+    deformer.add(900, rotation=(0, 20, 0), reach=0.7)
     deformer.fix(1500)
     deformer.save(tmp_path / "edit.json")
     # Every face in three, the new vertices first.

@@ -51,7 +51,6 @@ def test_handles_go_to_what_looks_like_what_they_held(mesh, moved, fields):
     session.fix(600, strength=0.5)
     session.symmetry = "x"
     session.set_default(translation=(0.1, 0, 0))
-    session.overlap, session.blend = "normalize", "dual_quaternion"
     found = transfer(session.edit, mesh, fields[0], other, fields[1])
     first, second = found.edit.handles
     assert first.place.vertex == number[5]
@@ -67,7 +66,6 @@ def test_handles_go_to_what_looks_like_what_they_held(mesh, moved, fields):
     assert second.controls.locality == 3
     np.testing.assert_allclose(found.edit.symmetry.offset, 5, atol=1e-6)
     np.testing.assert_allclose(found.edit.default.translation, (0.3, 0, 0))
-    assert (found.edit.overlap, found.edit.blend) == ("normalize", "dual_quaternion")
     assert found.confidence == pytest.approx({1: 1.0, 2: 1.0}, abs=1e-3)
     assert found.fixed_confidence == pytest.approx((1.0,), abs=1e-3)
 

@@ -1,9 +1,12 @@
 """A chair, a field that has learnt nothing, and sessions on it."""
 
+from dataclasses import replace
+
 import pytest
 from made_field import field_of
 
 import dfd
+from dfd.editing.presets import PRESETS
 
 
 @pytest.fixture(scope="session")
@@ -21,18 +24,18 @@ def features(mesh, field):
     return field.features(mesh)
 
 
-def linear(session):
-    """A session whose poses a skin has to the bit, however far they turn."""
-    session.blend = "linear"
-    return session
+@pytest.fixture(autouse=True)
+def linear(monkeypatch):
+    """Blend linearly, as a skin does, however far handles turn."""
+    monkeypatch.setitem(PRESETS, "default", replace(PRESETS["default"], blend="linear"))
 
 
 @pytest.fixture
 def session(mesh, field, features):
-    return linear(dfd.Deformer(mesh, field, features=features))
+    return dfd.Deformer(mesh, field, features=features)
 
 
 @pytest.fixture(scope="session")
 def make_session():
     """A session on another mesh."""
-    return lambda mesh: linear(dfd.Deformer(mesh, field_of(mesh, seed=1)))
+    return lambda mesh: dfd.Deformer(mesh, field_of(mesh, seed=1))

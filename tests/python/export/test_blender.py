@@ -47,9 +47,8 @@ def mirrored(session):
 
 
 def several(session):
-    session.overlap = "normalize"
     for place in ("bottom", "top", "left", "front", 900, 40):
-        session.add(place, reach=0.7, translation=(0.1, 0.1, 0), rotation=(20, 0, 0))
+        session.add(place, reach=0.7, strength=0.15, translation=(0.1, 0.1, 0), rotation=(20, 0, 0))
 
 
 @pytest.mark.parametrize("edit", [turned, scaled_along_a_normal, mirrored, several])
@@ -109,7 +108,6 @@ def test_real_shapes(name, tmp_path, make_session):
     session = make_session(dfd.load(MESHES / name))
     session.add("top", rotation=(0, 30, 20), instances="shared_pivot")
     session.add("bottom", translation=(0, 0, 0.1 * session.mesh.diagonal), instances="shared_pivot")
-    session.overlap = "normalize"
     dfd.export_rig(session, tmp_path / "rig.glb")
     found = blender(tmp_path / "rig.glb")
     assert apart(found["triangles"], session.vertices[session.mesh.faces]) < 1e-4 * session.mesh.diagonal

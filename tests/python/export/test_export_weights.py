@@ -38,7 +38,7 @@ def test_the_file_makes_the_shape_again(ending, session, tmp_path):
         default=arrays["default"],
         symmetry=plane,
         handles=arrays["handles"],
-        overlap=edit["overlap"],
+        overlap=session.edit.rules.overlap,
     )
     np.testing.assert_allclose(posed, session.vertices, atol=1e-9)
     np.testing.assert_array_equal(arrays["faces"], session.mesh.faces)

@@ -23,7 +23,6 @@ def test_a_target_for_each_handle_adds_up_to_the_edit(session, tmp_path):
     assert content.extras["targetNames"] == ["leg", "handle 2", "default"]
     assert report.largest <= 2e-6 * report.size
     alone = dfd.Deformer(session.mesh, session.field, features=session.features)
-    alone.blend = "linear"
     alone.add(40, translation=(0.1, 0.2, 0), rotation=(0, 60, 0), name="leg")
     half = glb.triangles({(0, "weights"): [0.5, 0, 0], (1, "weights"): [0.5, 0, 0]})
     between = (session.mesh.vertices + alone.vertices) / 2

@@ -61,7 +61,7 @@ def test_vertices_at_one_position_have_the_features_of_the_first(tmp_path):
 
 def test_a_session_weighs_by_them(chair, rows):
     session = dfd.Deformer(chair, dfd.VertexField(chair, rows))
-    session.add(17, translation=(0, 0.1, 0), instances="shared_pivot", level=False, reach=1.0, falloff="linear")
+    session.add(17, translation=(0, 0.1, 0), instances="shared_pivot", reach=1.0, falloff="linear")
     weights = dfd.bind(unit(rows).astype(np.float32), [17])
     np.testing.assert_allclose(session.weights, weights, atol=1e-6)
     moved = dfd.pose(chair.vertices, weights, np.array([np.c_[np.eye(3), (0, 0.1, 0)]]))

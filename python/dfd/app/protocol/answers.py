@@ -21,8 +21,6 @@ from dfd.app.protocol.parts import (
 )
 from dfd.common.preset import Preset
 from dfd.editing.controls import Falloff
-from dfd.editing.presets import BlendRule
-from dfd.posing.pose import Overlap
 from dfd.posing.transforms import PivotAt
 
 VERSION = 1
@@ -136,8 +134,6 @@ class StateMessage(Answer):
     default: PoseTransform | None = None  # D₀, with handle 0 … and its pivot
     preset: Preset  # "paper" is its equations to the letter
     new_handle: NewHandle
-    overlap: Overlap
-    blend: BlendRule
     can_undo: bool = False
     can_redo: bool = False
     field: FieldState

@@ -95,7 +95,7 @@ GIVEN: dict[str, Any] = {
     "excluded_instances": Annotated[tuple[Index, ...], Field(max_length=1000)],  # vertices
 }
 SHOWN: dict[str, Any] = {
-    "reach": float,  # what "part" found, where that is asked for
+    "reach": float,  # what "part" found, if that is asked for
     "mask": int,  # how many vertices the region has beyond which nothing follows; 0 is everywhere
     "excluded_instances": tuple[int, ...],  # vertices on those that are switched off
 }
@@ -109,8 +109,7 @@ def control_types(types: dict[str, Any]) -> dict[str, Any]:
 def control_entries() -> tuple[ControlEntry, ...]:
     """How panels show the controls, in order; what takes places and regions has a panel of its own."""
     entries = []
-    whole_shape = {name: about(Edit)[name] for name in ("preset", "overlap", "blend")}
-    for name, (kind, said) in {**about(editing.Controls), **whole_shape}.items():
+    for name, (kind, said) in {**about(editing.Controls), "preset": about(Edit)["preset"]}.items():
         if said is None or said.repeated or name == "mask":
             continue
         kinds = (kind, *get_args(kind))

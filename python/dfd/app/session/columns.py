@@ -131,7 +131,7 @@ class Columns:
             share = bound.instance_share(edit, handle)
             most = float(share.max(initial=0.0)) or 1.0
             return [(Whole(handle.place.position, share / most), most)]
-        if controls.instances == "own_pivot" and not controls.level and not self._allocation():
+        if controls.instances == "own_pivot" and not edit.rules.equalize and not self._allocation():
             # Gains are 1, so the weights of all handles need not be computed.
             return [(instance, 1.0) for instance, on in bound.instances(edit, handle) if on]
         columns = bound.columns(edit)[1]
@@ -144,7 +144,7 @@ class Columns:
     def _pending(self) -> dict[int, int]:
         """Column number to handle index, for instances still to be sent."""
         handles = self._deformer.handles
-        numbers = {self.of_handle(handle): i for i, handle in enumerate(handles) if _instanced(handle)}
+        numbers = {self.of_handle(handle): i for i, handle in enumerate(handles) if self._instanced(handle)}
         return {
             number: i
             for number, i in numbers.items()
@@ -154,7 +154,7 @@ class Columns:
     def _instances_key(self, handle: Handle) -> Hashable:
         """Everything that a handle's instances depend on besides its column: gains that level them follow weights."""
         edit = self._deformer.edit
-        about = (handle.controls, edit.fixed, edit.reach_targets) if handle.controls.level else ()
+        about = (handle.controls, edit.fixed) if edit.rules.equalize else ()
         return *about, *self._allocation()
 
     def _allocation(self) -> tuple[Hashable, ...]:
@@ -171,7 +171,7 @@ class Columns:
         geodesic = None
         if kind == "weight":
             whole = deformer.weights[:, index]
-            if not _instanced(handle):  # the sum over its instances
+            if not self._instanced(handle):  # the sum over its instances
                 weights, columns = deformer.bound.columns(deformer.edit)
                 whole = weights[:, [column.handle for column in columns].index(index)]
             arrays[f"values{number}"] = _packed(whole, 1.0)
@@ -192,11 +192,17 @@ class Columns:
         if kind == "distance":
             # Reach and falloff are the page's own, and change without a new column.
             instances = None
-            if _instanced(handle):
-                instances = (controls.instances, controls.level, controls.excluded_instances, edit.symmetry)
-            return (kind, handle.place, sources, edit.bridges, controls.radius, instances)
+            if self._instanced(handle):
+                instances = (controls.instances, controls.excluded_instances, edit.symmetry)
+            return (kind, handle.place, sources, edit.preset, controls.radius, instances)
         # Weights sent as such depend on every control.
-        return (kind, handle.place, sources, edit.bridges, controls, edit.fixed, edit.reach_targets, edit.symmetry)
+        return (kind, handle.place, sources, edit.preset, controls, edit.fixed, edit.symmetry)
+
+    def _instanced(self, handle: Handle) -> bool:
+        """Whether the page has to know of the handle's instances, to make weights of its column."""
+        controls = handle.controls
+        told_apart = self._deformer.edit.rules.equalize or bool(controls.excluded_instances)
+        return controls.instances != "shared_pivot" or (told_apart and column_kind(handle) == "distance")
 
     def _number(self, key: Hashable) -> int:
         return self._numbers.setdefault(key, len(self._numbers) + 1)
@@ -207,13 +213,6 @@ def column_kind(handle: Handle) -> Literal["distance", "weight"]:
     controls = handle.controls
     limited = controls.mask is not None or controls.reach == "part"
     return "weight" if handle.place.region is not None or limited else "distance"
-
-
-def _instanced(handle: Handle) -> bool:
-    """Whether the page has to know of the handle's instances, to make weights of its column."""
-    controls = handle.controls
-    told_apart = controls.level or bool(controls.excluded_instances)
-    return controls.instances != "shared_pivot" or (told_apart and column_kind(handle) == "distance")
 
 
 def heat_message(deformer: Deformer, place: Place, *, request: int) -> bytes:

@@ -47,12 +47,11 @@ from dfd.app.session.parts import Change
 from dfd.app.session.session import Session
 from dfd.app.session.state import feature_colors_message, positions_message
 from dfd.common.preset import Preset
-from dfd.editing.edit import Fixed, GivenSettings, empty_edit
+from dfd.editing.edit import Edit, Fixed
 from dfd.editing.influence.held_parts import pivot_on
 from dfd.editing.points import place_on
-from dfd.editing.presets import PRESETS, BlendRule
+from dfd.editing.presets import PRESETS
 from dfd.editing.suggestions import suggest_handles
-from dfd.posing.pose import Overlap
 from dfd.posing.transforms import PivotAt, Vector, vector
 from dfd.symmetry.plane import SymmetryPlane
 
@@ -306,12 +305,9 @@ def set_symmetry(
 
 
 @request
-def set_mode(
-    session: Session, preset: Preset | None = None, overlap: Overlap | None = None, blend: BlendRule | None = None
-) -> None:
-    """Set how handles act together, as one step; a preset replaces all settings that it defines."""
-    settings: GivenSettings = {"overlap": overlap, "blend": blend}
-    session.change(lambda deformer: deformer.set(preset=preset, **settings))
+def set_preset(session: Session, preset: Preset) -> None:
+    """Set how handles act together, and reach, falloff and instances of every handle, as one step."""
+    session.change(lambda deformer: setattr(deformer, "preset", preset))
 
 
 @request
@@ -338,7 +334,7 @@ def redo(session: Session) -> None:
 @request
 def clear(session: Session) -> None:
     """Remove all handles and fixed places, as one step."""
-    session.change(lambda deformer: deformer.apply(empty_edit(deformer.preset)))
+    session.change(lambda deformer: deformer.apply(Edit(preset=deformer.preset)))
 
 
 @request

@@ -50,8 +50,7 @@ def state_message(
     """The state of an editing session, or of a shape without a field, which cannot be edited yet."""
     common: dict[str, Any] = {"after": after, "field": view_state.field, "poses": view_state.poses}
     if deformer is None or columns is None:
-        overlap, blend = PRESETS["default"].overlap, PRESETS["default"].blend
-        return StateMessage(preset="default", new_handle=_new_handle("default"), overlap=overlap, blend=blend, **common)
+        return StateMessage(preset="default", new_handle=_new_handle("default"), **common)
     mesh, preset = deformer.mesh, deformer.preset
     return StateMessage(
         handles=tuple(_handle(deformer, columns, handle, view_state.parts) for handle in deformer.handles),
@@ -62,8 +61,6 @@ def state_message(
         default=None if deformer.default is None else _default(deformer.default, box_center(mesh)),
         preset=preset,
         new_handle=_new_handle(preset),
-        overlap=deformer.overlap,
-        blend=deformer.blend,
         can_undo=deformer.can_undo,
         can_redo=deformer.can_redo,
         **common,

@@ -15,17 +15,10 @@ from dfd.editing.edit import Edit, Fixed, Handle
 from dfd.editing.influence.distances import Distances
 from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.influence.held_parts import HeldPart, HeldParts
-from dfd.editing.influence.instance_weights import (
-    Column,
-    InstanceColumns,
-    followed_by,
-    interpolating_columns,
-    wanted_of,
-)
+from dfd.editing.influence.instance_weights import Column, InstanceColumns, followed_by, wanted_of
 from dfd.editing.influence.instances import Instance
 from dfd.editing.points import Place
 from dfd.editing.presets import PARTLESS_REACH, WITHIN_PART
-from dfd.posing.pose import Overlap
 from dfd.weights.bind import bind
 from dfd.weights.compact import CompactFeatures
 
@@ -39,8 +32,6 @@ if TYPE_CHECKING:
 # Of a handle's weight that fixed points leave at the handle itself: with less, dividing by it makes noise of the rest.
 LEAST_LEFT = 0.01
 LEAST_COUNTED = 0.35  # of the most that the handle itself moves: what follows less is no like of it to people
-# Of the largest singular value of the weights among handles: below, they no longer say which handle moves what.
-SINGULAR = 1e-4
 # The number that stands for the reach "part" is at least this, and so many times how far most of the part differs.
 LEAST_REACH, MOST_OF_PART, AROUND_PART = 0.1, 0.9, 2.0
 
@@ -125,7 +116,6 @@ class HandleWeights:
         self._reach_targets = True
         self._given: Float32 | None = None  # what `of` gave out last, as long as it holds
         self._held: Float32 | None = None  # (V,) what the fixed points take away, as long as they stay
-        self._mixed: tuple[Float32, Float32] | None = None  # columns, and what makes their handles land exactly
         self._reaches: dict[Place, float] = {}
         self._grips: dict[Place, Grip | None] = {}
         self.field = field
@@ -189,7 +179,7 @@ class HandleWeights:
         number = next(i for i, each in enumerate(edit.handles) if each.id == handle.id)
         moving = self.allocating(edit)
         others = tuple((each.place, each.controls) for each in edit.handles) if moving else ()
-        key = (self._keys[number], wanted_of(handle), edit.fixed, edit.reach_targets, edit.symmetry, others, moving)
+        key = (self._keys[number], wanted_of(handle), edit.fixed, edit.preset, edit.symmetry, others, moving)
         own = [(weights[:, i], column) for i, column in enumerate(columns) if column.handle == number]
         return self._limbs.of(key, handle, self.anchor(handle), own, edit.symmetry)
 
@@ -197,19 +187,6 @@ class HandleWeights:
         """(V, 3) the vertices that the handles of `edit` transform: the resting ones, bent and twisted where any do."""
         bending = {i: self.held_parts(edit, handle) for i, handle in enumerate(edit.handles) if handle.transform.bends}
         return self._limbs.bent(edit, bending) if bending else self.mesh.vertices
-
-    def posing(self, edit: Edit) -> tuple[Float32, tuple[Column, ...], Overlap]:
-        """(V, C) weights to pose with, what each column is of, and the overlap that `dfd.pose` is to take them with.
-
-        Those of handles whose instances are told apart are interpolating already: instances of several handles may
-        stand at one vertex, and only the handles themselves have to arrive.
-        """
-        weights, columns = self.columns(edit)
-        if edit.overlap != "interpolate" or all(column.instance is None for column in columns):
-            return weights, columns, edit.overlap
-        if self._mixed is None or self._mixed[0] is not weights:
-            self._mixed = weights, interpolating_columns(weights, columns, self._anchors(edit))
-        return self._mixed[1], columns, "add"
 
     def following(self, edit: Edit) -> Float32:
         """(V, H) how much vertices follow each handle, over all of its instances."""
@@ -279,7 +256,7 @@ class HandleWeights:
 
     def gain(self, edit: Edit, handle: Handle) -> float:
         """What a handle's weights are multiplied by so that it arrives in spite of fixed points (`Deformer.arrive`)."""
-        if not edit.fixed or not edit.reach_targets:
+        if not edit.fixed or not edit.rules.reach_targets:
             return 1.0
         vertex = handle.place.vertex
         left = self.left(edit, handle) if vertex is None else 1.0 - float(self.held(edit)[vertex])
@@ -301,7 +278,7 @@ class HandleWeights:
 
         Raises ValueError if fixed points leave nothing of a handle at the handle itself.
         """
-        if not edit.reach_targets or not edit.fixed:
+        if not edit.rules.reach_targets or not edit.fixed:
             return
         for handle in edit.handles:
             left = self.left(edit, handle)
@@ -316,31 +293,13 @@ class HandleWeights:
         """(H, H) of `weights` (V, H), row j at the vertex of handle j."""
         return weights[self._anchors(edit)].astype(np.float64)
 
-    def check_interpolation(self, edit: Edit) -> None:
-        """Refuse an edit whose handles cannot all land where they are sent.
-
-        Raises ValueError if `overlap` is "interpolate" and two handles have the same weights everywhere among handles.
-        """
-        if edit.overlap != "interpolate" or len(edit.handles) < 2:
-            return
-        among = self.among(edit, self.following(edit))
-        left, sizes, _ = np.linalg.svd(among)
-        if sizes[-1] <= SINGULAR * sizes[0]:
-            first, second = sorted(np.argsort(-np.abs(left[:, -1]), kind="stable")[:2].tolist())
-            one, other = edit.handles[first], edit.handles[second]
-            raise ArgumentError(
-                "overlap",
-                f"cannot be 'interpolate': handle {one.id} at {one.place} and handle {other.id} at "
-                f"{other.place} look the same and cannot both arrive",
-            )
-
     def _anchors(self, edit: Edit) -> Int64:
         return np.array([self.anchor(handle) for handle in edit.handles], np.int64)
 
     def _follow(self, edit: Edit) -> None:
         """Have a column for each handle of `edit`, in their order."""
-        if (edit.fixed, edit.reach_targets) != (self._fixed, self._reach_targets):
-            self._keys, self._held, self._fixed, self._reach_targets = [], None, edit.fixed, edit.reach_targets
+        if (edit.fixed, edit.rules.reach_targets) != (self._fixed, self._reach_targets):
+            self._keys, self._held, self._fixed, self._reach_targets = [], None, edit.fixed, edit.rules.reach_targets
         keys = [self._key(handle, edit) for handle in edit.handles]
         if keys == self._keys:
             return
@@ -363,9 +322,9 @@ class HandleWeights:
     def _key(self, handle: Handle, edit: Edit) -> Key:
         controls = handle.controls.of_column
         near = controls.locality > 0 or controls.radius is not None
-        plane = edit.symmetry if edit.mirrored_locality else None
+        plane = edit.symmetry if edit.rules.mirrored_locality else None
         sources = self._distances.sources(self._rows.vertices(handle.place), handle.place, plane) if near else ()
-        return Key(handle.place, controls, sources, edit.bridges and near)
+        return Key(handle.place, controls, sources, edit.rules.bridges and near)
 
     def _bind(self, keys: Sequence[Key], out: Float32) -> None:
         """Weights (V, N) of `keys`, all `_alike`, to `out` (Eq. 4 to 7)."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -15,7 +14,6 @@ from dfd.editing.edit import Edit, Handle
 from dfd.editing.influence.allocation import HELD, carriers_of, following, shared
 from dfd.editing.influence.instances import LEAST_ALIKE, Instance, InstanceFinder
 from dfd.geometry.coarse import SliceWeights
-from dfd.posing.overlap import interpolating
 from dfd.posing.transforms import Vector
 from dfd.symmetry.search import symmetry_planes
 from dfd.weights.bind import bind
@@ -93,9 +91,9 @@ class InstanceColumns:
 
         `weights` (V, H) are those of the handles, `keys` (H) all that these depend on but for the fixed points.
         """
-        if not any(_told_apart(handle) for handle in edit.handles):
+        if not any(_told_apart(handle, edit) for handle in edit.handles):
             return weights, tuple(Column(i, None) for i in range(len(edit.handles)))
-        about = (edit.fixed, edit.reach_targets, edit.symmetry)
+        about = (edit.fixed, edit.preset, edit.symmetry)
         wanted = [wanted_of(handle) for handle in edit.handles]
         key = (about, tuple(zip(keys, wanted, strict=True)), self.allocating(edit))
         if self._made is None or key != self._key:
@@ -104,7 +102,7 @@ class InstanceColumns:
             columns: list[Column] = []
             for i, handle in enumerate(edit.handles):
                 instances: tuple[Instance, ...] = ()
-                if _told_apart(handle):
+                if _told_apart(handle, edit):
                     instances = self.instances(handle, rows, edit.symmetry)
                 own = self._parts(edit, handle, weights[:, i], instances, rows)
                 apart = bool(instances) and _apart(handle)
@@ -125,7 +123,7 @@ class InstanceColumns:
     def allocating(edit: Edit) -> tuple[int, ...]:
         """The handles (H) among which components are divided: those that move, where they are several."""
         moving = [i for i, handle in enumerate(edit.handles) if not handle.transform.rests and _apart(handle)]
-        return tuple(moving) if len(moving) > 1 and edit.overlap == "add" else ()
+        return tuple(moving) if len(moving) > 1 and edit.rules.overlap == "add" else ()
 
     def _allocated(
         self, edit: Edit, weights: Float32, made: Float32, columns: list[Column], rows: HandleFeatures
@@ -216,7 +214,7 @@ class InstanceColumns:
         if controls.instances == "only":
             return [(instances[0], 1.0)]
         gains = [1.0] * len(instances)
-        if controls.level:
+        if edit.rules.equalize:
             near = self._near(edit, handle, np.array([one.vertex for one in instances]))
             instances, gains = _leveled(weights, instances, near)
         on = self.switches(handle, instances, rows)
@@ -225,24 +223,6 @@ class InstanceColumns:
     @cached_property
     def _planes(self) -> list[SymmetryPlane]:
         return symmetry_planes(self._field, self._mesh)
-
-
-def interpolating_columns(weights: Float32, columns: tuple[Column, ...], anchors: Int64) -> Float32:
-    """(V, C) columns under which each of H handles alone decides where its vertex of `anchors` (H,) lands.
-
-    What follows a handle in `weights` (V, C) is handed out to all of them, by the inverse of how much their vertices
-    follow each, and each one's part to its own instances by their shares.
-    """
-    followed = followed_by(weights, columns, len(anchors))
-    mixed = followed @ interpolating("Deformer", followed[anchors].astype(np.float64)).astype(np.float32)
-    counts = Counter(column.handle for column in columns)
-    result = np.empty((len(columns), len(weights)), np.float32)
-    for out, column in zip(result, columns, strict=True):
-        out[:] = mixed[:, column.handle]
-        share = None if counts[column.handle] == 1 or column.instance is None else column.instance.share
-        if share is not None:
-            out *= share
-    return result.T
 
 
 def followed_by(weights: Float32, columns: tuple[Column, ...], count: int) -> Float32:
@@ -256,7 +236,7 @@ def followed_by(weights: Float32, columns: tuple[Column, ...], count: int) -> Fl
 def wanted_of(handle: Handle) -> Hashable:
     """What of a handle its columns depend on, besides its weights."""
     controls = handle.controls
-    return controls.instances, controls.level, controls.excluded_instances
+    return controls.instances, controls.excluded_instances
 
 
 def _apart(handle: Handle) -> bool:
@@ -264,10 +244,10 @@ def _apart(handle: Handle) -> bool:
     return handle.controls.instances != "shared_pivot"
 
 
-def _told_apart(handle: Handle) -> bool:
+def _told_apart(handle: Handle, edit: Edit) -> bool:
     """Whether a handle has use for its instances."""
     controls = handle.controls
-    return _apart(handle) or controls.level or controls.excluded_instances != ()
+    return _apart(handle) or edit.rules.equalize or controls.excluded_instances != ()
 
 
 def _weights_of(part: Portion, weights: Float32) -> Float32:

@@ -146,7 +146,7 @@ function ShapePanel({ known }: { readonly known: StateMessage }) {
           hint={preset.hint}
           value={known.preset}
           options={preset.choices as StateMessage["preset"][]}
-          onChange={(choice) => send({ type: "set_mode", preset: choice })}
+          onChange={(choice) => send({ type: "set_preset", preset: choice })}
         />
       )}
       {mesh && (
