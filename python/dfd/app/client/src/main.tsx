@@ -7,11 +7,10 @@ import { followPosed } from "./actions/edit";
 import { followAxis, followSimilar } from "./actions/similar";
 import { App } from "./panels/app";
 import { posePoint } from "./posing/columns";
-import { store, type Theme } from "./store/state";
+import { store } from "./store/state";
 import { sceneOf } from "./viewer/scene";
 import { Viewer } from "./viewer/viewer";
 
-const THEME_KEY = "dfd-theme";
 const MORE_KEY = "dfd-more";
 
 function element(tag: "div" | "canvas" | "p", name: string): HTMLElement {
@@ -26,19 +25,7 @@ function start(): void {
   view.append(canvas, overlay);
   document.getElementById("app")?.append(view, panels);
 
-  // Before the viewer, which reads the theme's colors.
-  const themed = (theme: Theme) => {
-    if (theme === "system") delete document.documentElement.dataset.theme;
-    else document.documentElement.dataset.theme = theme;
-    localStorage.setItem(THEME_KEY, theme);
-  };
-  store.on("theme", themed);
-  const saved = localStorage.getItem(THEME_KEY);
-  store.set({
-    theme: saved === "light" || saved === "dark" ? saved : "system",
-    inspector: innerWidth >= 720,
-    more: localStorage.getItem(MORE_KEY) === "true",
-  });
+  store.set({ inspector: innerWidth >= 720, more: localStorage.getItem(MORE_KEY) === "true" });
   store.on("more", (more) => localStorage.setItem(MORE_KEY, String(more)));
 
   let viewer: Viewer;

@@ -25,15 +25,22 @@ function escape(): void {
   else edit.select(null);
 }
 
-type Switch = "snap" | "wireframe" | "xray" | "isolated" | "more" | "inspector" | "help" | "timeline" | "uniformScale";
+type Switch =
+  | "comparing"
+  | "snap"
+  | "wireframe"
+  | "xray"
+  | "isolated"
+  | "more"
+  | "inspector"
+  | "help"
+  | "timeline"
+  | "uniformScale"
+  | "local";
 
 /** Switch what is on or off. */
 export function toggle(name: Switch): void {
   store.set({ [name]: !store.get()[name] });
-}
-
-function toggleSpace(): void {
-  store.set({ space: store.get().space === "world" ? "local" : "world" });
 }
 
 const withSelected = (run: (handle: number) => void) => () => {
@@ -62,7 +69,7 @@ export const SHORTCUTS: readonly Shortcut[] = [
   ["E", "Handle", "Rotate", set({ gizmo: "rotate", tool: "hold" })],
   ["R", "Handle", "Scale", set({ gizmo: "scale", tool: "hold" })],
   ["D", "Handle", "Bend", set({ gizmo: "bend", tool: "hold" })],
-  ["L", "Handle", "Local or world axes", toggleSpace],
+  ["L", "Handle", "Local or world axes", () => toggle("local")],
   ["S", "Handle", "Snap", () => toggle("snap")],
   ["]", "Handle", "Hold a larger part", () => edit.changePart("larger")],
   ["[", "Handle", "Hold a smaller part", () => edit.changePart("smaller")],
@@ -78,6 +85,7 @@ export const SHORTCUTS: readonly Shortcut[] = [
   ["P", "Tools", "Move the pivot", set({ tool: "pivot" })],
   ["G", "Tools", "Suggest handles", edit.suggest],
   ["Shift G", "Tools", "Hold the next suggestion", holdNext],
+  ["C", "View", "Compare with the original", () => ready(store.get()) && toggle("comparing")],
   ["Z", "View", "Wireframe", () => toggle("wireframe")],
   ["V", "View", "X-ray", () => toggle("xray")],
   ["/", "View", "Only what is held", () => toggle("isolated")],
@@ -119,10 +127,6 @@ export function listen(): void {
     const target = event.target as HTMLElement;
     if (target.matches("input:not([type=range], [type=checkbox]), textarea, select")) return;
     const keys = keysOf(event);
-    if (keys === "C" && !event.repeat) {
-      if (ready(store.get())) store.set({ comparing: true });
-      return;
-    }
     // Buttons are pressed by Enter: wherever the focus was left, this plays.
     if (event.key === " " && target.matches("input, [role=menuitem]")) return;
     const { help, page } = store.get();
@@ -138,8 +142,4 @@ export function listen(): void {
     else return;
     event.preventDefault();
   });
-  addEventListener("keyup", (event) => {
-    if (event.key.toLowerCase() === "c") store.set({ comparing: false });
-  });
-  addEventListener("blur", () => store.set({ comparing: false }));
 }

@@ -3,18 +3,21 @@ import { useState } from "preact/hooks";
 import { send } from "../actions/connection";
 import { select } from "../actions/edit";
 import type { HandleState } from "../protocol/messages";
-import { handleColor, handleName, ready, store } from "../store/state";
+import { handleColor, handleName, ready } from "../store/state";
 import { useParts } from "../store/use";
 import { IconButton, Menu, Panel } from "../widgets/controls";
 
-const CLEAR = ["Remove all handles and fixed points", "", () => send({ type: "clear" })] as const;
+const ALL = [
+  ["Return all to rest", "", () => send({ type: "reset" })],
+  ["Remove all, fixed points too", "", () => send({ type: "clear" })],
+] as const;
 
 export function HandleList() {
   const { edit } = useParts();
   const handles = edit?.handles ?? [];
   const edited = handles.length + (edit?.fixed.length ?? 0) > 0;
   return (
-    <Panel title="Handles" action={edited && <Menu icon="more" label="All handles" groups={[[CLEAR]]} />}>
+    <Panel title="Handles" action={edited && <Menu icon="more" label="All handles" groups={[ALL]} />}>
       {handles.length === 0 ? (
         <p class="empty">
           {ready({ edit })
@@ -34,15 +37,9 @@ export function HandleList() {
 
 function HandleRow({ handle }: { readonly handle: HandleState }) {
   const id = handle.handle;
-  const state = useParts();
-  const [selected, hidden] = [state.selected === id, state.hidden.has(id)];
+  const selected = useParts().selected === id;
   const [naming, setNaming] = useState(false);
   const name = handleName(handle);
-  const toggleHidden = () => {
-    const all = new Set(state.hidden);
-    if (!all.delete(id)) all.add(id);
-    store.set({ hidden: all });
-  };
   return (
     <li class={selected ? "row selected" : "row"}>
       {naming ? (
@@ -85,11 +82,6 @@ function HandleRow({ handle }: { readonly handle: HandleState }) {
           </small>
         </button>
       )}
-      <IconButton
-        icon={hidden ? "hidden" : "eye"}
-        label={hidden ? `Show ${name}` : `Hide ${name}`}
-        onPress={toggleHidden}
-      />
       <IconButton icon="remove" label={`Remove ${name}`} onPress={() => send({ type: "remove", handle: id })} />
     </li>
   );

@@ -14,11 +14,10 @@ const POINTER: readonly Entry[] = [
 ];
 const GROUPS: readonly Shortcut[1][] = ["Handle", "Tools", "View", "Edit", "Timeline"];
 const LOOKS: Entry = ["1 … 4", "Texture, clay, features, heat map"];
-const COMPARE: Entry = ["C", "Hold to see the original"];
 
 function entriesOf(group: Shortcut[1]): readonly Entry[] {
   const entries = SHORTCUTS.filter((shortcut) => shortcut[1] === group).map(([keys, , label]): Entry => [keys, label]);
-  return group === "View" ? [LOOKS, ...entries, COMPARE] : entries;
+  return group === "View" ? [LOOKS, ...entries] : entries;
 }
 
 export function Help() {

@@ -43,29 +43,17 @@ function BrushPanel() {
       {tool !== "box" && (
         <Slider
           label="Size"
-          value={brush.radius}
+          value={brush}
           range={[0.005, 0.2, 0.005]}
-          text={`${(100 * brush.radius).toFixed(1)} % of the size`}
-          onInput={(radius) => store.set({ brush: { ...brush, radius } })}
+          text={`${(100 * brush).toFixed(1)} % of the size`}
+          onInput={(radius) => store.set({ brush: radius })}
         />
       )}
-      <Slider
-        label="Strength of fixing"
-        value={brush.strength}
-        range={[0.05, 1, 0.05]}
-        text={percent(brush.strength)}
-        onInput={(strength) => store.set({ brush: { ...brush, strength } })}
-      />
       <p class="empty" role="status">
         {painted ? `${painted.count} vertices chosen.` : "Paint over the shape, or draw a box; Shift takes away."}
       </p>
       <div class="buttons">
-        <Button
-          text="Fix"
-          style="primary"
-          disabled={!painted}
-          onPress={use((at) => send({ type: "fix", at, strength: brush.strength }))}
-        />
+        <Button text="Fix" style="primary" disabled={!painted} onPress={use((at) => send({ type: "fix", at }))} />
         <Button text="Hold" disabled={!painted} onPress={use((at) => send({ type: "add", at }))} />
         {selected && (
           <Button

@@ -2,17 +2,10 @@ import { send } from "../actions/connection";
 import { chooseFiles, exportAs } from "../actions/files";
 import { LOOKS, shortcut } from "../actions/keyboard";
 import type { Export } from "../protocol/messages";
-import { ready, store, type Theme } from "../store/state";
+import { ready, store } from "../store/state";
 import { useParts } from "../store/use";
 import type { Viewer } from "../viewer/viewer";
 import { IconButton, KeyButton, Menu, Segmented, type MenuItem } from "../widgets/controls";
-import type { IconName } from "../widgets/icons";
-
-const THEMES: Record<Theme, readonly [icon: IconName, next: Theme, label: string]> = {
-  system: ["system", "light", "Theme of the system"],
-  light: ["sun", "dark", "Light theme"],
-  dark: ["moon", "system", "Dark theme"],
-};
 
 const exported = (text: string, hint: string, format: Export["format"], possible = true): MenuItem => [
   text,
@@ -32,8 +25,7 @@ const VIEWS: readonly (readonly MenuItem[])[] = [
 );
 
 export function Topbar({ viewer }: { readonly viewer: Viewer }) {
-  const { edit, mesh, look, wireframe, theme, inspector, timeline } = useParts();
-  const [themeIcon, nextTheme, themeLabel] = THEMES[theme];
+  const { edit, mesh, look, wireframe, inspector, timeline } = useParts();
   const moves = (edit?.poses.length ?? 0) > 1;
   const open: MenuItem[] = [
     ["Open a mesh or session…", "Ctrl O", chooseFiles],
@@ -76,7 +68,6 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
       <div class="bar-group end">
         <IconButton icon="camera" label="Screenshot" onPress={() => viewer.screenshot()} />
         <Menu icon="save" label="Export" text="Export" groups={[shapes, rigs]} />
-        <IconButton icon={themeIcon} label={themeLabel} onPress={() => store.set({ theme: nextTheme })} />
         <KeyButton icon="play" keys="T" pressed={timeline} />
         <KeyButton icon="help" keys="?" />
         <KeyButton icon="inspector" keys="I" pressed={inspector} />

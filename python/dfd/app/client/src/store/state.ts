@@ -21,7 +21,6 @@ export type Look = "texture" | "clay" | "features" | "heat";
 export type Tool = "hold" | "fix" | "paint" | "box" | "pivot";
 export type View = "usual" | "front" | "back" | "right" | "left" | "top" | "bottom";
 export type GizmoMode = "translate" | "rotate" | "scale" | "bend";
-export type Theme = "system" | "light" | "dark";
 
 export interface Instance {
   /** Rows of the orthogonal matrix that turns or mirrors the handle's motion into the instance's. */
@@ -82,7 +81,6 @@ export const CLOSED = {
   columns: new Map() as ReadonlyMap<number, ColumnData>,
   ahead: new Map() as ReadonlyMap<number, Ahead>,
   selected: null as number | null,
-  hidden: new Set() as ReadonlySet<number>,
   hover: null as Hover | null,
   probe: null as Probe | null,
   /** What the brush has touched, a bit per vertex and the same as weights. */
@@ -110,19 +108,20 @@ const INITIAL = {
   progress: null as ProgressMessage | null,
   uploading: null as string | null,
   gizmo: "translate" as GizmoMode,
-  space: "world" as "local" | "world",
+  /** Whether the gizmo has the axes of the handle, not of the world. */
+  local: false,
   snap: false,
   uniformScale: false,
   dragging: false,
   look: "texture" as Look,
   wireframe: false,
   showPlanes: false,
-  theme: "system" as Theme,
   playhead: 0,
   timeline: false,
   inspector: true,
   help: false,
-  brush: { radius: 0.05, strength: 1 },
+  /** Of the brush, as part of the shape's size. */
+  brush: 0.05,
   toasts: [] as readonly Toast[],
   /** The newest wish to see the shape, the selection, or either from another side; each is an object of its own. */
   framed: null as { readonly what: "shape" | "selection" | View } | null,

@@ -87,12 +87,15 @@ export class Viewer {
       this.shape?.setPosed(posed);
       stage.invalidate();
     });
-    store.watch(posedBy, () => this.soon());
+    store.watch(
+      (state) => POSED_BY.map((key) => state[key]),
+      () => this.soon(),
+    );
     // Marks lie over the picture, which stays as it is.
     store.on("hover", () => this.mark());
     store.watch(
-      ({ look, wireframe, theme, comparing, showPlanes, edit, xray, ...state }) => {
-        return [look, wireframe, theme, comparing, showPlanes, edit?.symmetry, edit?.planes, xray, isolates(state)];
+      ({ look, wireframe, comparing, showPlanes, edit, xray, ...state }) => {
+        return [look, wireframe, comparing, showPlanes, edit?.symmetry, edit?.planes, xray, isolates(state)];
       },
       () => this.dress(),
     );
@@ -177,12 +180,17 @@ export class Viewer {
     const handle = selectedHandle(state);
     const { mesh, snap, tool } = state;
     const draws = tool === "paint" || tool === "box";
-    const shown = handle && !state.hidden.has(handle.handle) && !draws && !state.comparing;
+    const shown = handle && !draws && !state.comparing;
     if (!shown || !mesh || !this.shape) {
       this.gizmo.hold(null);
       return;
     }
-    this.gizmo.configure(state.gizmo, state.space, snap ? niceStep(mesh.diagonal / 50) : null, tool === "pivot");
+    this.gizmo.configure(
+      state.gizmo,
+      state.local ? "local" : "world",
+      snap ? niceStep(mesh.diagonal / 50) : null,
+      tool === "pivot",
+    );
     const { transform } = present(state, handle);
     const { base, tip } = axisOf(state) ?? { base: null, tip: null };
     const ends = state.gizmo === "bend" && base && tip ? { base, tip } : null;
@@ -274,13 +282,11 @@ function axisOf({ axis, selected }: State): State["axis"] {
   return axis?.handle === selected ? axis : null;
 }
 
-/** What of the state the shape's pose and its marks depend on. */
-function posedBy(state: State): readonly unknown[] {
-  const { edit, columns, ahead, moment, comparing, probe, painted, selected, hidden, mesh, suggestions } = state;
-  const { similar, dragging, gizmo, space, snap, tool, axis } = state;
-  const shape = [edit, columns, ahead, moment, comparing, probe, painted, selected, hidden, mesh, suggestions];
-  return [...shape, similar, dragging, gizmo, space, snap, tool, axis];
-}
+/** The parts of the state that the shape's pose and its marks depend on. */
+const POSED_BY = [
+  ...(["edit", "columns", "ahead", "moment", "comparing", "probe", "painted", "selected", "mesh"] as const),
+  ...(["suggestions", "similar", "dragging", "gizmo", "local", "snap", "tool", "axis"] as const),
+];
 
 let sample: HTMLElement | null = null;
 

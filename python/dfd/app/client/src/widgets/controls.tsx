@@ -26,9 +26,7 @@ export function readable(value: number): string {
   return String(Number(value.toFixed(size < 1 ? 3 : size < 100 ? 2 : 1)));
 }
 
-interface IconButtonProps extends Partial<
-  Record<"onPointerDown" | "onPointerUp" | "onPointerLeave" | "onPointerCancel", () => void>
-> {
+interface IconButtonProps {
   readonly icon: IconName;
   readonly label: string;
   readonly keys?: string;
@@ -37,7 +35,7 @@ interface IconButtonProps extends Partial<
   readonly onPress?: () => void;
 }
 
-export function IconButton({ icon, label, keys, pressed, disabled, onPress, ...rest }: IconButtonProps) {
+export function IconButton({ icon, label, keys, pressed, disabled, onPress }: IconButtonProps) {
   return (
     <button
       type="button"
@@ -47,7 +45,6 @@ export function IconButton({ icon, label, keys, pressed, disabled, onPress, ...r
       aria-pressed={pressed}
       disabled={disabled}
       onClick={onPress}
-      {...rest}
     >
       <Icon name={icon} />
     </button>

@@ -7,7 +7,7 @@ import type { Shape } from "../shape";
 
 export function paint(shape: Shape, picked: Pick, erase: boolean): void {
   const { positions, message } = shape;
-  const reach = (store.get().brush.radius * message.diagonal) ** 2;
+  const reach = (store.get().brush * message.diagonal) ** 2;
   const [x, y, z] = picked.point;
   const within = (row: number) => {
     const dx = positions[3 * row] - x;

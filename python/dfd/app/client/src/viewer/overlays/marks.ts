@@ -30,7 +30,6 @@ export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
     });
   });
   for (const known of edit.handles) {
-    if (state.hidden.has(known.handle)) continue;
     const handle = present(state, known);
     const selected = state.selected === handle.handle;
     if (selected) marks.push(...instanceMarks(state, posed));
