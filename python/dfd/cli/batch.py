@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -150,18 +151,15 @@ def _distill_settings(texts: list[str], wanted: bool) -> dict[str, Any]:
     """
     from dfd.distillation.settings import DistillSettings
 
-    if not wanted:
-        if texts:
-            raise ValueError("`--distill` settings need the step distill")
-        return {}
-    known = DistillSettings.model_fields.keys()
+    if texts and not wanted:
+        raise ValueError("`--distill` settings need the step distill")
+    known = DistillSettings.model_fields
     given: dict[str, Any] = {}
     for text in texts:
         name, equals, value = text.partition("=")
         if not equals or name not in known:
             raise ValueError(f"`--distill` must be NAME=VALUE with one of {', '.join(sorted(known))}, got {text!r}")
-        try:
-            given[name] = json.loads(value)
-        except ValueError:
-            given[name] = value
-    return dict(json.loads(json.dumps(DistillSettings(**given).as_dict())))
+        with suppress(ValueError):
+            value = json.loads(value)
+        given[name] = value
+    return dict(json.loads(json.dumps(DistillSettings(**given).as_dict()))) if wanted else {}

@@ -180,28 +180,22 @@ def _lines(report: dict[str, Any]) -> Iterator[str]:
         ]
         yield f"handles: {', '.join(handles)}"
     if "against" in report:
-        yield f"against {report['against']['file']}: {_measures(**report['against'])}"
+        yield f"against {report['against']['file']}: {_measures(report['against'])}"
 
 
-def _measures(
-    area: float,
-    angle: float,
-    edge_length: float,
-    volume: float | None,
-    flipped_faces: int,
-    self_intersecting_faces: int | None,
-    self_intersecting_before: int | None,
-    **_: Any,
-) -> str:
+def _measures(found: dict[str, Any]) -> str:
     """The surface metrics in words."""
-    swelled = "no volume, the surface is not closed" if volume is None else f"volume {volume:+.1%}"
-    crossing = (
-        "not counted: that needs libigl (the extra dfd[metrics]) and at most 200,000 faces"
-        if self_intersecting_faces is None
-        else f"{self_intersecting_faces:,}, {self_intersecting_before:,} before"
+    volume, crossing = found["volume"], found["self_intersecting_faces"]
+    return (
+        f"area {found['area']:.1%} off, angles {found['angle']:.2f}° off, edge lengths {found['edge_length']:.1%} off, "
+        + ("no volume, the surface is not closed, " if volume is None else f"volume {volume:+.1%}, ")
+        + f"flipped faces {found['flipped_faces']:,}, self-intersecting faces "
+        + (
+            "not counted: that needs libigl (the extra dfd[metrics]) and at most 200,000 faces"
+            if crossing is None
+            else f"{crossing:,}, {found['self_intersecting_before']:,} before"
+        )
     )
-    off = f"area {area:.1%} off, angles {angle:.2f}° off, edge lengths {edge_length:.1%} off"
-    return f"{off}, {swelled}, flipped faces {flipped_faces:,}, self-intersecting faces {crossing}"
 
 
 def _unseen(views: int, area: float, components: int, component_count: int) -> str:
