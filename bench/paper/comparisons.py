@@ -18,6 +18,7 @@ from bench.paper.handles import Case, find
 from bench.paper.page import (
     NAMES,
     PRESETS,
+    PULLS,
     BoxHandle,
     Context,
     Page,
@@ -38,38 +39,13 @@ from dfd.common.preset import Preset
 from dfd.geometry.metrics import SurfaceMetrics, surface_metrics
 from dfd.pictures.picture import picture
 
-# A handle, how far it goes, and what other methods hold.
+# What other methods hold, by whether the handle goes up or down.
 FEET = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 1.0))
 TOP = ((0.1, 1.0, 0.1), (0.9, 1.0, 0.1), (0.5, 1.0, 0.9))
-TAIL = ((0.5, 0.5, 1.0), (0.5, 0.5, 0.0), (0.5, 1.0, 0.5))
-WINGS = ((0.5, 0.5, 0.5), (1.0, 0.5, 0.5), (0.5, 1.0, 0.0))
-BODY = ((0.5, 0.0, 0.5), (0.5, 0.9, 0.2), *FEET)
-PULLS = {
-    "spot": BoxHandle((0.1, 1.0, 0.4), (-0.06, 0.1, 0.0), fixed=FEET),
-    "kaykit_chair_A": BoxHandle((0.0, 0.0, 1.0), (0.0, -0.15, 0.0), fixed=TOP),
-    "scorpion": BoxHandle((0.0, 0.2, 1.0), (-0.05, 0.0, 0.1), fixed=BODY),
-    "koala": BoxHandle((0.0, 0.95, 0.75), (-0.08, 0.08, 0.0), fixed=FEET),
-    "fox": BoxHandle((0.2, 1.0, 0.7), (0.0, 0.12, 0.0), fixed=FEET),
-    "table_roundlarge": BoxHandle((0.0, 0.0, 0.5), (0.0, -0.12, 0.0), fixed=TOP),
-    "shark": BoxHandle((0.0, 0.4, 0.6), (-0.12, 0.0, 0.0), fixed=TAIL),
-    "stegosaurus": BoxHandle((0.5, 1.0, 0.5), (0.0, 0.12, 0.0), fixed=FEET),
-    "boat": BoxHandle((0.5, 1.0, 0.5), (0.0, 0.15, 0.0), fixed=FEET),
-    "plane_holes": BoxHandle((0.0, 0.2, 0.4), (-0.1, 0.1, 0.0), fixed=WINGS),
-    "chair": BoxHandle((0.0, 0.0, 1.0), (0.0, -0.15, 0.0), fixed=TOP),
-    "quadruped": BoxHandle((0.2, 1.0, 0.9), (0.0, 0.12, 0.0), fixed=FEET),
-    "*": BoxHandle((0.5, 1.0, 0.5), (0.0, 0.15, 0.0), fixed=FEET),
-}
 
-# Shapes of the dense layouts, and by how much of its height each grows downwards: what a network learned on furniture
-# would offer. A control point goes down by how far it lies below the height LIFTED.
-STRETCHED = {
-    "kaykit_chair_A": 0.25,
-    "table_roundlarge": 0.3,
-    "chair_2": 0.25,
-    "nightstand_1": 0.2,
-    "chair": 0.25,
-    "*": 0.25,
-}
+# Shapes of the dense layouts grow downwards by a part of their height: what a network learned on furniture would offer.
+# A control point goes down by how far it lies below the height LIFTED.
+STRETCHED = dict.fromkeys(("kaykit_chair_A", "table_roundlarge", "chair_2", "nightstand_1", "chair", "*"), 0.25)
 CONTROL_POINTS, LIFTED = 50, 0.4
 DENSE_TEXT = (
     "The network of DeepMetaHandles cannot be had. A folder in its layout is taken as it is; without one the control "
@@ -137,7 +113,8 @@ def _read(folder: Path, most: int | None = None) -> Cases:
 
 def _pulled(shape: Shape, pull: BoxHandle) -> Case:
     vertices, handle = shape.mesh.vertices, pull.on(shape)
-    fixed = np.array([each for each in dict.fromkeys(map(shape.at, pull.fixed)) if each != handle["at"]], np.int64)
+    staying = dict.fromkeys(map(shape.at, TOP if pull.offset[1] < 0 else FEET))
+    fixed = np.array([each for each in staying if each != handle["at"]], np.int64)
     target = vertices[[handle["at"]]] + handle["translation"]
     held = np.concatenate([[handle["at"]], fixed])
     return Case(shape.mesh, held[:1], target, fixed, held, np.concatenate([target, vertices[fixed]]))

@@ -5,20 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 import dfd
-from bench.paper.page import BoxHandle, Context, Page, Section, Table, aim, before_after, silhouettes
+from bench.paper.page import BoxHandle, Context, Page, Section, Table, aim, before_after, pulls_of, silhouettes
 from bench.quality.measures import area_fractions
 from dfd.editing.presets import PRESETS as DEFAULTS
 from dfd.pictures.picture import picture
 
-SYMMETRY = {
-    "scorpion": BoxHandle((0.0, 0.2, 1.0), (-0.08, 0.04, 0.04)),
-    "human_neutral": BoxHandle((1.0, 0.75, 0.5), (0.02, 0.12, 0.05)),
-    "koala": BoxHandle((0.0, 0.95, 0.75), (-0.08, 0.08, 0.0)),
-    "spot": BoxHandle((0.1, 1.0, 0.4), (-0.08, 0.05, 0.0)),
-    "quadruped": BoxHandle((0.2, 1.0, 0.9), (-0.08, 0.08, 0.0)),
-    "*": BoxHandle((1.0, 0.5, 0.5), (0.1, 0.0, 0.0)),
-}
-
+SYMMETRY = pulls_of("scorpion", "human_neutral", "koala", "spot", "quadruped")
 MIDDLE, TWIST = (0.5, 0.5, 0.5), (0, 50, 0)
 TWISTS = {
     "robot": BoxHandle((0.5, 0.62, 1.0), rotation=TWIST, pivot=MIDDLE, fixed=((0.25, 0.0, 1.0),)),

@@ -14,7 +14,6 @@ import dfd
 from bench.paper.page import (
     NAMES,
     PRESETS,
-    BoxHandle,
     Context,
     Page,
     Section,
@@ -24,6 +23,7 @@ from bench.paper.page import (
     before_after,
     blank,
     heat,
+    pulls_of,
     session,
 )
 from bench.quality.measures import area_fractions
@@ -43,16 +43,7 @@ REDUCED = 0.99
 SUPERVISION: tuple[Supervision, ...] = ("vertex", "barycentric")
 
 COARSE = 1000  # faces, 1 % of the fine shapes': the paper reduces by 99 %
-PULLED = {
-    name: BoxHandle(at, (0.0, 0.12, 0.0))
-    for name, at in {
-        "koala": (0.0, 0.95, 0.75),
-        "scorpion": (0.0, 0.2, 1.0),
-        "human_neutral": (0.0, 0.72, 0.5),
-        "quadruped": (0.2, 1.0, 0.9),
-        "*": (0.5, 1.0, 0.5),
-    }.items()
-}
+PULLED = pulls_of("koala", "scorpion", "human_neutral", "quadruped")
 COARSE_COPY: dict[str, Any] = {"simplify_to": COARSE}
 KINDS: dict[str, tuple[Preset, dict[str, Any]]] = {  # columns: the preset, and what is changed of it
     "paper preset, fine copy, all pixels": ("paper", {}),
@@ -64,13 +55,7 @@ KINDS: dict[str, tuple[Preset, dict[str, Any]]] = {  # columns: the preset, and 
 Choice = tuple[str, int | None]  # an encoder's name, and the block whose tokens are taken; None is its own choice
 OTHERS = tuple(name for name in KNOWN_ENCODERS if name != DEFAULT_ENCODER)
 BLOCKS = (3, 6, 9, 12)
-HELD = {  # where each shape is taken hold of, from 0 to 1 along the sides of its box
-    "spot": (0.2, 0.0, 0.2),
-    "scorpion": (0.0, 0.2, 0.4),
-    "human_neutral": (0.0, 0.72, 0.5),
-    "quadruped": (0.0, 0.0, 0.9),
-    "*": (0.0, 0.0, 1.0),
-}
+HELD = pulls_of("spot", "scorpion", "human_neutral", "quadruped")
 
 # The shape that is distilled, where it is taken hold of, and others of its class with the angle, in degrees about y,
 # that turns them to look the same way.
@@ -196,16 +181,16 @@ def fig11(context: Context) -> Page:
     """One deformation with the features of several image encoders."""
     drawn, rows = [], []
     found, absent = encoders(context)
-    for shape, place in context.cases(HELD, (1, 3)):
-        at, offset = shape.at(place), DOWN * shape.mesh.diagonal
+    for shape, case in context.cases(HELD, (1, 3)):
+        handle = case.on(shape)
+        source = shape.mesh.vertices[[handle["at"]]]
+        target = source + handle["translation"]
         for preset in PRESETS:
-            handle = {"at": at, "translation": offset}
             moved = {name: _pulled(context, shape, handle, preset, each).vertices for name, each in found.items()}
-            source = shape.mesh.vertices[[at]]
             where = aim(shape.mesh, source, *moved.values())
             images = [(picture(shape.mesh, handles=source, **where), "source")]
             for name, vertices in moved.items():
-                images.append((picture(shape.mesh, vertices=vertices, handles=source + offset, **where), name))
+                images.append((picture(shape.mesh, vertices=vertices, handles=target, **where), name))
                 metrics = surface_metrics(shape.mesh, vertices)
                 change = [100 * metrics.area, metrics.angle, metrics.flipped_faces]
                 rows.append([shape.name, NAMES[preset], name, *change])
@@ -221,8 +206,8 @@ def fig12(context: Context) -> Page:
     """The weights of one handle with the features of several image encoders."""
     drawn, rows = [], []
     found, absent = encoders(context)
-    for shape, place in context.cases(HELD, (1, 3)):
-        at, areas = shape.at(place), area_fractions(shape.mesh)
+    for shape, case in context.cases(HELD, (1, 3)):
+        at, areas = shape.at(case.at), area_fractions(shape.mesh)
         for preset in PRESETS:
             weights = {
                 name: _pulled(context, shape, {"at": at}, preset, encoder).weights[:, 0]

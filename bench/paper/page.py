@@ -95,6 +95,29 @@ class BoxHandle:
         return handle
 
 
+# A pull of each shape that pages show, and of any other; other methods hold the top or the feet besides.
+PULLS = {
+    "spot": BoxHandle((0.1, 1.0, 0.4), (-0.06, 0.1, 0.0)),
+    "kaykit_chair_A": BoxHandle((0.0, 0.0, 1.0), (0.0, -0.15, 0.0)),
+    "scorpion": BoxHandle((0.0, 0.2, 1.0), (-0.05, 0.0, 0.1)),
+    "koala": BoxHandle((0.0, 0.95, 0.75), (-0.08, 0.08, 0.0)),
+    "fox": BoxHandle((0.2, 1.0, 0.7), (0.0, 0.12, 0.0)),
+    "table_roundlarge": BoxHandle((0.0, 0.0, 0.5), (0.0, -0.12, 0.0)),
+    "shark": BoxHandle((0.0, 0.4, 0.6), (-0.12, 0.0, 0.0)),
+    "human_neutral": BoxHandle((1.0, 0.75, 0.5), (0.02, 0.12, 0.05)),
+    "boat": BoxHandle((0.5, 1.0, 0.5), (0.0, 0.15, 0.0)),
+    "plane_holes": BoxHandle((0.0, 0.2, 0.4), (-0.1, 0.1, 0.0)),
+    "chair": BoxHandle((0.0, 0.0, 1.0), (0.0, -0.15, 0.0)),
+    "quadruped": BoxHandle((0.2, 1.0, 0.9), (-0.04, 0.12, 0.0)),
+    "*": BoxHandle((0.5, 1.0, 0.5), (0.0, 0.15, 0.0)),
+}
+
+
+def pulls_of(*names: str) -> dict[str, BoxHandle]:
+    """Return the pulls of the shapes called `names`, and of any other."""
+    return {name: PULLS.get(name, PULLS["*"]) for name in (*names, "*")}
+
+
 def session(
     mesh: dfd.Mesh,
     field: dfd.Field,

@@ -17,7 +17,7 @@ from scipy.spatial import KDTree
 import dfd
 from bench.paper.comparisons import farthest
 from bench.paper.features import subdivided
-from bench.paper.page import NAMES, PRESETS, BoxHandle, Context, Page, Section, Shape, Table, aim, before_after, session
+from bench.paper.page import NAMES, PRESETS, Context, Page, Section, Shape, Table, aim, before_after, pulls_of, session
 from bench.paper.peers import PEERS
 from bench.paper.peers.peer import Job, PeerError, run
 from bench.quality.measures import components_of
@@ -35,25 +35,11 @@ FACES = (1_000, 10_000, 100_000, 400_000, 1_600_000)
 PATIENCE = (40.0, 600.0)  # seconds for a peer's tetrahedra, and for all else that it does, in a quick and a whole run
 PEER_HANDLES = 10  # farthest points: other methods need several
 
-UP, FORWARD = (0.0, 0.1, 0.0), (0.0, 0.0, 0.12)
-BROKEN = {
-    "truck_defects": BoxHandle((0.4, 1.0, 0.5), UP),
-    "chair_nonmanifold": BoxHandle((0.5, 1.0, 0.1), (0.0, 0.1, -0.05)),
-    "plane_holes": BoxHandle((0.0, 0.2, 0.4), FORWARD),
-    "knight": BoxHandle((0.5, 1.0, 0.5), UP),
-    "robot": BoxHandle((0.5, 1.0, 0.5), UP),
-    "*": BoxHandle((0.5, 1.0, 0.5), UP),
-}
+BROKEN = pulls_of("truck_defects", "chair_nonmanifold", "plane_holes", "knight", "robot")
 PAPER_DEFECTS = ("the paper's example", 3804, 70, 12)
 BOUNDARY, CROWDED, CLAY = (0.85, 0.15, 0.1), (0.1, 0.2, 0.9), (0.82, 0.81, 0.78)
 
-LARGE = {  # a handle, and how often every face is cut into four
-    "koala": (BoxHandle((0.0, 0.95, 0.75), (-0.08, 0.08, 0.0)), 2),
-    "plane_holes": (BoxHandle((0.0, 0.2, 0.4), FORWARD), 1),
-    "scorpion": (BoxHandle((0.0, 0.2, 1.0), (-0.05, 0.0, 0.1)), 1),
-    "quadruped": (BoxHandle((0.2, 1.0, 0.9), (0.0, 0.12, 0.0)), 2),
-    "*": (BoxHandle((0.5, 1.0, 0.5), (0.0, 0.12, 0.0)), 0),
-}
+LARGE = {"koala": 2, "plane_holes": 1, "scorpion": 1, "quadruped": 2, "*": 0}  # how often faces are cut into four
 RENDERING = ("simplify", "render")  # the stages that the paper's R counts
 
 COUNTS = (1, 10, 100)
@@ -253,9 +239,9 @@ def fig17(context: Context) -> Page:
 def fig18(context: Context) -> Page:
     """Large meshes: defects, holes, and seconds of each stage with nothing taken from the cache."""
     drawn, rows = [], []
-    for given, (case, times) in context.cases(LARGE, (2, 4)):
+    for given, times in context.cases(LARGE, (2, 4)):
         shape = Shape(given.name, subdivided(given.mesh, min(times, 1) if context.quick else times))
-        mesh, handle, found = shape.mesh, case.on(shape), defects(shape.mesh)
+        mesh, handle, found = shape.mesh, pulls_of(shape.name)[shape.name].on(shape), defects(shape.mesh)
         size = [len(mesh.vertices), len(mesh.faces), found.non_manifold, found.holes]
         for preset in PRESETS:
             field, seconds, stages = distilled(context, shape, preset)

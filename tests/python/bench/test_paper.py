@@ -12,13 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from made_field import field_of
 from tiny_encoder import save_tiny_encoder
 
 import dfd
 from bench.paper import comparisons, page, resolution
-from bench.paper.__main__ import PAGES, main
-from bench.paper.comparisons import constraints, farthest, solve
+from bench.paper.__main__ import PAGES
+from bench.paper.comparisons import constraints, farthest
 from bench.paper.features import roughness
 from bench.paper.handles import FIXED, USER, Case, find, read_apap, read_meta_handles
 from bench.paper.page import Context, write
@@ -116,26 +115,6 @@ def test_neighbors_go_along_with_the_nearest_point(ball, ends):
         assert alone.held.tolist() == sorted(ends)
 
 
-@pytest.mark.parametrize("preset", ["paper", "default"])
-def test_dfd_reaches_the_handle_and_holds_the_fixed_points(ball, ends, preset, monkeypatch):
-    monkeypatch.setattr(Context, "field", lambda self, shape, preset: field_of(shape.mesh))
-    case = case_of(ball, ends)
-    np.testing.assert_allclose(solve(Context(), case, preset)[case.handles], case.targets, atol=1e-6)
-    held = solve(Context(), case, preset, fixed=True)
-    np.testing.assert_allclose(held[case.fixed], ball.vertices[case.fixed], atol=1e-6)
-
-
-def test_a_method_that_fails_stops_no_other(ball, ends):
-    def fails():
-        raise OSError("no such\nencoder")
-
-    case = case_of(ball, ends, coordinates=np.stack([0.5 + ball.vertices[:, 1] / 2, 0.5 - ball.vertices[:, 1] / 2], 1))
-    methods = {"dfd": fails, "biharmonic": lambda: comparisons.deform("biharmonic", case, 0.0)}
-    first, second = comparisons.compare("ball", case, methods)
-    assert (first.note, first.values) == ("no such encoder", [None] * 6)
-    assert second.missing == pytest.approx(0, abs=1e-9)
-
-
 # --- pages
 
 
@@ -177,16 +156,6 @@ def test_every_page_is_made(name, context, tmp_path, small, one_thread):
         options = set(key["question 1"].values()) - {"thing"}
         assert "paper preset, translation" in options
         assert not any(option in text for option in options)
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [(["handles"], "give the folder of the set"), (["fig0"], "invalid choice: 'fig0'"), ([], "NAME must be one of")],
-)
-def test_a_wrong_command_line_is_refused(capsys, words, message):
-    with pytest.raises(SystemExit):
-        main(words)
-    assert message in capsys.readouterr().err
 
 
 def test_surfaces_are_measured():

@@ -14,19 +14,10 @@ import dfd
 from bench.quality import labelled
 from bench.quality.__main__ import main
 from bench.quality.labelled_shapes import labelled_shapes
-from bench.quality.measures import (
-    average_precision,
-    draw_handles,
-    euclidean,
-    geodesic,
-    handle_precision,
-    moving,
-    part_precision,
-)
-from bench.quality.parts import family_of, kind_of_part, label_vertices, merged, only, without_few
+from bench.quality.measures import average_precision, draw_handles, euclidean, geodesic, moving, part_precision
+from bench.quality.parts import family_of, kind_of_part, merged
 from bench.quality.shapes import characters, rigs
 from dfd import Mesh
-from dfd.mesh.appearance import Appearance, Material
 
 SQUARE = np.array([(0.0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
 HALVES = np.array([(0, 1, 2), (0, 2, 3)])
@@ -114,16 +105,6 @@ def test_the_bench_writes_its_tables(folder, tmp_path, words, page, own):
     assert (tmp_path / "labelled_worst.png").exists() == (page == "labelled")
 
 
-def test_turns_are_the_same_each_time_and_leave_up_where_it_was_in_none():
-    turns = labelled.turns("Chair 10")
-    assert all(np.array_equal(turns[name], again) for name, again in labelled.turns("Chair 10").items())
-    for turn in turns.values():
-        assert np.allclose(turn @ turn.T, np.eye(3))
-        assert np.linalg.det(turn) == pytest.approx(1)
-        assert turn[1, 1] < 0.999
-    assert set(np.abs(turns["by axes"]).ravel()) == {0, 1}
-
-
 @pytest.mark.parametrize(
     ("scores", "relevant", "expected"),
     [
@@ -138,15 +119,6 @@ def test_turns_are_the_same_each_time_and_leave_up_where_it_was_in_none():
 )
 def test_average_precision_is_the_mean_of_the_precision_at_every_hit(scores, relevant, expected):
     assert average_precision(np.array(scores), np.array(relevant, bool)) == pytest.approx(expected)
-
-
-def test_precision_leaves_out_the_handle_and_vertices_without_a_part():
-    labels = np.array([0, 0, 1, 1, -1, -1])
-    column = np.array([1.0, 0.5, 0.6, 0.1, 0.9, 0.8])
-    # besides itself, handle 0 has one vertex of its kind, ranked second of three that count
-    assert handle_precision(column[:, None], labels, np.array([0])) == pytest.approx([1 / 2])
-    column[4:] = 0
-    assert handle_precision(column[:, None], labels, np.array([0])) == pytest.approx([1 / 2])
 
 
 def test_a_verdict_is_a_mean_per_part_and_skips_what_has_none():
@@ -191,35 +163,6 @@ def test_distances_as_weights_are_one_at_the_handle_and_zero_at_the_farthest():
 def test_names_say_what_a_part_and_a_shape_are(find, found):
     for name, kind in (each.split("=") for each in found.split()):
         assert str(find(name)) == kind
-
-
-def test_vertices_are_of_the_kind_of_their_joint_and_small_parts_are_left_out():
-    labels, parts = label_vertices(["hand.l", None, "foot.l", "antenna"], merged)
-    assert parts == ("foot", "hand")
-    assert labels.tolist() == [1, -1, 0, -1]
-    labels, parts = without_few(np.array([0, 0, 1, 2, 2, -1]), ("ear", "tail", "leg"), 2)
-    assert labels.tolist() == [0, 0, -1, 1, 1, -1]
-    assert parts == ("ear", "leg")
-
-
-def test_a_part_of_a_mesh_keeps_its_looks():
-    corners = np.arange(6, dtype=np.int32) % 4
-    looks = Appearance(
-        corners=corners,
-        corner_faces=np.array([(0, 1, 2), (3, 4, 5)], np.int32),
-        face_material=np.array([0, 1], np.int32),
-        materials=(Material(), Material((1.0, 0.0, 0.0, 1.0))),
-    )
-    vertices = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)])
-    mesh = Mesh(vertices, np.array([(0, 1, 2), (3, 0, 1)]), appearance=looks)
-    part, old = only(mesh, np.array([True, True, False, True]))
-    assert old.tolist() == [0, 1, 3]
-    assert part.vertices.tolist() == vertices[[0, 1, 3]].tolist()
-    assert part.faces.tolist() == [[2, 0, 1]]
-    assert part.appearance is not None
-    assert part.appearance.corners.tolist() == [-1, -1, -1, 2, 0, 1]
-    red = part.appearance.albedo(np.array([0]), np.array([(1, 0, 0)]))
-    assert red.tolist() == [[1, 0, 0, 1]]
 
 
 def test_a_skinned_file_is_read_whole_and_without_what_only_hangs_on_a_bone(tmp_path):

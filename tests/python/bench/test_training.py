@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -53,18 +52,6 @@ def test_directions_between_parts_come_first_and_longest(lessons):
     assert lengths[0] > 2 * lengths[-1]
     for before, after in zip((directions, of_bands), discriminants(lessons), strict=True):
         np.testing.assert_array_equal(before, after[:, : before.shape[1]])
-
-
-def test_parts_that_only_differ_in_thickness_are_told_apart(lessons):
-    thick = []
-    for seed, each in enumerate(lessons):
-        noise = np.random.default_rng(seed).normal(size=each.seen.features.shape).astype(np.float32)
-        bands = np.eye(BANDS, dtype=np.float32)[4 * each.shape.labels]
-        thick.append(replace(each, seen=VertexFeatures(unit(noise), bands)))
-    of_features, of_bands = discriminants(thick)
-    told = [0, 4, 8]
-    assert np.abs(of_bands[told, 0]).max() > 3 * np.abs(of_features[:, 0]).max()
-    assert np.abs(np.delete(of_bands, told, axis=0)[:, 0]).max() < 1e-4
 
 
 def test_the_report_leaves_the_family_out_and_sees_the_gain(lessons):
@@ -138,14 +125,6 @@ def test_the_least_priors_keep_ones_own_shapes_upright(along):
     assert decided(odds, TRUE, (up, down)) == (TRUE // 2, TRUE)
     many = {f"lessons/{number}": np.array([0, 0, 5.0, 0, 0, 0]) for number in range(200)}
     assert least_priors({**many, "one": odds.along})[0] == 0
-
-
-def test_one_look_decides_where_it_leaves_no_doubt():
-    at_once = np.zeros((6, 6))
-    at_once[4, TRUE] = 9.0
-    odds = Odds(at_once, np.array([5.0, 0, 0, 0, 0, 0]))
-    assert decided(odds, 4, (0.0, 0.0)) == (TRUE // 2, TRUE)
-    assert decided(odds, TRUE, (0.0, 0.0)) == (0, 0)
 
 
 @pytest.mark.parametrize("left_out", [[], [2], [0, 5]])
