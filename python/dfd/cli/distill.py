@@ -40,12 +40,10 @@ def distill(
         Option(metavar="NPY|PT", help="Fit these instead: another network's, a row for each vertex or face."),
     ] = None,
     cache: Annotated[bool, Option("--cache/--no-cache", help="Take it from the cache when it was made before.")] = True,
-    loss_curve: Annotated[Path | None, Option(metavar="PNG", help="Draw the loss of every step.")] = None,
     **settings_given: Any,
 ) -> None:
     """Distill an image encoder's features into a field around MESH. Needed once per shape."""
     check_output("--output", output, (".safetensors",))
-    check_output("--loss-curve", loss_curve, (".png",))
 
     given = {name: value for name, value in settings_given.items() if value is not None}
     DistillSettings(**given)  # checked before the mesh is read
@@ -57,10 +55,6 @@ def distill(
             rows = rows_of_vertices(features, rows, shape, FEATURES)
     field = dfd.distill(shape, encoder, features=rows, device=device, progress=stages, cache=cache, **given)
     field.save(output)
-    if loss_curve is not None:
-        from dfd.pictures.loss_curve import save_loss_curve
-
-        save_loss_curve(loss_curve, field.settings["losses"])
     times = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in stages.seconds.items())
     origin = "" if "fit" in stages.seconds else ", from the cache"
     from dfd.upright.candidates import up_sentence

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
@@ -73,32 +73,28 @@ def posed_edit(edit: Edit, pose: KeyPose) -> Edit:
     return replace(edit, handles=tuple(posed(handle) for handle in edit.handles))
 
 
-Three = tuple[float, float, float]
+_STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
-class _Document(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+@dataclass(frozen=True, repr=False)
+class _Posed(Transform):
+    """A transform in a file, and the handle that it moves."""
+
+    handle: Annotated[int, Field(ge=0)] = field(kw_only=True)
+
+    __pydantic_config__ = _STRICT
 
 
-class _TransformDocument(_Document):
-    handle: Annotated[int, Field(ge=0)]
-    translation: Three = (0.0, 0.0, 0.0)
-    rotation: Three = (0.0, 0.0, 0.0)
-    scale: Three = (1.0, 1.0, 1.0)
-    pivot: Three | None = None
-    axes: tuple[Three, Three, Three] | None = None
-    bend: Three = (0.0, 0.0, 0.0)
-    twist: float = 0.0
-    joint: Annotated[float, Field(ge=0, le=1)] | None = None
-
-
-class _PoseDocument(_Document):
-    name: str = ""
+@dataclass(frozen=True)
+class _Pose:
     seconds: Annotated[float, Field(ge=0)]
-    transforms: tuple[_TransformDocument, ...]
+    transforms: tuple[_Posed, ...]
+    name: str = ""
+
+    __pydantic_config__ = _STRICT
 
 
-_POSES: TypeAdapter[tuple[_PoseDocument, ...]] = TypeAdapter(tuple[_PoseDocument, ...])
+_POSES = TypeAdapter(tuple[_Pose, ...])
 
 
 def read_key_poses(path: str | os.PathLike[str]) -> tuple[KeyPose, ...]:
@@ -118,14 +114,17 @@ def read_key_poses(path: str | os.PathLike[str]) -> tuple[KeyPose, ...]:
         first = error.errors(include_url=False, include_context=False)[0]
         where = ".".join(map(str, first["loc"])) or "the document"
         raise ValueError(f"read_key_poses: `path` {path}: {where}: {_sentence(first)}") from None
-    return tuple(_key_pose(document) for document in documents)
+    names = [each.name for each in fields(Transform) if each.init]
+    return tuple(
+        KeyPose(
+            pose.seconds,
+            {each.handle: Transform(**{name: getattr(each, name) for name in names}) for each in pose.transforms},
+            pose.name,
+        )
+        for pose in documents
+    )
 
 
 def _sentence(error: Any) -> str:
     found = json.dumps(error["input"], default=str)
     return f"{error['msg'].lower()}, got {found if len(found) <= 60 else found[:59] + '…'}"
-
-
-def _key_pose(document: _PoseDocument) -> KeyPose:
-    transforms = {each.handle: Transform(**each.model_dump(exclude={"handle"})) for each in document.transforms}
-    return KeyPose(document.seconds, transforms, document.name)

@@ -1,18 +1,12 @@
 """The skin that is written, read again by other code and blended in float64, against `dfd.pose`."""
 
-import json
-
 import numpy as np
 import pytest
 from gltf_reader import Glb
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from mesh_files import CORNERS, CUBE, Gltf, scene_of_three, textured_quad, write
 from scipy.spatial import cKDTree
 
 import dfd
-from dfd.export.gltf import skin
-from dfd.export.skinning import _summing_to_one
 from dfd.posing.transforms import Transform, frame_of_normal
 
 BEND = {"translation": (0.1, 0.2, -0.05), "rotation": (20, 70, -10), "scale": (1.5, 0.7, 1.1)}
@@ -98,20 +92,6 @@ def test_instances_have_joints_of_their_own_in_their_own_frames(tmp_path, make_s
         assert np.linalg.det(bind) == pytest.approx(1)  # right-handed, mirror images too
 
 
-def test_all_joints_of_a_handle_do_the_same_in_their_frames(tmp_path, session):
-    session.add(40, rotation=(10, 50, 0))
-    session.set_symmetry("x", band=0)
-    dfd.export_rig(session, tmp_path / "rig.glb")
-    glb = Glb(tmp_path / "rig.glb")
-    world = glb.world()
-    joints = glb.file.skins[0].joints
-    binds = glb.read(glb.file.skins[0].inverseBindMatrices).astype(float).reshape(-1, 4, 4).transpose(0, 2, 1)
-    own, *others = (bind @ world[joint] for joint, bind in zip(joints[1:], binds[1:], strict=True))
-    assert others
-    for other in others:
-        np.testing.assert_allclose(other[:3, :3], own[:3, :3], atol=1e-6)
-
-
 def test_four_influences_are_the_heaviest_and_sum_to_one(session, tmp_path):
     for vertex in (40, 300, 500, 700, 900, 1000):
         session.add(vertex, translation=(0, 0.1, 0), instances="shared_pivot", reach=0.8)
@@ -136,27 +116,6 @@ def test_four_influences_are_the_heaviest_and_sum_to_one(session, tmp_path):
     assert f"{100 * report.largest / report.size:.2g} %" in str(report)
     assert "pruned" in str(report)
     assert "normalized" in str(report)
-
-
-def test_more_influences_come_in_further_sets(session, tmp_path):
-    for vertex in (40, 300, 500, 700, 900, 1000):
-        session.add(vertex, translation=(0, 0.1, 0), instances="shared_pivot", reach=0.7, strength=0.15)
-    dfd.export_rig(session, tmp_path / "all.glb", influences="all")
-    dfd.export_rig(session, tmp_path / "two.glb", influences=2)
-    ((_, primitive),) = Glb(tmp_path / "all.glb").primitives()
-    assert primitive.attributes.JOINTS_1 is not None
-    ((_, primitive),) = Glb(tmp_path / "two.glb").primitives()
-    assert (Glb(tmp_path / "two.glb").influences(primitive)[1] > 0).sum(axis=1).max() == 2
-
-
-@settings(max_examples=50, deadline=None)
-@given(st.lists(st.floats(1e-12, 1), min_size=1, max_size=12))
-def test_rounded_weights_sum_to_one(weights):
-    row = -np.sort(-np.array([weights]))
-    single = _summing_to_one(row / row.sum())
-    assert single.dtype == np.float32
-    assert (single >= 0).all()
-    assert abs(single.sum(dtype=np.float64) - 1) < 1e-7
 
 
 def test_what_no_skin_can_show_is_reported(session, tmp_path):
@@ -315,45 +274,11 @@ def test_a_second_skin_is_refused_and_the_first_kept_by_the_other_forms(tmp_path
         assert moved is None or np.allclose(moved, session.vertices, atol=1e-6)
 
 
-def test_the_file_is_gltf_as_well(session, tmp_path):
-    plain(session)
-    dfd.export_rig(session, tmp_path / "rig.gltf")
-    header = json.loads((tmp_path / "rig.gltf").read_text())
-    assert header["skins"][0]["joints"]
-    rest = dfd.load(tmp_path / "rig.gltf", pose="bind").vertices
-    assert np.allclose(rest, session.mesh.vertices, atol=1e-6)
-
-
-def test_more_joints_than_the_format_has_numbers_for_are_refused(session, tmp_path, monkeypatch):
-    plain(session)
-    assert skin.MOST_JOINTS == 65535
-    monkeypatch.setattr("dfd.export.export_rig.MOST_JOINTS", 1)
-    with pytest.raises(ValueError, match="`session` must have at most 1 joints with the root's, got "):
-        dfd.export_rig(session, tmp_path / "rig.glb")
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_joint_that_cannot_be_inverted_is_refused(session, tmp_path):
     session.add(40, rotation=(0, 10, 0), pivot=(1e300, 0, 0), name="far")
     with pytest.raises(ValueError, match="joint 'far' has a pivot too far away to be inverted in 32-bit floats"):
         dfd.export_rig(session, tmp_path / "rig.glb")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_quantized_positions_are_brought_to_the_scene(tmp_path, make_session):
-    gltf = Gltf()
-    view = gltf.view(np.pad(CORNERS * 255, ((0, 0), (0, 1))).astype("u1").tobytes())
-    gltf.header["bufferViews"][view]["byteStride"] = 4
-    gltf.header["accessors"].append(
-        {"bufferView": view, "componentType": 5121, "count": 8, "type": "VEC3", "normalized": True}
-    )
-    gltf.header |= {name: ["KHR_mesh_quantization"] for name in ("extensionsUsed", "extensionsRequired")}
-    gltf.node(mesh=gltf.mesh("cube", CORNERS, CUBE), scale=[2, 2, 2], translation=[5, 0, 0])
-    gltf.header["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = 0
-    session = make_session(dfd.load(write(tmp_path / "quantized.glb", gltf.glb())))
-    session.add(0, **BEND)
-    dfd.export_rig(session, tmp_path / "rig.glb", influences="all")
-    assert apart(shown(tmp_path / "rig.glb"), session.vertices[session.mesh.faces]) <= 5e-6 * session.mesh.diagonal
 
 
 def test_what_draco_compressed_is_stored_plainly(tmp_path, make_session):

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 from mesh_files import CORNERS, CUBE, same_shape, scene_of_three, textured_quad, write
 
-from dfd.mesh.mesh import Mesh, as_mesh, load
+from dfd.mesh.mesh import Mesh, load
 
 
 def test_a_pair_of_arrays_is_a_mesh() -> None:
@@ -98,12 +98,6 @@ def test_parts_tell_their_faces_and_vertices(tmp_path: Path) -> None:
     assert np.array_equal(mesh.part_vertices("cube"), both)  # a geometry, wherever it is
     with pytest.raises(ValueError, match=r"`name` must be a part of the scene \(square, near, far\), got 'tail'"):
         mesh.part_vertices("tail")
-
-
-def test_a_mesh_is_taken_as_it_is() -> None:
-    mesh = Mesh(CORNERS, CUBE)
-    assert as_mesh(mesh) is mesh
-    assert np.array_equal(as_mesh((CORNERS, CUBE)).vertices, CORNERS)
 
 
 def test_a_stray_vertex_of_a_file_keeps_its_number_and_is_not_part_of_the_box(tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -28,11 +27,3 @@ def test_weld_takes_minus_zero_for_zero_and_nothing_else_for_equal() -> None:
     first, vertex = weld(np.array([(0.0, 0, 0), (-0.0, 0, 0), (tiny, 0, 0)]))
     assert first.tolist() == [0, 2]
     assert vertex.tolist() == [0, 0, 1]
-
-
-def test_weld_survives_a_hash_that_cannot_tell_rows_apart(monkeypatch: pytest.MonkeyPatch) -> None:
-    rows = np.array([(1.0, 0, 0), (2.0, 0, 0), (1.0, 0, 0), (2.0, 0, 0), (3.0, 0, 0)])
-    monkeypatch.setattr("dfd.mesh.weld._hash", lambda values: np.zeros(len(values), np.uint64))
-    first, vertex = weld(rows)
-    assert first.tolist() == [0, 1, 4]
-    assert vertex.tolist() == [0, 1, 0, 1, 2]

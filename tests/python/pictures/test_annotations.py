@@ -10,8 +10,8 @@ from mesh_files import CORNERS, CUBE
 from PIL import Image
 
 from dfd.mesh.mesh import Mesh
-from dfd.pictures.colors import CLAY, part_colors, ratio_colors
-from dfd.pictures.contact_sheet import heat_bar, lay_out, with_heat_bar
+from dfd.pictures.colors import part_colors
+from dfd.pictures.contact_sheet import lay_out
 from dfd.pictures.pick import pick
 from dfd.pictures.picture import picture, save_png
 from dfd.pictures.picture_document import KEY, PictureDocument, ViewDocument, read_document
@@ -38,13 +38,6 @@ def test_the_viewpoint_is_the_one_of_the_picture(zoom) -> None:
     np.testing.assert_allclose([rows.mean(), columns.mean()], 99.5, atol=1.0)
 
 
-def test_zoom_makes_things_larger() -> None:
-    areas = [(picture(MESH, zoom=zoom, resolution=100, **SIDE).min(axis=2) < 250).sum() for zoom in (0.5, 1.0)]
-    assert areas[1] / areas[0] == pytest.approx(4, rel=0.1)
-    with pytest.raises(ValueError, match="`zoom` must be above 0"):
-        picture(MESH, zoom=0)
-
-
 def test_labels_stand_beside_their_handles() -> None:
     plain = picture(MESH, handles=[7], resolution=200, **SIDE)
     labelled = picture(MESH, handles=[7], labels=["12"], resolution=200, **SIDE)
@@ -67,17 +60,6 @@ def test_numbers_stand_beside_vertices_that_are_seen() -> None:
     assert set(apart.argmin(axis=1)) == set(range(len(front)))
 
 
-def test_axes_point_where_they_lead() -> None:
-    plain, drawn = (picture(MESH, axes=on, azimuth=0, elevation=0, resolution=300) for on in (False, True))
-    rows, columns = changed(plain, drawn)
-    assert rows.min() > 200
-    assert columns.max() < 100
-    color = drawn[rows, columns].astype(int)
-    red, green = color[:, 0] - color[:, 1:].max(axis=1) > 80, color[:, 1] - color[:, [0, 2]].max(axis=1) > 50
-    assert columns[red].mean() > columns[green].mean()  # x to the right of y
-    assert rows[green].mean() < rows[red].mean()  # y above x
-
-
 def test_a_sheet_says_where_its_pictures_are() -> None:
     red, blue = (np.full((32, 32, 3), ink, np.uint8) for ink in ((255, 0, 0), (0, 0, 255)))
     for title in ("", "a title"):
@@ -88,24 +70,6 @@ def test_a_sheet_says_where_its_pictures_are() -> None:
         for (left, top, width, height), ink in zip([*boxes[0], *boxes[1]], (red, blue, blue), strict=True):
             assert (width, height) == (32, 32)
             np.testing.assert_array_equal(np.asarray(page)[top : top + 32, left : left + 32], ink)
-
-
-def test_the_heat_bar_stands_at_the_right() -> None:
-    image = picture(MESH, weights=np.linspace(0, 1, len(MESH.vertices)), resolution=120)
-    wide = with_heat_bar(image)
-    np.testing.assert_array_equal(wide[:, :120], image)
-    np.testing.assert_array_equal(wide[:, 120 : 120 + heat_bar(120).shape[1]], heat_bar(120))
-
-
-def test_ratios_are_blue_below_one_and_red_above() -> None:
-    half, less, same, twice, more = ratio_colors([0.5, 0, 1, 2, 1e9])
-    np.testing.assert_array_equal(half, less)
-    np.testing.assert_array_equal(twice, more)
-    np.testing.assert_allclose(same, CLAY, atol=1e-6)
-    assert half[2] > half[0]
-    assert twice[0] > twice[2]
-    with pytest.raises(ValueError, match="`ratios` must be finite"):
-        ratio_colors([np.nan])
 
 
 def test_every_corner_of_a_picture_is_picked(tmp_path) -> None:

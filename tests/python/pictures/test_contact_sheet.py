@@ -7,7 +7,7 @@ import pytest
 
 from dfd.pictures.colors import weight_colors
 from dfd.pictures.contact_sheet import contact_sheet, heat_bar
-from dfd.pictures.labels import font, spelled, wrapped
+from dfd.pictures.labels import spelled
 
 
 def filled(height: int, width: int, color: tuple[int, int, int]) -> np.ndarray:
@@ -23,34 +23,6 @@ def test_pictures_of_the_right_size_stand_on_the_page_unchanged() -> None:
     np.testing.assert_array_equal(page[margin : margin + 64, margin + 64 + gap : margin + 128 + gap], pictures[1])
     page[margin : margin + 64, margin : margin + 128 + gap] = 255
     assert (page == 255).all()
-
-
-def test_every_picture_gets_one_height_and_keeps_its_shape() -> None:
-    page = np.asarray(
-        contact_sheet([("", [(filled(50, 100, (9, 99, 9)), ""), (filled(300, 100, (99, 9, 9)), "")])], cell=90)
-    )
-    green, red = ((page == color).all(axis=-1) for color in ([9, 99, 9], [99, 9, 9]))
-    assert (green.any(axis=1).sum(), green.any(axis=0).sum()) == (90, 180)
-    assert (red.any(axis=1).sum(), red.any(axis=0).sum()) == (90, 30)
-
-
-def test_words_make_room_for_themselves() -> None:
-    picture = filled(120, 120, (1, 2, 3))
-    plain = contact_sheet([("", [(picture, "")])], cell=120)
-    titled = contact_sheet(
-        [("a heading", [(picture, "a caption that is far too long for one line")])], title="T", cell=120
-    )
-    assert titled.width == plain.width
-    assert titled.height > plain.height + 3 * 12
-    dark = np.asarray(titled).min(axis=-1) < 128
-    shown = (np.asarray(titled) == [1, 2, 3]).all(axis=-1)
-    assert (dark & ~shown).sum() > 100
-    assert shown.sum() == 120 * 120
-
-
-def test_rows_without_pictures_are_left_out() -> None:
-    row = ("one", [(filled(40, 40, (0, 0, 0)), "")])
-    assert contact_sheet([("none", []), row], cell=40).size == contact_sheet([row], cell=40).size
 
 
 @pytest.mark.parametrize(
@@ -85,12 +57,3 @@ def test_text_is_spelled_with_letters_that_the_typeface_has() -> None:
     assert spelled("λ → 2²") == "lambda -> 22"
     assert spelled("−½ × café") == "-1/2 x cafe"
     assert spelled("日") == "?"
-
-
-def test_lines_break_at_spaces_and_fit() -> None:
-    typeface = font(16)
-    lines = wrapped("the quick brown fox jumps over extraordinarily lazy dogs", typeface, 90)
-    assert " ".join(lines) == "the quick brown fox jumps over extraordinarily lazy dogs"
-    assert all(typeface.getlength(line) <= 90 or " " not in line for line in lines)
-    assert len(lines) > 3
-    assert wrapped("", typeface, 90) == []

@@ -30,10 +30,6 @@ def test_a_mesh_is_shown_by_a_notebook(tmp_path) -> None:
         shown.save(tmp_path / "cube.jpg")
 
 
-def test_arrays_are_shown_too() -> None:
-    np.testing.assert_array_equal(dfd.show((CORNERS, CUBE), resolution=32).pixels, dfd.show(MESH, resolution=32).pixels)
-
-
 def test_a_session_is_shown_as_it_is_posed() -> None:
     field = field_of(MESH)
     session = dfd.Deformer(MESH, field)

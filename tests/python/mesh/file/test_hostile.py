@@ -90,13 +90,6 @@ def test_what_is_shown_as_a_picture_must_be_one(name: str, slot: str, tmp_path: 
     assert header_and_data(tmp_path / "out.glb")[0]["images"][1] == {"uri": name}
 
 
-def test_data_in_a_hidden_file_is_refused(tmp_path: Path) -> None:
-    private(tmp_path, ".ssh/id_rsa")
-    path = outside(tmp_path, lambda header: header["buffers"][0].update(uri=".ssh/id_rsa"))
-    with pytest.raises(ValueError, match="'.ssh/id_rsa' is a hidden file"):
-        load(path)
-
-
 def test_a_link_out_of_the_folder_is_not_followed(tmp_path: Path) -> None:
     folder = tmp_path / "inside"
     folder.mkdir()

@@ -94,13 +94,6 @@ def test_obj_vertices_keep_the_files_numbers_across_parts_seams_and_unused_ones(
     assert mesh.part_vertices("later").tolist() == [1, 3, 4]
 
 
-def test_quads_and_relative_numbers_in_obj(tmp_path: Path) -> None:
-    lines = [f"v {x} {y} {z}" for x, y, z in CORNERS[[0, 2, 6, 4]]]
-    mesh = load(write(tmp_path / "quad.obj", "\n".join([*lines, "f -4 -3 -2 -1"])))
-    assert mesh.faces.shape == (2, 3)
-    assert len(mesh.vertices) == 4
-
-
 def test_scene_transforms_and_instances_are_applied(tmp_path: Path) -> None:
     gltf = Gltf()
     cube = gltf.mesh("cube", CORNERS, CUBE)

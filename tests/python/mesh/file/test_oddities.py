@@ -119,18 +119,6 @@ def test_an_stl_file_in_capitals(tmp_path: Path) -> None:
     assert same_shape(mesh, Mesh(CORNERS, CUBE))
 
 
-@pytest.mark.parametrize("ending", ["obj", "ply"])
-def test_faces_of_two_corners_are_told(ending: str, tmp_path: Path) -> None:
-    text = obj_cube() + "f 1 2\n"
-    if ending == "ply":
-        text = PLY.format("ascii 1.0") + "element face 13\nproperty list uchar int vertex_indices\nend_header\n"
-        text += "".join(f"{x:g} {y:g} {z:g}\n" for x, y, z in CORNERS)
-        text += "".join("3 {} {} {}\n".format(*face) for face in CUBE) + "2 0 1\n"
-    with pytest.warns(UserWarning, match="1 faces of fewer than three corners"):
-        mesh = load(write(tmp_path / f"short.{ending}", text))
-    assert len(mesh.faces) == 12
-
-
 def test_a_scene_of_too_many_primitives_is_refused(tmp_path: Path) -> None:
     gltf = cube()
     gltf.header["nodes"] = [{"mesh": 0}] * 100_001

@@ -81,7 +81,7 @@ class GltfMaterials:
                 if content is None:
                     continue
                 try:
-                    return self._images.texels(self._images.open(self._data.picture(content))), self._wrap(texture)
+                    return self._images.texels(self._data.picture(content)), self._wrap(texture)
                 except (ValueError, OSError):
                     uri = content.get("uri")
                     failed.append(shortened(uri) if isinstance(uri, str) else failed[0])

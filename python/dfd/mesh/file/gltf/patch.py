@@ -20,7 +20,7 @@ from dfd.mesh.file.edits import far_origin
 from dfd.mesh.file.gltf.build import GltfBuilder
 from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import COMPONENT_TYPES, DRACO, MESHOPT, Header, extension, is_index, objects
-from dfd.mesh.file.images import ImageCache
+from dfd.mesh.file.images import image_format
 from dfd.mesh.file.primitives import MovedPrimitive
 
 _UNSIGNED = 5125
@@ -110,7 +110,6 @@ class GltfPatch(GltfBuilder):
                     owner["byteOffset"] = int(owner.get("byteOffset", 0)) + start
 
     def _take_pictures(self) -> None:
-        pictures = ImageCache()
         for index in sorted(_needed_images(self.header)):
             image = self.header["images"][index]
             uri = image.get("uri")
@@ -118,12 +117,12 @@ class GltfPatch(GltfBuilder):
                 continue
             try:
                 data = self._source.data.picture(image)
-                kind = pictures.open(data).format
+                kind = image_format(data)
             except (ValueError, OSError):  # keep the reference
                 continue
             image["bufferView"] = self.view(data)
             del image["uri"]
-            image.setdefault("mimeType", f"image/{(kind or 'png').lower()}")
+            image.setdefault("mimeType", f"image/{kind}")
 
     def split_mesh(self, node: int, mesh: int, *, shared: bool) -> int:
         """Return the mesh of a node, copied where other nodes use the same one."""

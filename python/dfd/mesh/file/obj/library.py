@@ -6,7 +6,7 @@ import re
 from pathlib import Path, PurePosixPath
 
 from dfd.mesh.file.assets import AssetFolder, read_regular
-from dfd.mesh.file.images import ImageCache
+from dfd.mesh.file.images import image_format
 from dfd.mesh.file.obj.read import libraries, material_lines, picture_name
 from dfd.mesh.file.obj.text import ObjText, decoded
 
@@ -55,7 +55,7 @@ def copied_materials(text: ObjText, source: Path, companions: Companions) -> tup
     Only used materials are copied, from the folder `source`, and only textures that are valid images. Returned are the
     name of the new file of materials, None where none is used, and the libraries that could be read.
     """
-    assets, images = AssetFolder(source / "materials"), ImageCache()
+    assets = AssetFolder(source / "materials")
     used = {name for _, keyword, name in text.statements if keyword == "usemtl"}
     described: dict[str, list[str]] = {}
     read: set[str] = set()
@@ -67,24 +67,24 @@ def copied_materials(text: ObjText, source: Path, companions: Companions) -> tup
         read.add(library)
         for name, lines in material_lines(content).items():
             if name in used and name not in described:
-                described[name] = [_with_copied_picture(line, assets, images, companions) for line in lines]
+                described[name] = [_with_copied_picture(line, assets, companions) for line in lines]
     if not described:
         return None, read
     return companions.add_library("".join("\n".join([f"newmtl {name}", *lines, "", ""])
                                           for name, lines in described.items())), read  # fmt: skip
 
 
-def _with_copied_picture(line: str, assets: AssetFolder, images: ImageCache, companions: Companions) -> str:
+def _with_copied_picture(line: str, assets: AssetFolder, companions: Companions) -> str:
     name = picture_name(line)
     if not name:
         return line
     try:
         data = assets.read(name)
-        kind = images.open(data).format or "PNG"
+        kind = image_format(data)
     except (ValueError, OSError):  # keep the reference
         return line
     path = PurePosixPath(name.replace("\\", "/"))
-    plain = path.name if path.suffix.lower() in _PICTURES else f"{path.stem}.{kind.lower()}"
+    plain = path.name if path.suffix.lower() in _PICTURES else f"{path.stem}.{kind}"
     added = companions.add(plain, data)
     return line[: len(line) - len(name)] + added if line.endswith(name) else line.replace(name, added)
 

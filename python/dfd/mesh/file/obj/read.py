@@ -216,7 +216,7 @@ def _material(name: str, lines: list[str], assets: AssetFolder, images: ImageCac
             picture = picture_name(line) or picture
     if picture is not None:
         try:
-            return Material((1.0, 1.0, 1.0, 1.0), images.texels(images.open(assets.read(picture))), name=name)
+            return Material((1.0, 1.0, 1.0, 1.0), images.texels(assets.read(picture)), name=name)
         except (ValueError, OSError):
             assets.unreadable.add(picture)
     if picture is not None or color is None or not np.isfinite(color).all():

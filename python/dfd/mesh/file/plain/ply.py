@@ -170,9 +170,8 @@ def _strip_triangles(strips: _List) -> Int64:
 
 
 def _material(picture: str, assets: AssetFolder) -> Material | None:
-    images = ImageCache()
     try:
-        return Material((1.0, 1.0, 1.0, 1.0), images.texels(images.open(assets.read(picture))))
+        return Material((1.0, 1.0, 1.0, 1.0), ImageCache().texels(assets.read(picture)))
     except (ValueError, OSError):
         assets.unreadable.add(shortened(picture))
         return None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -15,18 +14,6 @@ from mesh_files import CORNERS, CUBE, checkered, obj_cube, same_shape, write
 
 from dfd.mesh.file.obj import text as obj_text
 from dfd.mesh.mesh import Mesh, load
-
-TWO = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\nv 9 0 0\nv 8 0 0\nv 7 1 0\nf -3 -2 -1\n"
-
-
-def test_relative_numbers_count_back_from_their_line(tmp_path: Path) -> None:
-    mesh = load(write(tmp_path / "two.obj", TWO))
-    assert mesh.faces.tolist() == [[0, 1, 2], [3, 4, 5]]
-    text = (
-        "v 0 0 0\nvt 0 0\nvn 0 0 1\nv 1 0 0\nvt 1 0\nv 0 1 0\nvt 0 1\nf -3/-3/-1 -2/-2/-1 -1/-1/-1\nvt 9 9\nvn 1 0 0\n"
-    )
-    found = obj_text.parse(text.encode())
-    assert found.corners.tolist() == [[0, 0, 0], [1, 1, 0], [2, 2, 0]]
 
 
 @pytest.mark.parametrize(
@@ -268,29 +255,3 @@ def test_a_shape_without_looks_is_read_without_the_libraries_that_looks_need(tmp
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False)
     assert (found.stdout, found.stderr) == ("[]\n", "")
-
-
-@pytest.mark.parametrize("normals", [False, True])
-@pytest.mark.parametrize("ending", [".glb", ".gltf", ".ply", ".stl", ".off", ".obj"])
-def test_a_shape_without_looks_is_written_as_one_with_some(ending: str, normals: bool, tmp_path: Path) -> None:
-    text = obj_cube()
-    if normals:
-        text = re.sub(r"(?m)^f (\d+) (\d+) (\d+)$", r"f \1//\1 \2//\2 \3//\3", text)
-        text = "".join(f"vn {x} {y} {z}\n" for x, y, z in 2 * CORNERS - 1) + text
-    bare = load(write(tmp_path / "bare.obj", text))
-    colored = load(write(tmp_path / "colored.obj", re.sub(r"(?m)^(v .*)$", r"\1 0.5 0.5 0.5", text)))
-    assert bare.appearance is None
-    assert colored.appearance is not None
-    moved = CORNERS * [1, 2, 3] + 0.5
-    for name, mesh in (("bare", bare), ("colored", colored)):
-        mesh.save(tmp_path / f"{name}_out{ending}", moved)
-        assert np.array_equal(mesh.vertices, CORNERS)
-    one, other = load(tmp_path / f"bare_out{ending}"), load(tmp_path / f"colored_out{ending}")
-    np.testing.assert_array_equal(one.vertices, other.vertices)
-    np.testing.assert_array_equal(one.faces, other.faces)
-    assert one.scene is not None
-    assert other.scene is not None
-    for a, b in zip(one.scene.primitives, other.scene.primitives, strict=True):
-        assert (a.normals is None) == (b.normals is None)
-        if a.normals is not None and b.normals is not None:
-            np.testing.assert_array_equal(a.normals, b.normals)
