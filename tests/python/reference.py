@@ -213,6 +213,8 @@ def _turn_normal(linear: Array, normal: Array) -> Array:
 def _polar(linear: Array) -> tuple[Array, Array]:
     """(3, 3) proper rotation R and symmetric S with R S = `linear`; mirroring is left to S, and R to the identity."""
     u, sizes, vt = np.linalg.svd(linear)
+    if np.linalg.det(u @ vt) < 0 and sizes[2] <= 1e-12 * sizes[0]:
+        u[:, 2] *= -1  # nothing is mirrored where the shape is flat
     if np.linalg.det(u @ vt) >= 0:
         return u @ vt, vt.T @ np.diag(sizes) @ vt
     flips = [np.array(signs) for signs in ([-1.0, 1, 1], [1.0, -1, 1], [1.0, 1, -1], [-1.0, -1, -1])]

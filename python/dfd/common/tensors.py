@@ -84,6 +84,8 @@ def lines_contiguous(array: NDArray[Any]) -> bool:
     if flags.c_contiguous or flags.f_contiguous:
         return flags.aligned
     rows, columns = array.shape
+    if rows == 1:
+        return False
     down, beside = (stride // array.itemsize for stride in array.strides)
     by_rows = (beside == 1 or columns <= 1) and (down >= columns or rows <= 1)
     by_columns = (down == 1 or rows <= 1) and (beside >= rows or columns <= 1)

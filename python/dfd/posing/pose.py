@@ -132,7 +132,10 @@ def pose(
         What of the transforms is blended. "linear": the matrices, Eq. 1.
         "dual_quaternion": each transform is a stretch about the handle's place and a rigid motion after it; stretches
         blend linearly, rigid motions as dual quaternions (Kavan et al., Geometric Skinning with Approximate Dual
-        Quaternion Blending, 2008). This keeps the thickness of what is twisted.
+        Quaternion Blending, 2008). This keeps the thickness of what is twisted. The rigid motion of a transform
+        that flattens never mirrors. A mirrored transform keeps the mirror in its stretch, along the axis that leaves
+        the smallest rotation. Where scale factors that mirror are equal, or two are 0, several motions qualify and any
+        of them is taken.
     out
         (V, 3) array of the type of `vertices` for the result, otherwise a new one is made.
 

@@ -149,3 +149,17 @@ def test_steps_inside_steps_are_part_of_the_outer_one():
             history.commit(third)
     history.undo()
     assert history.present == first
+
+
+def test_weights_are_none_once_no_handle_is_left(deformer):
+    with deformer.step():
+        deformer.add(5)
+        deformer.fix(600)
+    count = len(deformer.mesh.vertices)
+    assert deformer.weights.shape == (count, 1)
+    deformer.undo()
+    assert deformer.weights.shape == (count, 0)
+    deformer.redo()
+    assert deformer.weights.shape == (count, 1)
+    deformer.apply(Edit())
+    assert deformer.weights.shape == (count, 0)

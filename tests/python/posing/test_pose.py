@@ -250,7 +250,11 @@ def test_other_types_and_layouts_are_taken():
     np.testing.assert_array_equal(dfd.pose(np.asfortranarray(vertices), weights[::-1][::-1], transforms), wanted)
     np.testing.assert_array_equal(dfd.pose(vertices.tolist(), weights.astype(np.float64), transforms), wanted)
     assert dfd.pose(np.arange(9).reshape(3, 3), np.ones((3, 1)), np.eye(3, 4)[None]).dtype == np.float64
-    assert dfd.pose(np.zeros((3, 3), np.float16), np.ones((3, 1)), np.eye(3, 4)[None]).dtype == np.float32
+    for dtype in (np.float16, ">f4"):
+        assert dfd.pose(np.zeros((3, 3), dtype), np.ones((3, 1)), np.eye(3, 4)[None]).dtype == np.float32
+    for count in (1, 3):  # strided weights are copied, also of one vertex
+        strided = np.zeros((count, 6), np.float32)[:, ::2]
+        assert dfd.pose(np.zeros((count, 3)), strided, np.tile(np.eye(3, 4), (3, 1, 1))).shape == (count, 3)
 
 
 VERTICES, WEIGHTS, TRANSFORMS = scene(6, 2)

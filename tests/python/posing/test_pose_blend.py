@@ -48,6 +48,24 @@ def test_agrees_with_the_twin(vertex_count, handle_count, seed, dtype, band, wit
     np.testing.assert_allclose(turned[aside], wanted_normals[aside], rtol=0, atol=3e-4)
 
 
+@pytest.mark.parametrize("kind", ["flat", "point", "mirrored"])
+def test_singular_and_mirrored_transforms_blend_as_in_the_twin(kind):
+    random = np.random.default_rng(0)
+    for _ in range(20):
+        linear = random.standard_normal((3, 3, 3))
+        if kind == "flat":
+            linear[:, :, 2] = linear[:, :, 0]
+        elif kind == "point":
+            linear *= 0
+        else:
+            linear[:, :, 0] *= -np.sign(np.linalg.det(linear))[:, None]
+        transforms = np.concatenate([linear, random.standard_normal((3, 3, 1))], axis=2)
+        vertices, weights = random.standard_normal((6, 3)), random.random((6, 3)) / 3
+        options = {"overlap": "add", "blend": "dual_quaternion"}
+        posed = dfd.pose(vertices, weights, transforms, **options)
+        np.testing.assert_allclose(posed, reference.pose(vertices, weights, transforms, **options), atol=1e-4)
+
+
 @TYPES
 def test_weight_one_moves_as_the_transform_does(dtype):
     vertices, _, transforms = turning_scene(100, 1, dtype=dtype, stretch=0.7)

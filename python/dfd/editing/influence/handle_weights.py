@@ -300,6 +300,7 @@ class HandleWeights:
         """Have a column for each handle of `edit`, in their order."""
         if (edit.fixed, edit.rules.reach_targets) != (self._fixed, self._reach_targets):
             self._keys, self._held, self._fixed, self._reach_targets = [], None, edit.fixed, edit.rules.reach_targets
+            self._given = None
         keys = [self._key(handle, edit) for handle in edit.handles]
         if keys == self._keys:
             return
