@@ -26,14 +26,16 @@ def build_family(weights: EncoderWeights, block: int | None, channels: ChannelSt
 
     `channels` are used where the weights come without their own.
 
-    Raises ValueError if the family is unknown, the block out of range, or the tensors do not fit the configuration.
-    Raises OSError if the file of weights cannot be read.
+    Raises ValueError if transformers is not installed, the family is unknown, the block out of range, or the tensors do
+    not fit the configuration. Raises OSError if the file of weights cannot be read.
     """
     kind = weights.config["model_type"]
     try:
         from transformers.models.auto.configuration_auto import CONFIG_MAPPING
     except ImportError:
-        raise ImportError(f'load_encoder: a {kind} model needs transformers: pip install "dfd[encoders]"') from None
+        raise ValueError(
+            f'load_encoder: `encoder`: a {kind} model needs transformers: pip install "dfd[encoders]"'
+        ) from None
     if kind not in CONFIG_MAPPING:
         raise ValueError(f"load_encoder: `encoder`: this version of transformers does not know the model type {kind!r}")
     family = _FAMILIES.get(kind, _UNKNOWN)

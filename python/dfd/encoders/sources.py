@@ -95,7 +95,9 @@ def _downloaded_folder(name: str, hub: str) -> Path:
         from huggingface_hub import constants, snapshot_download
         from huggingface_hub.errors import GatedRepoError, RepositoryNotFoundError
     except ImportError:
-        raise ImportError(f'load_encoder: `encoder` {name!r} is on a hub: pip install "dfd[encoders]"') from None
+        raise ValueError(
+            f'load_encoder: `encoder` {name!r} is on a hub, which needs more packages: pip install "dfd[encoders]"'
+        ) from None
 
     try:
         for form in _FORMS:

@@ -43,11 +43,6 @@ def test_masks_are_refused(name):
         DOORS[name](lambda shape: np.ma.masked_array(np.ones(shape), mask=np.ones(shape, bool)))
 
 
-def test_masks_of_faces_are_refused():
-    with pytest.raises(ValueError, match=r"^Mesh: `faces` must not be a masked array"):
-        dfd.Mesh(VERTICES, np.ma.masked_array([[0, 1, 2]], mask=[[1, 0, 0]]))
-
-
 def test_tensors_with_a_negative_bit_count_as_what_they_are():
     negative = torch.full((4, 3), 1 + 2j, dtype=torch.complex128).conj().imag
     assert negative.is_neg()
@@ -60,12 +55,6 @@ def test_tensors_with_a_negative_bit_count_as_what_they_are():
 def test_fields_take_dense_real_tensors(points):
     with pytest.raises(ValueError, match=r"^Field: `points` must be a dense tensor of real numbers"):
         made_field(4, width=8, layers=1)(points)
-
-
-@pytest.mark.parametrize("plane", ["x", 5, (1, 0, 0)])
-def test_symmetry_must_be_a_plane(plane):
-    with pytest.raises(ValueError, match=r"^pose: `symmetry` must be a SymmetryPlane, got"):
-        dfd.pose(VERTICES, WEIGHTS, MOVE, symmetry=plane)
 
 
 @pytest.mark.parametrize("faces", [5000.0, 5000.5, True, 3999, 10**15, "many"])

@@ -12,7 +12,6 @@ import pytest
 import threadpoolctl
 
 import dfd
-import dfd._core as _core
 from dfd.common import openmp, threads
 
 linux_only = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="torch brings another runtime here")
@@ -100,20 +99,6 @@ def test_torch_brings_the_runtime_where_the_system_has_none(tmp_path):
     assert "OSError" in python(code, **hidden).stderr  # or the following says nothing
     code = "import sys, dfd; assert dfd._core.team_size(2) == 2; assert 'torch' not in sys.modules"
     assert loaded_runtimes(code, **hidden) == [openmp.find_torch_runtime()]
-
-
-@linux_only
-def test_no_runtime_anywhere_is_said_with_what_to_install(tmp_path):
-    (tmp_path / openmp.NAME).write_bytes(b"no library at all" * 20)
-    code = "import importlib.util as u; u.find_spec = lambda name: None; import dfd"  # as if torch were not installed
-    told = python(code, LD_LIBRARY_PATH=str(tmp_path)).stderr.splitlines()[-1]
-    assert told.startswith("ImportError: dfd needs GNU's OpenMP runtime, libgomp.so.1")
-    assert "install libgomp1" in told
-
-
-@linux_only
-def test_workers_are_an_openmp_team():
-    assert [_core.team_size(count) for count in (1, 2, 3)] == [0, 2, 3]
 
 
 @linux_only

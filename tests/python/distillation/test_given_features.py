@@ -55,18 +55,6 @@ def test_features_of_points_are_fitted_at_the_points(mesh: Mesh) -> None:
     assert field.settings["features"] == "points"
 
 
-def test_seeds_decide_and_tensors_are_taken(mesh: Mesh) -> None:
-    rows = smooth(mesh.vertices)
-    settings = {"steps": 3, "batch": 64, "cache": False, **QUIET}
-    first = dfd.distill(mesh, features=rows, **settings).features(mesh)
-    state = torch.random.get_rng_state()
-    again = dfd.distill(mesh, features=torch.from_numpy(rows), **settings).features(mesh)
-    assert torch.equal(torch.random.get_rng_state(), state)
-    np.testing.assert_array_equal(first, again)
-    other = dfd.distill(mesh, features=rows, seed=1, **settings).features(mesh)
-    assert np.abs(first - other).max() > 1e-3
-
-
 def drawn(mesh: Mesh, rows: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Points in mesh units, and their targets."""
     given = GivenFeatures(mesh, rows)

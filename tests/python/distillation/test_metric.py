@@ -94,22 +94,6 @@ def test_kinds_are_what_the_twin_says(kinds: Kinds, features: np.ndarray) -> Non
     np.testing.assert_array_equal(features, before)
 
 
-def test_kinds_stand_beside_what_is_mapped_and_the_scale_stays(
-    metric: Metric, kinds: Kinds, features: np.ndarray
-) -> None:
-    both = replace(metric, kinds=kinds)
-    rows = both.mapped(features, BANDS_OF_500, np.random.default_rng(0))
-    assert rows.shape == (500, 3 + 5)
-    np.testing.assert_allclose(np.linalg.norm(rows, axis=1), 1, atol=1e-6)
-    assert distance(rows) == pytest.approx(metrics.FARTHER * distance(features), rel=0.03)
-    # one kind for all tells nothing: distances are those of the map alone
-    certain = replace(kinds, output_bias=np.array([100, 0, 0, 0, 0], np.float32))
-    alone = metric.mapped(features, BANDS_OF_500, np.random.default_rng(0))
-    without = replace(metric, kinds=certain).mapped(features, BANDS_OF_500, np.random.default_rng(0))
-    before, after = (np.linalg.norm(some[:250] - some[250:], axis=1) for some in (alone, without))
-    assert np.corrcoef(before, after)[0, 1] > 0.98
-
-
 def test_rows_that_are_all_alike_stay_finite(metric: Metric, kinds: Kinds) -> None:
     for some in (metric, replace(metric, kinds=kinds)):
         rows = some.mapped(np.full((4, 16), 0.25, np.float32), BANDS_OF_500[:4], np.random.default_rng(0))

@@ -53,33 +53,6 @@ def test_the_ablation_is_never_smoothed() -> None:
     assert (ablation.smoothing, ablation.metric, ablation.pieces) == (0, "none", False)
 
 
-def test_the_paper_by_one_word() -> None:
-    assert DistillSettings(preset="paper").as_dict() == {
-        "preset": "paper",
-        "views": 24,
-        "resolution": 512,
-        "framing": "paper",
-        "simplify_to": 50_000,
-        "up": "file",
-        "supervision": "barycentric",
-        "mirrored": False,
-        "background": True,
-        "block": None,
-        "smoothing": 0.0,
-        "metric": "none",
-        "pieces": False,
-        "octaves": 0,
-        "width": 256,
-        "layers": 4,
-        "steps": None,
-        "epochs": 15,
-        "batch": 10_000,
-        "learning_rate": 1e-3,
-        "schedule": "constant",
-        "seed": 0,
-    }
-
-
 # Another value of every setting than either preset's.
 OTHERS: dict[str, Any] = {
     "views": 3,

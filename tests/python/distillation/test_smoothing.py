@@ -9,7 +9,6 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from scipy.spatial.transform import Rotation
 
 from dfd import Mesh
 from dfd.common.progress import Stages
@@ -95,18 +94,6 @@ def test_targets_are_unit_and_the_same_twice() -> None:
     again = spread(views, pixels, smoothing=0.2, seed=3)
     np.testing.assert_array_equal(points, again[0])
     np.testing.assert_array_equal(targets, again[1])
-
-
-def test_a_shape_that_lies_askew_is_smoothed_over_as_long_a_way() -> None:
-    """Its box along the file's axes is another one, by which coordinates are normalized."""
-    box = trimesh.creation.box(extents=(2.0, 1.0, 0.5))
-    turn = Rotation.from_euler("xyz", (20, 40, 30), degrees=True).as_matrix()
-    sizes = []
-    for rotation in (np.eye(3), turn):
-        views = render(Mesh(box.vertices @ rotation.T, box.faces), views=4, resolution=28, frame=rotation.T)
-        pixels = colored(views, views.points)
-        sizes.append(smoothing.build_diffusion(views, pixels.grid, smoothing=0.3, seed=0).size / views.scale)
-    assert sizes == pytest.approx([1, 1], rel=1e-5)
 
 
 def test_more_smoothing_leaves_neighbors_more_alike_and_all_as_far_apart() -> None:

@@ -67,14 +67,6 @@ def test_another_machine_and_another_torch_decide_for_themselves(monkeypatch: py
             assert precision._machine.__wrapped__() != here
 
 
-def test_an_explicit_precision_is_neither_measured_nor_noted(
-    dinov2: Saved, monkeypatch: pytest.MonkeyPatch, notes: Path
-) -> None:
-    measure(monkeypatch)
-    assert load_encoder(dinov2.folder, device="cpu", precision="bfloat16").precision == "bfloat16"
-    assert not notes.exists()
-
-
 def test_what_an_encoder_will_be_is_known_once_one_was_loaded(dinov2: Saved, monkeypatch: pytest.MonkeyPatch) -> None:
     measure(monkeypatch, True)
     assert find_identity(dinov2.folder, "cpu") is None

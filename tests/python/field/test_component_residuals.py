@@ -145,9 +145,3 @@ def test_damaged_pieces_are_refused(tmp_path: Path, name: str, change: object, s
     with pytest.raises(ValueError, match=r"Field\.load: `path`") as raised:
         dfd.Field.load(path)
     assert said in str(raised.value)
-
-
-def test_widened_pieces_differ_in_the_wider_features() -> None:
-    directions = np.linalg.qr(np.random.default_rng(1).normal(size=(6, 4)))[0].T.astype(np.float32)
-    pieces = ComponentResiduals(np.zeros((1, 6)), np.zeros((2, 3)), np.zeros(2, np.int32), np.eye(2, 4))
-    np.testing.assert_allclose(pieces.widened(directions).differences, np.eye(2, 4) @ directions, atol=1e-3)

@@ -51,14 +51,6 @@ def test_points_have_what_the_nearest_vertex_has(chair, rows):
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(field))(points), field(points))
 
 
-def test_vertices_at_one_position_have_the_features_of_the_first(tmp_path):
-    (tmp_path / "seam.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 4 6 5\n")
-    mesh = dfd.load(tmp_path / "seam.obj")
-    rows = np.eye(6)
-    found = dfd.VertexField(mesh, rows).features(mesh)
-    np.testing.assert_array_equal(found, rows[[0, 1, 2, 1, 2, 5]])
-
-
 def test_a_session_weighs_by_them(chair, rows):
     session = dfd.Deformer(chair, dfd.VertexField(chair, rows))
     session.add(17, translation=(0, 0.1, 0), instances="shared_pivot", reach=1.0, falloff="linear")
@@ -97,18 +89,6 @@ def test_a_file_of_another_network_is_loaded_as_a_field(chair, rows, tmp_path):
     np.testing.assert_array_equal(field.features(chair), dfd.VertexField(chair, rows).features(chair))
 
 
-def test_the_order_of_vertices_is_checked(chair, rows, tmp_path):
-    np.save(tmp_path / "part_feat_chair_0_batch.npy", rows)
-    dfd.Mesh(chair.vertices * 3 + 1, chair.faces).save(tmp_path / "feat_pca_chair_0.ply")
-    dfd.Field.load(tmp_path / "part_feat_chair_0_batch.npy", mesh=chair)
-    turned = np.roll(np.arange(len(rows)), 1)
-    dfd.Mesh(chair.vertices[turned], np.argsort(turned)[chair.faces]).save(tmp_path / "feat_pca_chair_0.ply")
-    with pytest.raises(
-        ValueError, match=r"Field.load: `path` must have their rows in the order of the mesh's vertices"
-    ):
-        dfd.Field.load(tmp_path / "part_feat_chair_0_batch.npy", mesh=chair)
-
-
 def test_files_that_are_not_of_the_mesh_are_refused(chair, rows, tmp_path):
     np.save(tmp_path / "few.npy", rows[:5])
     with pytest.raises(ValueError, match=r"Field.load: `path` .*few.npy: `features` must have shape"):
@@ -143,15 +123,3 @@ def test_partfield_rows_of_faces_become_those_of_vertices(chair, tmp_path):
     mean = (areas[around, None] * unit(rows[around])).sum(axis=0)
     np.testing.assert_allclose(found[vertex], mean / np.linalg.norm(mean), atol=1e-5)
     assert len(found) == len(chair.vertices)
-
-
-def test_meshfm_says_what_has_the_rows_where_faces_and_vertices_are_as_many(tmp_path):
-    fan = dfd.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], [(0, 1, 2), (0, 2, 3), (0, 3, 1), (1, 3, 2)])
-    rows = np.eye(4, dtype=np.float16)
-    np.save(tmp_path / "fan.npy", rows)
-    for mode in ("vertex", "face"):
-        said = {"mode": mode, "num_vertices": 4, "num_faces": 4, "feature_shape": [4, 4], "dtype": "float16"}
-        (tmp_path / "fan.json").write_text(json.dumps(said))
-        found = dfd.Field.load(tmp_path / "fan.npy", mesh=fan).features(fan)
-        corner = np.array([1, 1, 1, 0]) / np.sqrt(3)
-        np.testing.assert_allclose(found[0], rows[0] if mode == "vertex" else corner, atol=1e-6)

@@ -34,22 +34,6 @@ def test_what_is_seen_around_a_candidate_does_not_depend_on_where_it_lies(encode
             assert np.abs(lying[other] - seen[number]).max() < 0.05 * scale
 
 
-def test_the_second_token_is_right_less_left(encoder, monkeypatch):
-    """Tokens that are their own column, of a shape as wide as the picture."""
-
-    def columns(images, *, covered):
-        side = images.shape[1] // encoder.patch
-        tokens = np.broadcast_to(np.arange(side, dtype=np.float32)[None, :, None], (side, side, encoder.dimension))
-        return np.broadcast_to(tokens, (len(images), *tokens.shape))
-
-    monkeypatch.setattr(encoder, "encode", columns)
-    around = ProbeCameras(table(), encoder)
-    side = around._resolution // encoder.patch
-    mean, across = around.seen(np.eye(3)[None], np.array([[0.0, 0.2, 1.0]])).tokens[0, :, 0]
-    assert mean == pytest.approx((side - 1) / 2, abs=0.2)
-    assert side / 2 <= across < side  # the legs are at the ends
-
-
 def pictures(generator, count, width):
     """What random pictures from random cameras show."""
     axes = Rotation.random(count, rng=generator).as_matrix()

@@ -119,14 +119,6 @@ def test_an_encoder_that_is_none_is_refused(mesh: Mesh) -> None:
         dfd.distill(mesh, 5, **SMALL)  # type: ignore[arg-type]
 
 
-def test_an_encoder_that_is_loaded_works_too(encoder: Path, mesh: Mesh, work: list[str]) -> None:
-    loaded = dfd.encoders.encode.load_encoder(encoder, device="cpu")
-    first = dfd.distill(mesh, loaded, **SMALL)
-    assert same(dfd.distill(mesh, dfd.encoders.encode.load_encoder(encoder, device="cpu"), **SMALL), first)
-    dfd.distill(mesh, dfd.encoders.encode.load_encoder(encoder, block=1, device="cpu"), **SMALL)
-    assert work.count("render") == 2
-
-
 def test_any_other_ingredient_is_another_field(encoder: Path, mesh: Mesh, work: list[str], tmp_path: Path) -> None:
     dfd.distill(mesh, encoder, **SMALL)
     changes = (
