@@ -1,6 +1,7 @@
 import { render } from "preact";
 
 import { ask, start as connect, drop } from "./actions/connection";
+import { takeDrops } from "./actions/files";
 import { listen } from "./actions/keyboard";
 import { receive } from "./actions/receive";
 import { followPosed } from "./actions/edit";
@@ -41,6 +42,7 @@ function start(): void {
   }
   render(<App viewer={viewer} />, panels);
   listen();
+  takeDrops();
   followSimilar();
   followAxis();
   followPosed();

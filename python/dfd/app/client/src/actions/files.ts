@@ -34,6 +34,15 @@ export async function upload(files: readonly File[]): Promise<void> {
   }
 }
 
+/** Take files that are dropped anywhere on the page. */
+export function takeDrops(): void {
+  addEventListener("dragover", (event) => event.preventDefault());
+  addEventListener("drop", (event) => {
+    event.preventDefault();
+    void upload([...(event.dataTransfer?.files ?? [])]);
+  });
+}
+
 /** Ask for files with the browser's own dialog. */
 export function chooseFiles(): void {
   const input = document.createElement("input");

@@ -1,6 +1,5 @@
-import { useEffect, useState } from "preact/hooks";
+import { useEffect } from "preact/hooks";
 
-import { upload } from "../actions/files";
 import { useParts } from "../store/use";
 import type { Viewer } from "../viewer/viewer";
 import { Help } from "./help";
@@ -35,7 +34,6 @@ export function App({ viewer }: { readonly viewer: Viewer }) {
       {page === "start" && <Start />}
       {page === "waiting" && <Waiting />}
       <ProgressCard />
-      <DropTarget />
       <Toasts />
       <Help />
       <Ended />
@@ -50,34 +48,4 @@ function Waiting() {
       <p role="status">{link === "lost" ? "The server does not answer. Trying again…" : "Connecting…"}</p>
     </main>
   );
-}
-
-/** Files may be dropped anywhere. */
-function DropTarget() {
-  const [over, setOver] = useState(false);
-  useEffect(() => {
-    const ended = new AbortController();
-    const { signal } = ended;
-    const hasFiles = (event: DragEvent) => event.dataTransfer?.types.includes("Files") ?? false;
-    const enter = (event: DragEvent) => {
-      if (!hasFiles(event)) return;
-      event.preventDefault();
-      setOver(true);
-    };
-    const leave = (event: DragEvent) => {
-      if (event.relatedTarget === null) setOver(false);
-    };
-    const drop = (event: DragEvent) => {
-      if (!hasFiles(event)) return;
-      event.preventDefault();
-      setOver(false);
-      void upload([...(event.dataTransfer?.files ?? [])]);
-    };
-    addEventListener("dragenter", enter, { signal });
-    addEventListener("dragover", enter, { signal });
-    addEventListener("dragleave", leave, { signal });
-    addEventListener("drop", drop, { signal });
-    return () => ended.abort();
-  }, []);
-  return over ? <div class="drop-veil">Drop to open</div> : null;
 }

@@ -15,7 +15,7 @@ const HINTS = {
 
 export function StatusLine() {
   const state = useParts(readably);
-  const { link, tool, hover, dragging, report, edit, ahead, comparing } = state;
+  const { link, tool, dragging, report, edit, ahead, comparing } = state;
   const { gizmo, selected, axis } = state;
   const said = report && !dragging ? report.text : "";
   const bends = gizmo === "bend" && tool === "hold" && selected !== null && axis?.handle === selected;
@@ -30,7 +30,6 @@ export function StatusLine() {
       <span class="report" role="status" title={said}>
         {said}
       </span>
-      {hover && <span class="where">vertex {hover.vertex}</span>}
     </footer>
   );
 }

@@ -1,15 +1,14 @@
 import { send } from "../actions/connection";
 import { throttle } from "../actions/edit";
 import type { Plane, StateMessage } from "../protocol/messages";
-import { store } from "../store/state";
 import { useParts } from "../store/use";
-import { Panel, percent, Segmented, Slider, Toggle } from "../widgets/controls";
+import { Panel, percent, Segmented, Slider } from "../widgets/controls";
 
 const AXES = ["x", "y", "z"] as const;
 type Axis = (typeof AXES)[number];
 
 export function SymmetryPanel({ known: { symmetry: used, planes: found } }: { readonly known: StateMessage }) {
-  const { showPlanes, mesh } = useParts();
+  const { mesh } = useParts();
   const size = mesh?.diagonal ?? 1;
   const planes = new Map<string, Plane | Axis | null>([["None", null]]);
   found.forEach((plane, i) => planes.set(axisOf(plane) ?? plane.name ?? `Slanted ${i + 1}`, plane));
@@ -36,9 +35,6 @@ export function SymmetryPanel({ known: { symmetry: used, planes: found } }: { re
             throttle("band", (merge) => send({ type: "set_symmetry", plane: used, band: part * size, merge }))
           }
         />
-      )}
-      {found.length > 0 && (
-        <Toggle label="Show the planes found" checked={showPlanes} onChange={(on) => store.set({ showPlanes: on })} />
       )}
     </Panel>
   );

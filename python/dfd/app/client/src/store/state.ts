@@ -115,7 +115,6 @@ const INITIAL = {
   dragging: false,
   look: "texture" as Look,
   wireframe: false,
-  showPlanes: false,
   playhead: 0,
   timeline: false,
   inspector: true,

@@ -1,6 +1,6 @@
 /** The view: it follows the store, and tells what a person does on the canvas. */
 
-import { Box3, Color, MOUSE, Sphere, Vector3 } from "three";
+import { Box3, Color, Group, MOUSE, Plane, PlaneHelper, Sphere, Vector3 } from "three";
 
 import { send } from "../actions/connection";
 import { changePart, hold, select, toggleFixed, wheelReach } from "../actions/edit";
@@ -14,7 +14,6 @@ import { Gizmo } from "./overlays/gizmo";
 import { marksOf } from "./overlays/marks";
 import { Markers } from "./overlays/markers";
 import { Picker, type Pick as Picked } from "./picker";
-import { Planes } from "./overlays/planes";
 import { Pointer } from "./pointer";
 import { mirrorOf, sceneOf } from "./scene";
 import { Shape } from "./shape";
@@ -26,7 +25,7 @@ export class Viewer {
   private picker: Picker | null = null;
   private readonly gizmo: Gizmo;
   private readonly markers: Markers;
-  private readonly planes = new Planes();
+  private readonly plane = new Group();
   private readonly box = document.createElement("div");
 
   constructor(canvas: HTMLCanvasElement, overlay: HTMLElement) {
@@ -36,7 +35,7 @@ export class Viewer {
     this.stage.drawn = () => this.markers.place();
     // The gizmo hears of a press before the orbit does, and stops it.
     this.gizmo = new Gizmo(this.stage.camera, canvas, () => this.stage.invalidate());
-    this.stage.scene.add(this.planes.group, this.gizmo.proxy, this.gizmo.helper);
+    this.stage.scene.add(this.plane, this.gizmo.proxy, this.gizmo.helper);
     new Pointer(canvas, {
       busy: () => this.gizmo.dragging || this.gizmo.hovered,
       dragging: () => this.gizmo.dragging,
@@ -58,7 +57,7 @@ export class Viewer {
   /** Save what the view shows, without planes and gizmo. */
   screenshot(): void {
     const { stage } = this;
-    const helpers = [this.planes.group, this.gizmo.helper].filter(({ visible }) => visible);
+    const helpers = [this.plane, this.gizmo.helper].filter(({ visible }) => visible);
     helpers.forEach((helper) => (helper.visible = false));
     stage.draw();
     stage.canvas.toBlob((blob) => {
@@ -94,8 +93,8 @@ export class Viewer {
     // Marks lie over the picture, which stays as it is.
     store.on("hover", () => this.mark());
     store.watch(
-      ({ look, wireframe, comparing, showPlanes, edit, xray, ...state }) => {
-        return [look, wireframe, comparing, showPlanes, edit?.symmetry, edit?.planes, xray, isolates(state)];
+      ({ look, wireframe, comparing, edit, xray, ...state }) => {
+        return [look, wireframe, comparing, edit?.symmetry, xray, isolates(state)];
       },
       () => this.dress(),
     );
@@ -147,7 +146,7 @@ export class Viewer {
     this.shape?.reveal(state.xray, isolates(state));
     this.shape?.setWireframe(state.wireframe && !isolates(state), themeColor("--wire"));
     this.shape?.setLook(state.look, state.comparing ? 0 : 1, themeColor("--clay"));
-    this.drawPlanes(state, themeColor("--accent"));
+    this.drawPlane(state, themeColor("--accent"));
     this.stage.invalidate();
   }
 
@@ -204,14 +203,14 @@ export class Viewer {
       });
   }
 
-  private drawPlanes({ edit, mesh, showPlanes }: State, color: Color): void {
-    const used = edit?.symmetry;
-    const planes = [...(used ? [used] : []), ...(showPlanes ? (edit?.planes ?? []) : [])];
-    this.planes.show(
-      mesh && this.shape ? planes.map((plane) => ({ mirror: mirrorOf(plane, mesh.center), used: plane === used })) : [],
-      this.shape?.radius ?? 1,
-      color,
-    );
+  private drawPlane({ edit, mesh }: State, color: Color): void {
+    const used = mesh && edit?.symmetry;
+    for (const shown of this.plane.children) (shown as PlaneHelper).dispose();
+    this.plane.clear();
+    if (!used || !this.shape) return;
+    const { normal, offset } = mirrorOf(used, mesh.center);
+    const helper = new PlaneHelper(new Plane(new Vector3(...normal), -offset), 1.3 * this.shape.radius, color.getHex());
+    this.plane.add(helper);
   }
 
   /** Look at what the selected handle holds, and where it holds nothing at all of the shape. */

@@ -146,25 +146,6 @@ test("things shine through, and what is held is alone in sight", { timeout: PATI
   await until(page, (s) => !s.isolated && s.selected !== null);
 });
 
-test("views from the sides, and of what is held alone", { timeout: PATIENCE }, async () => {
-  const camera = () => page.evaluate(() => window.dfd.camera());
-  await page.keyboard.press("Numpad1");
-  await settled();
-  const [x, y, z] = await camera();
-  assert.ok(Math.hypot(x, y) < 1e-3 * z);
-  const far = Math.hypot(x, y, z);
-  await page.keyboard.press("Control+Numpad3");
-  await settled();
-  assert.ok((await camera())[0] < -0.99 * far);
-  await page.keyboard.press("f");
-  await settled();
-  await page.waitForTimeout(200);
-  await shot(page, "framed");
-  assert.ok((await drawn(page)).covered > 0.05);
-  await page.keyboard.press("Shift+F");
-  await settled();
-});
-
 test(
   "a box chooses what is seen in it, and what lies behind where things shine through",
   { timeout: PATIENCE },

@@ -69,18 +69,6 @@ step("resting on a point shows the heat map that it would have", async () => {
   assert.ok(warm > 0.95, `the point itself should be warmest, got ${warm}`);
 });
 
-step("beside the shape there is nothing to be held", async () => {
-  const canvas = await page.locator("canvas").first().boundingBox();
-  const beside = [canvas.x + 0.06 * canvas.width, canvas.y + 0.9 * canvas.height];
-  assert.equal(
-    await page.evaluate(([x, y]) => window.dfd.pick(x, y), [beside[0] - canvas.x, beside[1] - canvas.y]),
-    null,
-  );
-  await page.mouse.click(...beside);
-  await page.waitForTimeout(500);
-  assert.deepEqual(await handles(), []);
-});
-
 step("a click takes hold", async () => {
   const vertex = await hold(page, JSON.parse(process.env.DFD_ALIKE), 1);
   await until(page, (s) => s.columns.size > 0);

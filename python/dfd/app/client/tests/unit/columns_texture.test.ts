@@ -16,16 +16,6 @@ const column = (own: Layer): Column =>
 const stored = (textures: PoseTextures) => textures.distances.image.data as Uint16Array;
 
 describe("PoseTextures", () => {
-  it("keeps a layer in its place as long as it is shown, and gives the place away after", () => {
-    const textures = new PoseTextures(2);
-    const [a, b, c] = [layer(10), layer(20), layer(30)];
-    textures.show({ ...EMPTY_SCENE, columns: [column(a), column(b)] });
-    textures.show({ ...EMPTY_SCENE, columns: [column(b), column(c)] });
-    const data = stored(textures);
-    const size = 2 * 4096;
-    expect([data[0], data[2], data[size], data[size + 2]]).toEqual([30, 31, 20, 21]);
-  });
-
   it("grows when there are more columns than places, and loses none", () => {
     const textures = new PoseTextures(2);
     const layers = Array.from({ length: 40 }, (_, i) => layer(100 * (i + 1)));

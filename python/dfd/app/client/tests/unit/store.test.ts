@@ -24,24 +24,6 @@ describe("createStore", () => {
     expect(before).toEqual({ a: 1 });
     expect(store.get()).toEqual({ a: 2 });
   });
-
-  it("lets a watcher stop itself and others, and set something itself", () => {
-    const store = createStore({ a: 0, b: 0 });
-    const later = vi.fn();
-    const stopFirst = store.watch(
-      (state) => state.a,
-      () => {
-        stopFirst();
-        stopLater();
-        store.set({ b: 1 });
-      },
-    );
-    const stopLater = store.watch((state) => state.a, later);
-    store.set({ a: 1 });
-    store.set({ a: 2 });
-    expect(later).not.toHaveBeenCalled();
-    expect(store.get()).toEqual({ a: 2, b: 1 });
-  });
 });
 
 describe("serverPoses", () => {
