@@ -15,6 +15,8 @@ from app_page import Page
 import dfd
 from dfd.editing.deformer import Deformer
 
+REST = {"rotation": [0, 0, 0], "scale": [1, 1, 1], "pivot": None, "axes": None}
+
 
 def test_a_shape_is_shown_and_edited(page: Page, deformer: Deformer) -> None:
     mesh = page.last("mesh")
@@ -164,50 +166,53 @@ def test_a_drag_that_cannot_end_as_asked_stays_as_it_was(page: Page) -> None:
     assert page.last("state")["handles"][0]["translation"] == [0, 0.1, 0]
 
 
-@pytest.mark.parametrize(
-    ("first", "second", "read", "values"),
-    [
-        (
-            {"type": "change", "handle": 1, "controls": {"strength": 0.5}},
-            {"type": "change", "handle": 1, "controls": {"strength": 0.25}},
-            lambda state: state["handles"][0]["strength"],
-            (1.0, 0.25),
-        ),
-        (
-            {"type": "change_fixed", "index": 0, "strength": 0.5},
-            {"type": "change_fixed", "index": 0, "strength": 0.25},
-            lambda state: state["fixed"][0]["strength"],
-            (1.0, 0.25),
-        ),
-        (
-            {"type": "set_symmetry", "plane": "x", "band": 0.1},
-            {"type": "set_symmetry", "plane": "x", "band": 0.2},
-            lambda state: state["symmetry"] and state["symmetry"]["band"],
-            (None, 0.2),
-        ),
-        (
-            {"type": "set_default", "transform": {"translation": [0, 1, 0]}},
-            {"type": "set_default", "transform": {"translation": [0, 2, 0]}},
-            lambda state: state["default"] and state["default"]["translation"],
-            (None, [0, 2, 0]),
-        ),
-    ],
-)
+GESTURES: list[tuple[dict[str, Any], str, list[Any], Callable[[dict[str, Any]], Any], Any]] = [
+    (
+        {"type": "change", "handle": 1},
+        "controls",
+        [{"strength": 0.5}, {"strength": 0.25}],
+        lambda state: state["handles"][0]["strength"],
+        (1.0, 0.25),
+    ),
+    (
+        {"type": "change_fixed", "index": 0},
+        "strength",
+        [0.5, 0.25],
+        lambda state: state["fixed"][0]["strength"],
+        (1.0, 0.25),
+    ),
+    (
+        {"type": "set_symmetry", "plane": "x"},
+        "band",
+        [0.1, 0.2],
+        lambda state: state["symmetry"] and state["symmetry"]["band"],
+        (None, 0.2),
+    ),
+    (
+        {"type": "set_default"},
+        "transform",
+        [{"translation": [0, 1, 0]}, {"translation": [0, 2, 0]}],
+        lambda state: state["default"] and state["default"]["translation"],
+        (None, [0, 2, 0]),
+    ),
+]
+
+
+@pytest.mark.parametrize(("request_", "name", "given", "read", "values"), GESTURES)
 def test_a_slider_is_one_step(
-    page: Page, first: dict[str, Any], second: dict[str, Any], read: Callable[[dict[str, Any]], Any], values: Any
+    page: Page, request_: dict[str, Any], name: str, given: list[Any], read: Callable[[Any], Any], values: Any
 ) -> None:
     handle = page.ask("add", at={"vertex": 5})["handle"]
     page.ask("fix", at={"vertex": 300})
-    for request in (first, {**second, "merge": True}):
-        given = {**request, "handle": handle} if "handle" in request else request
-        assert page.ask(**given)["type"] == "done"
+    asked = {**request_, "handle": handle} if "handle" in request_ else request_
+    for value, merge in zip(given, (False, True), strict=True):
+        assert page.ask(**asked, **{name: value}, merge=merge)["type"] == "done"
     assert read(page.last("state")) == values[1]
     page.ask("undo")
     assert read(page.last("state")) == values[0]
     # Another thing just before is no part of the gesture.
     page.ask("fix", at={"vertex": 200})
-    given = {**second, "handle": handle} if "handle" in second else second
-    page.ask(**given, merge=True)
+    page.ask(**asked, **{name: given[1]}, merge=True)
     page.ask("undo")
     assert len(page.last("state")["fixed"]) == 2
 
@@ -215,10 +220,9 @@ def test_a_slider_is_one_step(
 def test_a_pose_is_one_step(page: Page) -> None:
     one = page.ask("add", at={"vertex": 5})["handle"]
     other = page.ask("add", at={"vertex": 300})["handle"]
-    rest = {"rotation": [0, 0, 0], "scale": [1, 1, 1], "pivot": None, "axes": None}
-    page.ask("pose", transforms=[{"handle": h, "translation": [h, 0, 0], **rest} for h in (one, other)])
+    page.ask("pose", transforms=[{"handle": h, "translation": [h, 0, 0], **REST} for h in (one, other)])
     assert [each["translation"][0] for each in page.last("state")["handles"]] == [one, other]
-    wrong = [{"handle": h, "translation": [0, 0, 0], **rest} for h in (one, 99)]
+    wrong = [{"handle": h, "translation": [0, 0, 0], **REST} for h in (one, 99)]
     assert page.ask("pose", transforms=wrong)["type"] == "failure"
     page.ask("undo")
     assert [each["translation"][0] for each in page.last("state")["handles"]] == [0, 0]
@@ -260,19 +264,7 @@ def test_features_suggestions_and_poses(page: Page) -> None:
     pose = {
         "name": "one",
         "seconds": 1.5,
-        "transforms": [
-            {
-                "handle": 1,
-                "translation": [0, 1, 0],
-                "rotation": [0, 0, 0],
-                "scale": [1, 1, 1],
-                "pivot": None,
-                "axes": None,
-                "bend": [0, 0, 0],
-                "twist": 0,
-                "joint": None,
-            }
-        ],
+        "transforms": [{"handle": 1, "translation": [0, 1, 0], **REST, "bend": [0, 0, 0], "twist": 0, "joint": None}],
     }
     page.ask("set_poses", poses=[pose])
     assert page.last("state")["poses"] == [pose]
