@@ -31,17 +31,6 @@ def run(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> tuple[int, 
     return done.value.code, capsys.readouterr().err
 
 
-def test_a_page_that_is_not_built_is_said_in_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(launch, "STATIC", tmp_path / "static")
-    monkeypatch.setattr(launch, "check_built", lambda: check_built(tmp_path / "static"))
-    code, said = run(["--no-browser"], capsys)
-    assert code == 2
-    assert said.count("\n") == 1
-    assert "npm ci && npm run build" in said
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -50,11 +39,17 @@ def test_a_page_that_is_not_built_is_said_in_one_line(
         (["--field", __file__], "MESH must be given"),
         ([__file__, "--sample", "chair"], "`--sample` must not be given beside MESH"),
         (["--sample", "sofa"], "no sample 'sofa'"),
+        ([], "npm ci && npm run build"),
     ],
 )
 def test_what_cannot_be_opened_is_said_in_one_line(
-    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+    arguments: list[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
+    monkeypatch.setattr(launch, "check_built", lambda: check_built(tmp_path / "static"))
     code, said = run(["--no-browser", *arguments], capsys)
     assert code == 2
     assert message in said

@@ -1,18 +1,20 @@
-"""Requests are what the handlers' signatures say, and the published schema says the same."""
+"""Requests are what the handlers' signatures say; binary messages lie where the protocol says."""
 
 from __future__ import annotations
 
 import json
 from typing import Any
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+from numpy.typing import NDArray
 
+from dfd.app.protocol.binary_messages import HeatMessage, PositionsMessage, pack, unpack
 from dfd.app.protocol.requests import HANDLERS, RequestError, read_request
 from dfd.app.schema import schema
-
-
-def read(**message: Any) -> Any:
-    return read_request(json.dumps({"id": 1, **message}))
 
 
 def test_the_schema_has_every_request_and_says_what_each_message_is() -> None:
@@ -23,65 +25,80 @@ def test_the_schema_has_every_request_and_says_what_each_message_is() -> None:
 
 
 def test_a_message_is_read_by_its_type() -> None:
-    message = read(type="move", handle=3, transform={"translation": [0, 1, 2.5]}, merge=True)
+    text = '{"id": 1, "type": "move", "handle": 3, "transform": {"translation": [0, 1, 2.5]}, "merge": true}'
+    message: Any = read_request(text)
     assert message.transform.translation == (0.0, 1.0, 2.5)
     assert message.transform.rotation is None
     assert message.merge
     assert not message.settle
 
 
-@pytest.mark.parametrize(
-    "message",
-    [
-        {"type": "unheard of"},
-        {"type": "undo", "more": 1},
-        {"type": "undo", "id": 0},
-        {"type": "undo", "id": "1"},
-        {"type": "move", "handle": 1, "transform": {"translation": [0, 1]}},
-        {"type": "move", "handle": 1, "transform": {"translation": [0, 1, "2"]}},
-        {"type": "move", "handle": True, "transform": {}},
-        {"type": "probe", "at": {"vertex": -1}},
-        {"type": "probe", "at": {"vertex": 1, "point": [0, 0, 0]}},
-        {"type": "add", "at": {"vertex": 1}, "controls": {"falloff": "none"}},
-        {"type": "add", "at": {"vertex": 1}, "session": 1},
-        {"type": "add", "at": {"mask": "not base 64"}},
-        {"type": "hello", "version": 1},
-        {"type": "export", "format": "../x"},
-        {"type": "set_symmetry", "plane": "w"},
-    ],
-)
-def test_a_message_that_is_none_is_refused(message: dict[str, Any]) -> None:
-    with pytest.raises(RequestError):
-        read(**message)
-
-
-@pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e999"])
-def test_numbers_are_finite(number: str) -> None:
-    text = '{"id": 1, "type": "move", "handle": 1, "transform": {"translation": [0, 0, NUMBER]}}'
-    read_request(text.replace("NUMBER", "1"))
-    with pytest.raises(RequestError):
-        read_request(text.replace("NUMBER", number))
-
-
 DEEP = "[" * 50_000 + "]" * 50_000
+MOVE = '"type": "move", "handle": 1, "transform": {"translation": [0, 0, NUMBER]}'
 
 
 @pytest.mark.parametrize(
     ("text", "number"),
     [
-        ('{"type": "undo", "x": [], "id": 7}', 7),
-        ('{"type": "undo", "x": DEEP, "id": 7}', 0),
-        ('{"id": 7, "handle": 1' + "0" * 10_000 + "}", 0),
-        ('{"x": {"id": 8}}', 0),
-        ('{"id": 99999999999999999999}', 0),
-        ('{"id": "7"}', 0),
-        ("[7]", 0),
-        (DEEP, 0),
-        ("no json", 0),
+        ('"type": "unheard of"', 7),
+        ('"type": "undo", "more": 1', 7),
+        *((MOVE.replace("NUMBER", number), 7) for number in ("NaN", "Infinity", "-Infinity", "1e999", '"2"')),
+        ('"type": "move", "handle": true, "transform": {}', 7),
+        ('"type": "probe", "at": {"vertex": -1}', 7),
+        ('"type": "probe", "at": {"vertex": 1, "point": [0, 0, 0]}', 7),
+        ('"type": "add", "at": {"vertex": 1}, "controls": {"falloff": "none"}', 7),
+        ('"type": "add", "at": {"vertex": 1}, "controls": {"more": {"self": 3}}', 7),
+        ('"type": "add", "at": {"mask": "not base 64"}', 7),
+        ('"type": "hello", "version": 1', 7),
+        ('"type": "export", "format": "../x"', 7),
+        (f'"type": "undo", "x": {DEEP}', 0),
+        (f'"handle": 1{"0" * 10_000}', 0),
     ],
 )
-def test_what_is_not_understood_is_refused_by_its_number(text: str, number: int) -> None:
+def test_what_is_no_request_is_refused_by_its_number(text: str, number: int) -> None:
     with pytest.raises(RequestError, match="^The message was not understood: ") as refused:
-        read_request(text.replace("DEEP", DEEP))
+        read_request(f'{{"id": 7, {text}}}')
     assert refused.value.number == number
     assert len(str(refused.value)) < 300
+
+
+@pytest.mark.parametrize("text", ['{"x": {"id": 8}}', '{"id": 99999999999999999999}', '{"id": "7"}', "[7]", DEEP, "no"])
+def test_what_has_no_number_is_refused_by_0(text: str) -> None:
+    with pytest.raises(RequestError) as refused:
+        read_request(text)
+    assert refused.value.number == 0
+
+
+DTYPES = ["uint8", "int8", "uint16", "int16", "uint32", "int32", "float32", ">f4"]
+
+
+@given(
+    st.lists(
+        st.sampled_from(DTYPES).flatmap(
+            lambda name: arrays.arrays(name, arrays.array_shapes(max_dims=3, min_side=0, max_side=5))
+        ),
+        max_size=4,
+    )
+)
+def test_what_is_packed_comes_back(given: list[NDArray[Any]]) -> None:
+    named = {f"a{index}": array for index, array in enumerate(given)}
+    header, back = unpack(pack(PositionsMessage, named, id=7))
+    assert header["id"] == 7
+    assert list(back) == list(named)
+    for name, array in named.items():
+        assert back[name].dtype == array.dtype.newbyteorder("=")
+        np.testing.assert_array_equal(back[name], array)
+
+
+def test_everything_lies_at_multiples_of_eight() -> None:
+    values = {"values": np.arange(3, dtype=np.uint16), "b": np.ones(1, np.float32)}
+    message = pack(HeatMessage, values, vertex=1, scale=2.0)
+    length = int.from_bytes(message[:4], "little")
+    assert (4 + length) % 8 == len(message) % 8 == 0
+    assert [each["offset"] for each in json.loads(message[4 : 4 + length])["buffers"]] == [0, 8]
+    assert message[4 + length : 4 + length + 6] == b"\0\0\1\0\2\0"
+
+
+def test_types_that_the_protocol_has_not_are_refused() -> None:
+    with pytest.raises(ValueError, match="float64"):
+        pack(PositionsMessage, {"a": np.zeros(2)})

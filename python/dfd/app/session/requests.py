@@ -15,16 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from dfd.app.options import sample_source
-from dfd.app.protocol.answers import (
-    Answer,
-    AxisMessage,
-    DoneMessage,
-    DownloadMessage,
-    SimilarMessage,
-    SimilarPoint,
-    Suggestion,
-    SuggestionsMessage,
-)
+from dfd.app.protocol import answers
 from dfd.app.protocol.parts import (
     Controls,
     Index,
@@ -66,7 +57,7 @@ def answer(session: Session, message: Request) -> None:
         if isinstance(reply, bytes):
             session.send(reply)
         else:
-            session.send((reply or DoneMessage()).model_copy(update={"id": message.id}))
+            session.send((reply or answers.DoneMessage()).model_copy(update={"id": message.id}))
 
     session.after = message.id
     session.guarded(message.id, work)
@@ -126,31 +117,31 @@ def features(session: Session) -> bytes:
 
 
 @request
-def suggest(session: Session, count: Annotated[int, Field(ge=1, le=64)] = 12) -> Answer:
+def suggest(session: Session, count: Annotated[int, Field(ge=1, le=64)] = 12) -> answers.Answer:
     """Good places for handles, one for each kind of part. Answer: `suggestions`."""
     deformer, planes = session.require_deformer(), session.view_state.planes.get("default", ())
     mesh, finder = deformer.mesh, deformer.bound.finder
-    found: list[Suggestion] = []
+    found: list[answers.Suggestion] = []
     for each in suggest_handles(mesh, deformer.features, count=count, planes=planes, finder=finder):
         similar = f", {len(each.instances)} alike" if len(each.instances) > 1 else ""
         x, y, z = mesh.vertices[each.vertex].tolist()
-        found.append(Suggestion(vertex=each.vertex, position=(x, y, z), name=f"Part {len(found) + 1}{similar}"))
-    return SuggestionsMessage(suggestions=tuple(found))
+        found.append(answers.Suggestion(vertex=each.vertex, position=(x, y, z), name=f"Part {len(found) + 1}{similar}"))
+    return answers.SuggestionsMessage(suggestions=tuple(found))
 
 
 @request
-def instances(session: Session, handle: int) -> Answer:
+def instances(session: Session, handle: int) -> answers.Answer:
     """The handle's similar points, and whether each follows the handle. Answer: `similar`."""
     places = []
     for instance, on in session.require_deformer().instances(handle):
         x, y, z = map(float, instance.position)
         weight, vertex = float(instance.weight), int(instance.vertex)
-        places.append(SimilarPoint(vertex=vertex, position=(x, y, z), weight=weight, on=on))
-    return SimilarMessage(handle=handle, places=tuple(places))
+        places.append(answers.SimilarPoint(vertex=vertex, position=(x, y, z), weight=weight, on=on))
+    return answers.SimilarMessage(handle=handle, places=tuple(places))
 
 
 @request
-def axis(session: Session, handle: int) -> Answer:
+def axis(session: Session, handle: int) -> answers.Answer:
     """What a handle may turn about, and the axis along which it bends what it holds. Answer: `axis`."""
     deformer = session.require_deformer()
     edit = deformer.edit
@@ -159,24 +150,26 @@ def axis(session: Session, handle: int) -> Answer:
     auto = held.place.position
     pivots: dict[PivotAt, Vector] = {"point": auto}
     if part is None:
-        return AxisMessage(handle=handle, pivots=pivots, auto=auto, base=None, tip=None)
+        return answers.AxisMessage(handle=handle, pivots=pivots, auto=auto, base=None, tip=None)
     pivots.update({place: pivot_on(part, place, held, edit.symmetry)[0] for place in ("base", "middle", "hinge")})
     if edit.symmetry is not None:
         pivots["plane"] = pivot_on(part, "plane", held, edit.symmetry)[0]
     if PRESETS[edit.preset].pivot == "auto":
         auto = pivot_on(part, None, held, edit.symmetry)[0]
     base, tip = (vector("axis", part.axis.nodes[end]) for end in (0, -1))
-    return AxisMessage(handle=handle, pivots=pivots, auto=auto, base=base, tip=tip)
+    return answers.AxisMessage(handle=handle, pivots=pivots, auto=auto, base=base, tip=tip)
 
 
 # --- handles
 
 
 @request
-def add(session: Session, at: Place, transform: Transform = NO_TRANSFORM, controls: Controls = NO_CONTROLS) -> Answer:
+def add(
+    session: Session, at: Place, transform: Transform = NO_TRANSFORM, controls: Controls = NO_CONTROLS
+) -> answers.Answer:
     """Add a handle. Answer: `done` with the `handle`."""
     given = {"at": _at(session, at), **_transform_parts(transform), **_controls(session, controls)}
-    return DoneMessage(handle=session.change(lambda deformer: deformer.add(**given)))
+    return answers.DoneMessage(handle=session.change(lambda deformer: deformer.add(**given)))
 
 
 @request
@@ -352,7 +345,7 @@ def export(
     session: Session,
     format: exports.Kind,  # noqa: A002
     transforms: PoseTransforms | None = None,
-) -> Answer:
+) -> answers.Answer:
     """Export what is seen, the edit or the field; `transforms` are those that the page shows instead of the edit's.
 
     "rig" is a GLB with joints, "morph" one with morph targets, "animation" one of the key poses. Answer: `download`.
@@ -367,7 +360,7 @@ def export(
         shutil.rmtree(folder, ignore_errors=True)
         raise
     session.exports[number] = path
-    return DownloadMessage(url=f"download/{session.folder.name}/{number}", name=path.name, said=said)
+    return answers.DownloadMessage(url=f"download/{session.folder.name}/{number}", name=path.name, said=said)
 
 
 class _TakenBackError(Exception):

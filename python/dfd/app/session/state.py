@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dfd.app.protocol import parts
 from dfd.app.protocol.answers import FieldState, FixedState, HandleState, NewHandle, ReportMessage, StateMessage
 from dfd.app.protocol.binary_messages import ColorsMessage, PositionsMessage, pack
 from dfd.app.protocol.parts import KeyPose, Plane, PoseTransform
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
     from dfd.posing.transforms import Transform
     from dfd.symmetry.plane import SymmetryPlane
 
+# What the state has of a handle's transform under the same name; `pivot` is where that is.
+MOTION = (*(name for name in parts.Transform.model_fields if name != "pivot"), "pivot_at")
 NO_FIELD = FieldState(status="none", origin=None)
 
 
@@ -76,6 +79,7 @@ def _handle(deformer: Deformer, columns: Columns, handle: Handle, parts: ShapePa
     transform, controls = handle.transform, handle.controls
     bound, edit = deformer.bound, deformer.edit
     values = {
+        **{name: getattr(transform, name) for name in MOTION},
         **{name: getattr(controls, name) for name in CONTROLS},
         "reach": bound.reach(handle),
         "excluded_instances": tuple(place.vertex for place in controls.excluded_instances if place.vertex is not None),
@@ -86,16 +90,8 @@ def _handle(deformer: Deformer, columns: Columns, handle: Handle, parts: ShapePa
         name=handle.name,
         vertex=handle.place.vertex,
         position=handle.place.position,
-        translation=transform.translation,
-        rotation=transform.rotation,
-        scale=transform.scale,
         pivot=handle.pivot,
         pivot_set=transform.pivot is not None,
-        pivot_at=transform.pivot_at,
-        bend=transform.bend,
-        twist=transform.twist,
-        joint=transform.joint,
-        axes=transform.axes,
         reach_by=controls.reach if isinstance(controls.reach, str) else "number",
         mask_part=parts is not None and parts.limits(handle),
         exponent=bound.locality(edit, handle)[2],
