@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, TypedDict
+from typing import TYPE_CHECKING, Annotated, Any
 
 from dfd.common import check
 from dfd.common.described import Brief, Tagged, check_fields
@@ -19,7 +19,7 @@ from dfd.weights.bind import Falloff
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["Controls", "Falloff", "GivenControls", "Instances", "controls_of", "controls_on", "length_on"]
+__all__ = ["Controls", "Falloff", "Instances", "controls_of", "controls_on", "length_on"]
 
 DEFAULTS = PRESETS["default"]
 
@@ -75,27 +75,15 @@ class Controls(Brief):
         return replace(self, **parts) if parts else self
 
 
-class GivenControls(TypedDict, total=False):
-    """Controls as people give them: None is not given, and lengths may be texts such as "20%" of the box's diagonal."""
-
-    reach: float | str | None
-    falloff: Falloff | None
-    locality: float | None
-    radius: float | str | None
-    strength: float | None
-    instances: Instances | None
-    excluded_instances: Sequence[Any] | None
-    mask: Any
-    mask_feather: float | str | None
-
-
 def controls_of(preset: Preset) -> Controls:
     """Those of a new handle."""
     return Controls(**PRESETS[preset].handle)
 
 
-def controls_on(mesh: Mesh, given: GivenControls) -> dict[str, Any]:
-    """The controls of `given` as `Controls.changed` takes them: lengths in mesh units, regions and places of `mesh`.
+def controls_on(mesh: Mesh, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the controls of `given`, without None, as `Controls.changed` takes them.
+
+    Lengths are in mesh units, regions and places those of `mesh`.
 
     Raises ValueError if a length is neither a number nor a percentage, `excluded_instances` is no list of points, or
     `mask` is no region or holds no vertex. Raises TypeError if there is no control of a name.

@@ -31,13 +31,8 @@ from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.compact import CompactFeatures
 
 if TYPE_CHECKING:
-    from typing_extensions import Unpack
-
-    from dfd.editing.controls import GivenControls
     from dfd.editing.influence.instances import Instance
     from dfd.editing.influence.regions import VertexSet
-    from dfd.editing.verbs import GivenHandle
-    from dfd.posing.transforms import GivenMotion, GivenTransform
     from dfd.segmentation.parts import Level
 
 
@@ -178,7 +173,7 @@ class Deformer:
     # --- handles
 
     @public
-    def add(self, at: Any, *, name: str | None = None, **given: Unpack[GivenHandle]) -> int:
+    def add(self, at: Any, *, name: str | None = None, **given: Any) -> int:
         """Take hold of the shape and return the new handle's id.
 
         Parameters
@@ -233,7 +228,7 @@ class Deformer:
         return new
 
     @public
-    def move(self, handle: int, *, merge: bool = False, **given: Unpack[GivenMotion]) -> None:
+    def move(self, handle: int, *, merge: bool = False, **given: Any) -> None:
         """Set parts of a handle's transform, always from the resting shape; what is left out stays. Nothing is rebound.
 
         Parameters
@@ -268,13 +263,7 @@ class Deformer:
 
     @public
     def change(
-        self,
-        handle: int,
-        *,
-        at: Any = None,
-        name: str | None = None,
-        merge: bool = False,
-        **controls: Unpack[GivenControls],
+        self, handle: int, *, at: Any = None, name: str | None = None, merge: bool = False, **controls: Any
     ) -> None:
         """Set where a handle is, what follows it, or its name, as in `add`; what is left out stays.
 
@@ -400,7 +389,7 @@ class Deformer:
         return self.edit.default
 
     @public
-    def set_default(self, *, merge: bool = False, **given: Unpack[GivenTransform]) -> None:
+    def set_default(self, *, merge: bool = False, **given: Any) -> None:
         """Set D₀ of Eq. 1, what happens to what no handle holds; with nothing given it stays where it is.
 
         The pivot is the center of the box if left out; the rest is as in `Deformer.add`.

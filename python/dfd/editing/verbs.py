@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -12,31 +13,28 @@ import numpy as np
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
-from dfd.editing.controls import GivenControls, controls_of, controls_on
+from dfd.editing.controls import controls_of, controls_on
 from dfd.editing.edit import Edit, Handle, box_center, symmetry_on
 from dfd.editing.influence.held_parts import bend_vector, pivot_on
 from dfd.editing.influence.regions import VertexSet
 from dfd.editing.points import Place, place_on
-from dfd.posing.transforms import GivenMotion, GivenTransform, PivotAt, Transform, frame_of_normal
+from dfd.posing.transforms import PivotAt, Transform, frame_of_normal
 
 if TYPE_CHECKING:
-    from typing_extensions import Unpack
-
     from dfd.editing.influence.handle_weights import HandleWeights
     from dfd.segmentation.parts import Level
     from dfd.symmetry.plane import SymmetryPlane
 
 
-class GivenHandle(GivenMotion, GivenControls, total=False):
-    """What a new handle is given besides its place and its name."""
+# What a handle is given of its transform: its fields, and what only the part that it holds turns into numbers.
+PLACED = ("translation", "rotation", "scale", "pivot", "axes")
+MOTIONS = (*PLACED, "bend", "twist", "towards", "joint", "open")
 
 
-def add(
-    edit: Edit, weights: HandleWeights, handle: int, at: Any, *, name: str | None, **given: Unpack[GivenHandle]
-) -> Edit:
+def add(edit: Edit, weights: HandleWeights, handle: int, at: Any, *, name: str | None, **given: Any) -> Edit:
     """`edit` with a new handle of that id, behind the others."""
     place = place_of(weights, at)
-    parts: Any = {part: value for part, value in given.items() if part in GivenMotion.__annotations__}
+    parts: Any = {part: value for part, value in given.items() if part in MOTIONS}
     others: Any = {control: value for control, value in given.items() if control not in parts}
     transform = _transform(Transform(), weights, place, parts)
     controls = controls_of(edit.preset).changed(**_controls(weights, place, others))
@@ -44,14 +42,16 @@ def add(
     return _on_part(added, weights, handle, parts, Transform())
 
 
-def move(edit: Edit, weights: HandleWeights, handle: int, given: GivenMotion) -> Edit:
+def move(edit: Edit, weights: HandleWeights, handle: int, given: Mapping[str, Any]) -> Edit:
     """`edit` with parts of a handle's transform exchanged."""
     held = edit.handle(handle)
     moved = edit.replaced(replace(held, transform=_transform(held.transform, weights, held.place, given)))
     return _on_part(moved, weights, handle, given, held.transform)
 
 
-def change(edit: Edit, weights: HandleWeights, handle: int, at: Any, name: str | None, controls: GivenControls) -> Edit:
+def change(
+    edit: Edit, weights: HandleWeights, handle: int, at: Any, name: str | None, controls: Mapping[str, Any]
+) -> Edit:
     """`edit` with a handle's place, controls or name exchanged."""
     held = edit.handle(handle)
     place = held.place if at is None else place_of(weights, at)
@@ -75,9 +75,9 @@ def set_symmetry(
     return replace(edit, symmetry=plane)
 
 
-def set_default(edit: Edit, weights: HandleWeights, given: GivenTransform) -> Edit:
+def set_default(edit: Edit, weights: HandleWeights, given: Mapping[str, Any]) -> Edit:
     """`edit` with D₀ from what is given; None where that is nothing."""
-    if unknown := given.keys() - GivenTransform.__annotations__.keys():
+    if unknown := given.keys() - set(PLACED):
         raise TypeError(f"{unknown.pop()!r} is for what a handle holds, and the default transform has no handle")
     transform = Transform().changed(**given)
     transform.matrix(box_center(weights.mesh))
@@ -95,7 +95,7 @@ def place_of(weights: HandleWeights, at: Any) -> Place:
     return place_on(weights.mesh, _part_named(weights, at))
 
 
-def _controls(weights: HandleWeights, place: Place, given: GivenControls) -> dict[str, Any]:
+def _controls(weights: HandleWeights, place: Place, given: Mapping[str, Any]) -> dict[str, Any]:
     """The controls of a handle at `place`, as `Controls.changed` takes them."""
     mask = _part_named(weights, given.get("mask"), place)
     return controls_on(weights.mesh, {**given, "mask": mask})
@@ -111,9 +111,9 @@ def _part_named(weights: HandleWeights, at: Any, own: Place | None = None) -> An
     return part_at(weights, where, alike=kind == "part") if where and kind in ("part", "piece") else at
 
 
-def _transform(transform: Transform, weights: HandleWeights, place: Place, given: GivenMotion) -> Transform:
+def _transform(transform: Transform, weights: HandleWeights, place: Place, given: Mapping[str, Any]) -> Transform:
     """`transform` with what is given exchanged, `axes` in numbers; what `_on_part` finds stays as it is."""
-    given = {name: value for name, value in given.items() if not _of_part(name, value)}  # type: ignore[assignment]
+    given = {name: value for name, value in given.items() if not _of_part(name, value)}
     axes: Any = given.get("axes")
     if not isinstance(axes, str) or axes == "auto":
         return transform.changed(**given)
@@ -122,7 +122,7 @@ def _transform(transform: Transform, weights: HandleWeights, place: Place, given
     normal = np.asarray(weights.mesh.normals[weights.anchor(Handle(1, place))], np.float64)
     if not normal.any():
         raise ArgumentError("axes", "cannot be 'normal': the surface has no normal at the handle")
-    in_numbers: GivenMotion = {**given, "axes": frame_of_normal(normal)}
+    in_numbers: Mapping[str, Any] = {**given, "axes": frame_of_normal(normal)}
     return transform.changed(**in_numbers)
 
 
@@ -134,7 +134,7 @@ def _of_part(name: str, value: Any) -> bool:
     )
 
 
-def _on_part(edit: Edit, weights: HandleWeights, handle: int, given: GivenMotion, before: Transform) -> Edit:
+def _on_part(edit: Edit, weights: HandleWeights, handle: int, given: Mapping[str, Any], before: Transform) -> Edit:
     """`edit` with what is given of a handle's transform in terms of the part that it holds, and with its pivot.
 
     A pivot of which nothing was said is found when the handle turns or scales and did not `before`.

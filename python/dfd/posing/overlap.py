@@ -26,10 +26,11 @@ def interpolating(function: str, handle_weights: Float64) -> Float64:
     still = np.flatnonzero(~handle_weights.any(axis=1))
     if len(still):
         raise ValueError(
-            f"{function}: the handle of column {still[0]} cannot arrive: no handle has a weight where it stands"
+            f"{function}: the handle of column {still[0]} cannot arrive: no weight is above 0 at its place"
         )
     # Rows that depend on each other cancel in the direction that the smallest singular value belongs to.
     first, second = sorted(np.argsort(-np.abs(directions[:, -1]), kind="stable")[:2].tolist())
     raise ValueError(
-        f"{function}: the handles of columns {first} and {second} stand at one place, or look alike there, and cannot both arrive"
+        f"{function}: the handles of columns {first} and {second} have alike weights at their places and cannot both "
+        "arrive"
     )

@@ -9,7 +9,7 @@ more than a whole turn stays more than a whole turn, and about a single axis it 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypedDict
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,9 +19,6 @@ from dfd.common import check
 from dfd.common.described import Brief, Written
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64
-
-if TYPE_CHECKING:
-    from typing_extensions import Unpack
 
 Vector = tuple[float, float, float]
 Frame = tuple[Vector, Vector, Vector]  # three orthonormal vectors
@@ -83,7 +80,7 @@ class Transform(Brief):
             keep(self, "joint", check.number("Transform", "joint", self.joint, minimum=0.0, maximum=1.0))
         keep(self, "linear", _linear(self.rotation, self.scale, self.axes))
 
-    def changed(self, *, pivot_at: PivotAt | None = None, **given: Unpack[GivenMotion]) -> Transform:
+    def changed(self, *, pivot_at: PivotAt | None = None, **given: Any) -> Transform:
         """The transform with some of its parts exchanged; None leaves a part, "auto" takes pivot or axes away.
 
         `pivot_at` says what `pivot` is; another pivot than before is only numbers without it. A `joint` of "spread"
@@ -134,26 +131,6 @@ class Transform(Brief):
             )
         matrix.flags.writeable = False
         return matrix
-
-
-class GivenTransform(TypedDict, total=False):
-    """Parts of a `Transform` as people give them: None is not given, see `Transform.changed` for texts."""
-
-    translation: ArrayLike | None
-    rotation: ArrayLike | None
-    scale: ArrayLike | None
-    pivot: ArrayLike | None
-    axes: ArrayLike | None
-
-
-class GivenMotion(GivenTransform, total=False):
-    """What a handle is given of its transform: besides it, what the part that it holds does along its own axis."""
-
-    bend: ArrayLike | None
-    twist: float | None
-    towards: ArrayLike | None
-    joint: float | Literal["spread", "auto", "here"] | None
-    open: float | None
 
 
 def affine(
