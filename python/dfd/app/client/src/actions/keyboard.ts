@@ -26,17 +26,7 @@ function escape(): void {
 }
 
 type Switch =
-  | "comparing"
-  | "snap"
-  | "wireframe"
-  | "xray"
-  | "isolated"
-  | "more"
-  | "inspector"
-  | "help"
-  | "timeline"
-  | "uniformScale"
-  | "local";
+  "comparing" | "snap" | "wireframe" | "xray" | "isolated" | "more" | "inspector" | "help" | "timeline" | "local";
 
 /** Switch what is on or off. */
 export function toggle(name: Switch): void {

@@ -15,7 +15,6 @@ import {
   NumberRow,
   Panel,
   percent,
-  Scale,
   Select,
   titled,
   Toggle,
@@ -128,7 +127,17 @@ export function motionFields(now: Transform, step: number, set: (part: Partial<T
         onChange={(rotation) => set({ rotation })}
       />
     ),
-    scale: <Scale key="scale" of={of} value={now.scale} onChange={(scale) => set({ scale })} />,
+    scale: (
+      <Triple
+        key="scale"
+        label="Scale"
+        of={of}
+        hint="How many times as large, along x, y and z"
+        value={now.scale}
+        step={0.05}
+        onChange={(scale) => scale.every((factor) => factor !== 0) && set({ scale })}
+      />
+    ),
   };
 }
 

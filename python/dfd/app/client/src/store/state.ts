@@ -111,7 +111,6 @@ const INITIAL = {
   /** Whether the gizmo has the axes of the handle, not of the world. */
   local: false,
   snap: false,
-  uniformScale: false,
   dragging: false,
   look: "texture" as Look,
   wireframe: false,

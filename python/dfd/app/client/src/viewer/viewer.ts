@@ -205,7 +205,7 @@ export class Viewer {
 
   private drawPlane({ edit, mesh }: State, color: Color): void {
     const used = mesh && edit?.symmetry;
-    for (const shown of this.plane.children) (shown as PlaneHelper).dispose();
+    for (const shown of this.plane.children) if (shown instanceof PlaneHelper) shown.dispose();
     this.plane.clear();
     if (!used || !this.shape) return;
     const { normal, offset } = mirrorOf(used, mesh.center);

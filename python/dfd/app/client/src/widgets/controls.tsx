@@ -158,21 +158,17 @@ interface TripleProps {
   readonly label: string;
   readonly value: Vec3;
   readonly step: number;
-  readonly onChange: (value: Vec3, axis: number) => void;
+  readonly onChange: (value: Vec3) => void;
   /** For screen readers, where `label` stands more than once. */
   readonly of?: string;
   readonly hint?: string;
-  readonly action?: ComponentChildren;
 }
 
 /** Three numbers, one for each axis. */
-export function Triple({ label, of = "", hint, value, step, onChange, action }: TripleProps) {
+export function Triple({ label, of = "", hint, value, step, onChange }: TripleProps) {
   return (
     <div class="triple" role="group" aria-label={`${label}${of}`} aria-description={hint} title={hint}>
-      <span class="triple-label">
-        {label}
-        {action}
-      </span>
+      <span>{label}</span>
       {AXES.map((axis, i) => (
         <NumberField
           key={axis}
@@ -180,27 +176,11 @@ export function Triple({ label, of = "", hint, value, step, onChange, action }: 
           label={`${label}${of} ${axis}`}
           value={value[i]}
           step={step}
-          onChange={(number) => onChange(value.with(i, number) as unknown as Vec3, i)}
+          onChange={(number) => onChange(value.with(i, number) as unknown as Vec3)}
         />
       ))}
     </div>
   );
-}
-
-/** One factor for all axes where they are the same, and a switch to have three. */
-export function Scale({ value, onChange, ...rest }: Pick<TripleProps, "value" | "of" | "onChange">) {
-  const uniform = useParts().uniformScale;
-  const link = (
-    <IconButton icon="link" label="Scale all axes alike" pressed={uniform} onPress={() => toggle("uniformScale")} />
-  );
-  const scale = (next: Vec3, axis: number) => {
-    const factor = next[axis] / value[axis];
-    if (factor === 0) return;
-    const all = value.map((other, i) => (i === axis ? next[axis] : other * factor));
-    onChange(uniform ? (all as unknown as Vec3) : next, axis);
-  };
-  const hint = "How many times as large, along x, y and z";
-  return <Triple label="Scale" hint={hint} value={value} step={0.05} onChange={scale} action={link} {...rest} />;
 }
 
 interface SliderProps {

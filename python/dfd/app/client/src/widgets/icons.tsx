@@ -27,7 +27,6 @@ const PATHS = {
   pause: "M6.5 4v12M13.5 4v12",
   add: "M10 4v12M4 10h12",
   inspector: "M3 4h14v12H3zM12 4v12",
-  link: "M8 12 12 8M9 5.5l1.5-1.5a4 4 0 0 1 5.5 5.5L14.5 11M11 14.5 9.5 16A4 4 0 0 1 4 10.5L5.5 9",
   more: "M4 10h.1M10 10h.1M16 10h.1",
 } as const;
 
