@@ -161,9 +161,8 @@ class _Work:
         """A thumbnail, and one in the colors of the features where there is a field."""
         save_png(self.folder / "thumbnail.png", picture(self.mesh, resolution=PIXELS))
         if self.shape.field is not None or (self.folder / FIELD).exists():
-            features = self.session.features
-            shown = features if isinstance(features, np.ndarray) else features.principal(3)
-            save_png(self.folder / "features.png", picture(self.mesh, colors=feature_colors(shown), resolution=PIXELS))
+            colors = feature_colors(self.session.features)
+            save_png(self.folder / "features.png", picture(self.mesh, colors=colors, resolution=PIXELS))
 
     def edits(self) -> None:
         """Every edit that fits, with a picture of what it did; where one does not fit, the figures say so."""

@@ -126,7 +126,7 @@ def _suggested(
     shape: Mesh, field: Field, count: int, planes: list[SymmetryPlane], other_shape: bool
 ) -> tuple[list[dict[str, Any]], Row]:
     """Handles worth taking, for the report, and a row that draws them with their numbers."""
-    from dfd import CompactFeatures, Deformer
+    from dfd import Deformer
     from dfd.editing.suggestions import suggest_handles
     from dfd.pictures.colors import feature_colors
 
@@ -141,9 +141,8 @@ def _suggested(
         }
         for each in found
     ]
-    colors = features.principal(3) if isinstance(features, CompactFeatures) else features
     marks = {
-        "colors": feature_colors(colors),
+        "colors": feature_colors(features),
         "handles": [shape.vertices[each.vertex] for each in found],
         "labels": [str(number) for number in range(1, len(found) + 1)],
     }

@@ -63,7 +63,7 @@ def show(
         raise ValueError("`--legend` needs `--field` and `--handle`: it is the scale of their heat")
     check_output("--output", output, (".png",))
 
-    from dfd import CompactFeatures, Deformer
+    from dfd import Deformer
     from dfd.common.progress import Stages
     from dfd.pictures.colors import feature_colors
     from dfd.pictures.sheet import save_sheet
@@ -94,9 +94,7 @@ def show(
                 rows.append((f"handle {each.place}", marks))
             legend = legend or len(rows) * views > 1
         else:
-            features = deformer.features
-            colors = features.principal(3) if isinstance(features, CompactFeatures) else features
-            rows = [("features", {"colors": feature_colors(colors)})]
+            rows = [("features", {"colors": feature_colors(deformer.features)})]
     with stages.stage("draw", len(rows) * views) as advance:
         save_sheet(
             output,

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from dfd.common import check
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.mesh.appearance import linear, srgb
+from dfd.weights.compact import CompactFeatures
 
 CLAY = (0.85, 0.84, 0.82)  # sRGB of a surface without data; also of weight 0
 # sRGB stops from weight 0 to 1. They darken all the way, so that the map also reads in gray and to the color-blind.
@@ -60,7 +61,7 @@ def ratio_colors(ratios: ArrayLike) -> Float32:
     return (np.array(CLAY) + np.abs(octaves) * (ends - np.array(CLAY))).astype(np.float32)
 
 
-def feature_colors(features: ArrayLike) -> Float32:
+def feature_colors(features: ArrayLike | CompactFeatures) -> Float32:
     """Return sRGB colors (V, 3) in [0, 1] of `features` (V, D): their three main directions as red, green and blue.
 
     Each direction is stretched so that all but its outermost hundredths fill the range; its sign makes the largest
@@ -68,6 +69,8 @@ def feature_colors(features: ArrayLike) -> Float32:
 
     Raises ValueError if `features` is not a (V, D) array of finite numbers with at least one row and one column.
     """
+    if isinstance(features, CompactFeatures):
+        features = features.principal(3)
     rows = check.array("feature_colors", "features", features, ("V", "D"), dtype=np.float32)
     if rows.size == 0:
         raise ValueError(f"feature_colors: `features` must not be empty, got shape {rows.shape}")

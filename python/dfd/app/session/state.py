@@ -23,7 +23,6 @@ from dfd.editing.presets import CONTROLS, PARTLESS_REACH, PRESETS
 from dfd.mesh.normals import updated_normals
 from dfd.pictures.colors import feature_colors
 from dfd.symmetry.plane import axis_name
-from dfd.weights.compact import CompactFeatures
 
 if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
@@ -138,7 +137,7 @@ def positions_message(deformer: Deformer, *, request: int) -> bytes:
 def feature_colors_message(deformer: Deformer, *, request: int) -> bytes:
     """The answer to `features`, with the colors of `dfd.pictures`."""
     features = deformer.features
-    colors = feature_colors(features.principal(3) if isinstance(features, CompactFeatures) else features)
+    colors = feature_colors(features)
     packed = np.full((len(colors), 4), 255, np.uint8)
     packed[:, :3] = np.rint(colors * 255)
     return pack(ColorsMessage, {"colors": packed}, id=request)
