@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -48,8 +49,8 @@ TOP = ((0.1, 1.0, 0.1), (0.9, 1.0, 0.1), (0.5, 1.0, 0.9))
 STRETCHED = dict.fromkeys(("kaykit_chair_A", "table_roundlarge", "chair_2", "nightstand_1", "chair", "*"), 0.25)
 CONTROL_POINTS, LIFTED = 50, 0.4
 DENSE_TEXT = (
-    "The network of DeepMetaHandles cannot be had. A folder in its layout is taken as it is; without one the control "
-    "points are fifty farthest points, and their offsets lengthen the legs, as we chose."
+    "The network of DeepMetaHandles cannot be had: the control points are fifty farthest points, and their offsets "
+    "lengthen the legs, as we chose."
 )
 
 # What the paper's users chose of such pictures (Table 2 and Sec. K), per cent.
@@ -72,9 +73,8 @@ other methods need; the outline before is blue, the one after green.
 - **flipped faces**: folded over against the faces around them, and not so at rest.
 - DFD is moved by its handles alone, as in the paper; **fixed points** holds those of the set.
 - Other methods are given handles, fixed points and their neighbors. **biharmonic** (coordinates) and **BBW** work
-  within tetrahedra of fTetWild, of the shape simplified to 6,000 faces; **NeuralMLS** is written from its paper. Shapes
-  of DeepMetaHandles give them all control points, and their own coordinates where the set has them. The networks of
-  APAP and DeepMetaHandles cannot be had."""
+  within tetrahedra of fTetWild, of the shape simplified to 6,000 faces; **NeuralMLS** is written from its paper. The
+  networks of APAP and DeepMetaHandles cannot be had."""
 
 Methods = Mapping[str, Callable[[], Float64]]
 Cases = Sequence[tuple[str, Case | str]]  # by name; a text says why there is none
@@ -82,23 +82,15 @@ Cases = Sequence[tuple[str, Case | str]]  # by name; a text says why there is no
 
 def pulls(context: Context, most: tuple[int, int]) -> Cases:
     """The sets of handles in the folder that was given, else pulls of our own on the meshes at hand."""
-    found = context.cases(PULLS, most)
-    return _sets(context, most) or [(shape.name, _pulled(shape.refined(), pull)) for shape, pull in found]
+    if context.folder is not None:
+        with suppress(ValueError):  # a folder of meshes alone
+            return _read(context.folder, context.of(most))
+    return [(shape.name, _pulled(shape.refined(), pull)) for shape, pull in context.cases(PULLS, most)]
 
 
-def dense(context: Context, most: tuple[int, int]) -> Cases:
-    """The sets in the folder in the layout of DeepMetaHandles, else fifty control points and a stretch of our own."""
-    own = [(name, case) for name, case in _sets(context, most) if isinstance(case, str) or case.dense]
-    found = context.cases(STRETCHED, most)
-    return own or [(shape.name, _stretched(shape.refined(), by)) for shape, by in found]
-
-
-def _sets(context: Context, most: tuple[int, int]) -> Cases:
-    try:
-        return _read(context.folder, context.of(most)) if context.folder else []
-    except ValueError as error:
-        context.say(f"No sets of handles: {error}")
-        return []
+def dense(context: Context, most: tuple[int, int]) -> list[tuple[str, Case]]:
+    """Return shapes with fifty control points and a stretch of our own."""
+    return [(shape.name, _stretched(shape.refined(), by)) for shape, by in context.cases(STRETCHED, most)]
 
 
 def _read(folder: Path, most: int | None = None) -> Cases:
@@ -228,12 +220,7 @@ def solve(context: Context, case: Case, preset: Preset, **how: bool) -> Float64:
 
 
 def deform(name: str, case: Case, ball: float) -> Float64:
-    """A case by the peer called `name`; biharmonic coordinates of the set's own are taken where it has them.
-
-    Raises PeerError as `bench.paper.peers.peer.run`.
-    """
-    if name == "biharmonic" and case.coordinates is not None:
-        return case.mesh.vertices + case.coordinates @ (case.held_to - case.mesh.vertices[case.held])
+    """Move a case by the peer called `name`; raise PeerError as `bench.paper.peers.peer.run` does."""
     return run(PEERS[name], case.mesh, [constraints(case, ball)])[0].vertices
 
 
@@ -314,7 +301,7 @@ def fig8(context: Context) -> Page:
 
 
 def fig9(context: Context) -> Page:
-    """Layouts of DeepMetaHandles by every method (Fig. 16 too); DFD has the control point that goes farthest."""
+    """Layouts like those of DeepMetaHandles by every method (Fig. 16 too); DFD has the farthest control point."""
     look_for = "All legs lengthen alike, seat and back stay; DFD needs one handle for it, others fifty."
     title = "Fig. 9: layouts of DeepMetaHandles (as Fig. 16)"
     return _page(context, title, look_for, dense(context, (2, 12)), DENSE_TEXT, ball=0.0)
@@ -347,7 +334,7 @@ def fig22(context: Context) -> Page:
 
 
 def handles(context: Context) -> Page:
-    """Sets of handles as APAP-Bench 3D and DeepMetaHandles have them, by every method.
+    """Sets of handles as APAP-Bench 3D has them, by every method.
 
     Raises ValueError or OSError if the folder holds none.
     """
@@ -387,8 +374,6 @@ def fig21(context: Context) -> Page:
     """DFD with fifty handles."""
     pictures, rows, sums = [], [], []
     for name, case in dense(context, (2, 6)):
-        if isinstance(case, str):
-            continue
         sessions = {NAMES[preset]: pulled(context, case, preset, dense=True) for preset in PRESETS}
         for method, deformer in sessions.items():
             total = deformer.weights.sum(axis=1)

@@ -2,7 +2,7 @@
 
 ARAP and bounded biharmonic weights are libigl's; biharmonic coordinates, OptCtrlPoints and NeuralMLS are written here
 from their papers. All but ARAP and NeuralMLS work within tetrahedra, made by fTetWild. The networks of APAP and
-DeepMetaHandles cannot be had: of these there are layouts of handles (`bench.paper.handles`) and the paper's numbers.
+DeepMetaHandles cannot be had.
 """
 
 from __future__ import annotations
