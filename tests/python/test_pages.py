@@ -56,6 +56,7 @@ def test_every_command_has_the_options_that_the_pages_give_it(name: str) -> None
     assert CliRunner().invoke(commands, [name, "--help"]).exit_code == 0
 
 
+@pytest.mark.filterwarnings("ignore:.*found in sys.modules:RuntimeWarning")  # other tests import them
 @pytest.mark.parametrize("module", MODULES)
 def test_every_module_that_the_pages_run_answers(module: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "argv", [module, "--help"])
