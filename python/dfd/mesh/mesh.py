@@ -228,9 +228,10 @@ class Mesh:
         """Write the mesh, with its vertices moved to `vertices` (V, 3) when given, in the format of the ending.
 
         A mesh that came from a file keeps that file's parts, names, materials, UVs, textures, colors and units as far
-        as the format has room for them; normals follow the moved surface. An OBJ file saved as OBJ, and a glTF file
-        saved as glTF or GLB, keep everything else that they hold: only what moved is rewritten. The file is
-        written atomically.
+        as the format has room for them; normals follow the moved surface. A file saved in its own format keeps its
+        bytes, number types and byte order: only what moved is rewritten. The file is written atomically.
+
+        Warns if the format's 32-bit floats move a shape that is far from the origin; GLB and PLY files keep it.
 
         Raises ValueError if the ending is none of .obj, .ply, .stl, .off, .glb and .gltf, or `vertices` has another
         shape or is not finite. Raises OSError if the file cannot be written; what was there before stays.
