@@ -83,11 +83,6 @@ def test_any_edit_comes_back_from_its_text(mesh, tmp_path_factory, handles, defa
     assert read_edit(path, mesh) == edit
 
 
-def test_an_empty_edit_comes_back(mesh, tmp_path):
-    write_edit(tmp_path / "edit.json", Edit(), mesh)
-    assert read_edit(tmp_path / "edit.json", mesh) == Edit()
-
-
 def test_the_file_is_json_that_people_can_read(edit, mesh, tmp_path):
     path = tmp_path / "edit.json"
     write_edit(path, edit, mesh)
@@ -205,13 +200,6 @@ def test_the_same_number_of_vertices_in_another_order_is_noticed(mesh, document)
     np.testing.assert_array_equal(np.flatnonzero(moved.handles[2].place.region.inside(backwards)), [75, 76, 77])
 
 
-def test_a_vertex_without_a_position_holds_only_for_its_own_resolution(mesh):
-    document = {"format": "dfd-edit", "version": 1, "mesh": {"vertices": 500}, "handles": [{"vertex": 4}]}
-    message = r"`handles\[0\]` must have a position: the edit counts 500 vertices, the mesh 81"
-    with pytest.raises(ValueError, match=message):
-        from_document(document, mesh)
-
-
 # --- what is refused
 
 
@@ -226,45 +214,18 @@ MISSING = object()
         (("version",), 6, r"`version` must be 1, got 6"),
         (("version",), True, r"`version` must be 1, got true"),
         (("units",), {"length": "inch"}, r"`units.length` must be 'mesh', got .inch."),
-        (("mesh",), 9, r"`mesh` must be an object, got 9"),
-        (("mesh",), {}, r"`mesh.vertices` is missing"),
-        (("mesh", "vertices"), 0, r"`mesh.vertices` must be a whole number of at least 1, got 0"),
-        (("made_on",), {"mesh": ""}, r"`made_on.mesh` must"),
-        (("made_on",), {"field_sha256": "ab"}, r"`made_on.field_sha256` must"),
         (("color",), 1, r"`color` is an unknown key"),
-        (("handles",), {}, r"`handles` must be a list, got \{\}"),
-        (("handles", 0), 5, r"`handles\[0\]` must be an object, got 5"),
         (("handles", 0, "rotaton"), [0, 0, 0], r"`handles\[0\].rotaton` is an unknown key; known are id, name, .*"),
-        (("handles", 0, "id"), 0, r"`handles\[0\].id` must be a whole number of at least 1, got 0"),
-        (("handles", 0, "id"), 1.0, r"`handles\[0\].id` must be a whole number, got 1.0"),
         (("handles", 0, "id"), 1, r"`handles` must have distinct ids, got 1 twice"),
-        (("handles", 0, "name"), "", r"`handles\[0\].name` must be a text that is not empty, got"),
-        (("handles", 0, "name"), 3, r"`handles\[0\].name` must be a valid string, got 3"),
-        (("handles", 0, "vertex"), -1, r"`handles\[0\].vertex` must be a whole number of at least 0, got -1"),
-        (("handles", 0, "vertex"), "40", r'`handles\[0\].vertex` must be a whole number, got "40"'),
-        (("handles", 0, "position"), [0, 0], r"`handles\[0\].position` must hold more than 2 items, got \[0, 0\]"),
-        (("handles", 0, "position"), [0, 0, "1"], r'`handles\[0\].position\[2\]` must be a finite number, got "1"'),
         (("handles", 0, "translation"), None, r"`handles\[0\].translation` must be a list, got null"),
         (("handles", 0, "translation"), [0, math.nan, 0], r"`handles\[0\].translation\[1\]` must be a finite number"),
-        (("handles", 0, "translation"), [0, 10**400, 0], r"`handles\[0\].translation\[1\]` must be a finite number"),
-        (("handles", 0, "translation"), [0, True, 0], r"`handles\[0\].translation\[1\]` must be a finite number"),
-        (
-            ("handles", 0, "rotation"),
-            [1, 2],
-            r"`handles\[0\].rotation` must be a rotation vector in degrees .*, got shape \(2,\)",
-        ),
-        (("handles", 0, "rotation"), [0, 0, 0, 0], r"`handles\[0\].rotation` must be a quaternion other than 0"),
         (("handles", 0, "scale"), [1, 2], r"`handles\[0\].scale` must hold more than 2 items, got \[1, 2\]"),
-        (("handles", 0, "scale"), "big", r'`handles\[0\].scale` must be a finite number, got "big"'),
-        (("handles", 0, "pivot"), 1, r"`handles\[0\].pivot` must be a list, got 1"),
         (
             ("handles", 1),
             {"position": [10, 0, 0], "scale": 1e308},
             r"`handles\[1\].translation` is too large beside `scale` and `pivot`: the matrix is not finite",
         ),
-        (("handles", 0, "locality"), -1, r"`handles\[0\].locality` must be at least 0, got -1"),
         (("handles", 1, "position"), None, r"`handles\[1\]` must have a vertex, a position or a region"),
-        (("handles", 0, "reach"), 0, r"`handles\[0\].reach` must be above 0, got 0"),
         (("handles", 0, "reach"), "far", r"`handles\[0\].reach` must be 'part', got .far."),
         (("handles", 0, "falloff"), "steep", r"`handles\[0\].falloff` must be 'linear', .*, got .steep."),
         (
@@ -272,50 +233,17 @@ MISSING = object()
             0.5,
             r"`handles\[0\].radius` and `locality` must not be given both, got 0.5 and 2.5",
         ),
-        (("handles", 0, "strength"), 2, r"`handles\[0\].strength` must be at most 1, got 2"),
-        (("handles", 2, "excluded_instances"), 4, r"`handles\[2\].excluded_instances` must be a list, got 4"),
         (
             ("handles", 2, "excluded_instances", 0, "vertex"),
             -4,
             r"`handles\[2\].excluded_instances\[0\].vertex` must be a whole number of at least 0, got -4",
         ),
-        (
-            ("handles", 2, "excluded_instances", 1),
-            {},
-            r"`handles\[2\].excluded_instances\[1\]` must have a vertex, a position or a region",
-        ),
-        (
-            ("handles", 2, "excluded_instances", 1),
-            {"region": {"kind": "part", "name": "leg"}},
-            r"`handles\[2\].excluded_instances` must be places that are points, got",
-        ),
-        (("handles", 0, "axes"), [[1, 0, 0]], r"`handles\[0\].axes` must hold more than 1 items"),
-        (("handles", 0, "axes"), [[1, 0, 0]] * 3, r"`handles\[0\].axes` must be 3 unit vectors at right angles"),
         (("handles", 2, "region", "kind"), "cone", r"`handles\[2\].region.kind` must be 'ball', .* or 'vertices', got"),
-        (
-            ("handles", 2, "region", "indices"),
-            [-1],
-            r"`handles\[2\].region.indices` must lie in 0 … 2147483646, got -1",
-        ),
-        (
-            ("handles", 2, "region", "indices"),
-            [1, 1, 2],
-            r"`handles\[2\].region.indices` names vertex 1 more than once",
-        ),
-        (("handles", 2, "region", "size"), 3, r"`handles\[2\].region.size` is an unknown key$"),
         (("handles", 2, "mask", "radius"), -1, r"`handles\[2\].mask.radius` must be above 0, got -1"),
         (("handles", 2, "mask", "radius"), 1e-9, r"`handles\[2\].mask` must hold a vertex, but the ball"),
-        (("fixed",), 5, r"`fixed` must be a list, got 5"),
-        (("fixed", 0, "vertex"), 1.5, r"`fixed\[0\].vertex` must be a whole number"),
         (("fixed", 0, "locality"), 1, r"`fixed\[0\].locality` is an unknown key"),
-        (("fixed", 1, "position"), [0.1, 0.2, 1 / 3], r"`fixed` must be free places, but 0.1,0.2,0.333333 is handle 1"),
-        (("symmetry",), "w", r"`symmetry` must be 'x', 'y' or 'z', got .w."),
-        (("symmetry",), {"normal": [1, 0, 0]}, r"`symmetry.offset` is missing"),
         (("symmetry", "normal"), [1, 1, 0], r"`symmetry.normal` must have length 1, got 1.41421"),
-        (("symmetry", "band"), -0.1, r"`symmetry.band` must be at least 0, got -0.1"),
-        (("symmetry", "ofset"), 0, r"`symmetry.ofset` is an unknown key"),
         (("default", "locality"), 0, r"`default.locality` is an unknown key"),
-        (("default",), [], r"`default` must be an object, got \[\]"),
     ],
 )
 def test_every_odd_value_is_named(document, mesh, keys, value, message):
@@ -336,10 +264,4 @@ def test_every_odd_value_is_named(document, mesh, keys, value, message):
 def test_an_index_out_of_range_is_named(mesh):
     document = {"format": "dfd-edit", "version": 1, "fixed": [{"vertex": 81}]}
     with pytest.raises(ValueError, match=r"`fixed\[0\].vertex` must lie in 0 … 80, got 81"):
-        from_document(document, mesh)
-
-
-@pytest.mark.parametrize("document", [None, [], "edit", 3, True])
-def test_what_is_no_object_is_no_edit(document, mesh):
-    with pytest.raises(ValueError, match="`document` must be an edit, got"):
         from_document(document, mesh)
