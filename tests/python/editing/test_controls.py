@@ -100,15 +100,6 @@ def test_a_limit_may_have_a_soft_edge(session, foot, mesh, region, away):
     assert session.handle(1).controls.mask_feather == pytest.approx(0.1 * mesh.diagonal)
 
 
-def test_the_edge_of_a_set_of_vertices_is_soft_too(session, foot, mesh):
-    held = np.flatnonzero(mesh.vertices[:, 1] < 0.3)
-    session.add(foot, mask=held, mask_feather=0.3)
-    assert (session.weights[held, 0] >= 0).all()
-    far = np.linalg.norm(mesh.vertices[:, None] - mesh.vertices[held[::5]], axis=2).min(axis=1) > 0.4
-    assert far.any()
-    assert (session.weights[far, 0] == 0).all()
-
-
 @pytest.mark.usefixtures("paper_handles")
 def test_strength_is_a_factor_and_within_a_limit(session, labeled, foot, mesh):
     handle = session.add(foot, strength=0.25, mask="x>0")
@@ -201,17 +192,6 @@ def test_nothing_left_of_a_handle_is_said_at_once(session, foot):
 # --- how handles are put together
 
 
-def test_symmetry_is_a_property_that_undoes_too(session, mesh):
-    session.symmetry = "x=0.1"
-    assert session.symmetry.normal == (1.0, 0.0, 0.0)
-    assert session.symmetry.offset == 0.1
-    session.symmetry = "z"
-    session.undo()
-    assert session.symmetry.offset == 0.1
-    session.undo()
-    assert session.symmetry is None
-
-
 def test_scale_along_the_normal_makes_thicker_and_not_longer(session, foot, mesh):
     vertex = int(np.abs(mesh.normals).max(axis=1).argmin())
     session.add(vertex, scale=(1, 1, 2), axes="normal")
@@ -283,10 +263,3 @@ def test_a_limit_is_checked_on_the_mesh_at_hand(session, foot):
     with pytest.raises(ValueError, match="`handles.0..mask` must hold a vertex"):
         edit_on(other, session.edit)
     assert place_on(session.mesh, foot) == session.handles[0].place
-
-
-def test_a_misspelled_setting_raises_and_a_flat_scale_is_said(session):
-    with pytest.raises(AttributeError, match="lokality"):
-        session.lokality = 3.0
-    session.add(40, scale=(1, 0, 1))
-    assert session.report().advice == "handle 1 flattens what follows: a factor of scale is 0"

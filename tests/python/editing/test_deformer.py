@@ -50,6 +50,7 @@ def test_a_handle_at_rest_beside_a_moved_one_changes_nothing(deformer, mesh, sym
     assert np.abs(deformer.vertices - alone).max() > 0.05
 
 
+@pytest.mark.usefixtures("about_one_pivot")
 def test_handles_at_look_alikes_add_up(deformer, mesh):
     deformer.add(5, translation=(0, 0.2, 0))
     deformer.add(6, translation=(0, 0.1, 0))

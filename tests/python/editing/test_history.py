@@ -40,13 +40,6 @@ def test_a_new_step_forgets_what_was_undone():
     assert history.present == first
 
 
-def test_no_change_is_no_step():
-    (only,) = states(1)
-    history = History(only)
-    history.commit(Edit(fixed=only.fixed))
-    assert not history.can_undo
-
-
 def test_merged_commits_about_one_topic_are_one_step():
     first, second, third, fourth = states(4)
     history = History(first)

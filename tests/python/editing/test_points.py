@@ -8,7 +8,6 @@ from sheet import grid
 import dfd
 from dfd.editing.influence.regions import Ball, Box, Group, HalfSpace, Part, VertexSet, distances_from, members
 from dfd.editing.points import Place, find, nearest_vertex, place_on
-from dfd.mesh.mesh import Mesh
 
 
 @pytest.fixture(scope="module")
@@ -187,18 +186,3 @@ def test_what_holds_nothing_is_refused_in_one_clear_sentence(truck, at, message)
 def test_what_is_no_region_is_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()
-
-
-def test_a_mesh_made_from_arrays_is_one_part(mesh):
-    with pytest.raises(ValueError, match=r"`at` must be a part of the scene \(mesh\), got 'seat'"):
-        place_on(mesh, "part:seat")
-
-
-def test_a_region_changes_nothing_that_it_was_given(mesh):
-    indices, positions = np.array([9, 3]), np.array([[1.0, 2, 3], [4, 5, 6]])
-    region = VertexSet(indices, positions)
-    np.testing.assert_array_equal(region.indices, [3, 9])
-    np.testing.assert_array_equal(region.positions, [[4, 5, 6], [1, 2, 3]])
-    np.testing.assert_array_equal(indices, [9, 3])
-    assert positions.flags.writeable
-    assert isinstance(mesh, Mesh)
