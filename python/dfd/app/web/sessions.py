@@ -43,7 +43,7 @@ class SessionThread:
 
     def call(self, work: Callable[[], None]) -> None:
         """Queue work; an exception is sent to the page as a failure."""
-        self._inbox.put(lambda: self.session.guarded(0, work))
+        self._inbox.put(work)
 
     def ask(self, text: str) -> None:
         """Queue a request of the page."""
@@ -69,16 +69,17 @@ class SessionThread:
     def _run(self) -> None:
         session = self.session
         while True:
-            pending = session.has_pending_columns
+            pending = False
+            with contextlib.suppress(Exception):  # the next request meets and tells it
+                pending = session.has_pending_columns
             try:
                 work = self._inbox.get(timeout=INSTANCES_PAUSE if pending else REST_PAUSE)
             except queue.Empty:
-                session.guarded(0, session.send_pending_columns if pending else session.rest)
-                continue
+                work = session.send_pending_columns if pending else session.rest
             if work is None:
                 session.end()
                 return
-            work()
+            session.guarded(0, work)
 
 
 class Tab:
