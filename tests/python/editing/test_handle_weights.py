@@ -64,22 +64,6 @@ def test_one_call_binds_what_it_can(deformer, bound, geodesics, features, field)
     np.testing.assert_array_equal(weights[:, 5:], near)
 
 
-def test_new_fixed_points_bind_all_handles_once(deformer, bound):
-    for vertex in (5, 6, 7):
-        deformer.add(vertex)
-    _ = deformer.weights
-    deformer.fix(100)
-    _ = deformer.weights
-    _ = deformer.vertices
-    assert bound == [3, 3]
-
-
-def test_looking_twice_costs_nothing(deformer):
-    deformer.add(5, scale=2)
-    assert deformer.vertices is deformer.vertices
-    assert deformer.weights is deformer.weights
-
-
 def test_features_are_asked_for_once_and_only_when_needed(mesh, field):
     with mock.patch.object(Field, "features", return_value=field.features(mesh)) as asked:
         deformer = dfd.Deformer(mesh, field)
@@ -145,22 +129,6 @@ def test_a_drag_ends_with_whatever_else_changes(deformer, mesh, field, features,
     assert folds == [-1, 1, 1, -1, 1, -1, 1, -1, 1, -1, -1]
 
 
-def test_what_moves_nearly_whole_is_posed_whole(deformer, folds):
-    first, second = deformer.add(5), deformer.add(6)
-    _ = deformer.vertices
-    for frame in range(1, 3):
-        with deformer.step():
-            deformer.move(first, scale=1 + frame)
-            deformer.move(second, scale=1 + frame)
-        _ = deformer.vertices
-    deformer.remove(second)
-    _ = deformer.vertices
-    deformer.move(first, scale=1)
-    deformer.move(first, scale=2)
-    _ = deformer.vertices
-    assert folds == [-1, -1, -1, -1]
-
-
 def test_handles_that_rest_come_and_go_for_nothing(deformer, folds, bound):
     deformer.add(5, translation=(0, 0.2, 0))
     second = deformer.add(6)
@@ -176,80 +144,7 @@ def test_handles_that_rest_come_and_go_for_nothing(deformer, folds, bound):
     assert np.abs(deformer.vertices - held).max() > 0.05
 
 
-@pytest.mark.usefixtures("about_one_pivot")
-def test_several_handles_can_be_dragged_at_once(deformer, mesh, field, features, folds):
-    handles = [deformer.add(vertex) for vertex in (5, 6, 900, 8, 9)]
-    deformer.move(handles[4], translation=(0.1, 0, 0))
-    _ = deformer.vertices
-    for frame in range(1, 4):
-        with deformer.step():
-            deformer.move(handles[0], translation=(0, 0.1 * frame, 0))
-            deformer.move(handles[2], rotation=(0, 0, 9 * frame))
-        _ = deformer.vertices
-    deformer.move(handles[2], rotation=(0, 0, 5))
-    moved = deformer.vertices
-    assert folds == [-1, 2]
-    fresh = dfd.Deformer(mesh, field, features=features)
-    fresh.apply(deformer.edit)
-    np.testing.assert_allclose(moved, fresh.vertices, rtol=0, atol=1e-12)
-
-
 # --- columns of weights
-
-
-def test_a_new_handle_touches_no_other_column(deformer):
-    deformer.add(5)
-    first = deformer.weights
-    deformer.add(6)
-    both = deformer.weights
-    assert np.shares_memory(first, both[:, :1])
-    assert not np.shares_memory(first, both[:, 1:])
-    assert both[:, 0].flags.c_contiguous
-    assert both[:, 1].flags.c_contiguous
-
-
-def test_weights_that_somebody_holds_stay_as_they_are(deformer):
-    second = [deformer.add(vertex) for vertex in (5, 6, 7)][1]
-    changes = (
-        lambda: deformer.remove(second),
-        lambda: deformer.undo(),
-        lambda: deformer.change(second, at=900),
-        lambda: deformer.fix(1500),
-        lambda: deformer.undo(),
-        lambda: deformer.apply(Edit(handles=deformer.handles[::-1])),
-        lambda: deformer.apply(Edit()),
-        lambda: deformer.add(8),
-        lambda: deformer.add(9),
-    )
-    held = []
-    for change in changes:
-        held += [(array, array.copy()) for array in (deformer.weights, deformer.weights[:, -1:])]
-        change()
-    _ = deformer.weights
-    for array, copy in held:
-        np.testing.assert_array_equal(array, copy)
-
-
-def test_columns_that_nobody_was_given_make_room_in_their_place(deformer):
-    second = [deformer.add(vertex, scale=2) for vertex in (5, 6, 7)][1]
-    _ = deformer.vertices
-    first = deformer._weights._columns._rows
-    deformer.change(deformer.handles[2].id, at=8)
-    _ = deformer.vertices
-    assert deformer._weights._columns._rows is first
-    _ = deformer.weights
-    deformer.remove(second)
-    _ = deformer.vertices
-    assert deformer._weights._columns._rows is not first
-
-
-@pytest.mark.usefixtures("paper_handles")
-def test_handles_may_come_in_another_order(deformer, features):
-    for vertex in (5, 6, 7):
-        deformer.add(vertex)
-    assert deformer.weights.shape == (len(features), 3)
-    deformer.apply(Edit(handles=deformer.handles[::-1]))
-    np.testing.assert_array_equal(deformer.weights, dfd.bind(features, [7, 6, 5]))
 
 
 STEPS = st.sampled_from(["add", "remove", "change", "turn", "undo", "redo", "look", "hold"])
@@ -289,17 +184,6 @@ def test_weights_are_those_of_the_handles_whatever_was_done_before(steps):
 
 SMALL = dfd.Mesh(np.random.default_rng(0).standard_normal((40, 3)), [[0, 1, 2]])
 FEW = made_field(4, seed=0, width=8, layers=1, center=SMALL.bounds.mean(0), scale=2 / max(SMALL.extents))
-
-
-def test_the_memory_of_many_handles_is_given_back(deformer):
-    with deformer.step():
-        for vertex in range(100):
-            deformer.add(vertex)
-    _ = deformer.weights
-    many = deformer._weights._columns._rows.nbytes
-    deformer.apply(Edit())
-    _ = deformer.weights
-    assert deformer._weights._columns._rows.nbytes < many / 5
 
 
 # --- compact features

@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from made_field import field_of
 from made_tube import AROUND, tube
 
 import dfd
+from dfd.posing.transforms import rotation_matrix
 from dfd.symmetry.plane import SymmetryPlane
 
 HEIGHT = 0.6  # from here up, a stalk is one
@@ -249,3 +252,46 @@ def test_what_turns_far_keeps_its_girth_where_the_blend_is_chosen_by_the_turn(on
     for degrees, blend in ((20, "linear"), (120, "dual_quaternion")):
         one.move(handle, rotation=(0, degrees, 0))
         assert one.edit.blending == blend
+
+
+def test_counterparts_are_mirror_images_by_a_plane_of_their_own(pair):
+    """The pair stands turned and beside another shape: no plane of the whole shape maps one onto the other."""
+    session, count = pair
+    turn = rotation_matrix((10, 35, 20))
+    rest = session.mesh.vertices
+    bulk = tube(np.stack([np.full(9, 2.0), np.full(9, 1.0), np.linspace(3.0, 5.0, 9)], axis=1), 0.7)
+    bar = tube(np.stack([np.linspace(0.0, 2.0, 9), np.linspace(0.3, 1.0, 9), np.linspace(0.0, 3.5, 9)], axis=1), 0.2)
+    whole = joined(session.mesh, bulk, bar)
+    labels = np.zeros(len(whole.vertices), int)
+    labels[: 2 * count] = rest[: 2 * count, 1] > HEIGHT + 0.01
+    turned = session_of(dfd.Mesh(whole.vertices @ turn.T, whole.faces), labels)
+    for motion in (
+        {"translation": turn @ (0.2, 0.3, 0.1)},
+        {"rotation": turn @ (20, 5, 30)},
+        {"bend": 40, "twist": 30},
+    ):
+        handle = turned.add(count - 1, **motion)
+        moved = (turned.vertices - turned.mesh.vertices) @ turn
+        assert np.abs(moved[:count]).max() > 0.2
+        np.testing.assert_allclose(moved[count : 2 * count] * (-1, 1, 1), moved[:count], atol=0.04)
+        turned.remove(handle)
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=8, deadline=None)
+def test_every_one_of_several_handles_arrives(seed):
+    """Handles on counterparts, on nested parts and on neighbors, in any order."""
+    random = np.random.default_rng(seed)
+    session = dfd.Deformer(CHAIR.mesh, field_of(CHAIR.mesh), features=CHAIR_FEATURES)
+    first = session.add(int(random.integers(len(CHAIR_FEATURES))), translation=random.normal(size=3) * 0.05)
+    counterparts = [one.vertex for one, _ in session.instances(first)[1:]]
+    for _ in range(3):
+        near = counterparts and random.random() < 0.5
+        at = int(random.choice(counterparts)) if near else int(random.integers(len(CHAIR_FEATURES)))
+        if at not in {handle.place.vertex for handle in session.handles}:
+            session.add(at, translation=random.normal(size=3) * 0.05)
+    assert all(handle.arrived for handle in session.report().handles)
+
+
+CHAIR = dfd.samples.chair(4000)
+CHAIR_FEATURES = np.eye(16, dtype=np.float32)[CHAIR.labels]

@@ -106,13 +106,6 @@ def test_level_brings_all_instances_to_full_weight(session, rules, sample, mesh,
     np.testing.assert_allclose(full.vertices[back], mesh.vertices[back] - (0, 0.2, 0), atol=1e-6)
 
 
-@pytest.mark.parametrize("instances", ["own_pivot", "shared_pivot"])
-def test_level_keeps_the_strength_of_a_handle(session, sample, mesh, asked, foot, instances):
-    session.add(foot, translation=(0, -0.2, 0), instances=instances, strength=0.5, reach=0.7)
-    legs = sample.vertices_of("leg")
-    np.testing.assert_allclose(session.vertices[legs], mesh.vertices[legs] - (0, 0.1, 0), atol=1e-6)
-
-
 @pytest.mark.parametrize("near", [{"locality": 3.0}, {"radius": 1.5}])
 def test_level_makes_up_for_looks_and_not_for_distance(session, sample, asked, foot, near):
     session.add(foot, translation=(0, -0.2, 0), reach=0.7)
@@ -189,12 +182,6 @@ def test_single_instances_can_be_switched_off(session, sample, mesh, asked, foot
     assert [on for _, on in session.instances(handle)] == [True, False, True, True]
 
 
-def test_the_handle_s_own_instance_stays_on(session, mesh, asked, foot):
-    handle = session.add(foot, translation=(0, -0.2, 0), excluded_instances=[foot])
-    assert [on for _, on in session.instances(handle)] == [True] * 4
-    assert session.report().handles[0].arrived
-
-
 @pytest.mark.parametrize(
     ("given", "message"),
     [
@@ -261,18 +248,6 @@ def test_instances_are_found_once_for_a_drag(session, rules, mesh, field, asked,
     session.symmetry = "x"
     _ = session.vertices
     assert [planes for _, planes in asked[-2:]] == [["found"], [session.symmetry]]
-
-
-def test_what_stands_alone_is_one_instance(mesh, field, sample):
-    """With the real finder: the seat of a chair has no likes, and moves as it does without instances."""
-    features = np.zeros((len(mesh.vertices), 16), np.float32)
-    features[np.arange(len(features)), sample.labels] = 1
-    session = dfd.Deformer(mesh, field, features=features)
-    handle = session.add(int(sample.vertices_of("seat")[0]), rotation=(0, 20, 0))
-    together = session.vertices
-    session.change(handle, instances="own_pivot")
-    np.testing.assert_allclose(session.vertices, together, atol=1e-9)
-    assert session.report().handles[0].instances == 1
 
 
 def test_the_four_legs_of_a_chair_are_found(mesh, field, sample, foot):

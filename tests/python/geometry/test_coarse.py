@@ -42,36 +42,6 @@ def test_nodes_are_what_the_whole_graph_has_within_each_cell(small_runs, sample)
         np.testing.assert_allclose(gathered.center[node], mesh.vertices[members].mean(axis=0), atol=1e-12)
 
 
-def test_nodes_are_joined_where_the_surface_is(small_runs):
-    mesh = dfd.samples.quadruped(4000).mesh
-    gathered = Nodes(mesh)
-    row, column = surface_graph(mesh).tocoo().coords
-    one, other = gathered.of_vertex[row], gathered.of_vertex[column]
-    wanted = {(a, b) for a, b in zip(one.tolist(), other.tolist(), strict=True) if a != b}
-    found = gathered.graph.tocoo()
-    assert set(zip(*(ends.tolist() for ends in found.coords), strict=True)) == wanted
-    apart = np.linalg.norm(gathered.center[found.coords[0]] - gathered.center[found.coords[1]], axis=1)
-    np.testing.assert_allclose(found.data, apart, rtol=1e-12)
-
-
-def test_shares_are_blended_from_the_nodes_beside(small_runs):
-    mesh = dfd.samples.quadruped(4000).mesh
-    gathered = Nodes(mesh)
-    parts = np.random.default_rng(0).random((3, len(gathered.center))) ** 4
-    beside = gathered.graph.toarray() > 0
-    np.fill_diagonal(beside, True)
-    weights = np.zeros((len(mesh.vertices), len(gathered.center)))
-    for vertex, node in enumerate(gathered.of_vertex):
-        near = np.flatnonzero(beside[node])
-        squared = np.square(mesh.vertices[vertex] - gathered.center[near]).sum(axis=1)
-        weights[vertex, near] = np.square(1 - squared / (1.1 * squared.max() + 1e-300)) + 1e-6
-    blended = weights @ parts.T
-    wanted = (blended / blended.sum(axis=1, keepdims=True)).T
-    for share, row in zip(gathered.shares(parts), wanted, strict=True):
-        np.testing.assert_allclose(share(slice(None)), row, atol=1e-5)
-        np.testing.assert_allclose(share(slice(7, 9)), row[7:9], atol=1e-5)
-
-
 def test_many_instances_on_a_fine_mesh_take_no_column_each():
     mesh = grid(300)
     x, z = mesh.vertices[:, 0], mesh.vertices[:, 2]

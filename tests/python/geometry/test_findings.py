@@ -7,8 +7,7 @@ import pytest
 import trimesh
 from mesh_files import CORNERS, CUBE
 
-from dfd.geometry.findings import Finding, findings
-from dfd.geometry.topology import inspect
+from dfd.geometry.findings import findings
 from dfd.mesh.mesh import Mesh
 
 FINE = trimesh.creation.box((1, 1, 1)).subdivide().subdivide().subdivide()
@@ -50,9 +49,3 @@ def test_flat_far_coarse_and_empty_shapes() -> None:
     assert said(np.ones((3, 3)), np.array([(0, 1, 2)])).startswith("1 face has no area.")
     assert "All vertices are one point." in said(np.ones((3, 3)), np.array([(0, 1, 2)]))
     assert "Faces are large" in said(CORNERS * 1e200, CUBE)
-
-
-def test_what_is_counted_already_is_not_counted_again() -> None:
-    mesh = Mesh(FINE.vertices, FINE.faces[1:])
-    assert findings(mesh, inspect(mesh)) == findings(mesh)
-    assert all(isinstance(each, Finding) for each in findings(mesh))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import threading
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,6 @@ from dfd.geometry.geodesics import Geodesics
 from dfd.geometry.refine import split_long_edges
 from dfd.mesh.mesh import Mesh, load
 
-NO_LINKS = np.zeros((0, 2), np.int32)
 
 
 def sphere_of(subdivisions: int) -> Mesh:
@@ -54,18 +52,6 @@ def test_distances_on_a_sphere_are_angles(subdivisions: int) -> None:
         assert error[near].max() < 0.001
         assert row[handle] == 0
         assert np.argmin(row) == handle
-
-
-def test_distances_are_smooth() -> None:
-    """No facet of the samples shows: the gradient on a large mesh turns as little as on the sphere itself."""
-    mesh = sphere_of(6)
-    edges = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).edges_unique
-    found, exact = Geodesics(mesh).distances([5])[0].astype(np.float64), on_sphere(mesh, 5)
-    step = np.abs((found - exact)[edges[:, 0]] - (found - exact)[edges[:, 1]])
-    length = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1) / np.pi
-    away = (exact[edges] > 0.02).all(axis=1) & (exact[edges] < 0.95).all(axis=1)
-    assert np.mean((step / length)[away]) < 0.06
-    assert np.quantile((step / length)[away], 0.999) < 0.35
 
 
 @settings(max_examples=25, deadline=None)
@@ -117,42 +103,6 @@ def test_components_that_touch_are_near_and_others_farthest() -> None:
     assert np.all(geodesics.distances([16])[0, :16] == 1)
 
 
-def test_teeth_follow_their_jaw() -> None:
-    """Many small components just above a large one, none of them touching."""
-    jaw = trimesh.creation.box((4, 0.3, 1)).subdivide().subdivide()
-    teeth = [trimesh.creation.cone(0.05, 0.2).apply_translation((x, 0, 0)) for x in np.linspace(-1.8, 1.8, 40)]
-    for tooth in teeth:
-        tooth.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0)))
-        tooth.apply_translation((0, 0.18, 0))
-    parts = trimesh.util.concatenate([jaw, *teeth])
-    mesh = Mesh(parts.vertices, parts.faces)
-    geodesics = Geodesics(mesh)
-    end = int(np.argmin(mesh.vertices[:, 0]))
-    row = geodesics.distances([end])[0] * geodesics.extent
-    start = len(jaw.vertices)
-    along = mesh.vertices[start:, 0] - mesh.vertices[end, 0]
-    assert np.all(row[start:] > along * 0.98)
-    assert np.all(row[start:] < along + 1.2)
-
-
-def test_one_scale_serves_every_handle(sphere: Mesh) -> None:
-    stick = trimesh.creation.box((10, 1, 1)).subdivide().subdivide()
-    geodesics = Geodesics(Mesh(stick.vertices, stick.faces))
-    middle, end = (int(np.argmin(np.abs(stick.vertices[:, 0] - x))) for x in (0, 5))
-    rows = geodesics.distances([middle, end])
-    assert rows[1].max() > 0.95
-    assert rows[0].max() == pytest.approx(rows[1].max() / 2, rel=0.1)
-    assert geodesics.extent == pytest.approx(11, rel=0.06)
-
-
-def test_distances_over_few_large_faces() -> None:
-    mesh = Mesh(CORNERS, CUBE)
-    found = Geodesics(mesh).distances([0])[0] * Geodesics(mesh).extent
-    exact = np.linalg.norm(CORNERS - CORNERS[0], axis=1)
-    exact[exact > 1.7] = np.sqrt(5)  # to the far corner, over two faces unfolded
-    assert np.allclose(found, exact, atol=0.03)
-
-
 def test_long_edges_are_halved_and_shared() -> None:
     vertices, faces = split_long_edges(CORNERS, CUBE.astype(np.int32), 0.3, most=10_000)
     fine = trimesh.Trimesh(vertices, faces, process=False)
@@ -166,23 +116,6 @@ def test_long_edges_are_halved_and_shared() -> None:
     same, kept = split_long_edges(CORNERS, CUBE.astype(np.int32), 2.0, most=1000)
     assert np.array_equal(same, CORNERS)
     assert np.array_equal(kept, CUBE)
-
-
-def test_unwelded_and_repeated_faces_are_one_surface() -> None:
-    soup = Mesh(CORNERS[CUBE].reshape(-1, 3), np.vstack([np.arange(36).reshape(-1, 3), [(0, 1, 2), (3, 3, 4)]]))
-    welded = Geodesics(Mesh(CORNERS, CUBE)).distances([0])[0]
-    found = Geodesics(soup).distances([int(np.flatnonzero(CUBE.ravel() == 0)[0])])[0]
-    assert np.allclose(found, welded[CUBE.ravel()], atol=0.02)
-
-
-def test_edges_of_many_faces_are_no_obstacle() -> None:
-    book = Mesh(
-        np.vstack([[(0, 0, 0), (0, 0, 1)], [(np.cos(a), np.sin(a), 0.5) for a in np.linspace(0, 6, 7)]]),
-        [(0, 1, i) for i in range(2, 9)],
-    )
-    found = Geodesics(book).distances([2, 0])
-    assert np.isfinite(found).all()
-    assert found[0, 0] < found[0, 4]
 
 
 def test_vertices_that_no_face_uses() -> None:
@@ -209,13 +142,6 @@ def test_size_and_place_do_not_matter(sphere: Mesh, scale: float, offset: float)
     assert moved.extent / scale == pytest.approx(plain.extent, rel=1e-5)
 
 
-def test_points_stand_for_their_nearest_vertices(sphere: Mesh) -> None:
-    geodesics = Geodesics(sphere)
-    points = sphere.vertices[[4, 50]] * 1.3
-    assert np.array_equal(geodesics.distances(points), geodesics.distances([4, 50]))
-    assert geodesics.distances([]).shape == (0, len(sphere.vertices))
-
-
 @pytest.mark.parametrize(
     ("handles", "message"),
     [
@@ -230,27 +156,6 @@ def test_points_stand_for_their_nearest_vertices(sphere: Mesh) -> None:
 def test_bad_handles_are_refused(handles: object, message: str, sphere: Mesh) -> None:
     with pytest.raises(ValueError, match="Geodesics.distances: " + message):
         Geodesics(sphere).distances(handles)
-
-
-@pytest.mark.parametrize("separate", [-0.1, 1.5, float("nan"), "far"])
-def test_a_bad_distance_of_what_is_separate_is_refused(separate: object, sphere: Mesh) -> None:
-    with pytest.raises(ValueError, match="Geodesics.distances: `separate` must be"):
-        Geodesics(sphere).distances([0], separate=separate)  # type: ignore[arg-type]
-
-
-def test_it_is_prepared_once_and_not_before_the_first_question(monkeypatch: pytest.MonkeyPatch) -> None:
-    calls = []
-    made = _core.Geodesics
-    monkeypatch.setattr("dfd._core.Geodesics", lambda *rest: calls.append(1) or made(*rest))
-    geodesics = Geodesics(sphere_of(5))
-    assert not calls
-    others = [threading.Thread(target=geodesics.distances, args=([number],)) for number in range(4)]
-    for other in others:
-        other.start()
-    for other in others:
-        other.join(timeout=60)
-    geodesics.prepare()
-    assert len(calls) == 1
 
 
 @pytest.mark.skipif("DFD_MESHES" not in os.environ, reason="DFD_MESHES names no folder of meshes")

@@ -11,7 +11,6 @@ from mesh_files import CORNERS, CUBE
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from dfd.geometry.surface_graph import bridges, surface_graph
-from dfd.geometry.topology import points_on_faces
 from dfd.mesh.mesh import Mesh
 
 
@@ -94,20 +93,6 @@ def test_lengths_are_in_the_units_of_the_mesh(scale: float) -> None:
     assert np.allclose(scaled.data / scale, plain.data)
 
 
-def test_a_mesh_too_large_to_measure_is_refused() -> None:
-    with (
-        pytest.raises(ValueError, match="surface_graph: `mesh` must be smaller than 1e308, got inf"),
-        np.errstate(over="ignore"),
-    ):
-        surface_graph(Mesh((CORNERS * 2 - 1) * 1.7e308, CUBE))
-
-
-def test_meshes_without_extent_or_area() -> None:
-    assert surface_graph(Mesh(np.zeros((3, 3)), [(0, 1, 2)])).nnz == 6
-    assert surface_graph(Mesh(CORNERS, [(0, 0, 0)])).nnz == 0
-    assert surface_graph(Mesh(CORNERS, [(0, 0, 1)])).nnz == 2
-
-
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 60))
 def test_confetti_gives_a_symmetric_graph_that_keeps_every_edge(seed: int, count: int) -> None:
@@ -130,11 +115,3 @@ def test_bridges_of_dense_confetti_stay_few() -> None:
     faces = np.arange(60_000).reshape(-1, 3)
     component = np.repeat(np.arange(20_000), 3)
     assert 1_000 < len(bridges(corners.reshape(-1, 3), faces, component)) < 40 * 20_000
-
-
-def test_points_lie_on_their_faces_and_first_in_the_middle() -> None:
-    face, weights = points_on_faces(np.array([2, 0, 3]))
-    assert face.tolist() == [0, 0, 2, 2, 2]
-    assert np.allclose(weights.sum(axis=1), 1)
-    assert (weights >= 0).all()
-    assert np.allclose(weights[[0, 2]], 1 / 3)

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from mesh_files import CORNERS, CUBE, textured_quad, write
+from mesh_files import CORNERS, CUBE
 
-from dfd.geometry.topology import face_components, inspect
+from dfd.geometry.topology import inspect
 from dfd.mesh.mesh import Mesh, load
 
 
@@ -21,11 +21,6 @@ def test_a_cube_is_one_closed_component() -> None:
     assert (found.degenerate_faces, found.duplicate_faces, found.unreferenced_vertices) == (0, 0, 0)
     assert found.extents == (2, 2, 2)
     assert (found.parts, found.materials, found.textures) == (1, 0, 0)
-
-
-def test_a_hole_has_a_boundary() -> None:
-    assert inspect(Mesh(CORNERS, CUBE[1:])).boundary_edges == 3
-    assert inspect(Mesh(CORNERS, CUBE[2:])).boundary_edges == 4
 
 
 def test_a_fin_makes_an_edge_of_three_faces() -> None:
@@ -40,13 +35,6 @@ def test_positions_that_coincide_count_as_one_vertex_of_the_surface() -> None:
     soup = Mesh(CORNERS[CUBE].reshape(-1, 3), np.arange(36).reshape(-1, 3))
     found = inspect(soup)
     assert (found.components, found.boundary_edges, found.vertex_count) == (1, 0, 36)
-
-
-def test_components_joined_only_at_a_vertex_are_one_and_apart_are_two() -> None:
-    touching = Mesh(np.vstack([CORNERS, CORNERS[1:] * -1]), np.vstack([CUBE, np.where(CUBE == 0, 0, CUBE + 7)]))
-    apart = Mesh(np.vstack([CORNERS, CORNERS + 5]), np.vstack([CUBE, CUBE + 8]))
-    assert inspect(touching).components == 1
-    assert inspect(apart).components == 2
 
 
 def test_faces_without_area_and_repeated_faces_are_counted_and_do_no_harm() -> None:
@@ -66,18 +54,6 @@ def test_a_small_face_far_from_the_origin_has_area(offset: float) -> None:
     assert found.degenerate_faces == 1
 
 
-def test_a_mesh_of_nothing_but_degenerate_faces() -> None:
-    found = inspect(Mesh(CORNERS, [(0, 0, 1), (2, 2, 2)]))
-    assert (found.components, found.boundary_edges, found.degenerate_faces) == (0, 0, 2)
-
-
-def test_parts_and_textures_are_those_of_the_file(tmp_path: Path) -> None:
-    gltf = textured_quad(tmp_path)
-    gltf.node(name="cube", mesh=gltf.mesh("cube", CORNERS + 3, CUBE))
-    found = inspect(load(write(tmp_path / "both.glb", gltf.glb())))
-    assert (found.parts, found.materials, found.textures, found.components) == (2, 2, 1, 2)
-
-
 def test_counts_agree_with_trimesh_on_a_torn_sphere() -> None:
     sphere = trimesh.creation.icosphere(3)
     kept = np.random.default_rng(1).random(len(sphere.faces)) < 0.7
@@ -87,12 +63,6 @@ def test_counts_agree_with_trimesh_on_a_torn_sphere() -> None:
     assert found.boundary_edges == (counts == 1).sum()
     links = trimesh.graph.connected_component_labels(torn.edges, node_count=len(torn.vertices))
     assert found.components == len(np.unique(links[torn.faces]))
-
-
-def test_faces_are_numbered_by_component() -> None:
-    faces = np.array([(0, 1, 2), (5, 6, 7), (2, 3, 4)], np.int32)
-    assert face_components(faces).tolist() == [0, 1, 0]
-    assert face_components(np.zeros((0, 3), np.int32)).shape == (0,)
 
 
 @pytest.mark.skipif("DFD_MESHES" not in os.environ, reason="DFD_MESHES names no folder of meshes")

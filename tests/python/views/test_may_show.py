@@ -71,30 +71,3 @@ def shown(vertices: NDArray[np.float32], faces: NDArray[np.int32], resolution: i
     image = np.zeros(resolution * resolution, bool)
     image[CAMERA.may_show(vertices, faces, resolution)] = True
     return image.reshape(resolution, resolution)
-
-
-def test_squares_far_from_a_triangle_show_nothing() -> None:
-    vertices = np.array(
-        [[0.1, 0.1, 0], [0.3, 0.1, 0], [0.1, 0.3, 0]], np.float32
-    )  # columns 33.1 to 36.3, rows up to 29.9
-    wanted = np.zeros((64, 64), bool)
-    wanted[24:32, 24:40] = True  # its own square, and the one within a pixel and a half
-    np.testing.assert_array_equal(shown(vertices, TRIANGLE, 64), wanted)
-
-
-@pytest.mark.parametrize("z", [2.0, 5.0, np.nan])
-def test_of_what_is_not_before_the_eye_nothing_is_left_out(z: float) -> None:
-    assert shown(np.array([[0, 0, 0], [1, 0, 0], [0, 1, z]], np.float32), TRIANGLE, 20).all()
-
-
-def test_what_no_face_uses_counts_for_nothing_and_neither_does_what_is_beside_the_picture() -> None:
-    for unused in ([0, 0, 7], [0, 0, 2], [np.nan, 0, 0]):
-        vertices = np.array([[9, 0, 0], [9, 1, 0], [8, 0, 0], unused], np.float32)
-        assert not shown(vertices, TRIANGLE, 20).any()
-    assert not shown(vertices, np.zeros((0, 3), np.int32), 20).any()
-
-
-def test_more_faces_than_pixels_are_not_gone_through() -> None:
-    vertices, faces = made(0, faces=30)
-    camera = camera_towards((0, 0, 1), vertices)
-    np.testing.assert_array_equal(camera.may_show(vertices, faces, 5), np.arange(25))

@@ -7,7 +7,6 @@ import pytest
 
 import dfd
 from dfd import Mesh, samples
-from dfd.common.progress import Stages
 from dfd.views.render import Views, render
 
 MIRROR = np.array([-1.0, 1.0, 1.0], np.float32)
@@ -138,12 +137,6 @@ def test_mirrored_views_of_a_mirrored_shape_are_the_same(robot: Mesh) -> None:
     same(part(0), part(2), 1e-4)
 
 
-def test_the_papers_framing_shows_the_shape_smaller(robot: Mesh, seen: Views) -> None:
-    paper = render(robot, views=6, resolution=40, framing="paper")
-    assert len(paper.points) < len(seen.points)
-    assert all(np.linalg.norm(camera.position) == pytest.approx(2.8) for camera in paper.cameras)
-
-
 def test_vertex_supervision_returns_the_visible_vertices_only() -> None:
     mesh = lopsided()
     views = render(mesh, views=12, resolution=64, supervision="vertex")
@@ -160,55 +153,6 @@ def test_vertex_supervision_returns_the_visible_vertices_only() -> None:
         row, column = camera.project(views.points[here].astype(np.float64), 64)
         assert row == pytest.approx(views.row[here], abs=1e-3)
         assert column == pytest.approx(views.column[here], abs=1e-3)
-
-
-def test_vertices_that_no_face_uses_are_neither_seen_nor_framed() -> None:
-    plain = lopsided()
-    mesh = Mesh(np.concatenate([plain.vertices, [[0.5, 0.35, 0.45]]]), plain.faces)
-    views = render(mesh, views=6, resolution=32, supervision="vertex")
-    assert np.array_equal(views.points, render(plain, views=6, resolution=32, supervision="vertex").points)
-    far = Mesh(np.concatenate([plain.vertices, [[50.0, 0, 0]]]), plain.faces)
-    assert len(render(far, views=6, resolution=32).points) > 0.5 * len(render(plain, views=6, resolution=32).points)
-
-
-def test_a_needle_is_seen_from_all_sides() -> None:
-    angle = np.linspace(0, 2 * np.pi, 12, endpoint=False)
-    ring = np.stack([np.zeros(12), np.cos(angle), np.sin(angle)], 1) * 1e-3
-    vertices = np.concatenate([ring + [-1, 0, 0], [[1.0, 0, 0]]])
-    mesh = Mesh(vertices, [[i, (i + 1) % 12, 12] for i in range(12)])
-    views = render(mesh, views=24, resolution=64)
-    assert len(np.unique(views.view)) >= 20
-    assert np.isfinite(views.points).all()
-
-
-def test_flat_and_open_shapes_have_views() -> None:
-    flat = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
-    views = render(flat, views=8, resolution=32)
-    assert set(np.unique(views.view)) == set(range(8))  # back faces as well
-
-
-def test_simplified_copies_show_the_same(robot: Mesh, seen: Views) -> None:
-    coarse = render(robot, views=6, resolution=40, simplify_to=1500)
-    assert np.array_equal(coarse.center, seen.center)
-    assert coarse.scale == seen.scale
-    covered = [np.unique(np.stack([v.view, v.row, v.column]), axis=1).shape[1] for v in (coarse, seen)]
-    assert covered[0] == pytest.approx(covered[1], rel=0.03)
-    untouched = render(robot, views=6, resolution=40, simplify_to=1_000_000)
-    assert untouched.images.tobytes() == seen.images.tobytes()
-
-
-def test_stages_are_timed(robot: Mesh) -> None:
-    stages = Stages(show=False)
-    render(robot, views=2, resolution=8, simplify_to=1000, stages=stages)
-    assert list(stages.seconds) == ["simplify", "render"]
-
-
-def test_inputs_stay_as_they_were() -> None:
-    mesh = lopsided()
-    before = mesh.content_hash
-    render(mesh, views=2, resolution=16, simplify_to=4)
-    del mesh.__dict__["content_hash"]
-    assert mesh.content_hash == before
 
 
 def test_a_shape_without_area_is_refused() -> None:
@@ -249,13 +193,3 @@ def test_covered_pixels_are_those_that_show_something(supervision: str) -> None:
     assert (views.images[~views.covered] == 255).all()
     if supervision == "barycentric":
         assert views.covered.sum() == len(views.points)
-
-
-def test_a_vertex_on_the_last_edge_of_a_picture_is_covered(monkeypatch: pytest.MonkeyPatch) -> None:
-    def on_the_edge(*_: object) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        return np.zeros((2, 3), np.float32), np.float32([69.5, -0.5]), np.float32([-0.5, 69.5])
-
-    monkeypatch.setattr("dfd.views.render._visible_vertices", on_the_edge)
-    views = render(samples.robot(4000).mesh, views=1, resolution=70, supervision="vertex")
-    assert views.covered[0, 69, 0]
-    assert views.covered[0, 0, 69]

@@ -9,8 +9,8 @@ from dfd import Mesh
 from dfd.mesh.appearance import GRAY, Appearance, Material, blend
 from dfd.mesh.normals import smooth_normals
 from dfd.views.cameras import Camera, camera_towards
-from dfd.views.raycast import Hits, Scene
-from dfd.views.shading import AMBIENT, DIFFUSE, Shading, _bytes, facing
+from dfd.views.raycast import Scene
+from dfd.views.shading import AMBIENT, DIFFUSE, Shading, facing
 
 SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
 TWO = np.array([[0, 1, 2], [0, 2, 3]])
@@ -69,14 +69,6 @@ def test_normals_are_smooth_over_a_sphere() -> None:
     assert np.abs(found - exact).max() < 0.02
 
 
-def test_normals_summed_in_pieces_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    rng = np.random.default_rng(0)
-    vertices, faces = rng.normal(size=(50, 3)), rng.integers(0, 50, (300, 3)).astype(np.int32)
-    at_once = smooth_normals(vertices, faces)
-    monkeypatch.setattr("dfd.mesh.normals._FACES_AT_ONCE", 7)
-    assert smooth_normals(vertices, faces) == pytest.approx(at_once, abs=1e-6)
-
-
 @pytest.mark.parametrize("scale", [1e-200, 1e-30, 1.0, 1e200])
 def test_normals_do_not_depend_on_size(scale: float) -> None:
     assert smooth_normals(SQUARE * scale, TWO.astype(np.int32)) == pytest.approx(np.tile([0, 0, 1.0], (4, 1)))
@@ -90,30 +82,6 @@ def test_a_sheet_with_faces_on_both_sides_is_lit_by_its_own_normal() -> None:
     plain, _, _ = look(Mesh(SQUARE, TWO), (0, 0.5, 1))
     assert np.abs(image.astype(int) - plain).max() <= 1
     assert image[10, 10, 0] == pytest.approx(lit(GRAY, camera), abs=0.51)
-
-
-def test_normals_of_neighbors_wound_the_other_way_are_lit_evenly() -> None:
-    image, hits, _ = look(Mesh(SQUARE, np.array([[0, 1, 2], [0, 3, 2]])))
-    plain, _, _ = look(Mesh(SQUARE, TWO))
-    assert len(hits.ray) > 100
-    assert np.abs(image.astype(int) - plain).max() <= 1
-
-
-def test_where_normals_cancel_out_the_face_has_its_own_and_one_without_area_none() -> None:
-    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
-    normals = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0]], np.float32)
-    faces = np.array([[0, 1, 2], [0, 1, 1]], np.int32)
-    barycentric = np.array([[0.5, 0.5, 0], [0.5, 0.5, 0], [0, 0, 1]], np.float32)
-    hits = Hits(np.arange(3), np.array([0, 1, 0], np.int32), barycentric, np.ones(3, np.float32))
-    directions = np.tile(np.array([[0, 0.8, 0.6]], np.float32), (3, 1))
-    light = facing(vertices, faces, normals, hits, directions)
-    assert light == pytest.approx([0.6, 0.0, 0.8])
-    assert light.dtype == np.float32
-
-
-def test_colors_that_are_none_stay_within_a_byte() -> None:
-    colors = np.array([[np.nan, np.inf, -np.inf], [-3, 7, 1.002]], np.float32)
-    assert _bytes(colors).tolist() == [[0, 255, 0], [0, 255, 255]]
 
 
 def test_holes_of_a_masked_texture_show_what_lies_behind() -> None:
@@ -149,18 +117,6 @@ def test_glass_tints_what_lies_behind_and_is_not_the_surface() -> None:
     image, hits, _ = look(squares((0.5, glass)))
     assert len(hits.ray) == 0
     assert image[10, 10] == pytest.approx([0.75 * 255, 0.75 * 255, (0.25 * share + 0.75) * 255], abs=0.6)
-
-
-def test_glass_more_than_half_opaque_is_the_surface() -> None:
-    dark = Material((0.2, 0.2, 0.2, 0.75), alpha_mode="BLEND")
-    _, hits, _ = look(squares((0.5, dark), (-0.5, Material())))
-    assert dict(zip(hits.ray.tolist(), hits.face.tolist(), strict=True))[10 * 21 + 10] in (0, 1)
-
-
-def test_panes_one_behind_another_multiply() -> None:
-    pane = Material((0.0, 0.0, 0.0, 0.5), alpha_mode="BLEND")
-    image, _, _ = look(squares(*((z, pane) for z in (0.6, 0.2, -0.2))))
-    assert image[10, 10] == pytest.approx(np.full(3, 0.125 * 255), abs=0.6)
 
 
 def test_colors_come_through_blended() -> None:

@@ -58,33 +58,6 @@ def test_with_a_window_it_is_seen_in_part() -> None:
     assert 0 < found.area < 0.2
 
 
-def test_where_two_boxes_touch_nothing_is_seen() -> None:
-    found = unseen(together((CORNERS, CUBE), (CORNERS + [0, 0, 1], CUBE)))
-    assert found.area == pytest.approx(2 / 12, abs=2e-3)
-    assert (found.components, found.component_count) == (0, 1)
-
-
-def test_a_face_may_be_hidden_in_part() -> None:
-    standing = (0.4 * CORNERS + [0.3, 0.3, 1], CUBE)  # on the larger box
-    found = unseen(together((CORNERS, CUBE), standing))
-    assert found.area == pytest.approx(2 * 0.16 / (6 + 6 * 0.16), abs=1e-3)
-    assert (found.components, found.component_count) == (0, 2)
-
-
-def test_the_smallest_component_counts_as_one() -> None:
-    specks = [(CORNERS * 1e-3 + [0.2 + 0.1 * i, 0.5, 0.5], CUBE) for i in range(5)]
-    found = unseen(together((CORNERS, CUBE), *specks))
-    assert (found.components, found.component_count) == (5, 6)
-    assert found.area == pytest.approx(5e-6, rel=0.01)
-
-
-def test_more_cameras_see_no_less() -> None:
-    shape = dfd.samples.robot(4000).mesh
-    shares = [unseen(shape, views=views).area for views in (1, 2, 24, 25)]
-    assert shares[0] > shares[1] > shares[2] >= shares[3] - 0.01
-    assert shares[0] > 0.3
-
-
 def test_faces_without_area_and_unused_vertices_do_no_harm() -> None:
     vertices = np.vstack([CORNERS, [(0, 0, 2), (90, 0, 0)]])
     bad = [(0, 0, 1), (3, 3, 3), (0, 1, 8), CUBE[0], CUBE[1][[2, 1, 0]]]
@@ -110,9 +83,3 @@ def test_any_number_of_threads_gives_the_same() -> None:
         dfd.set_num_threads(threads)
     assert found[0] == found[1]
     assert shape.content_hash == before
-
-
-@pytest.mark.parametrize("views", [0, 1.5, "many"])
-def test_views_must_be_a_count(views: object) -> None:
-    with pytest.raises(ValueError, match="unseen: `views` must be a whole number"):
-        unseen(Mesh(CORNERS, CUBE), views=views)  # type: ignore[arg-type]

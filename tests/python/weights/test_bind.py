@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import mmap
-import sys
-
 import numpy as np
 import pytest
 import reference
@@ -45,12 +42,6 @@ def test_close_rows_keep_their_digits(dimension):
     np.testing.assert_allclose(dfd.bind(features, [5]), reference.bind(features, [5]), rtol=0, atol=2e-7)
 
 
-def test_rows_need_not_be_of_unit_length():
-    features = 30 * unit_rows(100, 40, spread=1e-3)
-    features[50:] *= 1e-3
-    np.testing.assert_allclose(dfd.bind(features, [3, 60]), reference.bind(features, [3, 60]), rtol=0, atol=1e-5)
-
-
 def test_finite_features_whose_distance_overflows_are_simply_far():
     features = np.array([[3e30, 0], [-3e30, 1], [3e30, 0]], np.float32)
     np.testing.assert_array_equal(dfd.bind(features, [0]), [[1], [0], [1]])
@@ -89,15 +80,6 @@ def test_handles_and_fixed_points_may_be_feature_rows():
     np.testing.assert_array_equal(dfd.bind(features, features[[5, 9]]), dfd.bind(features, [5, 9]))
 
 
-@pytest.mark.parametrize("dimension", [3, 16, 61, 384])
-def test_equal_rows_weigh_the_same_wherever_they_stand(dimension):
-    features = np.repeat(unit_rows(3, dimension), 71, axis=0)
-    handles = unit_rows(13, dimension, seed=1)
-    weights = dfd.bind(features, handles)
-    for start in range(0, len(features), 71):
-        np.testing.assert_array_equal(weights[start : start + 71], np.broadcast_to(weights[start], (71, 13)))
-
-
 @pytest.mark.parametrize("fixed", [[77], [77, 78, 79], list(range(60, 93))])
 def test_a_handle_weighs_the_same_alone_and_among_others(fixed):
     features = unit_rows(500, 96)
@@ -127,22 +109,6 @@ def test_falloff_takes_any_power(locality):
     np.testing.assert_allclose(weights, wanted, rtol=0, atol=1e-6)
 
 
-def test_float16_distances_are_taken_as_any_other_type():
-    features, geodesic = unit_rows(50, 24), np.random.default_rng(0).random((2, 50)).astype(np.float16)
-    wanted = dfd.bind(features, [3, 4], geodesic=geodesic.astype(np.float32), locality=1.5)
-    np.testing.assert_array_equal(dfd.bind(features, [3, 4], geodesic=geodesic, locality=1.5), wanted)
-
-
-def test_distances_that_rounding_leaves_beside_their_range_are_taken():
-    features = unit_rows(40, 8)
-    geodesic = np.full((1, 40), -0.0, np.float32)
-    np.testing.assert_array_equal(dfd.bind(features, [3], geodesic=geodesic, locality=2), dfd.bind(features, [3]))
-    geodesic[0, 5:] = np.nextafter(np.float32(1), np.float32(2))
-    weights = dfd.bind(features, [3], geodesic=geodesic, locality=[1])
-    assert (weights[5:] == 0).all()
-    assert (weights >= 0).all()
-
-
 def test_no_vertices_and_no_handles():
     assert dfd.bind(np.zeros((0, 8), np.float32), []).shape == (0, 0)
     assert dfd.bind(unit_rows(5, 8), []).shape == (5, 0)
@@ -156,46 +122,12 @@ def test_any_layout_and_type_gives_the_same_weights(change):
     np.testing.assert_array_equal(dfd.bind(change(features), [1]), dfd.bind(features, [1]))
 
 
-def test_memory_off_its_natural_alignment_is_read_right():
-    features = unit_rows(50, 12)
-    shifted = np.frombuffer(b"x" + features.tobytes(), np.uint8)[1:].view(np.float32).reshape(50, 12)
-    np.testing.assert_array_equal(dfd.bind(shifted, [1]), dfd.bind(features, [1]))
-
-
 def test_inputs_stay_and_out_is_filled():
     features, geodesic = unit_rows(50, 12), np.full((2, 50), 0.5, np.float32)
     features.flags.writeable = geodesic.flags.writeable = False
     out = np.empty((50, 2), np.float32)
     assert dfd.bind(features, [1, 2], fixed=[3], geodesic=geodesic, locality=1, out=out) is out
     np.testing.assert_array_equal(out, dfd.bind(features, [1, 2], fixed=[3], geodesic=geodesic, locality=1))
-
-
-def test_out_may_be_a_column_of_a_larger_array():
-    features, columns = unit_rows(53, 12), np.full((4, 53), -1, np.float32)
-    dfd.bind(features, [1, 2, 3], out=columns[:3].T)
-    dfd.bind(features, [7], out=columns[3:].T)
-    together = dfd.bind(features, [1, 2, 3, 7])
-    np.testing.assert_array_equal(columns.T, together)
-    rows = np.full((53, 6), -1, np.float32)
-    dfd.bind(features, [1, 2, 3, 7], out=rows[:, 1:5])
-    np.testing.assert_array_equal(rows[:, 1:5], together)
-    assert (rows[:, [0, 5]] == -1).all()
-
-
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="takes addresses without memory, as Linux gives them")
-def test_columns_may_lie_farther_apart_than_32_bits_count():
-    features, apart = unit_rows(53, 12), 2**31 + 48  # floats
-    no_reserve = 0x4000
-    flags = mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS | no_reserve
-    memory = np.frombuffer(mmap.mmap(-1, 4 * (apart + 64), flags=flags), np.float32)  # of which two pages are touched
-    columns = np.lib.stride_tricks.as_strided(memory, (53, 2), (4, 4 * apart))
-    wanted = dfd.bind(features, [1, 2])
-    dfd.bind(features, [1, 2], out=columns)
-    np.testing.assert_array_equal(columns, wanted)
-    vertices, transforms = features[:, :3].copy(), np.eye(3, 4) + np.arange(24).reshape(2, 3, 4) / 100
-    np.testing.assert_array_equal(
-        dfd.pose(vertices, columns, transforms), dfd.pose(vertices, np.asfortranarray(wanted), transforms)
-    )
 
 
 def lines(count, offset):

@@ -6,14 +6,9 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 
-import numpy as np
 import pytest
-from weights.made_features import unit_rows
-
-import dfd
 
 # Seconds of work on the slowest kernels, and little memory.
 LONG = """
@@ -56,45 +51,3 @@ except KeyboardInterrupt:
     out, err = process.communicate(timeout=60)
     assert out == "stopped before the end: True\n", err
     assert process.returncode == 0, err
-
-
-def test_a_daemon_thread_that_binds_lets_the_interpreter_go():
-    for _ in range(3):
-        process = started("""
-def bind():
-    while True:
-        dfd.bind(features, handles[:1], out=out[:, :1].copy())
-for _ in range(2):
-    threading.Thread(target=bind, daemon=True).start()
-print("ready", flush=True)
-import time
-time.sleep(0.3)
-""")
-        _, err = process.communicate(timeout=60)
-        assert process.returncode == 0, err
-        assert err == ""
-
-
-def test_handles_that_another_thread_changes_are_read_once():
-    features = unit_rows(2000, 16)
-    handles = np.arange(1000)
-    stop = threading.Event()
-
-    def change():
-        while not stop.is_set():
-            handles[500] = 10**9
-            handles[500] = 500
-
-    thread = threading.Thread(target=change)
-    thread.start()
-    try:
-        for _ in range(30):
-            try:
-                weights = dfd.bind(features, handles)
-            except ValueError as error:
-                assert "must lie in 0 … 1999, got 1000000000" in str(error)  # noqa: PT017
-            else:
-                assert weights[500, 500] == 1
-    finally:
-        stop.set()
-        thread.join()

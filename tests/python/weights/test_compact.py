@@ -9,7 +9,6 @@ import sys
 import numpy as np
 import pytest
 import reference
-import torch
 
 import dfd
 from dfd import _core
@@ -86,13 +85,6 @@ def test_principal_coordinates_are_those_of_the_full_features(compact):
     assert compact.principal(200).shape == (len(FEATURES), compact.dimensions)
 
 
-def test_a_feature_row_far_from_the_shape_is_far(compact):
-    stranger = np.random.default_rng(9).standard_normal((1, FEATURES.shape[1])).astype(np.float32)
-    stranger /= np.linalg.norm(stranger)
-    full = reference.feature_weights(FEATURES, stranger)
-    assert np.abs(dfd.bind(compact, stranger) - full).max() <= compact.tolerance
-
-
 def test_a_handle_weighs_the_same_alone_and_among_others(compact):
     together = dfd.bind(compact, HANDLES, fixed=[3])
     for j in (0, 7, len(HANDLES) - 1):
@@ -100,19 +92,6 @@ def test_a_handle_weighs_the_same_alone_and_among_others(compact):
     columns = np.empty((len(HANDLES), len(compact)), np.float32)
     dfd.bind(compact, HANDLES, fixed=[3], out=columns.T)
     np.testing.assert_array_equal(columns.T, together)
-
-
-@pytest.mark.parametrize("count", [1, 2, 15, 16, 17, 33])
-def test_small_shapes(count):
-    features = FEATURES[:count]
-    compact = dfd.compact(features)
-    full = reference.feature_weights(features, features)
-    np.testing.assert_allclose(dfd.bind(compact, np.arange(count)), full, rtol=0, atol=0.01)
-
-
-def test_equal_rows_and_few_dimensions():
-    same = np.tile(np.array([[0.6, 0.8]], np.float32), (40, 1))
-    np.testing.assert_array_equal(dfd.bind(dfd.compact(same), [3]), np.ones((40, 1)))
 
 
 def test_a_field_is_asked_in_parts():
@@ -134,18 +113,6 @@ def test_a_field_is_asked_in_parts():
     assert np.abs(dfd.bind(compact, [1, 2]) - full).max() <= 0.01
 
 
-def test_rows_outside_the_sample_widen_the_step():
-    features = FEATURES.repeat(7, axis=0).copy()
-    sample = np.random.default_rng(0).choice(len(features), 16_384, replace=False)
-    features[np.setdiff1d(np.arange(len(features)), sample)[-1]] *= 3
-    done = []
-    compact = dfd.compact(features, tolerance=0.05, progress=done.append)
-    assert min(done) < 0
-    assert sum(done) == len(features)
-    full = reference.feature_weights(features, features[[0, 1]])
-    assert np.abs(dfd.bind(compact, [0, 1]) - full).max() <= 0.05
-
-
 @pytest.mark.parametrize("count", [3000, 20_000])
 @pytest.mark.parametrize("tolerance", [0.05, 0.002])
 def test_a_row_out_of_all_proportion_is_refused_and_not_called_exact(count, tolerance):
@@ -155,16 +122,6 @@ def test_a_row_out_of_all_proportion_is_refused_and_not_called_exact(count, tole
     features[others[0] if len(others) else 7] *= 1e18
     with pytest.raises(ValueError, match=r"^compact: (`tolerance` must be larger|`features` hold a row (so|too) far)"):
         dfd.compact(features, tolerance=tolerance)
-
-
-def test_a_line_says_what_they_are(compact):
-    assert "\n" not in repr(compact)
-    assert repr(compact).startswith(f"CompactFeatures({len(compact)} × ")
-
-
-def test_torch_tensors_are_taken():
-    from_torch, from_numpy = dfd.compact(torch.from_numpy(FEATURES)), dfd.compact(FEATURES)
-    np.testing.assert_array_equal(from_torch.blocks, from_numpy.blocks)
 
 
 def test_every_instruction_set_binds_and_poses_alike(tmp_path):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import reference
-import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from weights.made_features import unit_rows
@@ -64,15 +63,6 @@ def test_members_may_be_vertices_and_rows(tolerance):
     assert (mixed[[3, 4], 1] == 1).all()
 
 
-def test_any_sequence_and_tensors():
-    features = unit_rows(60, 8)
-    wanted = dfd.bind(features, [[1, 2], 3])
-    for handles in (([1, 2], 3), [np.array([1, 2], np.int32), np.int64(3)], [torch.tensor([1, 2]), torch.tensor(3)]):
-        np.testing.assert_array_equal(dfd.bind(features, handles), wanted)
-    np.testing.assert_array_equal(dfd.bind(features, [features[5], features[9]]), dfd.bind(features, [5, 9]))
-    np.testing.assert_array_equal(dfd.bind(features, features[[5, 9]].tolist()), dfd.bind(features, [5, 9]))
-
-
 def test_large_regions_are_thinned_to_members_far_apart():
     angles = np.linspace(0, 1, 20_000)
     features = np.column_stack([np.cos(angles), np.sin(angles)]).astype(np.float32)
@@ -84,13 +74,6 @@ def test_large_regions_are_thinned_to_members_far_apart():
     gaps = np.diff(np.sort(angles[region.points]))
     assert gaps.max() < 0.1
     assert dfd.bind(features, [np.arange(20_000)]).min() > 0.95  # the largest distance is half a gap
-
-
-def test_alike_members_are_merged():
-    features = np.repeat(unit_rows(5, 16), 40, axis=0)
-    region = resolve_points("handles", [np.arange(200)], features)
-    assert len(region.points) == 5
-    np.testing.assert_array_equal(dfd.bind(features, [np.arange(200)]), np.ones((200, 1)))
 
 
 def test_regions_alone_and_among_others_and_on_many_threads():
@@ -105,14 +88,6 @@ def test_regions_alone_and_among_others_and_on_many_threads():
         np.testing.assert_array_equal(dfd.bind(features, regions, fixed=[[7000, 7001]]), together)
     finally:
         dfd.set_num_threads(before)
-
-
-def test_inputs_stay():
-    features, region = unit_rows(50, 8), np.array([4, 4, 3])
-    before = features.copy(), region.copy()
-    dfd.bind(features, [region, features[:2]])
-    np.testing.assert_array_equal(features, before[0])
-    np.testing.assert_array_equal(region, before[1])
 
 
 FEATURES = unit_rows(6, 4)
