@@ -25,10 +25,7 @@ def test_a_file_of_key_poses_is_read(tmp_path):
         ({}, "the document: input should be a valid"),
         ([{"transforms": []}], "0.seconds: field required"),
         ([{"seconds": -1, "transforms": []}], "0.seconds: input should be greater than or equal to 0, got -1"),
-        (
-            [{"seconds": 0, "transforms": [{"handle": 1, "turn": 3}]}],
-            "0.transforms.0.turn: unexpected keyword",
-        ),
+        ([{"seconds": 0, "transforms": [{"handle": 1, "turn": 3}]}], "0.transforms.0.turn: unexpected keyword"),
         ([{"seconds": 0, "transforms": [{"handle": 1, "axes": [[1, 0, 0]] * 3}]}], "`axes` must be 3 unit vectors"),
     ],
 )

@@ -20,7 +20,6 @@ from dfd.geometry.refine import split_long_edges
 from dfd.mesh.mesh import Mesh, load
 
 
-
 def sphere_of(subdivisions: int) -> Mesh:
     made = trimesh.creation.icosphere(subdivisions)
     return Mesh(made.vertices, made.faces)
