@@ -1,6 +1,8 @@
-"""`python -m bench.quality labelled` and `grip`, see `bench.quality.labelled`."""
+"""`python -m bench.quality labelled`, `grip` and `anatomy`, see the modules `labelled` and `anatomy`."""
 
-from bench.quality.labelled import main
+import sys
+
+from bench.quality import anatomy, labelled
 
 if __name__ == "__main__":
-    main()
+    (anatomy if sys.argv[1:2] == ["anatomy"] else labelled).main()

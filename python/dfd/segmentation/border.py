@@ -62,21 +62,21 @@ def snapped(patches: Patches, inside: Mask, held: int | None = None) -> Mask:
     return on_side[number][patches.twin]
 
 
-def with_what_it_carries(patches: Patches, inside: Mask) -> Mask:
-    """(P,) a part with what hangs on the rest of the shape through it alone: a leg's hoof, a head's eyes.
+def closed(patches: Patches, inside: Mask) -> Mask:
+    """Return a part of patches (P,) with everything that it separates from the body: a leg's hoof, an eagle's wing tip.
 
-    Where most of the shape is not left in one piece, as around a trunk, nothing is carried, nor is what is larger than
-    the part.
+    The body is the largest component that remains without the part. Where it has less than half of what remains, as
+    around a trunk, the part stays as it is.
     """
     borders = patches.borders
     out = np.flatnonzero(~inside)
     component = connected_components(borders.graph(borders.apart)[out][:, out], directed=False)[1]
     areas = np.bincount(component, patches.area[out])
-    if areas.max(initial=0) < 0.5:
+    if len(out) == 0 or areas.max() < areas.sum() / 2:
         return inside
     whole = inside.copy()
-    whole[out[areas[component] <= patches.area[inside].sum()]] = True
-    return whole if not whole.all() else inside
+    whole[out[component != areas.argmax()]] = True
+    return whole
 
 
 def pieces_of(patches: Patches, inside: Mask) -> Int64:

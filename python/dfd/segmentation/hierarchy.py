@@ -26,18 +26,13 @@ CREASE = 0.1  # concavity across which e times less is passed on: about six degr
 STEP = 0.15  # difference of features likewise
 ROUNDS = 3  # of smoothing: what one round evens out lets the next tell borders better
 LEAST_AREA, MOST_AREA = 0.002, 0.95  # of the whole surface: of other sizes nothing is a part
-LEAST_FLAT = 0.005  # likewise, of a piece that does not stand out
-LEAST_RAISED = 0.12  # surface in squares of a border's length, of a piece that does: a disc has 0.08, a half ball 0.16
+LEAST_COMPONENT = 0.005  # likewise, of the mean component of a part: a crease has less
 LEAST_SHOWN = 0.005  # likewise, for a part of the whole cut
 ALIKE = 1.4  # times as large, at most: pieces of a size
 # Pieces of such a size as those of the likeliest part, so equal, belong to it where the part of all is as likely.
 EQUAL, STILL_LIKELY = 0.8, 0.15
-UNCLEAR = 0.8  # of its likelihood, for a branch that a cut of it ends more clearly than
-TWO_THINGS = 0.5  # likewise, for one that joins two things
-SMALLER = 0.05  # power of the area that its likelihood is divided by: what is too large moves what should stay
 CUT = 1.35  # times its likelihood, for a branch of the clearest cut: parts that people name lie side by side
-# Of the surface: what is larger ends where something small begins, such as a body at its head, whose border it is. An
-# arm is meant before it, if it is at least so likely and half as likely as the body.
+# Of the surface: a larger part gives way to a smaller one that scores at least half as much, and LEAST_WITHIN.
 MOST_MEANT, LEAST_WITHIN = 0.8, 0.15
 SHORT = 0.2  # diagonals: a border that is not much longer has to crease more, since chance creases short ones
 ROUNDING = 1e-12  # of the length of all borders: what is shorter is none
@@ -46,9 +41,6 @@ SURE = 0.1  # likelihood, at least, of each of two parts that are told to be one
 # Two parts of several pieces each are one if pieces and borders are of a size, and if they differ from each other by
 # less than so many times what each differs from its surroundings. Joined pairs may be pairs again, so often.
 LESS_APART, TWIN_ROUNDS = 2.0, 3
-# Two parts are two if of the shorter border they have at most so much with each other: they lie side by side. What then
-# joins them and is so much of the whole, or less, leaves them two.
-BESIDE, SCRAP = 0.35, 0.2
 EVEN = 0.05  # of height: what differs by less is alike, and steps from there to the next larger branch tell nothing
 
 
@@ -73,7 +65,7 @@ class Hierarchy:
     cut
         Nodes that share out all patches: of all such cuts the one with the most clarity over the whole surface.
     clear
-        (N,) which nodes end more clearly than any cut of them, and are not two things.
+        (N,) which nodes end more clearly than any cut of them.
 
     Parameters
     ----------
@@ -117,7 +109,7 @@ class Hierarchy:
         self._children = children
         self._known_pieces: dict[int, tuple[Float64, int]] = {}
         self.branches = self._described()
-        self.cut, self.clear, self._two_things = self._clearest_cut()
+        self.cut, self.clear = self._clearest_cut()
 
     def _twins(self, values: Float64) -> list[Bool]:
         """Pairs (2, P) of parts of the clearest cut that are one, the most alike first; each part is in one at most."""
@@ -157,12 +149,10 @@ class Hierarchy:
         return [node for node in path if self._may_be_held(node)] or path[-1:]
 
     def _may_be_held(self, node: int) -> bool:
-        """Whether pieces of a node are large, or have much surface inside a short border: a crease has neither."""
-        if not LEAST_AREA < self.branches[node].area < MOST_AREA:
-            return False
-        area = self._pieces(node)[0].mean()
-        whole = self._patches.node_area.sum()
-        return bool(area > LEAST_FLAT or area * whole > LEAST_RAISED * self.around(node) ** 2)
+        """Whether a node and its mean component have the area of a part."""
+        return bool(
+            LEAST_AREA < self.branches[node].area < MOST_AREA and self._pieces(node)[0].mean() > LEAST_COMPONENT
+        )
 
     def holdable(self, node: int) -> float:
         """How likely a person who takes hold of the shape in a node means that node, compared with the others there.
@@ -170,14 +160,9 @@ class Hierarchy:
         People name what creases off, differs from what is around it, and has short borders: limbs, heads, handles. The
         length that counts is that of one border, so that four legs with four borders do as well as one leg with one.
         """
-        unclear = TWO_THINGS if self._two_things[node] else UNCLEAR
-        return self._likely(node) * (1.0 if self.clear[node] else unclear) * (CUT if node in self.cut else 1.0)
-
-    def _likely(self, node: int) -> float:
-        """How likely a node is by its own borders."""
         branch = self.branches[node]
         likely = (branch.concavity + LEAST_CONCAVITY) * branch.step / (self.around(node) + SHORT)
-        return float(likely / branch.area**SMALLER)
+        return float(likely * (CUT if node in self.cut else 1.0))
 
     def clarity(self, node: int) -> float:
         """How clearly a node ends where it does; compared with that of others alone."""
@@ -188,15 +173,14 @@ class Hierarchy:
     def meant(self, nodes: list[int]) -> int:
         """Which of the nodes that hold a patch, the smallest first, a person means who takes hold of it.
 
-        The likeliest, but hardly most of the shape, or one above it that joins it with as many equal pieces again: hind
-        wheels follow front ones.
+        The likeliest that is not most of the shape, or one above it that joins it with as many equal pieces again:
+        hind wheels follow front ones.
         """
         likely = [self.holdable(node) for node in nodes]
         best = int(np.argmax(likely))
         if self.branches[nodes[best]].area > MOST_MEANT:
-            within = [
-                i for i in range(best) if self.clear[nodes[i]] and likely[i] >= max(LEAST_WITHIN, likely[best] / 2)
-            ]
+            least = max(LEAST_WITHIN, likely[best] / 2)
+            within = [i for i in range(best) if self.clear[nodes[i]] and likely[i] >= least]
             best = max(within, key=lambda i: likely[i], default=best)
         chosen = best
         for above in range(best + 1, len(nodes)):
@@ -228,37 +212,17 @@ class Hierarchy:
             self._known_pieces[node] = self._pieces_by_patches[key]
         return self._known_pieces[node]
 
-    def _clearest_cut(self) -> tuple[list[int], Bool, Bool]:
-        """What `cut` and `clear` are, and (N,) which nodes are two things.
-
-        The best cut of a node is the node itself, or those of what it joins.
-        """
+    def _clearest_cut(self) -> tuple[list[int], Bool]:
+        """Return `cut` and `clear`. The best cut of a node is the node itself, or the best cuts of what it joins."""
         count = self._patches.borders.count
-        worth, clear, two = np.zeros(len(self._height)), *np.zeros((2, len(self._height)), bool)
+        worth, clear = np.zeros(len(self._height)), np.zeros(len(self._height), bool)
         cuts = [[node] for node in range(count)]
         for node, (one, other) in enumerate(self._children, start=count):
-            own = 0.0
-            if self._may_be_held(node):
-                area = self.branches[node].area
-                large = max(one, other, key=lambda child: self.branches[child].area)
-                still = two[large] and self.branches[large].area > (1 - SCRAP) * area
-                two[node] = still or self._joins_two_things(node, one, other)
-                own = 0.0 if two[node] else area * self.clarity(node)
+            own = self.branches[node].area * self.clarity(node) if self._may_be_held(node) else 0.0
             below = worth[one] + worth[other]
             worth[node], clear[node] = max(own, below), own > 0 and own >= below
             cuts.append([node] if clear[node] else cuts[one] + cuts[other])
-        return cuts[-1], clear, two
-
-    def _joins_two_things(self, node: int, one: int, other: int) -> bool:
-        """Whether a node joins two parts of several pieces that differ in size and meet at their sides: ears, horns."""
-        joined, *both = (self.branches[each] for each in (node, one, other))
-        shared = sum(each.border for each in both) - joined.border
-        if shared > 2 * BESIDE * min(each.border for each in both):
-            return False  # thighs and shins are legs
-        counts = [len(self._pieces(each)[0]) for each in (node, one, other)]
-        if min(counts) < 2 or counts[0] == counts[1] + counts[2]:
-            return False
-        return not self._of_a_size(one, other) and min(self._likely(one), self._likely(other)) >= SURE
+        return cuts[-1], clear
 
     def shown(self) -> Int64:
         """(P,) the part of each patch in `cut`; what is too small for one goes where its border is the longest."""

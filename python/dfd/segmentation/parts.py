@@ -17,7 +17,7 @@ from dfd.common.linear_algebra import Bool, Float32, Int64
 from dfd.field.field import Field
 from dfd.geometry.topology import face_areas
 from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
-from dfd.segmentation.border import CRUMB, pieces_of, snapped, with_what_it_carries
+from dfd.segmentation.border import CRUMB, closed, pieces_of, snapped
 from dfd.segmentation.hierarchy import Hierarchy, pieces_and_borders
 from dfd.segmentation.patches import Patches
 
@@ -119,7 +119,7 @@ class Parts:
             return None
         tree, patches = self._hierarchy, self._patches
         chosen = self._chosen(int(patches.of_vertex[vertex]), "part")
-        inside = with_what_it_carries(patches, tree.branches[chosen].inside)
+        inside = closed(patches, tree.branches[chosen].inside)
         if inside.all() or tree.holdable(chosen) < LEAST_HOLDABLE:
             return None
         side = self._snapped(inside, vertex)

@@ -1,0 +1,244 @@
+"""How well a handle holds what hangs on a joint, judged by the rigs of characters and animals.
+
+A rig says what hangs on what. For a handle at a vertex of joint j, a person may mean the subtree of j or of one of its
+ancestors, alone, with its other side, with front and hind limbs, or with all of its kind.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import dfd
+from bench.quality.measures import area_fractions
+from bench.quality.parts import kind_of_part, strongest_joints
+from bench.tables import to_markdown, write_text
+from dfd.common.linear_algebra import Bool, Float64, Int64
+from dfd.common.preset import Preset
+from dfd.mesh.file.gltf.header import objects, parents
+
+LARGEST_MEANT = 0.6  # of the surface: larger subtrees are the whole shape
+SMALLEST_JUDGED, LARGEST_JUDGED = 0.003, 0.4  # likewise, of the joints that handles are put on
+HANDLES = 3  # per joint
+HELD_WELL = 0.7  # soft IoU
+# Feet hang on a root for inverse kinematics; here they hang on the limb that they border on.
+FOOT = re.compile(r"foot|toe|hoof|paw|hand|fist|^ff|^ik", re.IGNORECASE)
+# Parents of joints whose file keeps them in one flat list, by the names of the Unreal mannequin without their side.
+MANNEQUIN = {
+    "pelvis": "root",
+    "spine_01": "pelvis",
+    "spine_02": "spine_01",
+    "spine_03": "spine_02",
+    "neck_01": "spine_03",
+    "head": "neck_01",
+    "clavicle": "spine_03",
+    "upperarm": "clavicle",
+    "lowerarm": "upperarm",
+    "hand": "lowerarm",
+    "thigh": "pelvis",
+    "calf": "thigh",
+    "foot": "calf",
+    "ball": "foot",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class RiggedShape:
+    """A mesh with the tree of its joints."""
+
+    name: str
+    mesh: dfd.Mesh
+    areas: Float64  # (V,) fraction of the surface that belongs to each vertex
+    joints: tuple[str, ...]  # (J,) their names
+    parent: Int64  # (J,) the joint that each hangs on, −1 for a root
+    of_vertex: Int64  # (V,) the joint that moves each vertex the most, −1 for none
+
+    def subtree(self, joint: int) -> Bool:
+        """(V,) Return which vertices hang on a joint."""
+        below = np.zeros(len(self.joints) + 1, bool)
+        below[joint] = True
+        for _ in self.joints:
+            grown = below[:-1] | ((self.parent >= 0) & below[self.parent])
+            if np.array_equal(grown, below[:-1]):
+                break
+            below[:-1] = grown
+        below[-1] = False
+        return below[self.of_vertex]
+
+    def meant(self, joint: int) -> list[Bool]:
+        """Return every set (V,) that a person may mean who grabs the shape at a joint, each once."""
+        found: dict[bytes, Bool] = {}
+        while joint >= 0:
+            alone = self.subtree(joint)
+            if self.areas @ alone > LARGEST_MEANT:
+                break
+            for kin in self._kin(joint):
+                together = np.any([self.subtree(each) for each in kin], axis=0)
+                found.setdefault(np.packbits(together).tobytes(), together)
+            joint = int(self.parent[joint])
+        return list(found.values())
+
+    def _kin(self, joint: int) -> Iterator[list[int]]:
+        """The joint alone, with its other side, with front and hind limbs, and with all of its kind."""
+        yield [joint]
+        for same in (_sides_as_one, _limb, kind_of_part):
+            name = same(self.joints[joint])
+            if name not in (None, "", "torso"):
+                yield [other for other, each in enumerate(self.joints) if same(each) == name]
+
+
+def rigged_shapes(folder: Path) -> Iterator[RiggedShape]:
+    """Read the skinned GLB files of a folder whose joints form a tree.
+
+    Raises ValueError if there is none.
+    """
+    paths = sorted(folder.glob("*.glb"))
+    if not paths:
+        raise ValueError(f"anatomy: there is no GLB file in {folder}")
+    for path in paths:
+        shape = read_rigged(path)
+        if shape is not None:
+            yield shape
+
+
+def read_rigged(path: Path) -> RiggedShape | None:
+    """Read one file; None if it has no joints or no vertex follows one."""
+    mesh = dfd.load(path)
+    names = strongest_joints(mesh)
+    joints = tuple(dict.fromkeys(name for name in _joint_names(mesh)))
+    if not joints or all(name is None for name in names):
+        return None
+    number = {name: index for index, name in enumerate(joints)}
+    of_vertex = np.array([-1 if name is None else number[name] for name in names], np.int64)
+    parent = _tree(mesh, joints)
+    shape = RiggedShape(path.stem, mesh, area_fractions(mesh), joints, parent, of_vertex)
+    for joint, name in enumerate(joints):
+        owner = parent[joint]
+        if FOOT.search(name) and (owner < 0 or (parent[owner] < 0 and not (of_vertex == owner).any())):
+            parent[joint] = _bordering(shape, joint)
+    return shape
+
+
+def judge(shape: RiggedShape, vertex: int, weights: NDArray[np.floating]) -> tuple[float, float]:
+    """Return the best soft IoU of a handle's weights (V,) with a set that may be meant, and the share left behind."""
+    joint, areas, values = int(shape.of_vertex[vertex]), shape.areas, weights.astype(np.float64)
+    best = 0.0
+    for meant in shape.meant(joint):
+        best = max(best, float(areas @ np.minimum(values, meant) / (areas @ np.maximum(values, meant))))
+    own = shape.subtree(joint)
+    return best, 1.0 - float(areas[own] @ values[own] / areas[own].sum())
+
+
+def draw_handles(shape: RiggedShape) -> list[tuple[int, Int64]]:
+    """Return the joints that are judged, each with up to three vertices that it moves the most."""
+    generator = np.random.default_rng(0)
+    found = []
+    for joint in range(len(shape.joints)):
+        own = np.flatnonzero(shape.of_vertex == joint)
+        if len(own) and SMALLEST_JUDGED <= shape.areas @ shape.subtree(joint) <= LARGEST_JUDGED:
+            found.append((joint, generator.choice(own, min(HANDLES, len(own)), replace=False)))
+    return found
+
+
+def evaluate(shape: RiggedShape, field: dfd.Field, *, preset: Preset = "default") -> tuple[float, float, float]:
+    """Return soft IoU, share left behind and share of joints held well, means over the joints of one shape."""
+    session = dfd.Deformer(shape.mesh, field, preset=preset)
+    rows = []
+    for _, handles in draw_handles(shape):
+        found = []
+        for vertex in handles.tolist():
+            held = session.add(vertex)
+            found.append(judge(shape, vertex, session.following[:, 0]))
+            session.remove(held)
+        rows.append(np.mean(found, axis=0))
+    overlap, left = np.transpose(rows)
+    return float(overlap.mean()), float(left.mean()), float((overlap >= HELD_WELL).mean())
+
+
+def main() -> None:
+    """Print and write the table of `python -m bench.quality anatomy FOLDER`."""
+    parser = argparse.ArgumentParser("python -m bench.quality anatomy", description=__doc__)
+    parser.add_argument("folder", type=Path, help="folder with skinned GLB files")
+    parser.add_argument("--preset", choices=("default", "paper"), default="default", help="of the sessions")
+    parser.add_argument("--output", type=Path, default=Path("bench/results/quality/anatomy.md"), help="%(default)s")
+    given = parser.parse_args(sys.argv[2:])
+    heading, table = ["shape", "soft IoU", "left behind", "held well"], []
+    for shape in rigged_shapes(given.folder):
+        if not draw_handles(shape):
+            continue
+        field = dfd.distill(shape.mesh, progress=False)
+        table.append([shape.name, *evaluate(shape, field, preset=given.preset)])
+        print(*(value if isinstance(value, str) else f"{value:.3f}" for value in table[-1]), flush=True)
+    means = ["mean", *np.mean([row[1:] for row in table], axis=0).tolist()]
+    text = "\n".join(to_markdown(heading, [*table, means], ".3f"))
+    given.output.parent.mkdir(parents=True, exist_ok=True)
+    write_text(given.output, text + "\n")
+    print(text.splitlines()[-1])
+
+
+def _joint_names(mesh: dfd.Mesh) -> list[str]:
+    if mesh.scene is None or mesh.scene.gltf is None:
+        return []
+    header = mesh.scene.gltf.header
+    nodes = objects(header, "nodes")
+    return [nodes[joint].get("name", "") for skin in objects(header, "skins") for joint in skin["joints"]]
+
+
+def _tree(mesh: dfd.Mesh, joints: tuple[str, ...]) -> Int64:
+    """Return the joint next above each (J,): by its nodes, or by the mannequin's names if the list is flat."""
+    assert mesh.scene is not None
+    assert mesh.scene.gltf is not None
+    header = mesh.scene.gltf.header
+    nodes, above = objects(header, "nodes"), parents(header)
+    number = {name: index for index, name in enumerate(joints)}
+    found = np.full(len(joints), -1)
+    for skin in objects(header, "skins"):
+        for node in skin["joints"]:
+            parent = above.get(node)
+            while parent is not None and nodes[parent].get("name", "") not in number:
+                parent = above.get(parent)
+            if parent is not None:
+                found[number[nodes[node].get("name", "")]] = number[nodes[parent]["name"]]
+    if (found >= 0).any():
+        return found
+    small = {name.lower(): index for name, index in number.items()}
+    for name, index in small.items():
+        side = name[-2:] if name.endswith(("_l", "_r")) else ""
+        stem = name.removesuffix(side)
+        finger = re.fullmatch(r"(index|middle|ring|pinky|thumb)_0(\d)", stem)
+        if finger:
+            order = int(finger[2])
+            stem_above = "hand" if order == 1 else f"{finger[1]}_0{order - 1}"
+        else:
+            stem_above = MANNEQUIN.get(stem, "")
+        found[index] = small.get(stem_above + side, small.get(stem_above, -1))
+    return found
+
+
+def _bordering(shape: RiggedShape, joint: int) -> int:
+    """The joint on which most edges border that leave the subtree of `joint`; its parent where none does."""
+    inside = shape.subtree(joint)
+    edges = shape.mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    edges = np.concatenate([edges, edges[:, ::-1]])
+    beyond = shape.of_vertex[edges[inside[edges[:, 0]] & ~inside[edges[:, 1]], 1]]
+    beyond = beyond[beyond >= 0]
+    return int(np.bincount(beyond).argmax()) if len(beyond) else int(shape.parent[joint])
+
+
+def _sides_as_one(joint: str) -> str:
+    """A joint's name without its side and number: "upperarm.l", "LeftUpperArm" and "UpperArm_R" give "upperarm"."""
+    name = re.sub(r"(?<=[a-z])[LR](?=$|[^A-Za-z])|^[lr](?=[A-Z])", "", joint).lower()
+    name = re.sub(r"left|right|[._\-\s][lr]\b|\b[lr][._\-\s]|[._\-\s][lr](?=[._\-\s])", "", name)
+    return re.sub(r"^[._\-\s]+|[._\-\s\d]+$", "", name)
+
+
+def _limb(joint: str) -> str:
+    """A joint's name without its side and without what tells front from hind."""
+    return re.sub(r"front|fore|back|hind|rear|mid(dle)?", "", _sides_as_one(joint)).strip("._- ")

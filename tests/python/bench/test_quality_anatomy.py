@@ -1,0 +1,48 @@
+"""What hangs on a joint, on a chain of boxes whose joints are known."""
+
+import numpy as np
+import trimesh
+
+import dfd
+from bench.quality.anatomy import RiggedShape, draw_handles, judge
+from bench.quality.measures import area_fractions
+
+
+def two_legs():
+    """A body with two legs of two boxes each; joints: root, leg.l, foot.l, leg.r, foot.r."""
+    places = [(0, 4, 0), (-1, 2, 0), (-1, 0, 0), (1, 2, 0), (1, 0, 0)]
+    sizes = [(6, 2, 2), (1, 1, 1), (1, 1, 1), (1, 1, 1), (1, 1, 1)]
+    boxes = [trimesh.creation.box(size).apply_translation(at) for size, at in zip(sizes, places, strict=True)]
+    made = trimesh.util.concatenate(boxes)
+    mesh = dfd.Mesh(made.vertices, made.faces)
+    names = ("root", "leg.l", "foot.l", "leg.r", "foot.r")
+    return RiggedShape(
+        "legs",
+        mesh,
+        area_fractions(mesh),
+        names,
+        np.array([-1, 0, 1, 0, 3]),
+        np.repeat(np.arange(5), len(boxes[0].vertices)),
+    )
+
+
+def test_a_leg_is_meant_with_its_foot_alone_or_with_the_other_side():
+    shape = two_legs()
+    of = shape.of_vertex
+    meant = shape.meant(1)
+    assert any(np.array_equal(each, np.isin(of, [1, 2])) for each in meant)
+    assert any(np.array_equal(each, np.isin(of, [1, 2, 3, 4])) for each in meant)
+    assert not any(each[of == 0].any() for each in meant)
+
+
+def test_a_band_leaves_the_foot_behind():
+    shape = two_legs()
+    vertex = int(np.flatnonzero(shape.of_vertex == 1)[0])
+    whole, left = judge(shape, vertex, np.isin(shape.of_vertex, [1, 2]))
+    assert (whole, left) == (1.0, 0.0)
+    band, left = judge(shape, vertex, shape.of_vertex == 1)
+    assert np.allclose((band, left), 0.5)
+
+
+def test_handles_are_on_joints_of_limbs():
+    assert [joint for joint, _ in draw_handles(two_legs())] == [1, 2, 3, 4]
