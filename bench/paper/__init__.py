@@ -1,6 +1,5 @@
 """The paper's figures and tables, each by one command, on the meshes at hand.
 
 `python -m bench.paper NAME` from the repository's root writes bench/results/paper/NAME.md; `--list` names the pages. A
-page is a function of one argument, the context, entered in the table of `__main__` under its name; `context` has the
-meshes, fields and sessions, `report` what a page is made of, `drawing` the pictures that several draw alike.
+page is a function of one argument, the `Context` of `page`, which has the meshes, fields and sessions.
 """

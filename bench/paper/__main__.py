@@ -19,26 +19,25 @@ PAGES: dict[str, Callable[[Context], Page]] = {
     name: page
     for module in (features, controls, comparisons, resolution)
     for name, page in sorted(vars(module).items())
-    if re.fullmatch(r"(fig|table|study)\d+|handles", name)
+    if re.fullmatch(r"(fig|table)\d+", name)
 }
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Make one page, or list them; return 1 if some shape of the page could not be read."""
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Make one page, or list them."""
     parser = _parser()
     options = parser.parse_args(arguments)
     if options.list:
         for name, page in PAGES.items():
             print(f"{name:8} {(page.__doc__ or '').splitlines()[0]}")
-        return 0
+        return
     if options.name is None:
         parser.error("NAME must be one of " + ", ".join(PAGES))
     console = Console(stderr=True, highlight=False)
-    folder = options.meshes or options.folder
-    if folder is not None and not folder.is_dir():
-        parser.error(f"{folder} is not a folder")
+    if options.meshes is not None and not options.meshes.is_dir():
+        parser.error(f"{options.meshes} is not a folder")
     context = Context(
-        folder=folder,
+        folder=options.meshes,
         quick=options.quick,
         encoder=options.encoder,
         ball=options.ball,
@@ -50,7 +49,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error(str(error))
     path = write(page, options.name, options.output, context)
     Console().print(f"{path}", highlight=False, soft_wrap=True)
-    return 1 if page.failed else 0
 
 
 def _radius(text: str) -> float:
@@ -63,7 +61,6 @@ def _radius(text: str) -> float:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser("python -m bench.paper", description=__doc__)
     parser.add_argument("name", metavar="NAME", nargs="?", choices=PAGES, help="of the page, see --list")
-    parser.add_argument("folder", metavar="FOLDER", nargs="?", type=Path, help="the same as --meshes FOLDER")
     parser.add_argument("--list", action="store_true", help="list the pages and stop")
     parser.add_argument("--meshes", type=Path, help="folder whose meshes are shown; else those that DFD_MESHES has")
     parser.add_argument("--quick", action="store_true", help="fewer and smaller pictures, fewer shapes")
@@ -75,4 +72,4 @@ def _parser() -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

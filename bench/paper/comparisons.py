@@ -1,21 +1,16 @@
-"""Pages that compare methods: Fig. 8, 9, 14 to 16, 21 and 22, sets of handles, and the sheets of both user studies."""
+"""Pages that compare methods: Fig. 8, 9, 14 to 16, 21 and 22."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.spatial import KDTree
-from scipy.spatial.transform import Rotation
 
 import dfd
-from bench.paper.handles import Case, find
 from bench.paper.page import (
     NAMES,
     PRESETS,
@@ -53,11 +48,9 @@ DENSE_TEXT = (
     "lengthen the legs, as we chose."
 )
 
-# What the paper's users chose of such pictures (Table 2 and Sec. K), per cent.
+# What the paper's users chose of such pictures (Table 2, Sec. K, Fig. 23 and 24), per cent.
 DESIRABLE = {"DFD-T": 82, "DFD-A": 79, "ARAP": 19, "biharmonic": 3, "APAP": 4, "NeuralMLS": 11}
 REALISTIC = {"DFD": 64, "ARAP": 17.7, "NeuralMLS": 15.2, "biharmonic": 2.2, "APAP": 0.93}
-STUDY_PEERS = ("ARAP", "biharmonic", "NeuralMLS")
-SEED = 0
 
 COMPARED = ("ARAP", "biharmonic", "BBW", "NeuralMLS")  # OptCtrlPoints has the weights of the second one
 EXPLODED = 3.0  # times the shape's diagonal: beyond, a result has a camera of its own
@@ -71,36 +64,36 @@ other methods need; the outline before is blue, the one after green.
 - **area**, **angle**, **edge**: mean changes over the surface, of areas and lengths relative ones.
 - **volume**: how much the enclosed volume changed; empty where the surface is open.
 - **flipped faces**: folded over against the faces around them, and not so at rest.
-- DFD is moved by its handles alone, as in the paper; **fixed points** holds those of the set.
+- DFD is moved by its handles alone, as in the paper.
 - Other methods are given handles, fixed points and their neighbors. **biharmonic** (coordinates) and **BBW** work
   within tetrahedra of fTetWild, of the shape simplified to 6,000 faces; **NeuralMLS** is written from its paper. The
   networks of APAP and DeepMetaHandles cannot be had."""
 
 Methods = Mapping[str, Callable[[], Float64]]
-Cases = Sequence[tuple[str, Case | str]]  # by name; a text says why there is none
+Cases = Sequence[tuple[str, "Case"]]  # by name
+
+
+@dataclass(frozen=True)
+class Case:
+    """One shape and what is to be done to it."""
+
+    mesh: dfd.Mesh
+    handles: Int64  # (H,) vertices
+    targets: Float64  # (H, 3) where they are to be, mesh units
+    fixed: Int64  # (K,) vertices that stay
+    held: Int64  # (C,) vertices that methods with constraints are given
+    held_to: Float64  # (C, 3) where those are to be, mesh units
+    dense: bool = False  # whether `held` is enough as it is, without the neighbors of its points
 
 
 def pulls(context: Context, most: tuple[int, int]) -> Cases:
-    """The sets of handles in the folder that was given, else pulls of our own on the meshes at hand."""
-    if context.folder is not None:
-        with suppress(ValueError):  # a folder of meshes alone
-            return _read(context.folder, context.of(most))
+    """Return pulls of our own on the meshes at hand."""
     return [(shape.name, _pulled(shape.refined(), pull)) for shape, pull in context.cases(PULLS, most)]
 
 
-def dense(context: Context, most: tuple[int, int]) -> list[tuple[str, Case]]:
+def dense(context: Context, most: tuple[int, int]) -> Cases:
     """Return shapes with fifty control points and a stretch of our own."""
     return [(shape.name, _stretched(shape.refined(), by)) for shape, by in context.cases(STRETCHED, most)]
-
-
-def _read(folder: Path, most: int | None = None) -> Cases:
-    read: list[tuple[str, Case | str]] = []
-    for name, found in list(find(folder).items())[:most]:
-        try:
-            read.append((name, found()))
-        except (ValueError, OSError) as error:
-            read.append((name, " ".join(str(error).split())))
-    return read
 
 
 def _pulled(shape: Shape, pull: BoxHandle) -> Case:
@@ -182,41 +175,19 @@ def _row(name: str, method: str, case: Case, move: Callable[[], Float64]) -> Row
 # --- methods
 
 
-def methods_of(context: Context, case: Case, ball: float, *, fixed: bool = False) -> dict[str, Callable[[], Float64]]:
-    """Every method by its name, ready to be called on `case`: DFD by its handles alone, with `fixed` held as well."""
-    methods: dict[str, Callable[[], Float64]] = {}
-    for preset in PRESETS:
-        methods[NAMES[preset]] = partial(solve, context, case, preset)
-        if fixed and len(case.fixed):
-            methods[f"{NAMES[preset]}, fixed points"] = partial(solve, context, case, preset, fixed=True)
-    return {**methods, **{name: partial(deform, name, case, ball) for name in COMPARED}}
+def methods_of(context: Context, case: Case, ball: float) -> dict[str, Callable[[], Float64]]:
+    """Return every method by its name, ready to be called on `case`: DFD by its handles alone."""
+    own = {NAMES[preset]: lambda preset=preset: pulled(context, case, preset).vertices for preset in PRESETS}
+    return {**own, **{name: partial(deform, name, case, ball) for name in COMPARED}}
 
 
-def pulled(
-    context: Context, case: Case, preset: Preset, *, fixed: bool = False, affine: bool = False, dense: bool = False
-) -> dfd.Deformer:
-    """A session in which every handle of a case has moved to its target.
-
-    `fixed` holds the case's fixed points, `dense` makes a handle of every control point. `affine` handles turn and grow
-    too, by what takes each about the center from its place to its target: the paper's DFD-A, whose own transforms are
-    not given; translations alone are its DFD-T.
-    """
-    center = case.mesh.bounds.mean(axis=0)
-    handles = []
-    for at, target in zip(*(case.held, case.held_to) if dense else (case.handles, case.targets), strict=True):
-        before, after = case.mesh.vertices[at] - center, target - center
-        handle = {"at": int(at), "translation": after - before}
-        if affine:
-            handle["rotation"] = Rotation.align_vectors(after[None], before[None])[0].as_rotvec(degrees=True)
-            handle["scale"] = float(np.linalg.norm(after) / np.linalg.norm(before))
-        handles.append(handle)
-    held = [int(vertex) for vertex in case.fixed] if fixed else []
-    return session(case.mesh, context.field(Shape("", case.mesh), preset), preset, handles, fixed=held)
-
-
-def solve(context: Context, case: Case, preset: Preset, **how: bool) -> Float64:
-    """Where the vertices go (V, 3), see `pulled`."""
-    return pulled(context, case, preset, **how).vertices
+def pulled(context: Context, case: Case, preset: Preset, *, dense: bool = False) -> dfd.Deformer:
+    """Return a session in which every handle of a case, with `dense` every control point, is at its target."""
+    points = (case.held, case.held_to) if dense else (case.handles, case.targets)
+    handles = [
+        {"at": int(at), "translation": target - case.mesh.vertices[at]} for at, target in zip(*points, strict=True)
+    ]
+    return session(case.mesh, context.field(Shape("", case.mesh), preset), preset, handles)
 
 
 def deform(name: str, case: Case, ball: float) -> Float64:
@@ -333,17 +304,6 @@ def fig22(context: Context) -> Page:
     return _page(context, "Fig. 22: surface metrics", look_for, pulls(context, (2, 2)), text)
 
 
-def handles(context: Context) -> Page:
-    """Sets of handles as APAP-Bench 3D has them, by every method.
-
-    Raises ValueError or OSError if the folder holds none.
-    """
-    if context.folder is None:
-        raise ValueError("handles: give the folder of the set, as `python -m bench.paper handles FOLDER`")
-    look_for = "Parts that look like the one that is pulled follow it, and nothing else moves."
-    return _page(context, "The paper's comparisons on sets of handles", look_for, _read(context.folder), fixed=True)
-
-
 def _page(
     context: Context,
     title: str,
@@ -352,22 +312,16 @@ def _page(
     text: str = "",
     *,
     ball: float | None = None,
-    fixed: bool = False,
     weights: bool = False,
 ) -> Page:
-    pictures, rows, failed = [], [], 0
+    pictures, rows = [], []
     for name, case in cases:
         context.say(name)
-        if isinstance(case, str):
-            failed += 1
-            context.say(f"  {case}")
-            rows.append(Row(name, "", note=case))
-            continue
-        own = compare(name, case, methods_of(context, case, context.ball if ball is None else ball, fixed=fixed))
+        own = compare(name, case, methods_of(context, case, context.ball if ball is None else ball))
         pictures.append(drawn(context, case, own, weights=weights))
         rows += own
     text = f"{text}\n\n{LEGEND}" if text else LEGEND
-    return Page(title, look_for, [Section("Results", text, pictures, table(rows))], failed=failed)
+    return Page(title, look_for, [Section("Results", text, pictures, table(rows))])
 
 
 def fig21(context: Context) -> Page:
@@ -390,63 +344,6 @@ def fig21(context: Context) -> Page:
         Section("Sums of weights", table=Table(["shape", "preset", "mean sum", "largest sum"], sums)),
     ]
     return Page("Fig. 21: dense handles", look_for, sections)
-
-
-# --- user studies: anonymous options in an order of chance, and the key in a file of its own
-
-
-def study1(context: Context) -> Page:
-    """Sheets of the first user study (Fig. 23): the best two of anonymous options."""
-    text = (
-        "Imagine that you shape models by dragging single points of them. For each question select the **best 2** "
-        "deformations: those that move only parts **related** to the dragged point, keep all **symmetries**, and whose "
-        "silhouettes **overlap** wherever the shape is unrelated to it."
-    )
-    return _study(context, "study1", "Study of deformations", text, 15, ("translation", "affine"))
-
-
-def study2(context: Context) -> Page:
-    """Sheets of the second user study (Fig. 24): the most realistic of anonymous options."""
-    text = (
-        "For each question select the **most realistic** deformation: how well are the details of the shape, and the "
-        "parts that are deformed, preserved?"
-    )
-    return _study(context, "study2", "Study of realism", text, 14, ("translation",))
-
-
-def _study(context: Context, name: str, title: str, text: str, most: int, kinds: Sequence[str]) -> Page:
-    draws = np.random.default_rng(SEED)
-    sections, key = [], {}
-    for number, (shape, case) in enumerate(pulls(context, (2, most)), 1):
-        context.say(shape)
-        if isinstance(case, str):
-            continue
-        every = methods_of(context, case, context.ball)
-        methods = {
-            f"{NAMES[preset]}, {kind}": partial(solve, context, case, preset, affine=kind == "affine")
-            for preset in PRESETS
-            for kind in kinds
-        }
-        methods |= {peer: every[peer] for peer in STUDY_PEERS}
-        moved = {}
-        for row in compare(shape, case, methods):
-            if row.vertices is None:
-                context.say(f"  {row.method} is left out: {row.note}")
-            else:
-                moved[row.method] = row.vertices
-        order = [list(moved)[each] for each in draws.permutation(len(moved))]
-        key[f"question {number}"] = {"shape": shape, **{f"option {at}": method for at, method in enumerate(order, 1)}}
-        where, cameras = cameras_of(case, list(moved.values()))
-        images = [(marked(case, where, picture(case.mesh, **where)), "before")]
-        for at, method in enumerate(order, 1):
-            camera = cameras[list(moved).index(method)]
-            images.append((marked(case, camera, silhouettes(case.mesh, moved[method], camera)), f"Option {at}"))
-        sections.append(Section(f"Question {number}", pictures=[(f"Question {number}", images)]))
-    text += (
-        " Original point: blue dot; dragged point: green dot. Silhouette before: blue; after: green. Missing textures "
-        "or colors do not count."
-    )
-    return Page(title, text, sections, files={f"{name}_key.json": json.dumps({"seed": SEED, **key}, indent=2) + "\n"})
 
 
 def _chosen(percent: Mapping[str, float]) -> str:

@@ -338,8 +338,6 @@ class Page:
     title: str
     look_for: str
     sections: Sequence[Section]
-    files: Mapping[str, str] = field(default_factory=dict)  # further texts to write beside the page, by their names
-    failed: int = 0  # how many of its shapes could not be done; the command's exit code tells
 
 
 def write(page: Page, name: str, folder: Path, context: Context) -> Path:
@@ -363,7 +361,6 @@ def write(page: Page, name: str, folder: Path, context: Context) -> Path:
             lines += ["", *to_markdown(table.columns, table.rows)]
     settings = {"quick": context.quick, "presets": context.used}
     document = {"page": name, "title": page.title, **settings, "tables": tables}
-    files = {f"{name}.json": json.dumps(document, indent=2, default=plain) + "\n", **page.files}
-    for other, text in {**files, f"{name}.md": "\n".join(lines) + "\n"}.items():
-        write_text(folder / other, text)
+    write_text(folder / f"{name}.json", json.dumps(document, indent=2, default=plain) + "\n")
+    write_text(folder / f"{name}.md", "\n".join(lines) + "\n")
     return folder / f"{name}.md"

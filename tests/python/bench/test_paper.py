@@ -1,4 +1,4 @@
-"""The paper's figures and tables: every page on a small shape, sets of handles, and the methods beside ours."""
+"""The paper's figures and tables: every page on a small shape, and the methods beside ours."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import os
 import re
 import time
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,9 +16,8 @@ from tiny_encoder import save_tiny_encoder
 import dfd
 from bench.paper import comparisons, page, resolution
 from bench.paper.__main__ import PAGES
-from bench.paper.comparisons import constraints, farthest
+from bench.paper.comparisons import Case, constraints, farthest
 from bench.paper.features import roughness
-from bench.paper.handles import FIXED, USER, Case, find, read_apap
 from bench.paper.page import Context, write
 from bench.paper.peers import PEERS
 from bench.paper.peers.biharmonic import bilaplacian
@@ -42,42 +40,6 @@ def ball() -> dfd.Mesh:
 def ends(ball) -> list[int]:
     """Its top and its bottom."""
     return [int(ball.vertices[:, 1].argmax()), int(ball.vertices[:, 1].argmin())]
-
-
-@pytest.fixture
-def folder(tmp_path, ball, ends) -> Path:
-    """A set of one shape."""
-    texts = tmp_path / "axe" / "keypoints" / "004"
-    texts.mkdir(parents=True)
-    ball.save(tmp_path / "axe" / "mesh.obj")
-    for name, at, to in ((USER, ends[0], MOVE), (FIXED, ends[1], 0)):
-        (texts / name).write_text(f"\n{at} {' '.join(map(str, ball.vertices[at] + to))}\n" * 2)
-    return tmp_path
-
-
-def test_sets_are_vertices_of_the_file_and_where_they_go(folder, ball, ends):
-    ((name, read),) = find(folder).items()
-    axe = read()
-    assert name == "axe 004"
-    assert [axe.handles.tolist(), axe.fixed.tolist(), axe.held.tolist()] == [ends[:1], ends[1:], ends]
-    np.testing.assert_allclose(axe.targets, [ball.vertices[ends[0]] + MOVE], atol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "message"),
-    [
-        (USER, "", "must name at least one handle"),
-        (USER, "1 2 3\n", "must read 'vertex x y z'"),
-        (USER, "1 0 nan 0\n", "must read 'vertex x y z'"),
-        (USER, "642 0 0 0\n", "of 0 … 641, got 642"),
-        (USER, "5 0 0 0\n5 1 1 1\n", "a vertex must go to one place"),
-        (FIXED, "5 9 9 9\n", "vertex 5 lies elsewhere"),
-    ],
-)
-def test_what_does_not_fit_is_refused_by_file(folder, name, content, message):
-    next(folder.rglob(name)).write_text(content)
-    with pytest.raises(ValueError, match=f"{re.escape(name)}.*{message}"):
-        read_apap(folder / "axe/mesh.obj", folder / "axe/keypoints/004")
 
 
 def case_of(mesh: dfd.Mesh, ends: list[int], **more) -> Case:
@@ -125,19 +87,14 @@ def context(tmp_path_factory) -> Context:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in PAGES if name != "handles"])
+@pytest.mark.parametrize("name", PAGES)
 def test_every_page_is_made(name, context, tmp_path, small, one_thread):
     text = write(PAGES[name](context), name, tmp_path, context).read_text("utf-8")
-    assert "thing" in text or name.startswith("study")
+    assert "thing" in text
     for link in re.findall(r"\]\((.+?)\)", text):
         assert (tmp_path / link).stat().st_size > 1000
     numbers = json.loads((tmp_path / f"{name}.json").read_text("utf-8"))
     assert set(numbers["presets"]) == {"paper preset", "dfd default"}
-    if name.startswith("study"):  # the sheet does not say which option is which, the key does
-        key = json.loads((tmp_path / f"{name}_key.json").read_text("utf-8"))
-        options = set(key["question 1"].values()) - {"thing"}
-        assert "paper preset, translation" in options
-        assert not any(option in text for option in options)
 
 
 def test_surfaces_are_measured():
