@@ -47,7 +47,6 @@ def show(
     elevation: ElevationOption = 15.0,
     zoom: ZoomOption = 1.0,
     axes: Annotated[bool, Option("--axes", help="Draw the directions of the axes.")] = False,
-    numbers: Annotated[bool, Option("--numbers", help="Write the indices of vertices that are seen.")] = False,
     legend: Annotated[bool, Option("--legend", help="Draw the scale of the heat beside it.")] = False,
     resolution: ResolutionOption = 768,
     force: ForceOption = False,
@@ -108,7 +107,6 @@ def show(
             elevation=elevation,
             zoom=zoom,
             axes=axes,
-            numbers=numbers,
             resolution=resolution,
         )
     places.tell()

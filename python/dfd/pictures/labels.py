@@ -1,4 +1,4 @@
-"""Text on pictures: labels of marks, numbers of vertices, the directions of the axes."""
+"""Marks and text on pictures: handles, fixed points, their labels, the directions of the axes."""
 
 from __future__ import annotations
 
@@ -14,11 +14,7 @@ from dfd.views.cameras import Camera
 from dfd.views.raycast import Scene
 
 # Characters that the typeface lacks, spelled in others.
-_SPELLED = {
-    "λ": "lambda", "ε": "epsilon", "μ": "u", "µ": "u", "Φ": "Phi", "Σ": "sum", "Δ": "delta", "π": "pi", "σ": "sigma",
-    "→": "->", "←": "<-", "×": "x", "−": "-", "–": "-", "—": "-", "≥": ">=", "≤": "<=", "≠": "!=", "≈": "~",
-    "∞": "infinity", "•": "·", "‖": "||", "√": "sqrt", "ß": "ss", "ø": "o", "Ø": "O", "æ": "ae", "Æ": "AE", "ł": "l",
-}  # fmt: skip
+_SPELLED = {"λ": "lambda", "→": "->", "×": "x", "−": "-", "≥": ">=", "≤": "<="}
 
 
 @lru_cache(maxsize=32)
@@ -70,7 +66,6 @@ def _drawable(letter: str) -> bool:
 
 INK, HALO = (20, 22, 28), (255, 255, 255)
 AXES = (("x", (204, 44, 44)), ("y", (38, 140, 54)), ("z", (36, 84, 200)))
-TOLERANCE = 0.004  # of its distance from the eye: by so much a vertex may lie below the surface and still be seen
 
 
 def draw_labels(page: Image.Image, camera: Camera, positions: Float64, labels: Sequence[str]) -> None:
@@ -78,34 +73,6 @@ def draw_labels(page: Image.Image, camera: Camera, positions: Float64, labels: S
     draw, size = ImageDraw.Draw(page), max(11, page.height // 30)
     for row, column, text in zip(*camera.project(positions, page.height), labels, strict=True):
         _write(draw, (float(column) + 0.7 * size, float(row) - 0.7 * size), text, size, "lm")
-
-
-def draw_numbers(page: Image.Image, scene: Scene, camera: Camera, positions: Float32) -> None:
-    """Write the indices of as many visible vertices (V, 3) as fit side by side."""
-    resolution = page.height
-    size = max(9, resolution // 64)
-    wide = font(size).getlength(str(len(positions))) + 0.8 * size
-    before = np.flatnonzero((positions - camera.position) @ camera.back < 0)
-    rows, columns = camera.project(positions[before], resolution)
-    margin = wide / 2
-    inside = (rows > size) & (rows < resolution - size) & (columns > margin) & (columns < resolution - margin)
-    inside[inside] = ~scene.hides(camera.position, positions[before[inside]], TOLERANCE)
-    vertices, rows, columns = before[inside], rows[inside], columns[inside]
-    # One per cell, the nearest to its middle; none where it would overlap a neighbor's.
-    cell_row, cell_column = np.floor(rows / (1.5 * size)), np.floor(columns / wide)
-    off = np.hypot(rows - (cell_row + 0.5) * 1.5 * size, columns - (cell_column + 0.5) * wide)
-    order = np.lexsort((off, cell_column, cell_row))
-    kept: dict[tuple[int, int], tuple[float, float]] = {}
-    draw = ImageDraw.Draw(page)
-    for index in order:
-        place = (int(cell_row[index]), int(cell_column[index]))
-        around = [kept.get((place[0] + down, place[1] + across)) for down in (-1, 0, 1) for across in (-1, 0, 1)]
-        row, column = float(rows[index]), float(columns[index])
-        if any(at and abs(at[0] - row) < 1.2 * size and abs(at[1] - column) < wide for at in around):
-            continue
-        kept[place] = (row, column)
-        draw.ellipse([column - 1.5, row - 1.5, column + 1.5, row + 1.5], fill=INK)
-        _write(draw, (column, row - 0.2 * size), str(vertices[index]), size, "mb")
 
 
 def draw_axes(page: Image.Image, camera: Camera) -> None:

@@ -22,7 +22,7 @@ from dfd.mesh.appearance import linear, srgb
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.normals import smooth_normals
 from dfd.pictures.colors import CLAY, weight_colors
-from dfd.pictures.labels import draw_axes, draw_labels, draw_marks, draw_numbers
+from dfd.pictures.labels import draw_axes, draw_labels, draw_marks
 from dfd.pictures.picture_document import KEY, PictureDocument
 from dfd.pictures.viewpoint import aim
 from dfd.views.cameras import Camera
@@ -61,7 +61,6 @@ def picture(
     target: ArrayLike | None = None,
     frame: Sequence[ArrayLike] = (),
     axes: bool = False,
-    numbers: bool = False,
     resolution: int = 512,
 ) -> UInt8:
     """Draw `mesh` on white, as it is or moved, in its own colors or in ones that show numbers.
@@ -91,8 +90,6 @@ def picture(
         each has the other's vertices in its `frame`.
     axes
         Whether the directions of the axes stand in the lower left corner.
-    numbers
-        Whether vertices that are seen have their indices beside them, as many as fit.
     resolution
         Pixels R along a side.
 
@@ -122,8 +119,6 @@ def picture(
     for marked, square in marks:
         draw_marks(image, scene, camera, normal_form.apply(marked), square=square)
     page = Image.fromarray((image.clip(0, 1) * 255 + 0.5).astype(np.uint8))
-    if numbers:
-        draw_numbers(page, scene, camera, positions)
     if labels:
         draw_labels(page, camera, normal_form.apply(marks[-1][0]), labels)
     if axes:

@@ -72,11 +72,11 @@ def test_controls_show_in_the_heat(run, chair, control):
     assert np.abs(drawn("plain.png") - drawn("other.png")).max() > 20
 
 
-def test_axes_numbers_zoom_and_the_scale_of_the_heat(run):
+def test_axes_zoom_and_the_scale_of_the_heat(run):
     show = ("show", "MESH", "--field", "FIELD", "--handle", 40, "--resolution", 160, "--azimuth", 0, "-o")
     assert worked(run(*show, "plain.png"))
     plain = drawn("plain.png")
-    for option in (("--axes",), ("--numbers",), ("--zoom", 2)):
+    for option in (("--axes",), ("--zoom", 2)):
         assert worked(run(*show, "other.png", *option))
         assert np.abs(plain - drawn("other.png")).max() > 50
     assert worked(run(*show, "legend.png", "--legend"))

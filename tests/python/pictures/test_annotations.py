@@ -49,17 +49,6 @@ def test_labels_stand_beside_their_handles() -> None:
         picture(MESH, handles=[7], labels=["1", "2"])
 
 
-def test_numbers_stand_beside_vertices_that_are_seen() -> None:
-    where = {"azimuth": 0.0, "elevation": 0.0}
-    plain, numbered = (picture(MESH, numbers=on, resolution=300, zoom=0.7, **where) for on in (False, True))
-    front = np.flatnonzero(MESH.vertices[:, 2] == MESH.vertices[:, 2].max())
-    rows, columns = changed(plain, numbered)
-    at_row, at_column = viewpoint(MESH, zoom=0.7, **where).project(MESH.vertices, 300)
-    apart = np.hypot(rows[:, None] - at_row[front], columns[:, None] - at_column[front])
-    assert apart.min(axis=1).max() < 20  # nothing anywhere else
-    assert set(apart.argmin(axis=1)) == set(range(len(front)))
-
-
 def test_a_sheet_says_where_its_pictures_are() -> None:
     red, blue = (np.full((32, 32, 3), ink, np.uint8) for ink in ((255, 0, 0), (0, 0, 255)))
     for title in ("", "a title"):
