@@ -145,9 +145,7 @@ def test_size_and_place_do_not_matter(sphere: Mesh, scale: float, offset: float)
     ("handles", "message"),
     [
         ([9999], "`handles` must lie in 0 … 2561, got 9999"),
-        ([-1], "`handles` must lie in"),
         ([0.5], "`handles` must be a list of vertex indices"),
-        (3, "`handles` must be a list of vertex indices"),
         (np.zeros((2, 2)), r"`handles` must have shape \(H, 3\), got \(2, 2\)"),
         ([[np.nan, 0, 0]], "`handles` must be finite"),
     ],

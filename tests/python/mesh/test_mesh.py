@@ -57,15 +57,12 @@ def test_degenerate_and_duplicate_faces_are_kept() -> None:
     ("vertices", "faces", "message"),
     [
         (CORNERS[:, :2], CUBE, r"`vertices` must have shape \(V, 3\), got \(8, 2\)"),
-        ("corners", CUBE, "`vertices` must be a numeric array"),
         (CORNERS * np.nan, CUBE, r"`vertices` must be finite, got nan at \[0, 0\]"),
         (CORNERS[:2], [(0, 1, 1)], "`vertices` must hold at least 3 vertices, got 2"),
         (CORNERS, np.zeros((0, 3), int), "`faces` must hold at least one face"),
         (CORNERS, CUBE[:, :2], r"`faces` must be whole numbers of shape \(F, 3\), got int64 of shape \(12, 2\)"),
         (CORNERS, CUBE * 1.0, "`faces` must be whole numbers"),
         (CORNERS, CUBE + 1, r"`faces` must name vertices 0 … 7, got 8"),
-        (CORNERS, CUBE - 1, r"`faces` must name vertices 0 … 7, got -1"),
-        (CORNERS, np.full((1, 3), 2**40), "`faces` must name vertices 0 … 7, got 1099511627776"),
     ],
 )
 def test_bad_arrays_are_refused(vertices: object, faces: object, message: str) -> None:

@@ -70,14 +70,6 @@ def test_the_papers_settings_give_the_papers_bits(handle_count):
     np.testing.assert_array_equal(dfd.bind(features, np.arange(handle_count), fixed=fixed, reach=1), plain)
 
 
-def test_fixed_points_take_away_after_the_falloff():
-    features = unit_rows(200, 16, spread=0.3)
-    free, held = (dfd.bind(features, [3], fixed=fixed, reach=0.8, falloff="smooth") for fixed in (None, [7]))
-    taken = reference.feature_weights(features, features[[7]])
-    np.testing.assert_allclose(held, np.maximum(free - taken, 0), atol=1e-5)
-    assert held[3, 0] < 1  # which the docstring says
-
-
 def test_strength_scales_what_fixed_points_hold():
     features = unit_rows(200, 16)
     free, held = dfd.bind(features, [3]), dfd.bind(features, [3], fixed=[7, 8])

@@ -59,11 +59,6 @@ def test_stored_rows_bind_as_the_twin_says(compact):
         np.testing.assert_allclose(weights, wanted, rtol=0, atol=1e-5)
 
 
-def test_a_feature_row_of_the_shape_weighs_as_its_vertex(compact):
-    by_row, by_index = dfd.bind(compact, FEATURES[HANDLES]), dfd.bind(compact, HANDLES)
-    np.testing.assert_allclose(by_row, by_index, rtol=0, atol=2e-6)
-
-
 def test_rows_give_back_what_is_stored(compact):
     rows = compact.rows(HANDLES)
     assert rows.dtype == np.float32
@@ -185,14 +180,11 @@ def test_an_instruction_set_that_is_not_there_is_refused():
     ("arguments", "message"),
     [
         ({"features": FEATURES, "tolerance": 0}, "`tolerance` must be above 0"),
-        ({"features": FEATURES, "tolerance": np.nan}, "`tolerance` must be finite"),
         ({"features": FEATURES, "tolerance": 1e-9}, "`tolerance` must be larger for features of 16 bits"),
         ({"features": FEATURES[0]}, r"`features` must have shape \(V, D\)"),
-        ({"features": FEATURES[:0]}, "`features` must have at least one row"),
         ({"features": np.where(np.arange(96) == 7, np.nan, FEATURES)}, "`features` must be finite"),
         ({"features": FEATURES, "points": np.zeros((3, 3))}, "`points` are for a field"),
         ({"features": lambda points: points}, "`points` must be given for a field"),
-        ({"features": lambda points: points, "points": np.zeros((3, 2))}, r"`points` must have shape \(V, 3\)"),
     ],
 )
 def test_bad_input(arguments, message):

@@ -43,13 +43,10 @@ def test_odd_ways_to_write_a_file_read_alike(change: object, tmp_path: Path) -> 
     [
         ("v 0 0 0\nv 1 0\nv 0 1 0\nf 1 2 3\n", "vertex 1 of its 'v' lines has 2 numbers, and 3 are needed"),
         ("v 0 0 0\nv 1 0 x\nv 0 1 0\nf 1 2 3\n", "its 'v' lines hold 'x', which is not a number"),
-        ("v 0 0 0\nv 1 0 1,5\nv 0 1 0\nf 1 2 3\n", "its 'v' lines hold '1,5', which is not a number"),
         (obj_cube() + "f 1 2 3/4/5/6\n", "line 21: the corner '3/4/5/6' of a face is none"),
-        (obj_cube() + "f 1 2 1.5\n", "line 21: the corner '1.5' of a face is none"),
         (obj_cube() + "f 1 two 3\n", "line 21: the corner 'two' of a face is none"),
         (obj_cube() + "f 1 2 -9\n", "line 21: the corner '-9' of a face names none of the 8 vertices"),
         (obj_cube() + "f 1 2 99999999999999999999\n", "names none of the 8 vertices"),
-        (obj_cube() + f"f 1 2 {'7' * 5000}\n", "names none of the 8 vertices"),
     ],
 )
 def test_lines_that_cannot_be_right_are_named(text: str, message: str, tmp_path: Path) -> None:
