@@ -8,6 +8,7 @@ import { saveBlob, stem } from "../actions/files";
 import { problem } from "../actions/toasts";
 import { niceStep } from "../posing/affine";
 import { weightOf } from "../posing/columns";
+import type { MeshMessage } from "../protocol/messages";
 import { present, ready, selectedHandle, store, type State } from "../store/state";
 import { paint, touch } from "./overlays/brush";
 import { Gizmo } from "./overlays/gizmo";
@@ -23,6 +24,8 @@ export class Viewer {
   readonly stage: Stage;
   shape: Shape | null = null;
   private picker: Picker | null = null;
+  /** The shape that the camera was set up for. */
+  private framed: MeshMessage | null = null;
   private readonly gizmo: Gizmo;
   private readonly markers: Markers;
   private readonly plane = new Group();
@@ -117,23 +120,28 @@ export class Viewer {
       else stage.lookFrom(VIEWS[wish.what]);
     });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.dress());
-    // Graphics that were lost took along what was made on them.
+    // Graphics that were lost took along what was made on them; afterwards it could not be deleted.
+    stage.canvas.addEventListener("webglcontextlost", () => this.unload());
     stage.canvas.addEventListener("webglcontextrestored", () => this.load());
+  }
+
+  private unload(): void {
+    this.picker?.dispose();
+    this.shape?.dispose();
+    this.picker = this.shape = null;
   }
 
   private load(): void {
     const { mesh, meshArrays, featureColors, posed } = store.get();
-    const kept = this.shape?.message === mesh;
-    this.picker?.dispose();
-    this.shape?.dispose();
-    this.picker = this.shape = null;
+    this.unload();
     if (mesh && meshArrays) {
       this.shape = new Shape(mesh, meshArrays, this.stage.renderer, () => this.stage.invalidate());
       this.picker = new Picker(this.stage.renderer, this.shape);
       this.stage.scene.add(this.shape.group);
       if (featureColors) this.shape.setFeatureColors(featureColors);
       this.shape.setPosed(posed);
-      if (!kept) this.stage.frameShape(this.shape.radius);
+      if (this.framed !== mesh) this.stage.frameShape(this.shape.radius);
+      this.framed = mesh;
     }
     this.dress();
     this.pose();

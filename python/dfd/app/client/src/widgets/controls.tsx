@@ -124,6 +124,8 @@ interface NumberFieldProps {
 
 /** A number to type, or to change by the arrow keys. */
 export function NumberField({ label, value, step, onChange, axis, hint }: NumberFieldProps) {
+  // What is typed stays until it is done, whatever the server says meanwhile.
+  const [typed, setTyped] = useState<string | null>(null);
   return (
     <label class={`number ${axis ?? ""}`}>
       {axis && <span aria-hidden="true">{axis.toUpperCase()}</span>}
@@ -132,9 +134,14 @@ export function NumberField({ label, value, step, onChange, axis, hint }: Number
         step={step}
         aria-label={label}
         aria-description={hint}
-        value={readable(value)}
+        value={typed ?? readable(value)}
         onFocus={(event) => event.currentTarget.select()}
-        onChange={({ currentTarget: { valueAsNumber } }) => Number.isFinite(valueAsNumber) && onChange(valueAsNumber)}
+        onInput={(event) => setTyped(event.currentTarget.value)}
+        onChange={({ currentTarget: { valueAsNumber } }) => {
+          setTyped(null);
+          if (Number.isFinite(valueAsNumber)) onChange(valueAsNumber);
+        }}
+        onBlur={() => setTyped(null)}
         // What is typed next is meant for the view: there letters are keys.
         onKeyDown={(event) => event.key === "Enter" && event.currentTarget.blur()}
       />

@@ -22,12 +22,12 @@ const settled = () => until(page, (s) => s.ahead.size === 0 && window.dfd.rests(
 const handle = () => state(page, (s) => s.edit.handles[0]);
 
 test("what is rarely needed is folded, and stays open once it is opened", { timeout: PATIENCE }, async () => {
-  const locality = page.getByLabel("Locality");
+  const strength = page.getByLabel("Strength", { exact: true });
   await page.evaluate(() => window.dfd.store.set({ more: false }));
-  await locality.waitFor({ state: "detached" });
+  await strength.waitFor({ state: "detached" });
   await shot(page, "folded");
   await page.getByRole("button", { name: "More" }).first().click();
-  await locality.waitFor();
+  await strength.waitFor();
   assert.equal(await page.evaluate(() => window.localStorage.getItem("dfd-more")), "true");
   await page.evaluate(() => window.dfd.store.set({ more: false }));
 });
