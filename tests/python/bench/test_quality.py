@@ -12,7 +12,7 @@ from skinned_figure import skinned_figure
 
 import dfd
 from bench.quality import labelled
-from bench.quality.__main__ import main
+from bench.quality.labelled import main
 from bench.quality.labelled_shapes import labelled_shapes
 from bench.quality.measures import average_precision, draw_handles, euclidean, geodesic, moving, part_precision
 from bench.quality.parts import family_of, kind_of_part, merged

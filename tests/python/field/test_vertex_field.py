@@ -52,8 +52,8 @@ def test_points_have_what_the_nearest_vertex_has(chair, rows):
 
 
 def test_a_session_weighs_by_them(chair, rows):
-    session = dfd.Deformer(chair, dfd.VertexField(chair, rows))
-    session.add(17, translation=(0, 0.1, 0), instances="shared_pivot", reach=1.0, falloff="linear")
+    session = dfd.Deformer(chair, dfd.VertexField(chair, rows), preset="paper")
+    session.add(17, translation=(0, 0.1, 0))
     weights = dfd.bind(unit(rows).astype(np.float32), [17])
     np.testing.assert_allclose(session.weights, weights, atol=1e-6)
     moved = dfd.pose(chair.vertices, weights, np.array([np.c_[np.eye(3), (0, 0.1, 0)]]))

@@ -85,7 +85,9 @@ def shared(
             continue
         others = [points[anchors[other]] for j, other in standing.items() if j != i]
         radius = np.linalg.norm(np.array(others) - points[here], axis=1).min() / 2
-        bump = np.square(np.maximum(1.0 - np.square(apart[i] / max(radius, 1e-300)), 0.0)) * weights[i]
+        if radius == 0:  # two handles at one point: neither can take the place of the other
+            continue
+        bump = np.square(1.0 - np.square(np.minimum(apart[i], radius) / radius)) * weights[i]
         result[beside] *= (1.0 - bump).astype(np.float32)
     depth = nested.sum(axis=1)
     for level in np.unique(depth):
