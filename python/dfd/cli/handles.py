@@ -10,27 +10,12 @@ from typer import Option
 from typer.core import TyperCommand
 
 from dfd.cli.arguments import Command, add_options, is_number, shown
+from dfd.common.described import About
 from dfd.editing.presets import CONTROLS, PRESETS
+from dfd.posing.transforms import MOTIONS
 
-# The options of a handle: which argument of `Deformer.add` each is, its type, what stands for its value, and its help.
-TRANSFORM: dict[str, tuple[str, Any, str, str]] = {
-    "translate": ("translation", tuple[float, float, float], "X Y Z", "Move the handle, in mesh units."),
-    "rotate": ("rotation", tuple[float, float, float], "X Y Z",
-               "Turn it: the vector is the axis, its length the angle in degrees."),
-    "scale": ("scale", str, "S | X Y Z", "Scale it: one factor, or three along the axes."),
-    "pivot": ("pivot", str, "X Y Z|base|middle|point|plane|hinge",
-              "What it turns and scales about; by default the base of a limb, and the middle of anything else."),
-    "axes": ("axes", str, "normal",
-             "The third factor is along the surface's normal there, not z."),
-    "bend": ("bend", float, "DEGREES", "Bend what it holds along its own axis: by so much the tip turns."),
-    "towards": ("towards", str, "up|down|left|right|front|back|X Y Z",
-                "Where --bend takes the tip; by default up, and to the front where the part runs upright."),
-    "twist": ("twist", float, "DEGREES", "Twist what it holds about its own axis."),
-    "joint": ("joint", str, "spread|auto|here|0…1",
-              "Where along the axis: over its length, where it bends or narrows already, at the handle, or from base "
-              "(0) to tip (1)."),
-    "open_": ("open", float, "DEGREES", "Turn it about its hinge, away from the rest, as a jaw opens."),
-}  # fmt: skip
+# The parameters of a command that are a motion, by the name of that; no built-in function's name is one.
+TRANSFORM = {"open_" if name == "open" else said.option or name: name for name, said in MOTIONS.items()}
 OF_A_HANDLE = ("handle", *TRANSFORM, *CONTROLS, "name")
 COUNTS = {"--scale": (1, 3), "--pivot": (3,), "--towards": (3,)}  # of the numbers of options that may also be a word
 FURTHER = "dfd.further_handles"
@@ -40,10 +25,7 @@ REST = ["MESH", "--field", "FIELD"]
 
 def with_handle_options(command: Command) -> Command:
     """Give a command, behind `handle`, the options with which a handle is moved."""
-    options = {
-        option: Annotated[kind | None, Option(f"--{name if option == 'open_' else option}", metavar=metavar, help=text)]
-        for option, (name, kind, metavar, text) in TRANSFORM.items()
-    }
+    options = {parameter: _option(name, MOTIONS[name], MOTIONS[name].text) for parameter, name in TRANSFORM.items()}
     return add_options(command, options, after="handle")
 
 
@@ -51,20 +33,27 @@ def with_controls(command: Command) -> Command:
     """Give a command, behind `preset`, an option for each control of a handle, with the value of each preset."""
     options: dict[str, Any] = {}
     for name, about in CONTROLS.items():
-        flag = name.replace("_", "-")
         default, paper = (shown(getattr(PRESETS[preset], name, None)) for preset in ("default", "paper"))
         text = about.text
         if default != "none":
             text += f" By itself {default}" + (f", the paper's is {paper}." if paper != default else ".")
-        kind: Any
-        if about.metavar is None:
-            kind, spelled = bool, f"--{flag}/--no-{flag}"
-        elif about.repeated:
-            kind, spelled = list[str], f"--{flag[:-1]}"
-        else:
-            kind, spelled = float if about.minimum is not None and "|" not in about.metavar else str, f"--{flag}"
-        options[name] = Annotated[kind | None, Option(spelled, metavar=about.metavar, help=text)]
+        options[name] = _option(name, about, text)
     return add_options(command, options, after="preset")
+
+
+def _option(name: str, about: About, text: str) -> Any:
+    """The annotation of a command's parameter."""
+    flag, metavar = (about.option or name).replace("_", "-"), about.metavar
+    kind: Any = str
+    if metavar is None:
+        kind, flag = bool, f"{flag}/--no-{flag}"
+    elif about.repeated:
+        kind, flag = list[str], flag[:-1]
+    elif metavar == "X Y Z":
+        kind = tuple[float, float, float]
+    elif "|" not in metavar and (about.unit == "angle" or about.minimum is not None):
+        kind = float
+    return Annotated[kind | None, Option(f"--{flag}", metavar=metavar, help=text)]
 
 
 def controls(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -122,7 +111,7 @@ def handles(params: Mapping[str, Any], meta: Mapping[str, Any]) -> list[tuple[st
     """
     found = []
     for each in (params, *meta[FURTHER]):
-        given = {name: value_of(each[option]) for option, (name, *_) in TRANSFORM.items() if each[option] is not None}
+        given = {name: value_of(each[option]) for option, name in TRANSFORM.items() if each[option] is not None}
         if 0.0 in np.ravel(given.get("scale", 1.0)):
             raise ValueError(f"`--scale` must not be 0, which leaves nothing of what it holds, got {each['scale']}")
         given |= controls(each)

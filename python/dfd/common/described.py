@@ -41,6 +41,12 @@ class About:
     exclusive: bool = False
     metavar: str | None = None  # what the command line shows in the place of its value; None for a switch
     repeated: bool = False  # whether the command line takes one of them after the other
+    option: str | None = None  # what the command line calls it, where that is not the field's name
+    # unit: what its numbers are. On another shape a length is scaled, and a position is carried along.
+    unit: Literal["length", "position", "angle"] | None = None
+    # affects: the handle's own column of weights, or only what is made of that
+    affects: Literal["weights", "pose"] = "weights"
+    of_part: bool = False  # whether it is for a handle alone, because it needs the part that the handle holds
     # label, slider: what panels call it; the ends and the step of a slider, of a length as parts of the shape's size
     label: str | None = None
     slider: tuple[float, float, float] | None = None

@@ -57,8 +57,8 @@ class Controls(Brief):
 
     @cached_property
     def of_column(self) -> Controls:
-        """Those that shape the column of weights: all but how instances share it."""
-        return replace(self, instances="shared_pivot", excluded_instances=())
+        """Those that shape the column of weights, and the defaults of all others."""
+        return Controls(**{name: getattr(self, name) for name, said in CONTROLS.items() if said.affects == "weights"})
 
     def changed(self, **given: Any) -> Controls:
         """The controls with some of them exchanged; None leaves one, and of `radius` and `locality` one ends the other.
@@ -94,7 +94,7 @@ def controls_on(mesh: Mesh, given: Mapping[str, Any]) -> dict[str, Any]:
             raise TypeError(f"{name!r} is no control of a handle; these are {', '.join(CONTROLS)}")
         if name == "excluded_instances":
             found[name] = _points_on(mesh, value)
-        elif name in ("radius", "mask_feather"):
+        elif CONTROLS[name].unit == "length":
             found[name] = length_on(mesh, name, value)
         elif name == "mask" and not (isinstance(value, str) and value == "everywhere"):
             with within(name):

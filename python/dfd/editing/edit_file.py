@@ -65,7 +65,7 @@ import numpy as np
 from pydantic import ConfigDict, StringConstraints, TypeAdapter, ValidationError
 
 from dfd.common import check
-from dfd.common.described import About
+from dfd.common.described import About, about
 from dfd.common.errors import ArgumentError, within
 from dfd.common.files import atomic_write
 from dfd.common.preset import Preset
@@ -142,7 +142,8 @@ def _keys(*owners: type) -> tuple[str, ...]:
 
 # What of a handle or a fixed place lies beside its other keys in a file.
 SPREAD: dict[str, type] = {"place": Place, "transform": Transform, "controls": Controls}
-OF_HELD_PARTS = ("pivot_at", "bend", "twist", "joint")  # of a transform, and not of the default one
+# Of a transform, and not of the default one.
+OF_HELD_PARTS = tuple(name for name, (_, said) in about(Transform).items() if said is not None and said.of_part)
 FIRST = ("format", "version", "preset", "units", "mesh", "made_on")  # keys of a file, for people
 
 

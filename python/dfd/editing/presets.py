@@ -50,15 +50,19 @@ CONTROLS = {
         0.0,
         exclusive=True,
         metavar="R|P%",
+        unit="length",
         slider=(0.0, 1.0, 0.01),
     ),
     "strength": About("From 0 to 1: a factor for what follows.", 0.0, 1.0, metavar="S", slider=(0.0, 1.0, 0.05)),
     "instances": About(
         "Look-alikes move about their own pivots, about the handle's (shared_pivot, the paper), or not at all (only).",
         metavar="own_pivot|shared_pivot|only",
+        affects="pose",
         label="Look-alikes",
     ),
-    "excluded_instances": About("A place on an instance that does not move along.", metavar="PLACE", repeated=True),
+    "excluded_instances": About(
+        "A place on an instance that does not move along.", metavar="PLACE", repeated=True, affects="pose"
+    ),
     "mask": About(
         "Nothing follows beyond: part (the handle's), part:NAME, group:NAME, 'x>0', ball:x,y,z,r or box:x,y,z,x,y,z.",
         metavar="REGION",
@@ -68,6 +72,7 @@ CONTROLS = {
         0.0,
         LARGEST,
         metavar="W|P%",
+        unit="length",
         label="Limit's edge",
         slider=(0.0, 0.3, 0.005),
     ),

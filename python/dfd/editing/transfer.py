@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.described import about
 from dfd.common.errors import ArgumentError, public
 from dfd.common.linear_algebra import Float64, Int64, unit
 from dfd.editing.controls import Controls
@@ -168,20 +169,29 @@ class Carrier:
         controls = handle.controls
         carried: Controls = replace(
             controls,
-            radius=None if controls.radius is None else self.ratio * controls.radius,
-            mask_feather=self.ratio * controls.mask_feather,
             excluded_instances=(),  # the other shape has other ones
             mask=None if controls.mask is None else self.region(controls.mask),
+            **self.scaled(controls, beside),
         )
         return replace(handle, place=place, transform=self.transform(handle.transform, beside), controls=carried)
 
     def transform(self, transform: Transform, move: Callable[[Vector], Vector]) -> Transform:
         """The transform in units of the other shape."""
-        return replace(
-            transform,
-            translation=vector("translation", self.ratio * np.asarray(transform.translation)),
-            pivot=None if transform.pivot is None else move(transform.pivot),
-        )
+        return replace(transform, **self.scaled(transform, move))
+
+    def scaled(self, value: Controls | Transform, move: Callable[[Vector], Vector]) -> dict[str, Any]:
+        """The lengths and the positions among the fields, in units of the other shape."""
+        found: dict[str, Any] = {}
+        owner: type = type(value)
+        for name, (_, said) in about(owner).items():
+            given = getattr(value, name)
+            if said is None or given is None:
+                continue
+            if said.unit == "length":
+                found[name] = (self.ratio * np.asarray(given)).tolist()
+            elif said.unit == "position":
+                found[name] = move(given)
+        return found
 
     def plane(self, plane: SymmetryPlane) -> SymmetryPlane:
         """The plane in the box around the other shape."""

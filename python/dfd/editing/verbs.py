@@ -18,17 +18,12 @@ from dfd.editing.edit import Edit, Handle, box_center, symmetry_on
 from dfd.editing.influence.held_parts import bend_vector, pivot_on
 from dfd.editing.influence.regions import VertexSet
 from dfd.editing.points import Place, place_on
-from dfd.posing.transforms import PivotAt, Transform, frame_of_normal
+from dfd.posing.transforms import MOTIONS, PivotAt, Transform, frame_of_normal
 
 if TYPE_CHECKING:
     from dfd.editing.influence.handle_weights import HandleWeights
     from dfd.segmentation.parts import Level
     from dfd.symmetry.plane import SymmetryPlane
-
-
-# What a handle is given of its transform: its fields, and what only the part that it holds turns into numbers.
-PLACED = ("translation", "rotation", "scale", "pivot", "axes")
-MOTIONS = (*PLACED, "bend", "twist", "towards", "joint", "open")
 
 
 def add(edit: Edit, weights: HandleWeights, handle: int, at: Any, *, name: str | None, **given: Any) -> Edit:
@@ -77,7 +72,7 @@ def set_symmetry(
 
 def set_default(edit: Edit, weights: HandleWeights, given: Mapping[str, Any]) -> Edit:
     """`edit` with D₀ from what is given; None where that is nothing."""
-    if unknown := given.keys() - set(PLACED):
+    if unknown := given.keys() - {name for name, said in MOTIONS.items() if not said.of_part}:
         raise TypeError(f"{unknown.pop()!r} is for what a handle holds, and the default transform has no handle")
     transform = Transform().changed(**given)
     transform.matrix(box_center(weights.mesh))

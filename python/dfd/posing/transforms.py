@@ -13,10 +13,9 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from dfd.common import check
-from dfd.common.described import Brief, Written
+from dfd.common.described import About, Brief, Written
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64
 
@@ -29,6 +28,61 @@ NOT_UNIT = 1e-3  # a quaternion's length may be off by as much without a word
 LARGEST_ANGLE = 1e9
 
 
+# What is done to a handle: fields of `Transform`, and what only the part that it holds turns into these.
+MOTIONS = {
+    "translation": About(
+        "Move the handle, in mesh units.", metavar="X Y Z", option="translate", unit="length", affects="pose"
+    ),
+    "rotation": About(
+        "Turn it: the vector is the axis, its length the angle in degrees.",
+        metavar="X Y Z",
+        option="rotate",
+        unit="angle",
+        affects="pose",
+    ),
+    "scale": About("Scale it: one factor, or three along the axes.", metavar="S | X Y Z", affects="pose"),
+    "pivot": About(
+        "What it turns and scales about; by default the base of a limb, and the middle of anything else.",
+        metavar="X Y Z|base|middle|point|plane|hinge",
+        unit="position",
+        affects="pose",
+    ),
+    "axes": About("The third factor is along the surface's normal there, not z.", metavar="normal", affects="pose"),
+    "bend": About(
+        "Bend what it holds along its own axis: by so much the tip turns.",
+        metavar="DEGREES",
+        unit="angle",
+        affects="pose",
+        of_part=True,
+    ),
+    "towards": About(
+        "Where --bend takes the tip; by default up, and to the front where the part runs upright.",
+        metavar="up|down|left|right|front|back|X Y Z",
+        affects="pose",
+        of_part=True,
+    ),
+    "twist": About(
+        "Twist what it holds about its own axis.", metavar="DEGREES", unit="angle", affects="pose", of_part=True
+    ),
+    "joint": About(
+        "Where along the axis: over its length, where it bends or narrows already, at the handle, or from base (0) to "
+        "tip (1).",
+        0.0,
+        1.0,
+        metavar="spread|auto|here|0…1",
+        affects="pose",
+        of_part=True,
+    ),
+    "open": About(
+        "Turn it about its hinge, away from the rest, as a jaw opens.",
+        metavar="DEGREES",
+        unit="angle",
+        affects="pose",
+        of_part=True,
+    ),
+}
+
+
 @dataclass(frozen=True, repr=False)
 class Transform(Brief):
     """Scale, then rotation, then translation, about a pivot: p ↦ pivot + translation + R A S Aᵀ (p − pivot).
@@ -38,24 +92,26 @@ class Transform(Brief):
     outside [0, 1], or the numbers are so large that the matrix is not finite.
     """
 
-    translation: Vector = (0.0, 0.0, 0.0)  # (3,) in mesh units
+    translation: Annotated[Vector, MOTIONS["translation"]] = (0.0, 0.0, 0.0)  # (3,) in mesh units
     # rotation: (3,) rotation vector in degrees; given as a quaternion (x, y, z, w), it becomes one, the shorter way
     # round
-    rotation: Annotated[Vector, Written(tuple[float, ...])] = (0.0, 0.0, 0.0)
+    rotation: Annotated[Vector, Written(tuple[float, ...]), MOTIONS["rotation"]] = (0.0, 0.0, 0.0)
     # scale: (3,) factors along `axes`; one number becomes three. 0 flattens, a negative factor mirrors.
-    scale: Annotated[Vector, Written(float | Vector)] = (1.0, 1.0, 1.0)
+    scale: Annotated[Vector, Written(float | Vector), MOTIONS["scale"]] = (1.0, 1.0, 1.0)
     # pivot: (3,) in mesh units; None is the handle's own position, or for the default transform the center of the box
-    pivot: Vector | None = None
+    pivot: Annotated[Vector | None, MOTIONS["pivot"]] = None
     # axes: three orthonormal vectors along which `scale` acts, the columns of A; None is the mesh's own axes
-    axes: Frame | None = None
+    axes: Annotated[Frame | None, MOTIONS["axes"]] = None
     # pivot_at: what of the held part `pivot` is, as in `Deformer.add`; None where it is numbers and nothing else
-    pivot_at: PivotAt | None = None
+    pivot_at: Annotated[PivotAt | None, About("What of the held part the pivot is.", affects="pose", of_part=True)] = (
+        None
+    )
     # bend, twist: what the tip of the held part turns by along its own axis before all else: (3,) a rotation vector in
     # degrees, and degrees about the axis itself
-    bend: Vector = (0.0, 0.0, 0.0)
-    twist: float = 0.0
+    bend: Annotated[Vector, MOTIONS["bend"]] = (0.0, 0.0, 0.0)
+    twist: Annotated[float, MOTIONS["twist"]] = 0.0
     # joint: where along the axis, in [0, 1] from base to tip, bend and twist happen; None spreads them over its length
-    joint: float | None = None
+    joint: Annotated[float | None, MOTIONS["joint"]] = None
     linear: Float64 = field(init=False, repr=False, compare=False)  # (3, 3) read-only, R A S Aᵀ
 
     def __post_init__(self) -> None:
@@ -154,6 +210,8 @@ def rotation_matrix(rotation: ArrayLike) -> Float64:
 
     Raises ValueError if `rotation` has neither 3 nor 4 finite numbers, or is the quaternion 0.
     """
+    from scipy.spatial.transform import Rotation  # late: the command line reads the table above
+
     degrees = np.asarray(rotation_vector(rotation))
     angle = float(np.linalg.norm(degrees))
     # Whole turns are taken off in degrees, where they are exact.
@@ -173,6 +231,8 @@ def rotation_vector(rotation: ArrayLike) -> Vector:
             f"or a quaternion x y z w (4 numbers), got shape {numbers.shape}",
             "Transform",
         )
+    from scipy.spatial.transform import Rotation
+
     largest = np.abs(numbers).max()
     if largest == 0.0:
         raise ArgumentError("rotation", "must be a quaternion other than 0", "Transform")
