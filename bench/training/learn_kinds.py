@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 
+from bench.training.vertex_features import Lesson
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.distillation.metric import Kinds
-
-if TYPE_CHECKING:
-    from bench.training.learn_metric import Lesson
 
 KINDS = ("ear", "horn", "trunk", "wing", "fin", "tail", "foot", "leg", "neck", "head", "torso", "hand", "arm")
 SAME = {"body": "torso", "hoof": "foot"}

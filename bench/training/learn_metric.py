@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -18,14 +16,13 @@ import scipy.linalg
 
 import dfd
 from bench.quality import shapes
-from bench.quality.measures import area_fractions, draw_handles, moving, part_precision
-from bench.quality.parts import family_of
+from bench.quality.measures import draw_handles, moving, part_precision
 from bench.quality.shapes import Shape
 from bench.tables import to_markdown, write_text
 from bench.training.learn_kinds import learn_kinds
 from bench.training.sources import RESULTS, options_of
-from bench.training.vertex_features import VertexFeatures, cached_vertex_features
-from dfd.common.linear_algebra import Float32, Float64
+from bench.training.vertex_features import THICKNESS, Lesson, cached_vertex_features
+from dfd.common.linear_algebra import Float32
 from dfd.distillation.metric import FOLDER, Metric
 from dfd.encoders.encode import Encoder, load_encoder
 from dfd.encoders.learned_file import encoder_identity
@@ -33,53 +30,9 @@ from dfd.encoders.learned_file import encoder_identity
 REPORT, CACHE = RESULTS / "metric.md", RESULTS / "metric_features"
 DIRECTIONS = 51  # with the kinds of parts beside them, 64 numbers
 RIDGE = 1.0  # of the mean variance within parts
-THICKNESS = 0.25  # that a band of thickness counts, beside the numbers of a feature of unit length
 POWER = 0.125  # of the ratio of variances that a direction's length is
-FEWEST = 5  # vertices of a part that says something
 FACES = 20_000  # of the samples
 EACH, SEEDS = 8, 3  # handles of every part, and how often they are drawn
-
-Matrix = Float64
-
-
-@dataclass(frozen=True, eq=False)
-class Lesson:
-    """A labelled shape with what is seen at its vertices."""
-
-    shape: Shape
-    seen: VertexFeatures
-
-    @property
-    def family(self) -> str:
-        """See `family_of`."""
-        return family_of(self.shape.name)
-
-    @cached_property
-    def mean(self) -> Float32:
-        """(D,) the mean feature of the surface, whose faces stand for their corners."""
-        mean = np.average(self.seen.features, axis=0, weights=area_fractions(self.shape.mesh))
-        return np.asarray(mean, np.float32)
-
-    @property
-    def kinds(self) -> list[tuple[str, Float32]]:
-        """The name of each part, and the features (N, D) of its vertices."""
-        return [(name, self.seen.features[self.shape.labels == part]) for part, name in enumerate(self.shape.parts)]
-
-    @cached_property
-    def scatters(self) -> tuple[Matrix, Matrix]:
-        """How features and bands vary within and between parts, (D + BANDS, D + BANDS) each; their sum has trace 1.
-
-        Parts count alike.
-        """
-        every = np.concatenate(
-            [self.seen.features, np.float32(THICKNESS) * self.seen.thickness], axis=1, dtype=np.float64
-        )
-        rows = [every[self.shape.labels == part] for part in range(len(self.shape.parts))]
-        rows = [part for part in rows if len(part) >= FEWEST]
-        within = np.mean([np.cov(part.T, bias=True) for part in rows], axis=0)
-        between = np.cov(np.stack([part.mean(axis=0) for part in rows]).T, bias=True)
-        trace = np.trace(within + between)
-        return within / trace, between / trace
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

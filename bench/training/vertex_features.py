@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 import dfd
+from bench.quality.measures import area_fractions
+from bench.quality.parts import family_of
+from bench.quality.shapes import Shape
 from dfd.common.files import atomic_write
-from dfd.common.linear_algebra import Float32
+from dfd.common.linear_algebra import Float32, Float64
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillSettings
 from dfd.distillation.smoothing import smooth_along_surface
@@ -22,6 +26,8 @@ from dfd.upright.find_up import resolve_up
 from dfd.views.render import render
 
 NEAREST = 3  # points that a vertex is interpolated from
+THICKNESS = 0.25  # that a band of thickness counts, beside the numbers of a feature of unit length
+FEWEST = 5  # vertices of a part that says something
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +36,46 @@ class VertexFeatures:
 
     features: Float32  # (V, D) unit rows
     thickness: Float32  # (V, BANDS), see `dfd.distillation.thickness`
+
+
+@dataclass(frozen=True, eq=False)
+class Lesson:
+    """A labelled shape with what is seen at its vertices."""
+
+    shape: Shape
+    seen: VertexFeatures
+
+    @property
+    def family(self) -> str:
+        """See `family_of`."""
+        return family_of(self.shape.name)
+
+    @cached_property
+    def mean(self) -> Float32:
+        """(D,) the mean feature of the surface, whose faces stand for their corners."""
+        mean = np.average(self.seen.features, axis=0, weights=area_fractions(self.shape.mesh))
+        return np.asarray(mean, np.float32)
+
+    @property
+    def kinds(self) -> list[tuple[str, Float32]]:
+        """The name of each part, and the features (N, D) of its vertices."""
+        return [(name, self.seen.features[self.shape.labels == part]) for part, name in enumerate(self.shape.parts)]
+
+    @cached_property
+    def scatters(self) -> tuple[Float64, Float64]:
+        """How features and bands vary within and between parts, (D + BANDS, D + BANDS) each; their sum has trace 1.
+
+        Parts count alike.
+        """
+        every = np.concatenate(
+            [self.seen.features, np.float32(THICKNESS) * self.seen.thickness], axis=1, dtype=np.float64
+        )
+        rows = [every[self.shape.labels == part] for part in range(len(self.shape.parts))]
+        rows = [part for part in rows if len(part) >= FEWEST]
+        within = np.mean([np.cov(part.T, bias=True) for part in rows], axis=0)
+        between = np.cov(np.stack([part.mean(axis=0) for part in rows]).T, bias=True)
+        trace = np.trace(within + between)
+        return within / trace, between / trace
 
 
 def cached_vertex_features(folder: Path, mesh: dfd.Mesh, encoder: Encoder) -> VertexFeatures:

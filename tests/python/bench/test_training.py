@@ -11,10 +11,10 @@ import dfd
 from bench.quality.shapes import Shape
 from bench.training import learn_metric, learn_up
 from bench.training.learn_kinds import KINDS, learn_kinds
-from bench.training.learn_metric import Lesson, discriminants, report
+from bench.training.learn_metric import discriminants, report
 from bench.training.learn_up import decided, least_priors, upright_shapes
 from bench.training.up_lessons import FRAMES, RIDGE, TRUE, Choice, Odds, Ridge, Rows, fit_odds
-from bench.training.vertex_features import VertexFeatures, vertex_features
+from bench.training.vertex_features import Lesson, VertexFeatures, vertex_features
 from dfd.distillation.metric import Metric
 from dfd.distillation.targets import unit
 from dfd.distillation.thickness import BANDS, thickness_bands

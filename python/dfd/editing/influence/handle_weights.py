@@ -289,13 +289,6 @@ class HandleWeights:
                     "what is fixed looks just like it; lower its strength, or fix something else",
                 )
 
-    def among(self, edit: Edit, weights: Float32) -> Float64:
-        """(H, H) of `weights` (V, H), row j at the vertex of handle j."""
-        return weights[self._anchors(edit)].astype(np.float64)
-
-    def _anchors(self, edit: Edit) -> Int64:
-        return np.array([self.anchor(handle) for handle in edit.handles], np.int64)
-
     def _follow(self, edit: Edit) -> None:
         """Have a column for each handle of `edit`, in their order."""
         if (edit.fixed, edit.rules.reach_targets) != (self._fixed, self._reach_targets):
