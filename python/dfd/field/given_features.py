@@ -6,6 +6,7 @@ import json
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from zipfile import ZipFile
 
 from dfd.common.linear_algebra import Float64
 
@@ -43,18 +44,31 @@ def read_features(path: Path, named: str) -> NDArray[Any]:
 
 
 def _read_tensor(path: Path, named: str) -> NDArray[Any]:
+    """Read a tensor; no memory is taken beyond the size of its file, and that of its numbers in single precision."""
     import torch
 
+    whole = path.stat().st_size
     with path.open("rb") as stream:
         try:
+            with ZipFile(stream) as archive:
+                if sum(entry.file_size for entry in archive.infolist()) > whole:
+                    raise ValueError("its archive is compressed, which torch.save never does")
+            stream.seek(0)
             tensor = torch.load(stream, map_location="cpu", weights_only=True)
-        except Exception as error:  # torch and pickle raise ten types for damaged files
+        except Exception as error:  # torch, pickle and zipfile raise ten types for damaged files
             reason = (str(error).splitlines() or [type(error).__name__])[0]
             raise ValueError(f"{named} must be a tensor that torch saved, but {path} is not: {reason}") from None
     if not isinstance(tensor, torch.Tensor):
         raise ValueError(f"{named} must be a .pt file of one tensor, but {path} holds a {type(tensor).__name__}")
-    if tensor.layout != torch.strided or tensor.is_complex() or tensor.is_quantized:
-        raise ValueError(f"{named} must be a .pt file of plain numbers, but {path} holds a {tensor.type()}")
+    plain = tensor.layout == torch.strided and not (tensor.is_nested or tensor.is_complex() or tensor.is_quantized)
+    if not plain or tensor.device.type != "cpu":
+        held = "nested tensor" if tensor.is_nested else f"{tensor.type()} on {tensor.device}"
+        raise ValueError(f"{named} must be a .pt file of plain numbers, but {path} holds a {held}")
+    if tensor.nbytes > whole:
+        raise ValueError(
+            f"{named} must be a tensor that its file holds in full, but {path} of {whole} bytes expands to "
+            f"{tensor.nbytes} bytes"
+        )
     return tensor.detach().float().numpy()
 
 
