@@ -43,6 +43,8 @@ class Nodes:
         first = first_at_place(mesh)
         component = _core.components(len(first), first[mesh.faces], np.zeros((0, 2), np.int32))[first]
         self.component = component[self.members[self.starts]]  # (N,) of the surface without bridges
+        # (N,) whether a face uses a vertex of the component: parts and counterparts are made of those alone
+        self.used = np.isin(self.component, component[mesh.faces.ravel()]) | (len(mesh.faces) == 0)
         self._blend = None if coarse else _interpolation(vertices, self)
 
     def shares(self, parts: Float64) -> list[SliceWeights]:

@@ -183,6 +183,7 @@ def _to_strays(vertices: Float64, used: Bool, gap: float) -> Int64:
     stray, own = np.flatnonzero(~used), np.flatnonzero(used)
     if len(stray) == 0:
         return np.zeros((0, 2), np.int64)
-    distance, nearest = cKDTree(vertices[own]).query(vertices[stray])
-    near = distance <= gap
+    bound = np.nextafter(gap, np.inf)
+    distance, nearest = cKDTree(vertices[own]).query(vertices[stray], distance_upper_bound=bound)
+    near = np.isfinite(distance)
     return np.column_stack([stray[near], own[nearest[near]]])

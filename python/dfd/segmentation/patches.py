@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 COUNT = 2_000  # patches, about: more cost time with the square and find no other parts
 PACKING = 0.75  # distance that seeds keep, in sides of squares of a patch's area: so many fit at random
 TURNED = 0.6  # in those distances, what a turn of the normal by 1 counts: the two sides of a thin sheet have own seeds
+# At most: many loose components fill space, where more than `COUNT` fit. Seeds then keep so many times the distance.
+MOST, WIDER = 2 * COUNT, 1.25
 SAMPLES = 8  # vertices of a patch that its features are the mean of
 BRIDGE = 1.0  # the concavity of a small gap between components: nothing parts them more clearly
 
@@ -94,8 +96,10 @@ class Patches:
         links = _links(nodes.graph, pairs)
         pairs, length = np.concatenate([pairs, links]), np.concatenate([length, np.zeros(len(links))])
         self.node_borders = Borders(pairs, length, center, self._even(normal, pairs))
-        aside = TURNED * PACKING * self.spacing * _unit(normal)
-        seeds = _spread(np.column_stack([center, aside]), PACKING * self.spacing)
+        apart = PACKING * self.spacing
+        places = np.column_stack([center, TURNED * apart * _unit(normal)])
+        used = np.flatnonzero(nodes.used)
+        seeds = used[_spread(places[used], apart)]
         self.of_node = _nearest(nodes.graph, seeds, center)
         self.of_vertex = self.of_node[nodes.of_vertex]
         count = len(seeds)
@@ -108,8 +112,9 @@ class Patches:
 
     def means(self, features: Callable[[Indices], NDArray[np.floating]]) -> Float64:
         """(P, D) of what `features` gives for vertices (N,): means over at most `SAMPLES` of each patch."""
-        order = np.argsort(self.of_vertex, kind="stable")
-        size = np.bincount(self.of_vertex, minlength=len(self.area))
+        used = np.flatnonzero(self.nodes.used[self.nodes.of_vertex])
+        order = used[np.argsort(self.of_vertex[used], kind="stable")]
+        size = np.bincount(self.of_vertex[used], minlength=len(self.area))
         taken = np.minimum(size, SAMPLES)
         patch = np.repeat(np.arange(len(size)), taken)
         place = np.arange(len(patch)) - np.repeat(np.cumsum(taken) - taken, taken)
@@ -168,15 +173,21 @@ def _links(graph: csr_array, pairs: Indices) -> Indices:
 
 
 def _spread(points: Float64, near: float) -> Indices:
-    """Indices of `points` (N, 6) at random, none nearer to another than `near`."""
+    """Indices of `points` (N, 6) at random, none nearer to another than `near`, or than makes at most `MOST`."""
     tree = cKDTree(points)
-    free = np.ones(len(points), bool)
-    chosen = []
-    for point in np.random.default_rng(0).permutation(len(points)).tolist():
-        if free[point]:
-            chosen.append(point)
-            free[tree.query_ball_point(points[point], near)] = False
-    return np.array(chosen, np.int64)
+    order = np.random.default_rng(0).permutation(len(points)).tolist()
+    while True:
+        free = np.ones(len(points), bool)
+        chosen: list[int] = []
+        for point in order:
+            if len(chosen) > MOST:
+                break
+            if free[point]:
+                chosen.append(point)
+                free[tree.query_ball_point(points[point], near)] = False
+        if len(chosen) <= MOST:
+            return np.array(chosen, np.int64)
+        near *= WIDER
 
 
 def _nearest(graph: csr_array, seeds: Indices, center: Float64) -> Indices:

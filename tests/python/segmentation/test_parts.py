@@ -327,3 +327,32 @@ def test_a_mesh_without_area_has_no_parts():
     flat = dfd.Mesh(np.zeros((3, 3)), [[0, 1, 2]])
     with pytest.raises(ValueError, match="parts: `mesh` must have a face with an area, got none"):
         Parts(flat, lambda some: np.ones((len(some), 4), np.float32)).part(0)
+
+
+def loose(mesh, kind, count, seed=0):
+    """The mesh with `count` vertices that no face uses, or triangles that touch nothing, all about it."""
+    random = np.random.default_rng(seed)
+    low, high = mesh.bounds
+    if kind == "vertices":
+        more, faces = random.uniform(low, high, (count, 3)), np.zeros((0, 3), int)
+    else:
+        corners = random.uniform(low, high, (count, 1, 3)) + random.normal(size=(count, 3, 3)) * 0.005 * mesh.diagonal
+        more, faces = corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3)
+    return dfd.Mesh(np.concatenate([mesh.vertices, more]), np.concatenate([mesh.faces, len(mesh.vertices) + faces]))
+
+
+def test_vertices_that_no_face_uses_change_no_part(chair):
+    whole = loose(chair.mesh, "vertices", 15_000)  # with them the vertices are still nodes of their own
+    rows = np.concatenate([noisy(chair), np.random.default_rng(1).normal(size=(15_000, 16)).astype(np.float32)])
+    found = [Parts(mesh, lambda some: rows[some]).part(foot_of(chair)) for mesh in (chair.mesh, whole)]
+    count = len(chair.mesh.vertices)
+    assert overlap(found[1].mask[:count], found[0].mask) > 0.95
+    assert found[1].pieces == found[0].pieces == 4
+    deformer = dfd.Deformer(whole, field_of(whole))
+    handle = deformer.add(foot_of(chair), instances="own_pivot")
+    deformer.move(handle, translation=(0, 0.1, 0))
+    assert np.isfinite(deformer.vertices).all()
+
+
+def test_many_loose_triangles_make_no_more_patches_than_a_few_thousand(chair):
+    assert len(Patches(loose(chair.mesh, "triangles", 20_000)).area) <= 4_000

@@ -124,6 +124,7 @@ class InstanceFinder:
         """
         x, y, z = (float(value) for value in position)
         of_node = np.maximum.reduceat(weights[self._nodes.members], self._nodes.starts)
+        of_node[~self._nodes.used] = 0.0
         centers: dict[int, Float64] = {}
         if pieces is not None:
             basin, saddle = self._of_pieces(pieces, of_node, vertex)
@@ -321,10 +322,12 @@ class InstanceFinder:
         closeness = np.empty((len(roots), len(weights)))
         for row, core in enumerate(self._cores(np.asarray(roots), weights, basin, saddle)):
             distance = dijkstra(self._nodes.graph, indices=core, min_only=True)
-            if np.isinf(distance).any():  # no way along the surface: the straight one, and farther than any other
-                straight = cKDTree(self._nodes.center[core]).query(self._nodes.center)[0] + self._mesh.diagonal
-                distance = np.where(np.isinf(distance), straight, distance)
+            # No way along the surface: the straight one, and farther than any other.
+            if len(apart := np.flatnonzero(np.isinf(distance) & self._nodes.used)):
+                straight = cKDTree(self._nodes.center[core]).query(self._nodes.center[apart])[0]
+                distance[apart] = straight + self._mesh.diagonal
             closeness[row] = (distance / self._mesh.diagonal + 1e-4) ** -SHARPNESS
+        closeness[0, ~self._nodes.used] = 1.0
         closeness /= closeness.max(axis=0)  # of the nearest one 1, however many there are
         return self._nodes.shares(np.maximum(closeness - CLEAR, 0) / (1 - CLEAR))
 
