@@ -15,7 +15,7 @@ def test_geodesics_are_for_those_who_ask_for_locality(deformer, geodesics, bound
     deformer.change(near, locality=2.0)
     _ = deformer.weights
     assert geodesics.asked == [[5]]
-    assert bound == [2, 1]
+    assert sum(bound) == 3
     deformer.change(near, locality=4.0)
     _ = deformer.weights
     deformer.fix(100)

@@ -35,48 +35,7 @@ LEAST_COUNTED = 0.35  # of the most that the handle itself moves: what follows l
 # The number that stands for the reach "part" is at least this, and so many times how far most of the part differs.
 LEAST_REACH, MOST_OF_PART, AROUND_PART = 0.1, 0.9, 2.0
 
-LEAST_CAPACITY = 32  # columns
 MOST_GRIPS = 32  # that are kept
-
-
-class Columns:
-    """Room for columns of V float32 numbers that come, go and change places, each contiguous.
-
-    Memory that no column was written to yet costs nothing on systems that give it page by page, so there is plenty.
-    """
-
-    def __init__(self, length: int, count: int = 0) -> None:
-        """Make room for `count` columns of `length` numbers and as many again."""
-        self._rows = np.empty((max(LEAST_CAPACITY, 2 * count), length), np.float32)
-        self._given = 0  # so many columns from the first on were given out, and stay as they are
-
-    def between(self, first: int, last: int) -> Float32:
-        """(V, last − first) the columns from `first` on and before `last`, to be read and written."""
-        return self._rows[first:last].T
-
-    def given(self, count: int) -> Float32:
-        """(V, count) the first columns, read-only; from then on `rearranged` leaves them as they are."""
-        self._given = max(self._given, count)
-        columns = self.between(0, count)
-        columns.flags.writeable = False
-        return columns
-
-    def rearranged(self, sources: Sequence[int | None]) -> Columns:
-        """These columns with what was column `sources[i]` at i, or with room for a new one where that is None.
-
-        New columns behind those that stay go into the same memory; all else is a copy.
-        """
-        stay = 0
-        while stay < len(sources) and sources[stay] == stay:
-            stay += 1
-        roomy = len(sources) <= len(self._rows) <= 4 * max(LEAST_CAPACITY, len(sources))
-        if roomy and stay >= self._given and all(source is None for source in sources[stay:]):
-            return self
-        columns = Columns(self._rows.shape[1], len(sources))
-        for to, source in enumerate(sources):
-            if source is not None:
-                columns._rows[to] = self._rows[source]
-        return columns
 
 
 class Key(NamedTuple):
@@ -110,11 +69,10 @@ class HandleWeights:
         self._distances = Distances(mesh)
         self._instances = InstanceColumns(mesh, field, self._grip, self._near)
         self._limbs = HeldParts(mesh)
-        self._columns = Columns(len(mesh.vertices))
+        self._columns = np.empty((0, len(mesh.vertices)), np.float32)  # (H, V), replaced whenever one changes
         self._keys: list[Key] = []
         self._fixed: tuple[Fixed, ...] = ()
         self._reach_targets = True
-        self._given: Float32 | None = None  # what `of` gave out last, as long as it holds
         self._held: Float32 | None = None  # (V,) what the fixed points take away, as long as they stay
         self._reaches: dict[Place, float] = {}
         self._grips: dict[Place, Grip | None] = {}
@@ -164,14 +122,12 @@ class HandleWeights:
     def of(self, edit: Edit) -> Float32:
         """(V, H) weights of the handles of `edit`, in their order; read-only, and nothing that follows changes it."""
         self._follow(edit)
-        if self._given is None:
-            self._given = self._columns.given(len(self._keys))
-        return self._given
+        return self._columns.T
 
     def columns(self, edit: Edit) -> tuple[Float32, tuple[Column, ...]]:
         """(V, C) how much vertices follow, and which handle and instance each column is of: one or more per handle."""
         self._follow(edit)
-        return self._instances.of(edit, self._columns.between(0, len(self._keys)), self._keys, self._rows)
+        return self._instances.of(edit, self._columns.T, self._keys, self._rows)
 
     def held_parts(self, edit: Edit, handle: Handle) -> list[HeldPart]:
         """The connected parts that follow a handle of `edit`, the one that it stands on first."""
@@ -206,7 +162,7 @@ class HandleWeights:
         """(V,) what all instances of a handle that move with it have of its weight; more than 1 where gains are."""
         self._follow(edit)
         number = next(i for i, each in enumerate(edit.handles) if each.id == handle.id)
-        return self._instances.share(edit, handle, self._columns.between(number, number + 1)[:, 0], self._rows)
+        return self._instances.share(edit, handle, self._columns[number], self._rows)
 
     def instance_counts(self, edit: Edit) -> list[int]:
         """(H,) how many instances pose each handle; those that hardly move with it do not count."""
@@ -293,24 +249,19 @@ class HandleWeights:
         """Have a column for each handle of `edit`, in their order."""
         if (edit.fixed, edit.rules.reach_targets) != (self._fixed, self._reach_targets):
             self._keys, self._held, self._fixed, self._reach_targets = [], None, edit.fixed, edit.rules.reach_targets
-            self._given = None
+            self._columns = self._columns[:0]
         keys = [self._key(handle, edit) for handle in edit.handles]
         if keys == self._keys:
             return
-        column_of = {key: column for column, key in enumerate(self._keys)}
-        self._keys, self._given = [], None  # were binding to fail now, all are bound anew
-        self._columns = self._columns.rearranged([column_of.get(key) for key in keys])
-        runs: list[list[int]] = []  # of neighbors that one call can bind
-        for column, key in enumerate(keys):
-            if key in column_of:
-                continue
-            if runs and runs[-1][-1] == column - 1 and _alike(keys[column - 1], key):
-                runs[-1].append(column)
+        row_of = {key: row for row, key in enumerate(self._keys)}
+        columns = np.empty((len(keys), len(self.mesh.vertices)), np.float32)
+        for key, row in zip(keys, columns, strict=True):
+            if key in row_of:
+                row[:] = self._columns[row_of[key]]
             else:
-                runs.append([column])
-        for run in runs:
-            self._bind([keys[column] for column in run], self._columns.between(run[0], run[-1] + 1))
-        self._keys = keys
+                self._bind(key, row)
+        columns.flags.writeable = False
+        self._keys, self._columns = keys, columns
         self._distances.keep({source for key in keys for source in key.sources})
 
     def _key(self, handle: Handle, edit: Edit) -> Key:
@@ -320,23 +271,21 @@ class HandleWeights:
         sources = self._distances.sources(self._rows.vertices(handle.place), handle.place, plane) if near else ()
         return Key(handle.place, controls, sources, edit.rules.bridges and near)
 
-    def _bind(self, keys: Sequence[Key], out: Float32) -> None:
-        """Weights (V, N) of `keys`, all `_alike`, to `out` (Eq. 4 to 7)."""
-        geodesic, locality = self._distances.falloff(keys[0].sources, keys[0].controls, keys[0].bridges)
-        reaches = [self._reach(key.place, key.controls) for key in keys]
+    def _bind(self, key: Key, column: Float32) -> None:
+        """Weights (V,) of a handle to `column` (Eq. 4 to 7)."""
+        geodesic, locality = self._distances.falloff(key.sources, key.controls, key.bridges)
         bind(
             self.features,
-            self._rows.points([key.place for key in keys]),
+            self._rows.points([key.place]),
             fixed=self._rows.points([fixed.place for fixed in self._fixed]) if self._fixed else None,
             strength=[fixed.strength for fixed in self._fixed] if self._fixed else None,
             geodesic=geodesic,
             locality=locality,
-            reach=1.0 if reaches == [1.0] * len(keys) else reaches,
-            falloff=keys[0].controls.falloff,
-            out=out,
+            reach=self._reach(key.place, key.controls),
+            falloff=key.controls.falloff,
+            out=column[None].T,
         )
-        for key, column in zip(keys, out.T, strict=True):
-            self._finish(key, column)
+        self._finish(key, column)
 
     def _finish(self, key: Key, column: Float32) -> None:
         """What a column is beyond Eq. 4 to 7: regions whole, arrival, strength and limits.
@@ -403,10 +352,3 @@ class HandleWeights:
     def _apart(self, place: Place) -> Float32:
         """(V,) feature distances from a place; with twice the paper's reach, none of unit features is cut off."""
         return 2.0 * (1.0 - bind(self.features, self._rows.points([place]), reach=2.0)[:, 0])
-
-
-def _alike(one: Key, other: Key) -> bool:
-    """Whether one call binds both: vertices and points are told to it in two ways, and distances only take memory."""
-    kinds = (one.place.vertex is None) == (other.place.vertex is None)
-    same_falloff = one.controls.falloff == other.controls.falloff
-    return kinds and same_falloff and not one.sources and not other.sources
