@@ -32,7 +32,6 @@ from typer.testing import CliRunner
 import dfd
 from dfd.cli import app as command_line
 from dfd.pictures.picture import picture
-from dfd.pictures.sheet import CAMERA
 from dfd.pictures.viewpoint import azimuth_towards, viewpoint
 from dfd.views.raycast import Scene
 
@@ -41,6 +40,7 @@ FILES, PICTURES = BUILD / "files", BUILD / "pictures"
 STEP = re.compile(r"^```(python|sh)\n(.*?)^```$|^<!-- (output|draw)(?: (\w+))? -->$", re.MULTILINE | re.DOTALL)
 LATER = re.compile(r"^<!-- draw (\w+) -->$", re.MULTILINE)
 RESOLUTION = 360
+CAMERA = ("vertices", "azimuth", "elevation", "zoom", "target", "frame")  # the arguments of `viewpoint`
 TOLERANCE = 1e-4  # of the diagonal: a file has 32-bit floats
 MARGIN = 6  # pixels around what a strip shows
 SHAPES = "how_to/index"  # the page that makes the shapes of all others

@@ -24,7 +24,7 @@ from dfd.cli.errors import CommandGroup
 from dfd.cli.export import export
 from dfd.cli.handles import HandlesCommand
 from dfd.cli.inspect import inspect, parts
-from dfd.cli.show import pick, show
+from dfd.cli.show import show
 
 app = typer.Typer(
     name="dfd",
@@ -70,7 +70,6 @@ app.command(cls=HandlesCommand)(deform)
 app.command()(show)
 app.command()(inspect)
 app.command()(parts)
-app.command()(pick)
 app.command()(export)
 app.command()(batch)
 app.command("app")(app_command)

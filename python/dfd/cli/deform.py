@@ -160,7 +160,7 @@ def deform(
         from dfd.pictures.sheet import save_before_after
 
         with stages.stage("draw"):
-            save_before_after(picture, deformer, azimuth=azimuth, elevation=elevation, zoom=zoom, files=(mesh, output))
+            save_before_after(picture, deformer, azimuth=azimuth, elevation=elevation, zoom=zoom)
     places.tell()
     written = ", ".join(str(path) for path in (output, picture, save_edit) if path is not None)
     report = deformer.report()

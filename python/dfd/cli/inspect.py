@@ -91,7 +91,7 @@ def inspect(
     if picture is not None:
         from dfd.pictures.sheet import save_sheet
 
-        save_sheet(picture, shape, rows, views=2, azimuth=25.0, file=mesh, resolution=640)
+        save_sheet(picture, shape, rows, views=2, azimuth=25.0, resolution=640)
     say(json.dumps(report, indent=2, default=plain) if as_json else "\n".join(_lines(report)), result=True)
 
 
@@ -250,7 +250,7 @@ def parts(
         from dfd.pictures.sheet import parts_view, save_sheet
 
         rows = [(f"{len(found)} parts", parts_view(shape, found))]
-        save_sheet(picture, shape, rows, views=views, azimuth=35.0, resolution=resolution, file=mesh)
+        save_sheet(picture, shape, rows, views=views, azimuth=35.0, resolution=resolution)
     for row in document["parts"]:
         pieces = f"{row['pieces']} {'pieces' if row['pieces'] > 1 else 'piece'}"
         say(f"{row['part']:3d}  {row['share']:6.1%} of the surface, {pieces}, at vertex {row['vertex']}", result=True)

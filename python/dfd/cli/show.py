@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from typer import Argument, Option
+from typer import Option
 
 from dfd.cli.arguments import (
     PLACE,
@@ -102,7 +100,6 @@ def show(
             views=views,
             azimuth=azimuth,
             legend=legend,
-            file=mesh,
             advance=advance,
             elevation=elevation,
             zoom=zoom,
@@ -111,22 +108,3 @@ def show(
         )
     places.tell()
     say(f"{output}: {'; '.join(title for title, _ in rows)}")
-
-
-def pick(
-    picture: Annotated[Path, Argument(metavar="PNG", help="A picture that `dfd show` or `dfd deform --picture` drew.")],
-    x: Annotated[float, Argument(metavar="X", help="Pixels from its left edge.")],
-    y: Annotated[float, Argument(metavar="Y", help="Pixels from its upper edge.")],
-    mesh: Annotated[Path | None, Argument(metavar="[MESH]", help="What it shows, where that was renamed.")] = None,
-    as_json: Annotated[bool, Option("--json", help="Print JSON, for programs.")] = False,
-) -> None:
-    """Say which vertex lies under a pixel of a picture, for --handle and --fix."""
-    from dfd import load
-    from dfd.pictures.pick import pick as pick_vertex
-
-    found = pick_vertex(picture, x, y, None if mesh is None else load(mesh))
-    if as_json:
-        say(json.dumps(asdict(found)), result=True)
-        return
-    position = ",".join(f"{value:.6g}" for value in found.position)
-    say(f"vertex {found.vertex} at {position}, {found.distance:.3g} from what the pixel shows", result=True)

@@ -13,7 +13,6 @@ from dfd.pictures.colors import weight_colors
 from dfd.pictures.labels import font, wrapped
 
 Rows = Sequence[tuple[str, Sequence[tuple[UInt8, str]]]]  # a heading, and pictures with their captions
-Box = tuple[int, int, int, int]  # left, top, width, height, pixels
 
 INK, GRAY, RULE = (28, 30, 36), (100, 104, 112), (220, 222, 226)
 SMALLEST_CELL, LARGEST_CELL = 16, 8192
@@ -29,11 +28,6 @@ def contact_sheet(rows: Rows, *, title: str = "", cell: int = 320) -> Image.Imag
 
     Raises ValueError if there is no picture, a picture has another type or shape, or `cell` is out of its range.
     """
-    return lay_out(rows, title=title, cell=cell)[0]
-
-
-def lay_out(rows: Rows, *, title: str = "", cell: int = 320) -> tuple[Image.Image, list[list[Box]]]:
-    """As `contact_sheet`, and where on the page the pictures are: a list for each row that has pictures."""
     cell = check.whole("contact_sheet", "cell", cell, minimum=SMALLEST_CELL, maximum=LARGEST_CELL)
     scaled = [
         (heading, [(_scaled(picture, cell), caption) for picture, caption in pictures])
@@ -45,24 +39,19 @@ def lay_out(rows: Rows, *, title: str = "", cell: int = 320) -> tuple[Image.Imag
     margin, gap, between = max(8, cell // 8), max(4, cell // 18), max(8, cell // 7)
     widths = [sum(image.width + gap for image, _ in pictures) - gap for _, pictures in scaled]
     width = max(NARROWEST, *widths)
-    blocks: list[tuple[Image.Image, list[Box]]] = []
-    if title:
-        blocks.append((_heading(title, width, max(12, cell // 9), INK), []))
+    blocks = [_heading(title, width, max(12, cell // 9), INK)] if title else []
     blocks += [_row(heading, pictures, width, gap, cell) for heading, pictures in scaled]
-    boxes: list[list[Box]] = []
-    height = sum(block.height for block, _ in blocks) + between * (len(blocks) - 1)
+    height = sum(block.height for block in blocks) + between * (len(blocks) - 1)
     page = Image.new("RGB", (width + 2 * margin, height + 2 * margin), "white")
     draw = ImageDraw.Draw(page)
     top = margin
-    for index, (block, places) in enumerate(blocks):
+    for index, block in enumerate(blocks):
         if index:
             line = top - between // 2
             draw.line([(margin, line), (margin + width, line)], fill=RULE, width=max(1, cell // 320))
         page.paste(block, (margin, top))
-        if places:
-            boxes.append([(margin + x, top + y, wide, high) for x, y, wide, high in places])
         top += block.height + between
-    return page, boxes
+    return page
 
 
 def heat_bar(height: int) -> UInt8:
@@ -83,16 +72,8 @@ def heat_bar(height: int) -> UInt8:
     return np.asarray(image)
 
 
-def with_heat_bar(picture: UInt8) -> UInt8:
-    """A picture (height, width, 3) with the scale of the heat colors at its right."""
-    bar = heat_bar(len(picture))
-    return np.concatenate([picture, bar, np.full((len(bar), max(4, len(bar) // 40), 3), 255, np.uint8)], axis=1)
-
-
-def _row(
-    heading: str, pictures: list[tuple[Image.Image, str]], width: int, gap: int, cell: int
-) -> tuple[Image.Image, list[Box]]:
-    """Draw one heading and its pictures side by side, each with its caption below it; and say where they are."""
+def _row(heading: str, pictures: list[tuple[Image.Image, str]], width: int, gap: int, cell: int) -> Image.Image:
+    """Draw one heading and its pictures side by side, each with its caption below it."""
     size = max(9, cell // 19)
     head = _heading(heading, width, max(10, cell // 14), INK)
     captions = [wrapped(caption, font(size), image.width) for image, caption in pictures]
@@ -102,15 +83,13 @@ def _row(
     row.paste(head, (0, 0))
     draw = ImageDraw.Draw(row)
     left = 0
-    boxes = []
     for (image, _), text in zip(pictures, captions, strict=True):
         row.paste(image, (left, start))
-        boxes.append((left, start, image.width, cell))
         for index, words in enumerate(text):
             corner = (left + image.width / 2, start + cell + size // 2 + index * line)
             draw.text(corner, words, GRAY, font(size), anchor="ma")
         left += image.width + gap
-    return row, boxes
+    return row
 
 
 def _heading(text: str, width: int, size: int, ink: tuple[int, int, int]) -> Image.Image:

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
-from PIL.PngImagePlugin import PngInfo
 from scipy.ndimage import uniform_filter
 
 from dfd.common import check
@@ -23,7 +22,6 @@ from dfd.mesh.mesh import Mesh
 from dfd.mesh.normals import smooth_normals
 from dfd.pictures.colors import CLAY, weight_colors
 from dfd.pictures.labels import draw_axes, draw_labels, draw_marks
-from dfd.pictures.picture_document import KEY, PictureDocument
 from dfd.pictures.viewpoint import aim
 from dfd.views.cameras import Camera
 from dfd.views.raycast import Hits, Scene
@@ -126,10 +124,8 @@ def picture(
     return np.array(page)
 
 
-def save_png(path: str | os.PathLike[str], image: Image.Image | UInt8, document: PictureDocument | None = None) -> None:
+def save_png(path: str | os.PathLike[str], image: Image.Image | UInt8) -> None:
     """Write a picture, a PIL image or a uint8 array of shape (height, width, 3), whole or not at all.
-
-    A `document` goes into the file: from it `dfd.pictures.pick` knows through which cameras the picture was taken.
 
     Raises ValueError if the ending of `path` is not .png. Raises OSError if `path` cannot be written; a file that was
     there stays as it was.
@@ -137,11 +133,8 @@ def save_png(path: str | os.PathLike[str], image: Image.Image | UInt8, document:
     if Path(path).suffix.lower() != ".png":
         raise ValueError(f"save_png: `path` must end in .png, got {os.fspath(path)}")
     drawn = image if isinstance(image, Image.Image) else Image.fromarray(image)
-    said = PngInfo()
-    if document is not None:
-        said.add_itxt(KEY, document.model_dump_json())
     with atomic_write(path) as temporary:
-        drawn.save(temporary, format="PNG", pnginfo=said)
+        drawn.save(temporary, format="PNG")
 
 
 class _Painter:

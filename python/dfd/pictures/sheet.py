@@ -11,14 +11,12 @@ import numpy as np
 from dfd.editing.deformer import Deformer
 from dfd.mesh.mesh import Mesh
 from dfd.pictures.colors import part_colors
-from dfd.pictures.contact_sheet import heat_bar, lay_out, with_heat_bar
+from dfd.pictures.contact_sheet import contact_sheet, heat_bar
 from dfd.pictures.picture import picture, save_png
-from dfd.pictures.picture_document import PictureDocument, ViewDocument
-from dfd.pictures.viewpoint import azimuth_towards, viewpoint
+from dfd.pictures.viewpoint import azimuth_towards
 from dfd.segmentation.parts import Part
 
 BEFORE_AFTER_RESOLUTION = 640
-CAMERA = ("vertices", "azimuth", "elevation", "zoom", "target", "frame")  # the arguments of `viewpoint`
 
 
 def save_sheet(
@@ -32,7 +30,6 @@ def save_sheet(
     zoom: float = 1.0,
     resolution: int = 768,
     legend: bool = False,
-    file: Path | None = None,
     advance: Callable[[], object] = lambda: None,
     **options: Any,
 ) -> None:
@@ -41,7 +38,7 @@ def save_sheet(
     `rows` are titles, each with what `picture` draws for it by the names of its arguments. `azimuth` is that of the
     first side, degrees, by default from where the row's handles show; `elevation`, `zoom`, `resolution` and `options`
     are as in `picture`, and what is nearer than 1 aims at the row's handles. `legend` puts the scale of the heat beside
-    the pictures; `file` is that of the mesh, for `dfd.pictures.pick`; `advance` is called after each picture.
+    the pictures; `advance` is called after each picture.
 
     Raises ValueError as `picture` does. Raises OSError if `path` cannot be written.
     """
@@ -53,22 +50,16 @@ def save_sheet(
         where = {"elevation": elevation, "zoom": zoom, "target": target, **options, **shown}
         angles = [first + 360.0 * side / views for side in range(views)]
         sheet.append((title, [({**where, "azimuth": angle}, f"{angle % 360:.0f}°") for angle in angles]))
-    _save(path, mesh, sheet, resolution, legend=legend, files=(file, None), advance=advance)
+    _save(path, mesh, sheet, resolution, legend=legend, advance=advance)
 
 
 def save_before_after(
-    path: Path,
-    deformer: Deformer,
-    *,
-    azimuth: float | None = None,
-    elevation: float = 18.0,
-    zoom: float = 1.0,
-    files: tuple[Path | None, Path | None] = (None, None),
+    path: Path, deformer: Deformer, *, azimuth: float | None = None, elevation: float = 18.0, zoom: float = 1.0
 ) -> None:
     """Draw the resting shape with its handles, what follows them, and the deformed shape, all with one camera.
 
     `azimuth`, `elevation` and `zoom` are as in `picture`, by default from where the handles show; what is above 1 aims
-    at them. `files` are those of the mesh and of the moved one, for `dfd.pictures.pick`.
+    at them.
 
     Raises ValueError as `picture` does. Raises OSError if `path` cannot be written.
     """
@@ -76,7 +67,7 @@ def save_before_after(
     held, landed = drawn["before"]["handles"], drawn["after"]["handles"]
     target = (held.mean(axis=0) + landed.mean(axis=0)) / 2 if zoom != 1 and len(held) else None
     views = [({**each, "elevation": elevation, "zoom": zoom, "target": target}, name) for name, each in drawn.items()]
-    _save(path, deformer.mesh, [("", views)], BEFORE_AFTER_RESOLUTION, legend=True, files=files)
+    _save(path, deformer.mesh, [("", views)], BEFORE_AFTER_RESOLUTION, legend=True)
 
 
 def session_views(deformer: Deformer, azimuth: float | None = None) -> dict[str, dict[str, Any]]:
@@ -118,40 +109,25 @@ def _save(
     resolution: int,
     *,
     legend: bool,
-    files: tuple[Path | None, Path | None],
     advance: Callable[[], object] = lambda: None,
 ) -> None:
     """Draw rows of views, each what `picture` draws and a caption, with the scale of the heat after those that show it.
 
-    Each view's camera and square of the page go into the file.
+    A view by itself fills the page.
     """
-    drawn, views, boxes = [], [], []
-    for title, of_row in rows:
+    drawn = []
+    for title, views in rows:
         cells = []
-        for options, caption in of_row:
+        for options, caption in views:
             cells.append((picture(mesh, resolution=resolution, **options), caption))
-            views.append(options)
             advance()
-        last_heat = max((number for number, (options, _) in enumerate(of_row, 1) if "weights" in options), default=0)
-        drawn.append((title, cells, last_heat if legend else 0))
-    page: Any
-    if len(views) == 1:
-        ((_, ((page, _),), heat),) = drawn
-        page, boxes = with_heat_bar(page) if heat else page, [(0, 0, resolution)]
+        last_heat = max((number for number, (options, _) in enumerate(views, 1) if "weights" in options), default=0)
+        if legend and last_heat:
+            cells.insert(last_heat, (heat_bar(resolution), ""))
+        drawn.append((title, cells))
+    if sum(len(views) for _, views in rows) == 1:
+        white = np.full((resolution, max(4, resolution // 40), 3), 255, np.uint8)
+        cells = drawn[0][1]
+        save_png(path, cells[0][0] if len(cells) == 1 else np.concatenate([cells[0][0], cells[1][0], white], axis=1))
     else:
-        bar = [(heat_bar(resolution), "")] if legend else []
-        page, places = lay_out(
-            [(title, [*cells[:heat], *bar[: bool(heat)], *cells[heat:]]) for title, cells, heat in drawn],
-            cell=resolution,
-        )
-        for (_, _, heat), row in zip(drawn, places, strict=True):
-            boxes += [(left, top, resolution) for left, top, _, _ in (*row[:heat], *row[heat + bool(heat) :])]
-    squares = [
-        ViewDocument.of(
-            viewpoint(mesh, **{name: options[name] for name in CAMERA if name in options}),
-            box,
-            "moved" if "vertices" in options else "resting",
-        )
-        for options, box in zip(views, boxes, strict=True)
-    ]
-    save_png(path, page, PictureDocument.of(mesh, squares, file=files[0], moved=files[1]))
+        save_png(path, contact_sheet(drawn, cell=resolution))

@@ -59,7 +59,7 @@ def test_a_warning_is_one_line(run, folder):
 def test_help_lists_every_command_and_option(run):
     result = run("--help")
     assert worked(result)
-    for command in ("demo", "distill", "deform", "show", "inspect", "pick"):
+    for command in ("demo", "distill", "deform", "show", "inspect"):
         assert command in result.stdout
         assert worked(run(command, "--help"))
 

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 from mesh_files import CORNERS, CUBE
-from PIL import Image
 
 from dfd.mesh.mesh import Mesh
 from dfd.pictures.colors import part_colors
-from dfd.pictures.contact_sheet import lay_out
-from dfd.pictures.pick import pick
-from dfd.pictures.picture import picture, save_png
-from dfd.pictures.picture_document import KEY, PictureDocument, ViewDocument, read_document
+from dfd.pictures.picture import picture
 from dfd.pictures.viewpoint import viewpoint
 
 MESH = Mesh(10 * CORNERS + 100, CUBE)
@@ -47,46 +41,6 @@ def test_labels_stand_beside_their_handles() -> None:
     assert np.hypot(rows - row[0], columns - column[0]).max() < 40
     with pytest.raises(ValueError, match="`labels` must be as many as `handles`, got 2"):
         picture(MESH, handles=[7], labels=["1", "2"])
-
-
-def test_a_sheet_says_where_its_pictures_are() -> None:
-    red, blue = (np.full((32, 32, 3), ink, np.uint8) for ink in ((255, 0, 0), (0, 0, 255)))
-    for title in ("", "a title"):
-        page, boxes = lay_out(
-            [("one", [(red, "a"), (blue, "b")]), ("", []), ("two", [(blue, "")])], title=title, cell=32
-        )
-        assert [len(row) for row in boxes] == [2, 1]
-        for (left, top, width, height), ink in zip([*boxes[0], *boxes[1]], (red, blue, blue), strict=True):
-            assert (width, height) == (32, 32)
-            np.testing.assert_array_equal(np.asarray(page)[top : top + 32, left : left + 32], ink)
-
-
-def test_every_corner_of_a_picture_is_picked(tmp_path) -> None:
-    camera = viewpoint(MESH, **SIDE)
-    document = PictureDocument.of(MESH, [ViewDocument.of(camera, (0, 0, 300), "resting")])
-    save_png(tmp_path / "box.png", picture(MESH, resolution=300, **SIDE), document)
-    assert read_document(tmp_path / "box.png") == document
-    rows, columns = camera.project(MESH.vertices, 300)
-    middle = np.array([rows.mean(), columns.mean()])
-    found = set()
-    for row, column in zip(rows, columns, strict=True):
-        y, x = np.array([row, column]) + 0.05 * (middle - [row, column])
-        found.add(pick(tmp_path / "box.png", x, y, MESH).vertex)
-    assert len(found) >= 7  # all but the one behind
-    with pytest.raises(ValueError, match="`mesh` must be given: the picture does not say where its own is"):
-        pick(tmp_path / "box.png", 150, 150)
-
-
-def test_what_a_picture_says_is_checked(tmp_path) -> None:
-    from PIL.PngImagePlugin import PngInfo
-
-    document = PictureDocument.of(MESH, [ViewDocument.of(viewpoint(MESH), (0, 0, 9), "resting")])
-    for key, value, name in (("version", 2, "version"), ("hash", 5, "hash"), ("more", 1, "more")):
-        said = PngInfo()
-        said.add_itxt(KEY, json.dumps({**document.model_dump(mode="json"), key: value}))
-        Image.new("RGB", (9, 9)).save(tmp_path / "odd.png", pnginfo=said)
-        with pytest.raises(ValueError, match=f"odd: `{name}`"):
-            read_document(tmp_path / "odd.png")
 
 
 def test_parts_have_colors_of_their_own():
