@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 Command = Callable[..., None]
 
 # What a handle or a fixed point may be, in the help of every command.
-PLACE = "VERTEX|X,Y,Z|top|part:NAME|group:NAME|part@X,Y,Z|…"
+PLACE = "VERTEX|X,Y,Z|top|part:NAME|group:NAME|part@X,Y,Z|component@X,Y,Z|…"
 
 MeshArgument = Annotated[Path, Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file.")]
 FieldOption = Annotated[
@@ -131,7 +131,7 @@ class Places:
     def fixed(self, option: str, text: str) -> tuple[Place, float]:
         """A place and the strength with which it is held, 1 if `text` does not end in `:NUMBER`."""
         named, _, last = text.rpartition(":")
-        if named in ("", "part", "group", "ball", "box") or not is_number(last):
+        if named in ("", "part", "group", "material", "ball", "box") or not is_number(last):
             return self.find(option, text), 1.0
         strength = check.number(None, option, float(last), minimum=0.0, maximum=1.0)
         return self.find(option, named), strength

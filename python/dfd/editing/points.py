@@ -16,6 +16,7 @@ from dfd.common.described import Brief, Tagged, Written
 from dfd.common.errors import ArgumentError, within
 from dfd.editing.influence.regions import Ball, Box, Group, HalfSpace, Part, Region, VertexSet, members
 from dfd.editing.presets import LARGEST
+from dfd.geometry.coarse import nodes_of
 from dfd.posing.transforms import Vector, vector
 
 if TYPE_CHECKING:
@@ -113,8 +114,9 @@ def find(mesh: Mesh, text: str) -> Found:
 
     `812` is a vertex. `0.1,0.2,0.3` is the vertex nearest to that point. `top`, `bottom`, `left`, `right`, `front` and
     `back` are the outermost vertices (y is up, the front looks along +z). `part:NAME` is a part of the scene,
-    `group:NAME` what a `g`, `o` or `usemtl` line of an OBJ file names, `x>0.5` and `y<0` are sides of a plane,
-    `ball:x,y,z,radius` and `box:x,y,z,x,y,z` are what they say.
+    `group:NAME` what a `g`, `o` or `usemtl` line of an OBJ file names, and `material:NAME` all of one material. `x>0.5`
+    and `y<0` are sides of a plane, `ball:x,y,z,radius` and `box:x,y,z,x,y,z` are what they say. `component@812` is all
+    that faces connect with a place.
 
     Raises ValueError if it names nothing of the mesh; the message says what was expected.
     """
@@ -123,6 +125,12 @@ def find(mesh: Mesh, text: str) -> Found:
         axis, sign = EXTREMES[said]
         vertex = int((sign * mesh.vertices[:, axis]).argmax())
         return Found(place_on(mesh, vertex), f"{said} is vertex {vertex}")
+    if said.startswith("component@"):
+        at = find(mesh, said.removeprefix("component@")).place
+        vertex = nearest_vertex(mesh, at.position)[0] if at.vertex is None else at.vertex
+        nodes = nodes_of(mesh)
+        component = nodes.component[nodes.of_vertex]
+        return _found(mesh, said, VertexSet.of(mesh, component == component[vertex]))
     kind, _, rest = said.partition(":")
     try:
         if side := SIDE.fullmatch(said):
@@ -133,6 +141,8 @@ def find(mesh: Mesh, text: str) -> Found:
             return _found(mesh, said, Part(rest))
         if kind == "group" and rest:
             return _found(mesh, said, Group(rest))
+        if kind == "material" and rest:  # of an OBJ file a face group, else of a scene
+            return _found(mesh, said, Group(rest) if rest in mesh.group_names else Part(rest))
         if kind == "ball" and rest:
             x, y, z, radius = (float(number) for number in rest.split(","))
             return _found(mesh, said, Ball((x, y, z), radius))
@@ -150,8 +160,9 @@ def find(mesh: Mesh, text: str) -> Found:
         close = get_close_matches(said, EXTREMES, 1)
         raise ArgumentError(
             "at",
-            f"must be a vertex index, a point x,y,z, {', '.join(EXTREMES)}, part:NAME, group:NAME, x>NUMBER, "
-            f"ball:x,y,z,radius or box:x,y,z,x,y,z, got {text!r}{f'; did you mean {close[0]}?' if close else ''}",
+            f"must be a vertex index, a point x,y,z, {', '.join(EXTREMES)}, part:NAME, group:NAME, material:NAME, "
+            f"component@PLACE, x>NUMBER, ball:x,y,z,radius or box:x,y,z,x,y,z, got {text!r}"
+            f"{f'; did you mean {close[0]}?' if close else ''}",
         ) from None
     return Found(place_on(mesh, vertex), f"vertex {vertex}")
 

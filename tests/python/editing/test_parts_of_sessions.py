@@ -26,10 +26,22 @@ def test_a_part_is_a_region_that_holds_the_place(legged):
         session.part(100, level="huge")
 
 
+def component_of(mesh: dfd.Mesh, vertex: int) -> np.ndarray:
+    """(V,) which vertices faces connect with a vertex, grown from it face by face."""
+    inside = mesh.representative == mesh.representative[vertex]
+    while True:
+        beside = np.isin(mesh.faces, np.flatnonzero(inside)).any(axis=1)
+        grown = np.isin(mesh.representative, mesh.representative[mesh.faces[beside]])
+        if not (grown & ~inside).any():
+            return inside
+        inside |= grown
+
+
 def test_what_is_said_of_parts_is_held_and_limits(legged):
     session = dfd.Deformer(*legged)
     part, piece = session.part(100), session.part(100, alike=False)
-    for text, region in (("part@100", part), ("piece@100", piece)):
+    whole = VertexSet.of(session.mesh, component_of(session.mesh, 100))
+    for text, region in (("part@100", part), ("piece@100", piece), ("component@100", whole)):
         held = session.add(text)
         assert session.handles[-1].place.region == region
         session.remove(held)

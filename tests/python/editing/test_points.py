@@ -116,6 +116,7 @@ def test_parts_of_a_scene_are_known_by_name(truck):
     place, note = find(truck, "part:front")
     assert place.region == Part("front")
     assert note == "part:front is 42 vertices"
+    assert find(truck, "material:front").place == place  # of a scene, materials are named as parts are
     np.testing.assert_allclose(place.position, (1.5, -1, 0), atol=1e-6)
 
 
@@ -123,6 +124,7 @@ def test_face_groups_of_an_obj_file_are_known_by_name(grouped):
     place, note = find(grouped, "group:ceiling tiles")
     assert place.region == Group("ceiling tiles")
     assert note == "group:ceiling tiles is 3 vertices"
+    assert find(grouped, "material:ceiling tiles").place == place
     assert str(place) == "group:ceiling tiles"
     np.testing.assert_array_equal(members(grouped, Group("tiles")), [1, 2, 3])
     np.testing.assert_allclose(distances_from(grouped, Group("tiles")), [1, 0, 0, 0])
