@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 
 import dfd
-from dfd.app.web.uploads import MOST_FILES, UploadedFile, receive
+from dfd.app.web.uploads import MOST_FILES, receive
 
 OBJ = b"mtllib looks.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n"
 MTL = b"newmtl red\nKd 1 0 0\n"
 
 
-def named(content: dict[str, bytes]) -> list[UploadedFile]:
-    return [UploadedFile(name, io.BytesIO(data)) for name, data in content.items()]
+def named(content: dict[str, bytes]) -> list[tuple[str, io.BytesIO]]:
+    return [(name, io.BytesIO(data)) for name, data in content.items()]
 
 
 def zipped(content: dict[str, bytes]) -> bytes:

@@ -9,7 +9,6 @@ from pydantic import create_model
 from dfd.app.protocol.parts import (
     SHOWN,
     ControlEntry,
-    Frame,
     Identifier,
     KeyPose,
     Model,
@@ -60,23 +59,15 @@ class StartMessage(Answer):
     type: Literal["start"] = "start"
 
 
-class HandleBase(Model):
+class HandleBase(PoseTransform):
     """A live handle: the numbers of the edit, and how the page turns its column into weights."""
 
-    handle: int
     name: str | None
     vertex: int | None  # null where it sits at a point of space or holds a region
     position: Vector  # where it rests
-    translation: Vector
-    rotation: Vector  # rotation vector in degrees
-    scale: Vector
     pivot: Vector  # what it turns and scales about
     pivot_set: bool  # whether that was set or found; otherwise it is `position`
     pivot_at: PivotAt | None  # what of the held part it is; null where it is numbers, or nothing was said
-    bend: Vector  # rotation vector in degrees: what the tip of the held part turns by along the part's axis
-    twist: float  # degrees by which the tip turns about that axis
-    joint: float | None  # where along the axis both happen; null is all along it
-    axes: Frame | None  # along which it scales, one a row; null is the mesh's own
     reach_by: Literal["number", "part"]  # what was asked for; `reach` is what that found
     exponent: float  # λ of the formula: the locality, or what makes the radius's falloff
     mask_part: bool  # whether that region is its part

@@ -145,7 +145,7 @@ class Plane(Model):
 
 
 class PoseTransform(Model):
-    """A handle's part of a key pose; everything as in `Transform`, and nothing left out."""
+    """The transform of a handle; everything as in `Transform`, and nothing left out."""
 
     handle: Index
     translation: Vector

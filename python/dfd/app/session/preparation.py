@@ -90,10 +90,8 @@ class Preparation:
         def run() -> None:
             try:
                 work()
-            except MemoryError:
-                self._tell("field_failed", task, "Memory ran out: take a smaller mesh, or close other programs")
             except Exception as error:
-                self._tell("field_failed", task, str(error) or type(error).__name__)
+                self._tell("field_failed", task, error)
 
         threading.Thread(target=run, name=f"dfd-{task}", daemon=True).start()
 

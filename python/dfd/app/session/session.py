@@ -209,11 +209,11 @@ class Session:
         self.view_state.field = self.view_state.field.model_copy(update={"parts": True})
         self.tell_state()
 
-    def field_failed(self, task: str, message: str) -> None:
+    def field_failed(self, task: str, error: Exception) -> None:
         """Report the failure; the shape stays visible, and an earlier field stays in use."""
         self._ready = True
         self._tell_progress(task, "failed")
-        self.fail(0, message)
+        self.fail(0, sentence(error))
         self._tell_field("none" if self.deformer is None else "ready")
 
     def field_cancelled(self) -> None:

@@ -117,13 +117,8 @@ def _plane(plane: SymmetryPlane) -> Plane:
 
 
 def _default(transform: Transform, center: tuple[float, float, float]) -> PoseTransform:
-    return PoseTransform(
-        handle=0,
-        translation=transform.translation,
-        rotation=transform.rotation,
-        scale=transform.scale,
-        pivot=center if transform.pivot is None else transform.pivot,
-    )
+    motion = {name: getattr(transform, name) for name in ("translation", "rotation", "scale")}
+    return PoseTransform(handle=0, pivot=center if transform.pivot is None else transform.pivot, **motion)
 
 
 def positions_message(deformer: Deformer, *, request: int) -> bytes:

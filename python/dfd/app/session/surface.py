@@ -75,16 +75,8 @@ def _materials(mesh: Mesh) -> tuple[Arrays, tuple[MaterialEntry, ...]]:
             texture = f"texture{index}"
             data, media_type = _encode_texture(material.texture)
             arrays[texture] = np.frombuffer(data, np.uint8)
-        materials.append(
-            MaterialEntry(
-                color=material.color,
-                texture=texture,
-                media_type=media_type,
-                wrap=material.wrap,
-                alpha_mode=material.alpha_mode,
-                alpha_cutoff=material.alpha_cutoff,
-            )
-        )
+        looks = {name: getattr(material, name) for name in ("color", "wrap", "alpha_mode", "alpha_cutoff")}
+        materials.append(MaterialEntry(texture=texture, media_type=media_type, **looks))
     return arrays, tuple(materials)
 
 

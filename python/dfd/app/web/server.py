@@ -28,7 +28,7 @@ from dfd.app.protocol.answers import VERSION, FailureMessage, SessionMessage
 from dfd.app.protocol.requests import Hello
 from dfd.app.web.safety import Guard, Rules
 from dfd.app.web.sessions import SESSION_ENDED, Outbox, Sessions, Tab
-from dfd.app.web.uploads import FORMATS, MOST_FILES, UploadedFile, receive
+from dfd.app.web.uploads import FORMATS, MOST_FILES, receive
 
 STATIC = Path(__file__).parents[1] / "static"
 MESSAGE_BYTES = 1 << 20  # the longest message of a page
@@ -136,7 +136,7 @@ class _Server:
         try:
             async with request.form(max_files=MOST_FILES, max_fields=0) as form:
                 given = [each for _, each in form.multi_items() if isinstance(each, UploadFile)]
-                files = [UploadedFile(each.filename or "", each.file) for each in given]
+                files = [(each.filename or "", each.file) for each in given]
                 upload = await run_in_threadpool(receive, files, tab.folder, self._upload_bytes)
         except (MultiPartException, HTTPException, KeyError) as error:
             return _refusal(400, f"The upload could not be read: {getattr(error, 'detail', error)}")

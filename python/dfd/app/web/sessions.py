@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 OPENED_ELSEWHERE, SESSION_ENDED = 4001, 4002  # close codes of a WebSocket
 MOST_UNATTENDED = 8  # sessions that no page shows; beyond, the one that was left first ends
 # Of these, only the newest request is answered: the pointer or the shape has changed since the older ones.
-NEWEST_ONLY = ("probe", "part", "compute")
+NEWEST_ONLY = ("probe", "compute")
 REST_PAUSE = 0.5  # seconds without a request, after which the session does deferred work
 INSTANCES_PAUSE = 0.05  # seconds without a request, after which instances are computed
 

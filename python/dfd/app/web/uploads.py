@@ -10,7 +10,6 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import IO
 
@@ -28,16 +27,8 @@ UNREADABLE = (zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, lzma.LZMAErr
               EOFError, OSError, struct.error)  # fmt: skip
 
 
-@dataclass(frozen=True)
-class UploadedFile:
-    """A file as it came, with the name that the browser gave."""
-
-    name: str
-    stream: IO[bytes]
-
-
-def receive(files: Sequence[UploadedFile], folder: Path, most_bytes: int) -> Upload:
-    """Put `files` into a new folder inside `folder`; return what to open.
+def receive(files: Sequence[tuple[str, IO[bytes]]], folder: Path, most_bytes: int) -> Upload:
+    """Put `files`, with the names that the browser gave, into a new folder inside `folder`; return what to open.
 
     The mesh, the field and the edit get names of ours. What a mesh names beside itself (materials, textures, buffers)
     keeps its name where that is harmless, and is left out where it is not.
@@ -49,11 +40,8 @@ def receive(files: Sequence[UploadedFile], folder: Path, most_bytes: int) -> Upl
     place.mkdir(parents=True)
     try:
         given = _Kept(place, most_bytes)
-        for file in files:
-            if _ending(file.name) == ".zip":
-                given.unpack(file)
-            else:
-                given.keep(file.name, file.stream)
+        for name, stream in files:
+            (given.unpack if _ending(name) == ".zip" else given.keep)(name, stream)
         mesh = given.single(ENDINGS)
         field, edit = (given.single((ending,), ignore_several=mesh is not None) for ending in (FIELD, EDIT))
         if mesh is None and field is None and edit is None:
@@ -72,17 +60,17 @@ class _Kept:
         self.paths: dict[str, Path] = {}
         self._place, self._left = place, most_bytes
 
-    def unpack(self, file: UploadedFile) -> None:
+    def unpack(self, name: str, file: IO[bytes]) -> None:
         """Keep the files of a zip."""
         try:
-            with zipfile.ZipFile(file.stream) as archive:
+            with zipfile.ZipFile(file) as archive:
                 for entry in archive.infolist():
                     if not entry.is_dir() and not entry.filename.startswith("__MACOSX/"):
                         with archive.open(entry) as stream:
                             self.keep(entry.filename, stream)
         except UNREADABLE as error:
             reason = error.strerror if isinstance(error, OSError) and error.strerror else error  # without the path
-            raise ValueError(f"{_shown(file.name)} is damaged or not a zip that can be read: {reason}") from None
+            raise ValueError(f"{_shown(name)} is damaged or not a zip that can be read: {reason}") from None
 
     def keep(self, name: str, stream: IO[bytes]) -> None:
         """Write one file, unless its name is harmful and nobody needs it."""
