@@ -94,6 +94,7 @@ class Deformer:
             check_compatible(field.center, field.scale, self.mesh, allowed_by="other_shape=True")
         self._weights = HandleWeights(self.mesh, field, features)
         self._posed = PosedShape(self.mesh, self._weights)
+        self._warn_of_field(preset)
         self._start(start)
 
     def _start(self, edit: Edit) -> None:
@@ -320,6 +321,21 @@ class Deformer:
     def preset(self, preset: Preset) -> None:
         with called("Deformer.preset"):
             self._commit(with_preset(self.edit, preset, self.mesh))
+            self._warn_of_field(preset)
+
+    def _warn_of_field(self, preset: Preset) -> None:
+        """Warn where the paper's session has a field that was distilled otherwise than in the paper."""
+        from dfd.distillation.settings import DistillSettings
+
+        made = self.field.settings
+        paper = DistillSettings(preset="paper").as_dict() if preset == "paper" else {}
+        if differ := [name for name, value in paper.items() if name != "seed" and name in made and made[name] != value]:
+            more = f" and {len(differ) - 4} more settings" if len(differ) > 4 else ""
+            check.warn(
+                f"Deformer: `preset` 'paper' is the paper's session, but the field differs from the paper's in "
+                f"{', '.join(differ[:4])}{more}; distill it with preset='paper'",
+                UserWarning,
+            )
 
     @public
     def fix(self, at: Any, *, strength: float = 1.0, merge: bool = False) -> None:

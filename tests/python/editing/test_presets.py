@@ -18,6 +18,7 @@ from dfd.app.session.columns import Columns
 from dfd.app.session.state import ViewState, state_message
 from dfd.cli.deform import deform
 from dfd.common.preset import Preset
+from dfd.distillation.settings import DistillSettings
 from dfd.editing.controls import Controls, controls_of
 from dfd.editing.edit import Handle
 from dfd.editing.edit_file import edit_schema, from_document
@@ -226,3 +227,15 @@ def test_the_preset_and_what_was_set_apart_stay_in_the_file_and_on_another_shape
 def test_an_unknown_preset_is_refused(deformer, start):
     with pytest.raises(ValueError, match="`preset` must be one of default, paper, got 'old'"):
         start(deformer)
+
+
+def test_the_papers_session_on_another_field_warns_and_names_what_differs(mesh, field):
+    made = DistillSettings(preset="paper").as_dict()
+    dfd.Deformer(mesh, field.with_settings(made), preset="paper")
+    dfd.Deformer(mesh, field.with_settings(made | {"octaves": 5}))
+    other = field.with_settings(made | {"octaves": 5, "simplify_to": 20_000})
+    with pytest.warns(UserWarning, match="`preset` 'paper' .* the field differs from the paper's in .*octaves"):
+        session = dfd.Deformer(mesh, other, preset="paper")
+    session.preset = "default"
+    with pytest.warns(UserWarning, match="octaves"):
+        session.preset = "paper"
