@@ -1,10 +1,12 @@
-"""Instances of a handle: the places of a shape that look like the one it holds, each with a pivot and a frame.
+"""Instances of a handle: the places that look like the one that it holds, each with its own pivot and frame.
 
-The weight of a handle has a peak at the handle, one on every other leg, and low ones wherever something resembles it
-from afar. A peak counts by its persistence, how deep the weight falls before higher ground is reached along the surface
-(Edelsbrunner, Letscher and Zomorodian, "Topological persistence and simplification", 2002): ripples on one leg are no
-legs. Turned or scaled about the one pivot of the handle, what lies far from it would swing and fly; each instance moves
-about its own counterpart of the pivot instead, mirrored where a plane of symmetry relates it to the handle.
+The weight of a handle has a peak at the handle and one on every other leg. It has low peaks wherever the surface
+resembles the handle a little. A peak counts by its persistence: how far the weight falls along the surface before it
+rises to a higher peak (Edelsbrunner, Letscher and Zomorodian, "Topological persistence and simplification", 2002).
+Ripples on one leg have a low persistence, so they are no instances.
+
+A rotation about the handle's pivot would move distant legs in wide arcs. So each instance moves about its own
+counterpart of the pivot, mirrored where a plane of symmetry relates it to the handle.
 """
 
 from __future__ import annotations
@@ -31,39 +33,39 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
 
-LEAST_PERSISTENCE = 0.05  # of weight: below, the field's own ripples have peaks
-LEAST_WEIGHT = 0.075  # of a peak; lower ones go with the instance that is nearest, on whose lever they would swing
-LEAST_ALIKE = 0.15  # of weight: what looks less alike has a pivot of its own, but is no like of the handle to people
-MOST_INSTANCES = 64  # the highest peaks; every one costs a column of weights
-SHARPNESS = 2  # of the passage from one instance to the next: shares fall with this power of the distance
-CLEAR = 0.03  # a share below this part of the largest is none, so that an instance is moved by itself alone
-BESIDE = 0.1  # of a box's sides: what stands so near it is inside
-AS_ALIKE = 0.05  # of weight: by so much less alike, the mirror image of the handle is still preferred to a peak
+LEAST_PERSISTENCE = 0.05  # weight: noise of the field makes peaks of less persistence
+LEAST_WEIGHT = 0.075  # weight: a lower peak belongs to the nearest instance
+LEAST_ALIKE = 0.15  # weight: instances of less have their own pivots, but `equalize` does not raise their weights
+MOST_INSTANCES = 64  # the highest peaks count; each instance costs a column of weights
+SHARPNESS = 2  # shares fall with this power of the distance from an instance
+CLEAR = 0.03  # smaller shares, relative to the largest one at a vertex, become 0
+BESIDE = 0.1  # the margin of a box, relative to its sides: a peak inside the margin counts as inside the box
+AS_ALIKE = 0.05  # weight: the mirror image of the handle is preferred to a peak that is higher by less
 
 
 @dataclass(frozen=True, eq=False)
 class Instance:
     """One place that moves with a handle."""
 
-    vertex: int  # its counterpart of the handle: the vertex that looks most like it
-    # position: (3,) where that is, mesh units; for the handle's own instance the handle's own position, and of a
-    # region in several pieces the center of one
+    vertex: int  # the vertex that looks most like the handle
+    # position: (3,) of that vertex, mesh units. For the handle's own instance it is the handle's position; for a region
+    # in several pieces it is the center of one piece.
     position: tuple[float, float, float]
     # frame: (3, 3) orthogonal: turns directions at the handle into those at the counterpart; a reflection where a
     # plane of symmetry lies between them
     frame: Float64
-    weight: float  # how much it follows the handle, the weight at its counterpart
-    # share_of: called with what indexes vertices, it works out the part of their weight that is this instance's; None
-    # stands for all of it, where the handle has one instance
+    weight: float  # the handle's weight at `vertex`
+    # share_of: computes, for a slice of the vertices, which part of their weight belongs to this instance. None means
+    # all of it: the handle has one instance.
     share_of: SliceWeights | None
     # image: (3, 4) the isometry that maps the handle's own component onto this one, where they are mirror images
     image: Float64 | None = None
 
     @property
     def share(self) -> Float32 | None:
-        """(V,) the part of every vertex's weight that is this instance's, in [0, 1]; over all instances they sum to 1.
+        """(V,) the part of each vertex's weight that belongs to this instance, in [0, 1]; None means all of it.
 
-        None stands for all of it. Worked out anew each time: those of many instances on a large mesh fill the memory.
+        The shares of all instances sum to 1. They are not stored, since many instances of a large mesh need gigabytes.
         """
         return None if self.share_of is None else self.share_of(slice(None))
 
@@ -72,8 +74,8 @@ class Instance:
         return 1.0 if self.share_of is None else float(self.share_of(slice(vertex, vertex + 1))[0])
 
     def transform(self, affine: Float64, position: Sequence[float]) -> Float64:
-        """The (3, 4) map that does here what `affine` does at a handle at `position` (3,)."""
-        if np.array_equal(affine, np.eye(3, 4)):  # to the bit: a handle at rest changes nothing anywhere
+        """Return the (3, 4) map that does at this instance what `affine` does at a handle at `position` (3,)."""
+        if np.array_equal(affine, np.eye(3, 4)):  # exactly: rounding would move vertices of a handle at rest
             return np.eye(3, 4)
         here, there = np.asarray(self.position), np.asarray(position, np.float64)
         linear = self.frame @ affine[:, :3] @ self.frame.T
@@ -82,13 +84,13 @@ class Instance:
 
 
 class InstanceFinder:
-    """Finds instances on one mesh; what does not depend on the handle is computed once, when it is first needed."""
+    """Find instances on one mesh. Data that does not depend on the handle is computed once, at the first use."""
 
     def __init__(self, mesh: Mesh) -> None:
         self._mesh = mesh
 
     def prepare(self) -> None:
-        """Compute what does not depend on the handle, seconds for a million faces, before a person waits for it."""
+        """Compute the data that does not depend on the handle. It takes seconds for a million faces."""
         _ = self._nodes, self._tree
 
     def find(
@@ -106,17 +108,17 @@ class InstanceFinder:
         Parameters
         ----------
         weights
-            (V,) of the handle by looks alone, without what holds it back.
+            (V,) of the handle, from features alone: without fixed points and locality.
         vertex, position
-            Where it is: the vertex nearest to it, and (3,) mesh units.
+            The vertex nearest to the handle, and its position (3,), mesh units.
         held
-            (N,) all vertices of a handle that is a region: a connected piece of it is one instance, whatever peaks it
-            has, and of several pieces each moves about its own center.
+            (N,) all vertices of a handle that is a region. Each connected piece is one instance, and several pieces
+            move about their own centers.
         pieces
-            (V,) of a handle that holds a part, which connected piece of it each vertex is on, −1 beyond: each is one
-            instance, whatever peaks there are.
+            (V,) the connected piece that each vertex is on, −1 beyond, for a handle that holds a part. Each piece is
+            one instance.
         planes
-            Planes of symmetry of the shape, for frames.
+            Planes of symmetry of the shape. They make frames.
 
         Returns
         -------
@@ -159,7 +161,7 @@ class InstanceFinder:
 
     @property
     def samples(self) -> tuple[Int64, Float64]:
-        """(N,) vertices that stand for the surface, and for how many each does."""
+        """(N,) vertices that sample the surface, and how many vertices each represents."""
         nodes = self._nodes
         return np.asarray(nodes.members[nodes.starts], np.int64), np.asarray(nodes.ends - nodes.starts, np.float64)
 
@@ -171,9 +173,10 @@ class InstanceFinder:
     def _image(
         number: int, surfaces: Sequence[Component | None], found: Sequence[Instance], planes: Sequence[SymmetryPlane]
     ) -> Float64 | None:
-        """The isometry (3, 4) that maps the handle's own component onto that of `number`, if mirror images relate them.
+        """Return the isometry (3, 4) from the handle's own component to component `number`, if they are mirror images.
 
-        First by planes of the shape, then by a plane of the pair; first from the handle's own, then from others.
+        Planes of the whole shape are tried first, then a plane of the pair. A component may also be the mirror image of
+        one that is itself a mirror image of the handle's own.
         """
         own = surfaces[number] if surfaces else None
         if own is None:
@@ -189,7 +192,7 @@ class InstanceFinder:
         return None
 
     def as_images(self, found: Sequence[Instance], part: Float32) -> tuple[tuple[Instance, ...], Float32]:
-        """`found` and the weights `part` (V,) of their part, with those of the handle's own carried to its images."""
+        """Return `found` and the weights `part` (V,) with the weights of the handle's own instance at its images."""
         if all(one.image is None for one in found):
             return tuple(found), part
         own, *others = (part.astype(np.float64) * (1.0 if one.share is None else one.share) for one in found)
@@ -218,10 +221,11 @@ class InstanceFinder:
         found: Sequence[Instance],
         planes: Sequence[SymmetryPlane],
     ) -> tuple[int, Float64]:
-        """The vertex of an instance that answers the handle, and the frame there.
+        """Return the vertex of an instance that corresponds to the handle, and its frame.
 
-        The mirror image of an instance that was found already, where it looks as alike: a peak's top is often flat, and
-        wanders on it. Otherwise the top itself, turned round once for each plane that lies between it and the handle.
+        This is the mirror image of an instance that was found before, if its weight is as high: peaks are often flat,
+        so their highest vertex is arbitrary. Otherwise it is the highest vertex, with a frame that is mirrored once for
+        each plane between it and the handle.
         """
         peak = self._peak(weights, root)
         for plane in planes:
@@ -238,7 +242,7 @@ class InstanceFinder:
         return peak, frame
 
     def _of_pieces(self, pieces: NDArray[np.integer], weights: Float64, vertex: int) -> tuple[Int64, dict[int, float]]:
-        """What `_basins` gives, with a peak for each of `pieces` (V,), whose upper half is all of it."""
+        """Return what `_basins` returns, with one peak for each of `pieces` (V,); all of a piece counts as its top."""
         nodes = self._nodes
         of_node = pieces[nodes.members[nodes.starts]]
         own = nodes.of_vertex[vertex]
@@ -256,11 +260,11 @@ class InstanceFinder:
     def _join_held(
         self, held: NDArray[np.integer], weights: Float64, basin: Int64, saddle: dict[int, float]
     ) -> dict[int, Float64]:
-        """Make one of all peaks on each connected piece of the vertices `held` (N,): all of a region is held alike.
+        """Join all peaks on each connected piece of the vertices `held` (N,) of a region.
 
         Returns
         -------
-        By peak, the center (3,) of its piece, mesh units; of a region in one piece that is the handle itself.
+        For each peak the center (3,) of its piece, mesh units; nothing for a region in one piece.
         """
         nodes, of_held = np.unique(self._nodes.of_vertex[held], return_inverse=True)
         count, piece = connected_components(self._nodes.graph[nodes][:, nodes], directed=False)
@@ -278,9 +282,9 @@ class InstanceFinder:
         return centers if count > 1 else {}
 
     def _join_inside(self, weights: Float64, basin: Int64, saddle: dict[int, float]) -> None:
-        """Give peaks that stand inside what a higher one is to it: the hub of a wheel, the arch around it.
+        """Join peaks with a higher peak whose box contains them, such as the hub of a wheel with its tire.
 
-        Only those of another component of the surface: on one component the way along it tells what is another limb.
+        Only peaks of different components are joined. On one component, persistence separates the limbs.
         """
         roots = np.array(sorted(saddle, key=lambda root: (-weights[root], root)), np.int64)
         cores = self._cores(roots, weights, basin, saddle)
@@ -290,7 +294,7 @@ class InstanceFinder:
         whole_of: dict[int, int] = {}
         boxes = 0
         for rank, root in enumerate(roots.tolist()):
-            if boxes == MOST_INSTANCES:  # what is lower is no instance, and nothing stands inside it
+            if boxes == MOST_INSTANCES:  # lower peaks are no instances
                 break
             if root in whole_of:
                 continue
@@ -303,7 +307,7 @@ class InstanceFinder:
 
     @staticmethod
     def _cores(roots: Int64, weights: Float64, basin: Int64, saddle: dict[int, float]) -> list[Int64]:
-        """The nodes of the upper half of each of the peaks `roots`."""
+        """Return the nodes of the upper half of each of the peaks `roots`."""
         half = np.full(len(weights), np.inf)
         half[roots] = [(weights[root] + saddle[root]) / 2 for root in roots.tolist()]
         high = np.flatnonzero((basin >= 0) & (weights >= half[basin]))
@@ -318,17 +322,17 @@ class InstanceFinder:
     def _shares(
         self, weights: Float64, basin: Int64, saddle: dict[int, float], roots: Sequence[int]
     ) -> list[SliceWeights]:
-        """The K shares of the instances: 1 on the upper half of a peak, passing smoothly into each other between."""
+        """Return the K shares of the instances: 1 on the upper half of a peak, with smooth transitions in between."""
         closeness = np.empty((len(roots), len(weights)))
         for row, core in enumerate(self._cores(np.asarray(roots), weights, basin, saddle)):
             distance = dijkstra(self._nodes.graph, indices=core, min_only=True)
-            # No way along the surface: the straight one, and farther than any other.
+            # Other components are at their straight distance plus a diagonal: beyond all of the same component.
             if len(apart := np.flatnonzero(np.isinf(distance) & self._nodes.used)):
                 straight = cKDTree(self._nodes.center[core]).query(self._nodes.center[apart])[0]
                 distance[apart] = straight + self._mesh.diagonal
             closeness[row] = (distance / self._mesh.diagonal + 1e-4) ** -SHARPNESS
         closeness[0, ~self._nodes.used] = 1.0
-        closeness /= closeness.max(axis=0)  # of the nearest one 1, however many there are
+        closeness /= closeness.max(axis=0)  # the nearest instance has 1
         return self._nodes.shares(np.maximum(closeness - CLEAR, 0) / (1 - CLEAR))
 
     @cached_property
@@ -341,7 +345,7 @@ class InstanceFinder:
 
 
 def _join(basin: Int64, saddle: dict[int, float], whole_of: dict[int, int]) -> None:
-    """Make what belongs to each peak of `whole_of` a part of what belongs to the peak that it names."""
+    """Give all nodes of each peak in `whole_of` to the peak that it maps to."""
     name = np.arange(len(basin))
     name[list(whole_of)] = list(whole_of.values())
     belongs = basin >= 0
@@ -357,14 +361,14 @@ def _last(whole_of: dict[int, int], root: int) -> int:
 
 
 def _grouped(items: NDArray[np.integer], group: NDArray[np.integer], count: int) -> list[Int64]:
-    """The items of each of `count` groups, in their order."""
+    """Return the items of each of `count` groups, in their order."""
     order = np.argsort(group, kind="stable")
     ends = np.cumsum(np.bincount(group, minlength=count))[:-1]
     return np.split(np.asarray(items, np.int64)[order], ends)[:count]
 
 
 class _Box:
-    """The box around points (N, 3) along their own principal axes, a little larger than they are."""
+    """The box around points (N, 3) along their principal axes, with a margin."""
 
     def __init__(self, points: Float64) -> None:
         self._center = points.mean(axis=0)
@@ -376,20 +380,20 @@ class _Box:
         self._high += margin
 
     def holds(self, points: Float64) -> Bool:
-        """Which of points (N, 3) lie in it, (N,)."""
+        """Return which of points (N, 3) lie in the box, (N,)."""
         along = (points - self._center) @ self._axes.T
         return ((along >= self._low) & (along <= self._high)).all(axis=1)
 
 
 def _basins(weights: Float64, graph: csr_array) -> tuple[Int64, dict[int, float]]:
-    """The peaks of weights (N,) over a graph, and what belongs to them.
+    """Find the peaks of weights (N,) on a graph, and the nodes of each peak.
 
     Returns
     -------
     basin
-        (N,) the node at whose peak each node ends up uphill, -1 where the weight is too low to belong anywhere.
+        (N,) the peak that each node reaches uphill, −1 where the weight is too low.
     saddle
-        By peak, the height of the highest pass from it to another; the least weight where there is none.
+        For each peak, the height of the highest saddle to another peak, or the lowest weight if there is none.
     """
     floor = LEAST_PERSISTENCE / 2
     label = np.full(len(weights), -1)
@@ -402,7 +406,7 @@ def _basins(weights: Float64, graph: csr_array) -> tuple[Int64, dict[int, float]
             node = parent[node]
         return node
 
-    basin_of: dict[int, int] = {}  # a peak that was too low for itself, and the one that took it in
+    basin_of: dict[int, int] = {}  # from a peak that was too low to the peak that it joined
     order = np.argsort(-weights, kind="stable")
     starts, neighbors = graph.indptr, graph.indices
     for node in order[: int((weights > floor).sum())].tolist():
@@ -439,7 +443,7 @@ def shortest_turn(one: Float64, other: Float64) -> Float64:
     across = np.cross(one, other)
     sine, cosine = float(np.linalg.norm(across)), float(one @ other)
     if sine < 1e-9:
-        # Opposite: about the axis of y, or what of it lies across, so that what stands upright stays so.
+        # Opposite directions: turn about y, made perpendicular, so that upright parts stay upright.
         across = np.asarray(frame_of_normal(one)[0]) if abs(one[1]) > 0.9 else np.array([0.0, 1.0, 0.0])
         across = across - (across @ one) * one
         sine, length = 0.0, float(np.linalg.norm(across))
