@@ -1,4 +1,4 @@
-"""Parts at a click: the part of a shape that holds a place, with its look-alikes or alone."""
+"""Find the part of a shape at a place, with all parts that look alike or alone."""
 
 from __future__ import annotations
 
@@ -22,80 +22,78 @@ from dfd.segmentation.hierarchy import Hierarchy, pieces_and_borders
 from dfd.segmentation.patches import Patches
 
 Level = Literal["smaller", "part", "larger"]
-LARGER = 1.25  # times the area is the least by which two levels differ
-LEAST_HOLDABLE = 0.033  # what chance finds on a ball has up to 0.031, parts that people name 0.08 to 2
-# Of the seam in which a grip fades: width in diagonals of the box, and of the way around a limb; how much lies
-# beyond the border. Most lies within: what moves beside a part is what people mind the most.
+LARGER = 1.25  # the areas of two levels differ at least by this factor
+LEAST_HOLDABLE = 0.033  # parts found by chance on a ball have up to 0.031, parts that people name 0.08 to 2
+# The seam is the band in which the weights of a grip fall to 0. Its width is SEAM diagonals of the box, or THICKNESS
+# of the length around the limb if that is less. BEYOND is the share of its width outside the part.
 SEAM, THICKNESS, BEYOND = 0.05, 0.25, 0.3
-# So many times wider is that of a part with more borders than this for each of its pieces: a trunk is no limb that
-# moves by itself, and pulled at its belly it would tear from all that is around it.
+# Parts with more than MOST_OF_LIMBS borders per connected piece, such as a trunk, have a seam TRUNK times as wide.
 TRUNK, MOST_OF_LIMBS = 3.0, 1.5
 
 
 class Features(Protocol):
-    """What gives features of a mesh's vertices: `field.on(mesh)`, or the rows that a session has."""
+    """A source of features for the vertices of a mesh, such as `field.on(mesh).rows`."""
 
     def __call__(self, vertices: Int64) -> Float32:
-        """Features (N, D) of vertices (N,)."""
+        """Return the features (N, D) of vertices (N,)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
     """A part of a shape."""
 
-    mask: Bool = field(repr=False)  # (V,) which vertices belong to it
-    share: float  # its part of the surface
-    pieces: int  # how many connected pieces it has, besides crumbs
-    vertex: int  # one that lies well in it, or the one that was asked for
+    mask: Bool = field(repr=False)  # (V,) which vertices belong to the part
+    share: float  # its area relative to the whole surface
+    pieces: int  # the number of its connected pieces; very small ones are not counted
+    vertex: int  # a vertex far inside it, or the vertex of the request
 
     @property
     def vertices(self) -> Int64:
-        """(N,) its vertices, ascending."""
+        """(N,) the vertices of the part, ascending."""
         return np.flatnonzero(self.mask)
 
 
 @dataclass(frozen=True, eq=False)
 class Grip:
-    """What is held of a shape at a place."""
+    """The part that a handle at a place holds, as weights."""
 
-    # weights: (V,) how much of the part that holds the place vertices are: 1 in it, 0 beyond it, falling smoothly over
-    # its seam
+    # weights: (V,) 1 inside the part and 0 outside, with a smooth transition over its seam
     weights: Float32 = field(repr=False)
-    # pieces: (V,) which connected piece of it each vertex is on, such as one leg of all, counted from 0; −1 for
-    # crumbs, and beyond
+    # pieces: (V,) the number of the connected piece that each vertex is on, from 0, such as one of four legs. −1 is for
+    # vertices outside the part, and for very small pieces.
     pieces: Int64 = field(repr=False)
 
 
 class Parts:
-    """The parts of one shape; nothing is computed before the first question.
+    """Find the parts of one shape. Nothing is computed before the first request.
 
     Parameters
     ----------
     mesh
         The shape.
     features
-        Called with vertices (N,), it gives their features (N, D).
+        Takes vertices (N,) and returns their features (N, D).
     """
 
     def __init__(self, mesh: Mesh, features: Features) -> None:
         self._mesh, self._features = mesh, features
 
     def __repr__(self) -> str:
-        """Say of what."""
+        """Name the mesh."""
         return f"Parts({self._mesh!r})"
 
     def part(self, at: Any, level: Level = "part", *, alike: bool = True) -> Part:
-        """Find the part that holds a place.
+        """Find the part at a place.
 
         Parameters
         ----------
         at
-            A vertex index, or a point (3,) in mesh units, which stands for the vertex nearest to it.
+            A vertex index, or a point (3,) in mesh units: the nearest vertex counts.
         level
-            "part" is the one that people most likely mean there, "smaller" lies in it, "larger" holds it. Where nothing
-            ends there, they are the same.
+            "part" is the part that people most likely mean. "smaller" is a part inside it, "larger" a part around it;
+            if there is none, they equal "part".
         alike
-            Whether all that looks alike belongs to it, such as the other legs, or the one connected piece alone.
+            Whether pieces that look alike belong to the part, such as the other legs. False gives one connected piece.
 
         Raises ValueError if `at` is neither, `level` is unknown, or the mesh has no face with an area.
         """
@@ -110,9 +108,9 @@ class Parts:
         return self._part(inside, self._carried([~nodes, nodes]) == 1, vertex)
 
     def grip(self, at: Any) -> Grip | None:
-        """What is held at a place: the part, as in `part`, with what hangs on the rest through it alone.
+        """Return what a handle at a place holds: the part, and all that only the part connects to the rest.
 
-        None where no part ends, such as on a ball.
+        None means that there is no part, such as on a ball.
         """
         vertex = self._vertex(at)
         if not self._has_surface:
@@ -124,7 +122,7 @@ class Parts:
             return None
         side = self._snapped(inside, vertex)
         width = patches.size * self._seam(chosen, inside)
-        # A gap between components is a border by itself: nothing passes over from tooth to lip.
+        # Gaps between components are borders: the seam does not cross from teeth to lips.
         graph, component = patches.nodes.graph, patches.nodes.component
         row = np.repeat(np.arange(len(side)), np.diff(graph.indptr))
         whole = component[row] == component[graph.indices]
@@ -139,7 +137,7 @@ class Parts:
         within = np.clip(BEYOND + np.where(side, depth, -depth) / width, 0.0, 1.0)
         within = within * within * (3.0 - 2.0 * within)
         held = np.asarray(patches.nodes.shares(np.stack([1.0 - within, within]))[1](slice(None)), np.float32)
-        # Who takes hold of the seam itself holds it whole, and less of it is left to fade.
+        # A handle on the seam itself has weight 1 there.
         weights = np.minimum(held / max(held[vertex], np.float32(0.01)), 1.0)
         pieces = pieces_of(patches, inside)
         area = np.bincount(pieces[inside], patches.area[inside])
@@ -150,21 +148,21 @@ class Parts:
         )
 
     def grips(self) -> Int64:
-        """(V,) numbers from 0: at vertices of one number `grip` is the same, but for a seam that snaps to them."""
+        """Return (V,) numbers from 0. Vertices of one number have the same `grip`, except for the snapped seam."""
         chosen = [self._chosen(patch, "part") for patch in range(self._patches.borders.count)]
         return np.asarray(np.unique(chosen, return_inverse=True)[1], np.int64)[self._patches.of_vertex]
 
     def cut(self) -> list[Part]:
         """Cut the whole shape into parts, the largest first; every vertex belongs to one.
 
-        What looks alike is one part. Of all cuts of the tree it is the one whose parts end most clearly.
+        Pieces that look alike are one part. Of all cuts of the tree, the one with the clearest borders is chosen.
 
         Raises ValueError if the mesh has no face with an area.
         """
         patches, part = self._patches, self._hierarchy.shown()
         branches = part == np.unique(part)[:, None]
         claims = np.array([snapped(patches, inside) for inside in branches])
-        # What several claim, or none, stays with the part that its patch is of.
+        # A node that no part or several parts claim stays with the part of its patch.
         of_node = np.where(claims.sum(axis=0) == 1, claims.argmax(axis=0), branches.argmax(axis=0)[patches.of_node])
         sides = [of_node == number for number in range(len(branches))]
         label = self._carried(sides)
@@ -176,22 +174,22 @@ class Parts:
         return sorted(found, key=lambda each: -each.share)
 
     def prepare(self) -> None:
-        """Do now what the first question would have to wait for: half a second, and seconds for a million faces."""
+        """Compute the tree of parts. It takes half a second, and seconds for a million faces."""
         if self._has_surface:
             _ = self._hierarchy
 
     def _seam(self, chosen: int, inside: Bool) -> float:
-        """Width of the seam around a part, in diagonals of the box."""
+        """Return the width of the seam around a part, in diagonals of the box."""
         pieces, borders = pieces_and_borders(self._patches, inside)
         wider = TRUNK if borders > MOST_OF_LIMBS * len(pieces) else 1.0
         return wider * min(SEAM, self._hierarchy.around(chosen) * THICKNESS)
 
     def _snapped(self, inside: Bool, vertex: int) -> Bool:
-        """(N,) which nodes belong to the part of patches `inside` (P,) that holds a vertex."""
+        """Return which nodes (N,) belong to the part of patches `inside` (P,) at a vertex."""
         return snapped(self._patches, inside, int(self._patches.twin[self._patches.nodes.of_vertex[vertex]]))
 
     def _chosen(self, patch: int, level: Level) -> int:
-        """The node of the tree that is the part at a patch."""
+        """Return the tree node of the part at a patch."""
         tree = self._hierarchy
         nodes = tree.holding(patch)
         area = np.array([tree.branches[node].area for node in nodes])
@@ -206,7 +204,7 @@ class Parts:
         return nodes[chosen]
 
     def _carried(self, sides: Sequence[Bool]) -> Int64:
-        """(V,) which of `sides`, of the nodes (N,), most of the nodes around each vertex are on."""
+        """Return (V,) which of `sides`, masks of the nodes (N,), has the largest share around each vertex."""
         shares = self._patches.nodes.shares(np.array(sides, np.float64))
         best = np.zeros(len(self._mesh.vertices), np.float32)
         label = np.zeros(len(best), np.int64)
@@ -222,7 +220,7 @@ class Parts:
         return Part(mask, float(area.sum()), int((sizes > CRUMB * sizes.max()).sum()), vertex)
 
     def _middle(self, inside: Bool) -> int:
-        """A vertex of the patch of `inside` (P,) that lies the farthest from where the part ends."""
+        """Return a vertex of the patch of `inside` (P,) that is farthest from the border of the part."""
         borders = self._patches.borders
         ends = np.unique(borders.pairs[np.not_equal(*inside[borders.pairs.T])])
         depth = (
@@ -255,7 +253,7 @@ class Parts:
 
 
 def cut_document(found: Sequence[Part]) -> dict[str, Any]:
-    """What JSON says of a shape's parts: a row for each, numbered from 1, and the part of every vertex."""
+    """Return the parts as a JSON document: a row for each part, numbered from 1, and the part of every vertex."""
     rows = [
         {"part": number, "share": round(each.share, 4), "pieces": each.pieces, "vertex": each.vertex}
         for number, each in enumerate(found, start=1)
@@ -264,6 +262,6 @@ def cut_document(found: Sequence[Part]) -> dict[str, Any]:
 
 
 def parts(field: Field, mesh: MeshLike) -> Parts:
-    """Find the parts of `mesh`, or of whatever `dfd.load` makes one of, by the features that `field` gives there."""
+    """Find the parts of `mesh`, or of anything that `dfd.load` reads, by the features of `field`."""
     shape = as_mesh(mesh)
     return Parts(shape, check.field("parts", field).on(shape).rows)

@@ -1,4 +1,4 @@
-"""The weights of a session's handles: kept as long as what they depend on stays, bound when it does not."""
+"""Compute the weights of a session's handles, and keep them as long as their inputs do not change."""
 
 from __future__ import annotations
 
@@ -29,36 +29,36 @@ if TYPE_CHECKING:
     from dfd.segmentation.parts import Grip, Parts
     from dfd.symmetry.plane import SymmetryPlane
 
-# Of a handle's weight that fixed points leave at the handle itself: with less, dividing by it makes noise of the rest.
+# Weights are divided by the weight that fixed points leave at the handle. Below this value only noise would be scaled.
 LEAST_LEFT = 0.01
-LEAST_COUNTED = 0.35  # of the most that the handle itself moves: what follows less is no like of it to people
-# The number that stands for the reach "part" is at least this, and so many times how far most of the part differs.
+LEAST_COUNTED = 0.35  # counterparts below this share of the handle's peak weight are not counted
+# The reach "part" as a number: AROUND_PART times the MOST_OF_PART quantile of feature distances inside the part, and
+# at least LEAST_REACH.
 LEAST_REACH, MOST_OF_PART, AROUND_PART = 0.1, 0.9, 2.0
 
-MOST_GRIPS = 32  # that are kept
+MOST_GRIPS = 32  # grips in the cache
 
 
 class Key(NamedTuple):
-    """What a column of weights depends on, besides the fixed points."""
+    """Cache key: everything that changes a column of weights, besides the fixed points."""
 
     place: Place
-    controls: Controls  # those that shape the column
-    sources: tuple[int, ...]  # the vertices where its distances start; none where it has no use for any
-    bridges: bool  # whether those cross small gaps
+    controls: Controls  # the controls that change the column
+    sources: tuple[int, ...]  # the vertices where geodesic distances start; empty without locality
+    bridges: bool  # whether these distances cross small gaps
 
 
 class HandleWeights:
     """Weights on one mesh, a contiguous column per handle.
 
-    A handle that only moves keeps its column; a new one is bound behind the others, which are not touched; when one
-    goes, those behind it move up; new fixed points cost all of them.
+    A handle that only moves keeps its column. A new handle costs one column, new fixed points cost all columns.
 
     Parameters
     ----------
     mesh, field
-        The shape, and the field that is asked for features.
+        The shape, and the field that gives its features.
     features
-        (V, D) features of the vertices, in full or compact; None asks the field when they are first needed.
+        (V, D) features of the vertices, in full or compact. None evaluates the field at the first use.
 
     Raises ValueError if `features` is not finite or not one row of the field's width per vertex.
     """
@@ -80,27 +80,27 @@ class HandleWeights:
 
     @property
     def features(self) -> Float32 | CompactFeatures:
-        """(V, D) features of the vertices: in full up to 16,384 vertices, compact beyond, or what was given."""
+        """(V, D) features of the vertices: those given, else in full up to 16,384 vertices and compact beyond."""
         return self._rows.features
 
     def prepare(self, progress: Callable[[int], object] | None = None) -> None:
-        """Ask the field for the features, unless they are there; `progress` hears how many further rows are done."""
+        """Evaluate the field, unless that was done; `progress` is called with the number of rows after each block."""
         self._rows.prepare(progress)
 
     def asked(self, place: Place) -> Any:
-        """What `dfd.bind` takes for a place: a vertex, a row of features, or a region."""
+        """Return what `dfd.bind` takes for a place: a vertex, a row of features, or a region."""
         return self._rows.points([place])
 
     @cached_property
     def parts(self) -> Parts:
-        """What finds parts on the mesh."""
-        from dfd.segmentation.parts import Parts  # for those who ask for parts, and for nobody else
+        """The parts of the mesh."""
+        from dfd.segmentation.parts import Parts  # slow to import, and not every session needs it
 
         return Parts(self.mesh, self._rows.of_vertices)
 
     @property
     def finder(self) -> InstanceFinder:
-        """What finds instances on the mesh."""
+        """The finder of instances on the mesh."""
         return self._instances.finder
 
     def prepare_instances(
@@ -120,17 +120,17 @@ class HandleWeights:
         return found
 
     def of(self, edit: Edit) -> Float32:
-        """(V, H) weights of the handles of `edit`, in their order; read-only, and nothing that follows changes it."""
+        """Return (V, H) weights of the handles of `edit`, in their order. The array is read-only and never changes."""
         self._follow(edit)
         return self._columns.T
 
     def columns(self, edit: Edit) -> tuple[Float32, tuple[Column, ...]]:
-        """(V, C) how much vertices follow, and which handle and instance each column is of: one or more per handle."""
+        """Return (V, C) weights, one or more columns per handle, and the handle and instance of each column."""
         self._follow(edit)
         return self._instances.of(edit, self._columns.T, self._keys, self._rows)
 
     def held_parts(self, edit: Edit, handle: Handle) -> list[HeldPart]:
-        """The connected parts that follow a handle of `edit`, the one that it stands on first."""
+        """Return the connected parts that follow a handle of `edit`, its own part first."""
         weights, columns = self.columns(edit)
         number = next(i for i, each in enumerate(edit.handles) if each.id == handle.id)
         moving = self.allocating(edit)
@@ -140,32 +140,32 @@ class HandleWeights:
         return self._limbs.of(key, handle, self.anchor(handle), own, edit.symmetry)
 
     def bent(self, edit: Edit) -> Float64:
-        """(V, 3) the vertices that the handles of `edit` transform: the resting ones, bent and twisted where any do."""
+        """Return (V, 3) the resting vertices after the bends and twists of the handles of `edit`."""
         bending = {i: self.held_parts(edit, handle) for i, handle in enumerate(edit.handles) if handle.transform.bends}
         return self._limbs.bent(edit, bending) if bending else self.mesh.vertices
 
     def following(self, edit: Edit) -> Float32:
-        """(V, H) how much vertices follow each handle, over all of its instances."""
+        """Return (V, H) weights, each the sum over all instances of a handle."""
         weights, columns = self.columns(edit)
         return followed_by(weights, columns, len(edit.handles))
 
     def allocating(self, edit: Edit) -> tuple[int, ...]:
-        """The handles (H) among which components are divided: those that move, where they are several."""
+        """Return the handles among which components are divided: all that move, if there are several."""
         return self._instances.allocating(edit)
 
     def instances(self, edit: Edit, handle: Handle) -> list[tuple[Instance, bool]]:
-        """The places that look like the one a handle holds, its own first, and whether each moves with it."""
+        """Return the instances of a handle, its own first, and whether each moves with the handle."""
         found = self._instances.instances(handle, self._rows, edit.symmetry)
         return list(zip(found, self._instances.switches(handle, found, self._rows), strict=True))
 
     def instance_share(self, edit: Edit, handle: Handle) -> Float32:
-        """(V,) what all instances of a handle that move with it have of its weight; more than 1 where gains are."""
+        """Return (V,) the share of a handle's weight on instances that move with it; gains can make it exceed 1."""
         self._follow(edit)
         number = next(i for i, each in enumerate(edit.handles) if each.id == handle.id)
         return self._instances.share(edit, handle, self._columns[number], self._rows)
 
     def instance_counts(self, edit: Edit) -> list[int]:
-        """(H,) how many instances pose each handle; those that hardly move with it do not count."""
+        """Return (H,) the number of instances of each handle whose peak weight is at least `LEAST_COUNTED`."""
         weights, columns = self.columns(edit)
         most = weights.max(axis=0, initial=0.0)
         own = [
@@ -180,11 +180,11 @@ class HandleWeights:
         return [max(follows.count(h), 1) for h in range(len(edit.handles))]
 
     def anchor(self, handle: Handle) -> int:
-        """The vertex by which a handle is judged: its own, the nearest one, or that in the middle of its region."""
+        """Return the vertex that stands for a handle: its own, the nearest one, or the middle of its region."""
         return self._rows.anchor(handle.place)
 
     def reach(self, handle: Handle) -> float:
-        """The number that the handle's `reach` is; of "part" the one that comes nearest to it, to go on from."""
+        """Return the handle's `reach` as a number; for "part" the number that comes nearest to it."""
         place = handle.place
         if handle.controls.reach != "part":
             return handle.controls.reach
@@ -195,23 +195,23 @@ class HandleWeights:
         return self._reaches.get(place, PARTLESS_REACH)
 
     def locality(self, edit: Edit, handle: Handle) -> tuple[tuple[int, ...], Float32 | None, float]:
-        """Where the distances over the surface of a handle start, (V,) those in [0, 1] or None, and λ of Eq. 7."""
+        """Return where geodesic distances of a handle start, (V,) distances in [0, 1] or None, and λ of Eq. 7."""
         key = self._key(handle, edit)
         distances, power = self._distances.falloff(key.sources, key.controls, key.bridges)
         return key.sources, None if distances is None else distances[0], power
 
     def _near(self, edit: Edit, handle: Handle, vertices: Int64) -> Float64:
-        """(N,) the falloff (1 − G)^λ of a handle at vertices (N,)."""
+        """Return (N,) the falloff (1 − G)^λ of a handle at vertices (N,)."""
         _, distances, power = self.locality(edit, handle)
         return np.ones(len(vertices)) if distances is None else (1.0 - distances[vertices].astype(np.float64)) ** power
 
     def held(self, edit: Edit) -> Float32:
-        """(V,) max_p s_p W_p of Eq. 6: what the fixed points of `edit` take away."""
+        """Return (V,) max_p s_p W_p of Eq. 6: the weight that the fixed points of `edit` subtract."""
         self._follow(edit)
         return self._held_weights()
 
     def gain(self, edit: Edit, handle: Handle) -> float:
-        """What a handle's weights are multiplied by so that it arrives in spite of fixed points (`Deformer.arrive`)."""
+        """Return the factor of a handle's weights by which the handle arrives despite fixed points."""
         if not edit.fixed or not edit.rules.reach_targets:
             return 1.0
         vertex = handle.place.vertex
@@ -219,7 +219,7 @@ class HandleWeights:
         return 1.0 / left if left >= LEAST_LEFT else 1.0
 
     def left(self, edit: Edit, handle: Handle) -> float:
-        """What the fixed points of `edit` leave of the weight of `handle` at the handle itself, in [0, 1] (Eq. 6)."""
+        """Return the weight, in [0, 1], that the fixed points of `edit` leave `handle` at the handle itself (Eq. 6)."""
         held = 0.0
         own = self._rows.of([handle.place])
         for fixed in edit.fixed:
@@ -230,10 +230,7 @@ class HandleWeights:
         return 1.0 - held
 
     def check_arrivals(self, edit: Edit) -> None:
-        """Refuse an edit whose handles cannot arrive.
-
-        Raises ValueError if fixed points leave nothing of a handle at the handle itself.
-        """
+        """Raise ValueError if fixed points leave a handle no weight at the handle itself."""
         if not edit.rules.reach_targets or not edit.fixed:
             return
         for handle in edit.handles:
@@ -246,7 +243,7 @@ class HandleWeights:
                 )
 
     def _follow(self, edit: Edit) -> None:
-        """Have a column for each handle of `edit`, in their order."""
+        """Make `_columns` the columns of the handles of `edit`, in their order."""
         if (edit.fixed, edit.rules.reach_targets) != (self._fixed, self._reach_targets):
             self._keys, self._held, self._fixed, self._reach_targets = [], None, edit.fixed, edit.rules.reach_targets
             self._columns = self._columns[:0]
@@ -272,7 +269,7 @@ class HandleWeights:
         return Key(handle.place, controls, sources, edit.rules.bridges and near)
 
     def _bind(self, key: Key, column: Float32) -> None:
-        """Weights (V,) of a handle to `column` (Eq. 4 to 7)."""
+        """Write the weights (V,) of a handle to `column` (Eq. 4 to 7)."""
         geodesic, locality = self._distances.falloff(key.sources, key.controls, key.bridges)
         bind(
             self.features,
@@ -288,9 +285,9 @@ class HandleWeights:
         self._finish(key, column)
 
     def _finish(self, key: Key, column: Float32) -> None:
-        """What a column is beyond Eq. 4 to 7: regions whole, arrival, strength and limits.
+        """Apply the part, regions, arrival, strength and mask to a column.
 
-        A region weighs by members that stand for it; here all of them count as the nearest.
+        Samples of a region stood for it in Eq. 4; here all of its vertices get the weight of the nearest sample.
         """
         if key.controls.reach == "part" and (part := self._instances.part(key.place, self._rows)) is not None:
             column *= part
@@ -312,19 +309,19 @@ class HandleWeights:
             column *= self._rows.inside(key.controls.mask, key.controls.mask_feather)
 
     def part(self, place: Place) -> Float32 | None:
-        """(V,) 1 on the part that a place is on, with its look-alikes, falling smoothly to 0; None where none ends."""
+        """Return (V,) 1 on the part at a place and its counterparts, falling to 0; None if there is no part."""
         grip = self._grip(place)
         return None if grip is None else grip.weights
 
     def _grip(self, place: Place) -> Grip | None:
         if place not in self._grips:
-            while len(self._grips) >= MOST_GRIPS:  # a pointer asks for one wherever it hovers
+            while len(self._grips) >= MOST_GRIPS:  # hovering asks for many
                 del self._grips[next(iter(self._grips))]
             self._grips[place] = self.parts.grip(self._rows.anchor(place))
         return self._grips[place]
 
     def _left_of(self, key: Key, column: Float32) -> float:
-        """What is left at the handle of its own column."""
+        """Return the weight of a column at its own handle."""
         if key.place.vertex is not None:
             return float(column[key.place.vertex])
         if key.place.region is not None:
@@ -332,7 +329,7 @@ class HandleWeights:
         return self.left(Edit(fixed=self._fixed), Handle(1, key.place))
 
     def _held_weights(self) -> Float32:
-        """(V,) max_p s_p W_p of Eq. 6: what the fixed points take away."""
+        """Return (V,) max_p s_p W_p of Eq. 6: the weight that the fixed points subtract."""
         if self._held is None:
             self._held = np.zeros(len(self.mesh.vertices), np.float32)
             one = np.empty((len(self._held), 1), np.float32, order="F")
@@ -350,5 +347,5 @@ class HandleWeights:
         return WITHIN_PART if self.part(place) is not None else PARTLESS_REACH
 
     def _apart(self, place: Place) -> Float32:
-        """(V,) feature distances from a place; with twice the paper's reach, none of unit features is cut off."""
+        """Return (V,) feature distances from a place. Unit features differ by at most 2, so a reach of 2 cuts none."""
         return 2.0 * (1.0 - bind(self.features, self._rows.points([place]), reach=2.0)[:, 0])

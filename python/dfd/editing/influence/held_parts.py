@@ -1,4 +1,4 @@
-"""The parts that a handle holds, each with its own axis: what bend and twist run along, and pivots lie on."""
+"""The parts that a handle holds. Each has an axis, along which it bends and twists and on which its pivot lies."""
 
 from __future__ import annotations
 
@@ -23,37 +23,37 @@ if TYPE_CHECKING:
     from dfd.posing.transforms import Transform
     from dfd.symmetry.plane import SymmetryPlane
 
-HELD = 0.5  # of the most that follows a handle there: the part ends where less does
+HELD = 0.5  # a part ends where the weight falls below this share of its maximum
 UP = np.array([0.0, 1.0, 0.0])
-# Where a tip may be bent to: y is up, the front looks along +z, and left is what a viewer before it has on the left.
+# Directions for `towards`. y is up, the front is +z, and left is −x.
 TOWARDS = {"up": (0, 1, 0), "down": (0, -1, 0), "right": (1, 0, 0), "left": (-1, 0, 0), "front": (0, 0, 1)}
 TOWARDS["back"] = (0, 0, -1)
-ACROSS = 0.1  # of a part's vertices: with so many on either side of a plane, it lies across it
-UPRIGHT = 0.9  # cosine: of a limb that is nearer to upright, up says nothing about the way that it bends
+ACROSS = 0.1  # a part lies across a plane if each side has more than this share of its vertices
+UPRIGHT = 0.9  # cosine of the angle to y; a steeper limb cannot bend upwards
 
 
 @dataclass(frozen=True, eq=False)
 class HeldPart:
     """One connected part that follows a handle."""
 
-    axis: PartAxis  # from where it leaves the rest of the shape to its tip
-    amount: float  # how much of the handle's bend and twist it makes, in [0, 1]
-    # carry: (3, 3) takes the handle's rotation vectors to those of this part: turned from one axis to the other, and
-    # mirrored where the part is a mirror image
+    axis: PartAxis  # from the base of the part to its tip
+    amount: float  # the share of the handle's bend and twist that the part makes, in [0, 1]
+    # carry: (3, 3) maps the handle's rotation vectors to this part. It turns one axis onto the other, and mirrors them
+    # if the part is a mirror image.
     carry: Float64
     handedness: float  # 1, or −1 for a mirror image, which twists the other way
-    sections: Sections  # its vertices by where along the axis they are
-    across: bool  # whether it lies across the plane of symmetry
+    sections: Sections  # the vertices of the part in the order along its axis
+    across: bool  # whether the part lies across the plane of symmetry
 
     def bend(self, points: Float64, transform: Transform) -> None:
-        """Bend and twist what of `points` (V, 3) belongs to the part, in place, as `transform` says."""
+        """Bend and twist the vertices of the part in `points` (V, 3), in place, as `transform` says."""
         turn = self.amount * (self.carry @ np.asarray(transform.bend))
         twist = self.amount * self.handedness * transform.twist
         self.sections.move(points, bend_maps(self.axis.nodes, self.axis.radius, turn, twist, transform.joint))
 
 
 class HeldParts:
-    """The parts of the handles of one mesh, kept as long as what they depend on stays."""
+    """Find the parts that handles of one mesh hold, and keep them as long as their inputs do not change."""
 
     def __init__(self, mesh: Mesh) -> None:
         self._mesh = mesh
@@ -68,23 +68,23 @@ class HeldParts:
         columns: Sequence[tuple[Float32, Column]],
         plane: SymmetryPlane | None,
     ) -> list[HeldPart]:
-        """The parts that a handle holds, the one that it stands on first.
+        """Return the parts that a handle holds, its own part first.
 
         Parameters
         ----------
         key
-            All that they depend on.
+            The cache key: all inputs that change the parts.
         handle, anchor
-            The handle, and the vertex by which it is judged.
+            The handle, and the vertex that stands for it.
         columns
-            (V,) what follows it, by instance, its own first, and what each is of.
+            (V,) the weights of each instance, the handle's own first, with its column.
         plane
-            Of the edit's symmetry: across it handles act mirrored.
+            The plane of the edit's symmetry. Handles act mirrored across it.
         """
         if key in self._found:
             self._found[key] = self._found.pop(key)  # the last to be forgotten
             return self._found[key]
-        # Instances may share one part, as the fingers of a hand do: parts are what all of them together hold.
+        # Instances may share one part, as fingers share a hand: parts come from the sum of all instances.
         whole = np.sum([weights for weights, _ in columns], axis=0)
         pieces: list[tuple[PartAxis, Column, float]] = []
         images = {column: image for _, column in columns if (image := column.image) is not None}
@@ -106,9 +106,9 @@ class HeldParts:
         return found
 
     def bent(self, edit: Edit, parts: dict[int, list[HeldPart]]) -> Float64:
-        """(V, 3) the resting vertices, bent and twisted by the handles of `edit` that do, whose `parts` are given.
+        """Return (V, 3) the resting vertices, bent and twisted by the handles of `edit` that have `parts`.
 
-        What lies in several parts is bent by the smallest first: a shin goes along with its thigh.
+        Smaller parts bend first, so that a thigh also moves its bent shin.
         """
         bending = [(part, edit.handles[i].transform) for i, of_handle in parts.items() for part in of_handle]
         points = np.array(self._mesh.vertices, np.float64)
@@ -125,9 +125,8 @@ class HeldParts:
         if plane is not None:
             sides = plane.signed_distance(self._mesh.vertices[axis.vertices])
             less = float((sides < 0).mean())
-            if (
-                ACROSS < less < 1 - ACROSS
-            ):  # lies across the plane: what both sides do alike is left, a turn about its normal
+            if ACROSS < less < 1 - ACROSS:
+                # Across the plane only a rotation about its normal is symmetric.
                 across, flat = True, np.outer(plane.normal, plane.normal)
             elif (less > 0.5) != (float(plane.signed_distance([column.position(handle)])[0]) < 0):
                 frame = plane.reflection[:3, :3] @ frame
@@ -138,7 +137,7 @@ class HeldParts:
 
 
 def _turn(one: Float64, other: Float64) -> Float64:
-    """(3, 3) the rotation of a direction onto another one that keeps up what is up, where both lie flat enough."""
+    """Return (3, 3) a rotation of `one` onto `other`. It keeps y up unless one of them is nearly upright."""
     if max(abs(one @ UP), abs(other @ UP)) > UPRIGHT:
         return shortest_turn(one, other)
     frames = []
@@ -149,10 +148,10 @@ def _turn(one: Float64, other: Float64) -> Float64:
 
 
 def bend_vector(part: HeldPart, angle: float, towards: Any = None) -> Vector:
-    """The rotation vector, in degrees, that bends a handle's own part by an angle.
+    """Return the rotation vector, in degrees, that bends a handle's own part by an angle.
 
-    It takes the tip `towards` a direction (3,) or a word of `TOWARDS`: if left out up, and where the part itself runs
-    upright to the front.
+    The tip moves `towards` a direction (3,) or a word of `TOWARDS`. If left out, it moves up, or to the front for an
+    upright part.
 
     Raises ValueError if `towards` is neither, or the part itself runs in that direction.
     """
@@ -173,11 +172,11 @@ def bend_vector(part: HeldPart, angle: float, towards: Any = None) -> Vector:
 def pivot_on(
     part: HeldPart, which: PivotAt | None, handle: Handle, plane: SymmetryPlane | None
 ) -> tuple[Vector, PivotAt]:
-    """A pivot on the part that a handle stands on, and what it is; None chooses the base of a limb, else the middle.
+    """Return a pivot on a handle's own part, and its kind. None chooses the base of a limb, else the middle.
 
-    What is chosen for a part across the plane of symmetry lies on that plane.
+    For a part across the plane of symmetry, this choice is moved onto the plane.
 
-    Raises ValueError if it is to be on the plane, and there is none.
+    Raises ValueError if `which` is "plane" and the edit has no plane.
     """
     point = np.asarray(handle.place.position)
     axis = part.axis

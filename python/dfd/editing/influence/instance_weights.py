@@ -1,4 +1,4 @@
-"""Columns to pose with: one for each handle, or one for each instance of what it holds."""
+"""The columns of weights for posing: one for each handle, or one for each of its instances."""
 
 from __future__ import annotations
 
@@ -26,42 +26,42 @@ if TYPE_CHECKING:
     from dfd.segmentation.parts import Grip
     from dfd.symmetry.plane import SymmetryPlane
 
-MOST_FOUND = 16  # places whose instances are kept
-LEAST_LEVELED = 0.1  # of the handle's own weight: an instance that follows less is not brought to it
+MOST_FOUND = 16  # places in the cache of instances
+LEAST_LEVELED = 0.1  # `equalize` leaves instances alone that have less than this share of the handle's own weight
 
-Portion = tuple[Instance | None, float]  # what an instance, or all, has of a handle's weights, times a gain
+Portion = tuple[Instance | None, float]  # an instance, or None for all of them, and the gain of its weights
 
 
 class Column(NamedTuple):
-    """What a column of weights belongs to."""
+    """The handle and the instance of a column of weights."""
 
-    handle: int  # which of the edit's handles
-    instance: Instance | None  # None where the handle's transform acts as it is
-    gain: float = 1.0  # the column is the handle's, times the instance's share, times this
+    handle: int  # the number of the handle in the edit
+    instance: Instance | None  # None if the handle's own transform applies
+    gain: float = 1.0  # the column is the handle's weights times the instance's share times this gain
     carriers: tuple[int, ...] = ()  # the columns of other handles in whose components its own is nested
 
     def matrix(self, handle: Handle) -> Float64:
-        """The (3, 4) transform of the column, mesh units: the handle's own, carried into the instance's frame."""
+        """Return the (3, 4) transform of the column, mesh units: the handle's own in the instance's frame."""
         if self.instance is None:
             return handle.matrix
         return self.instance.transform(handle.matrix, handle.place.position)
 
     @property
     def image(self) -> Float64 | None:
-        """(3, 4) the isometry from the handle's own component, where they are mirror images."""
+        """(3, 4) the isometry from the handle's own component, if they are mirror images."""
         return None if self.instance is None else self.instance.image
 
     def vertex(self, anchor: int) -> int:
-        """The vertex where it is held; `anchor` is that of the handle."""
+        """Return the vertex of the instance, or `anchor`, the vertex of the handle."""
         return anchor if self.instance is None else self.instance.vertex
 
     def position(self, handle: Handle) -> Vector:
-        """(3,) where what it holds is, mesh units: it tells its side of a plane of symmetry."""
+        """Return the position (3,) of the instance or the handle, mesh units. It has a side of a mirror plane."""
         return handle.place.position if self.instance is None else self.instance.position
 
 
 class InstanceColumns:
-    """The columns of one mesh, kept as long as what they depend on stays."""
+    """Make the columns of one mesh, and keep them as long as their inputs do not change."""
 
     def __init__(
         self,
@@ -81,15 +81,15 @@ class InstanceColumns:
         self._made: tuple[Float32, tuple[Column, ...]] | None = None
 
     def prepare(self, planes: Sequence[SymmetryPlane], finder: InstanceFinder) -> None:
-        """Take what the first handle would wait for; `planes` are those that `symmetry_planes` finds."""
+        """Take a prepared finder, and the planes that `symmetry_planes` finds."""
         self._planes, self.finder = list(planes), finder
 
     def of(
         self, edit: Edit, weights: Float32, keys: Sequence[Hashable], rows: HandleFeatures
     ) -> tuple[Float32, tuple[Column, ...]]:
-        """(V, C) how much vertices follow, and what each column is of.
+        """Return (V, C) weights, and the handle and instance of each column.
 
-        `weights` (V, H) are those of the handles, `keys` (H) all that these depend on but for the fixed points.
+        `weights` (V, H) are those of the handles, `keys` (H) are their cache keys.
         """
         if not any(_told_apart(handle, edit) for handle in edit.handles):
             return weights, tuple(Column(i, None) for i in range(len(edit.handles)))
@@ -97,7 +97,7 @@ class InstanceColumns:
         wanted = [wanted_of(handle) for handle in edit.handles]
         key = (about, tuple(zip(keys, wanted, strict=True)), self.allocating(edit))
         if self._made is None or key != self._key:
-            self._made = None  # to make room
+            self._made = None  # free its memory first
             parts: list[list[Portion]] = []
             columns: list[Column] = []
             for i, handle in enumerate(edit.handles):
@@ -121,14 +121,14 @@ class InstanceColumns:
 
     @staticmethod
     def allocating(edit: Edit) -> tuple[int, ...]:
-        """The handles (H) among which components are divided: those that move, where they are several."""
+        """Return the handles among which components are divided: all that move, if there are several."""
         moving = [i for i, handle in enumerate(edit.handles) if not handle.transform.rests and _apart(handle)]
         return tuple(moving) if len(moving) > 1 and edit.rules.overlap == "add" else ()
 
     def _allocated(
         self, edit: Edit, weights: Float32, made: Float32, columns: list[Column], rows: HandleFeatures
     ) -> tuple[Float32, list[Column]]:
-        """`made` (C, V) and `columns` with every component given to one of the handles that move."""
+        """Return `made` (C, V) and `columns` after each component was given to one of the moving handles."""
         among = [i for i, column in enumerate(columns) if column.handle in self.allocating(edit)]
         own = made[among]
         samples, sizes = self.finder.samples
@@ -180,17 +180,17 @@ class InstanceColumns:
         return on
 
     def instances(self, handle: Handle, rows: HandleFeatures, symmetry: SymmetryPlane | None) -> tuple[Instance, ...]:
-        """The instances of what a handle holds, by looks alone, mirrored across planes that were chosen or found."""
+        """Return the instances of a handle by features alone, mirrored across the chosen plane or found planes."""
         return self._looked_up(handle.place, handle.controls.reach == "part", symmetry, rows)[0]
 
     def part(self, place: Place, rows: HandleFeatures) -> Float32 | None:
-        """(V,) 1 on the part of a place, alike on mirror images, falling smoothly to 0; None where none ends."""
+        """Return (V,) 1 on the part at a place, equal on mirror images, falling to 0; None if there is no part."""
         return None if self._grip(place) is None else self._looked_up(place, True, None, rows)[1]
 
     def _looked_up(
         self, place: Place, by_part: bool, symmetry: SymmetryPlane | None, rows: HandleFeatures
     ) -> tuple[tuple[Instance, ...], Float32 | None]:
-        """The instances at a place, and (V,) the weights of the part, if `by_part` and there is one."""
+        """Return the instances at a place, and (V,) the weights of the part if `by_part` and there is one."""
         key = (place, by_part, symmetry)
         if key not in self._found:
             while len(self._found) >= MOST_FOUND:
@@ -207,7 +207,7 @@ class InstanceColumns:
     def _parts(
         self, edit: Edit, handle: Handle, weights: Float32, instances: Sequence[Instance], rows: HandleFeatures
     ) -> list[Portion]:
-        """What of a handle's weights moves: all, or its instances that are on."""
+        """Return the portions of a handle's weights that move: all, or its instances that are on."""
         controls = handle.controls
         if not instances:
             return [(None, 1.0)]
@@ -226,7 +226,7 @@ class InstanceColumns:
 
 
 def followed_by(weights: Float32, columns: tuple[Column, ...], count: int) -> Float32:
-    """(V, H) how much vertices follow each of `count` handles, from the columns (V, C) of all."""
+    """Return (V, H) weights of `count` handles, the sums of their columns among (V, C)."""
     followed = np.zeros((len(weights), count), np.float32)
     for index, column in enumerate(columns):
         followed[:, column.handle] += weights[:, index]
@@ -234,24 +234,24 @@ def followed_by(weights: Float32, columns: tuple[Column, ...], count: int) -> Fl
 
 
 def wanted_of(handle: Handle) -> Hashable:
-    """What of a handle its columns depend on, besides its weights."""
+    """Return what changes the columns of a handle, besides its weights."""
     controls = handle.controls
     return controls.instances, controls.excluded_instances
 
 
 def _apart(handle: Handle) -> bool:
-    """Whether each of a handle's instances has a column of its own."""
+    """Return whether each instance of a handle has its own column."""
     return handle.controls.instances != "shared_pivot"
 
 
 def _told_apart(handle: Handle, edit: Edit) -> bool:
-    """Whether a handle has use for its instances."""
+    """Return whether the instances of a handle change its columns."""
     controls = handle.controls
     return _apart(handle) or edit.rules.equalize or controls.excluded_instances != ()
 
 
 def _weights_of(part: Portion, weights: Float32) -> Float32:
-    """What of the weights (V,) of a handle is a part's."""
+    """Return the portion of the weights (V,) of a handle."""
     instance, gain = part
     share = None if instance is None else instance.share
     own = weights if share is None else weights * share
@@ -259,10 +259,10 @@ def _weights_of(part: Portion, weights: Float32) -> Float32:
 
 
 def _leveled(weights: Float32, instances: Sequence[Instance], near: Float64) -> tuple[list[Instance], list[float]]:
-    """Instances with gains by which each follows as much as the handle's own, but for their falloff `near` (N,).
+    """Return instances, and gains that raise their weights to the handle's own, apart from their falloff `near` (N,).
 
-    Those that are less alike are made up for, and not those that are farther away: locality is there to leave them out.
-    Where gains add up to more weight than there is anywhere, between two instances, their shares are less.
+    Gains compensate for less similar features and not for distance, since locality is meant to exclude what is far.
+    Where the sum between two instances would exceed the maximum of `weights`, their shares are reduced.
     """
     tops = [float(weights[one.vertex]) / part if part > 0 else 0.0 for one, part in zip(instances, near, strict=True)]
     alike = [one.weight >= LEAST_ALIKE and tops[i] >= LEAST_LEVELED * tops[0] > 0 for i, one in enumerate(instances)]
