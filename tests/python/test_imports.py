@@ -1,4 +1,4 @@
-"""The house: a room imports only rooms to its left, and no file of a room imports one that imports it."""
+"""Imports between packages: a package imports only packages before it in `PACKAGES`, and no imports are circular."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 import dfd
 
-ROOMS = (
+PACKAGES = (
     "common",
     "mesh",
     "geometry",
@@ -30,12 +30,12 @@ ROOMS = (
     "app",
     "cli",
 )
-# They stand beside the path: made shapes know the rooms, no room of the path knows them.
+# `samples` may import the packages up to `mesh`, and no package but those of `MAY_ALSO` imports it.
 BESIDE = {"samples": "mesh"}
 # The demo is of the samples, and the app offers them.
 MAY_ALSO = {"app": ("samples",), "cli": ("samples",)}
 
-# What may use the public names, as users do.
+# Packages that may import the public names of `dfd`.
 ABOVE = {"batch", "cli"}
 
 PACKAGE = Path(dfd.__file__).parent
@@ -63,42 +63,42 @@ FILES = {module_of(path): path for path in sorted(PACKAGE.rglob("*.py")) if "nod
 IMPORTS = {module: imports_of(path, set(FILES)) - {module} for module, path in FILES.items()}
 
 
-def room_of(module: str) -> str:
+def package_of(module: str) -> str:
     return module.split(".")[1] if "." in module else ""
 
 
-@pytest.mark.parametrize("room", sorted({room_of(module) for module in FILES} - {"", "__main__", *BESIDE}))
-def test_a_room_imports_only_rooms_to_its_left(room: str) -> None:
-    allowed = {*ROOMS[: ROOMS.index(room) + 1], *MAY_ALSO.get(room, ())}
+@pytest.mark.parametrize("package", sorted({package_of(module) for module in FILES} - {"", "__main__", *BESIDE}))
+def test_a_package_imports_only_packages_before_it(package: str) -> None:
+    allowed = {*PACKAGES[: PACKAGES.index(package) + 1], *MAY_ALSO.get(package, ())}
     for module, imported in IMPORTS.items():
-        if room_of(module) == room:
-            public = {""} if room in ABOVE else set()
-            wrong = {name for name in imported if room_of(name) not in allowed | public}
+        if package_of(module) == package:
+            public = {""} if package in ABOVE else set()
+            wrong = {name for name in imported if package_of(name) not in allowed | public}
             assert not wrong, f"{module} imports {', '.join(sorted(wrong))}"
 
 
 @pytest.mark.parametrize(("module", "last"), sorted(BESIDE.items()))
-def test_what_stands_beside_the_path_imports_what_it_may(module: str, last: str) -> None:
-    allowed = {*ROOMS[: ROOMS.index(last) + 1], *BESIDE}
+def test_samples_import_only_what_they_may(module: str, last: str) -> None:
+    allowed = {*PACKAGES[: PACKAGES.index(last) + 1], *BESIDE}
     for name, imported in IMPORTS.items():
-        if room_of(name) == module:
-            assert {room_of(each) for each in imported} <= allowed | {""}, name
+        if package_of(name) == module:
+            assert {package_of(each) for each in imported} <= allowed | {""}, name
 
 
-def test_no_file_imports_one_that_imports_it() -> None:
-    """Where types alone are meant, an import under TYPE_CHECKING counts as well."""
+def test_no_imports_are_circular() -> None:
+    """Imports under TYPE_CHECKING count as well."""
     try:
         tuple(TopologicalSorter({name: found - {"dfd"} for name, found in IMPORTS.items()}).static_order())
     except CycleError as error:
         pytest.fail(f"circle: {' -> '.join(error.args[1])}")
 
 
-def test_the_core_needs_none_of_the_tools() -> None:
-    """Who computes with meshes, fields, weights and poses loads nothing of app, batches, pictures or commands."""
-    reached = {name for name in FILES if room_of(name) in ("mesh", "field", "weights", "posing")}
+def test_the_core_imports_no_tools() -> None:
+    """Meshes, fields, weights and poses import nothing of app, batch, command line, export or pictures."""
+    reached = {name for name in FILES if package_of(name) in ("mesh", "field", "weights", "posing")}
     waiting = list(reached)
     while waiting:
         found = IMPORTS[waiting.pop()] - reached - {"dfd"}
         reached |= found
         waiting += found
-    assert {room_of(name) for name in reached}.isdisjoint({"app", "batch", "cli", "export", "pictures"})
+    assert {package_of(name) for name in reached}.isdisjoint({"app", "batch", "cli", "export", "pictures"})
