@@ -85,8 +85,8 @@ def _told(mesh: Mesh, features: NDArray[np.float32], planes: list[SymmetryPlane]
         assert _within(each.share, 0, 1)
         for instance in each.instances:
             assert np.isfinite(instance.frame).all()
-            assert instance.share is None or _within(instance.share, 0, 1)
-        shares = [one.share for one in each.instances if one.share is not None]
+            assert instance.share is None or _within(instance.share.values, 0, 1)
+        shares = [one.share.dense(len(mesh.vertices)) for one in each.instances if one.share is not None]
         assert not shares or _within(np.sum(shares, axis=0), 0, 1 + 1e-4)
 
 

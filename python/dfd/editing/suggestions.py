@@ -83,7 +83,7 @@ def suggest_handles(
     for column, share in zip(chosen, shares, strict=True):
         vertex = int(some[candidates[column]])
         alike = bind(features, [vertex], reach=REACH)[:, 0]
-        instances = finder.find(alike, vertex, mesh.vertices[vertex], planes=planes)
+        instances, _ = finder.find(alike, vertex, mesh.vertices[vertex], planes=planes)
         likes = tuple(one for one in instances if one is instances[0] or one.weight >= LEAST_ALIKE)
         found.append(Suggestion(vertex, float(share), likes))
     return found

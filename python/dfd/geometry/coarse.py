@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from functools import cached_property
+from typing import NamedTuple
 from weakref import WeakKeyDictionary, ref
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array, eye_array
+from scipy.spatial import cKDTree
 
 import dfd._core as _core
-from dfd.common.linear_algebra import Float32, Float64, Int32
+from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64
 from dfd.geometry.surface_graph import surface_graph, surface_links
 from dfd.geometry.topology import first_at_place
 from dfd.mesh.mesh import Mesh
@@ -18,7 +22,24 @@ MOST_NODES = 20_000  # a mesh of more vertices is clustered
 CELLS = 100  # grid cells along the longest side, for clustering
 RUN = 1 << 17  # faces or vertices processed at once, to bound temporary memory
 
-SliceWeights = Callable[[slice], Float32]  # from a slice of the vertices to their weights in [0, 1]
+
+class Share(NamedTuple):
+    """The vertices that something has a share of, and that share; it has none of the others."""
+
+    vertices: NDArray[np.integer]  # (N,) ascending
+    values: Float32  # (N,) in (0, 1]
+
+    def at(self, vertex: int) -> float:
+        """Return the share of one vertex."""
+        place = int(np.searchsorted(self.vertices, vertex))
+        known = place < len(self.vertices) and self.vertices[place] == vertex
+        return float(self.values[place]) if known else 0.0
+
+    def dense(self, count: int) -> Float32:
+        """Return (count,) the shares of all vertices."""
+        shares = np.zeros(count, np.float32)
+        shares[self.vertices] = self.values
+        return shares
 
 
 class Nodes:
@@ -45,21 +66,58 @@ class Nodes:
         self.component = component[self.members[self.starts]]  # (N,) of the surface without bridges
         # (N,) whether a face uses a vertex of the component: parts and counterparts are made of those alone
         self.used = np.isin(self.component, component[mesh.faces.ravel()]) | (len(mesh.faces) == 0)
-        self._blend = None if coarse else _interpolation(vertices, self)
+        self._vertices = vertices
+        self._is_fine = coarse
 
-    def shares(self, parts: Float64) -> list[SliceWeights]:
+    def shares(self, parts: Float64) -> list[Share]:
         """Interpolate each row of `parts` (K, N) from the nodes to the vertices, divided by the sum of all rows."""
         rows = parts.astype(np.float32)
-        blend, total = self._blend, rows.sum(axis=0)
-        if blend is not None:
-            total = blend @ total
+        total = rows.sum(axis=0)
+        found = []
+        for row in rows:
+            vertices = np.flatnonzero(self._near(row > 0)[self.of_vertex])
+            some, all_of = self.interpolated(np.stack([row, total], axis=1), vertices).T
+            above = some > 0
+            found.append(Share(vertices[above].astype(np.int32), some[above] / all_of[above]))
+        return found
 
-        def share(row: Float32) -> SliceWeights:
-            if blend is None:
-                return lambda some: row[some] / total[some]
-            return lambda some: np.asarray((blend if some == slice(None) else blend[some]) @ row / total[some])
+    def interpolated(self, values: Float32, vertices: Int64 | slice = slice(None)) -> Float32:
+        """Interpolate `values` (N, K) from the nodes to all vertices, or to some: (V, K)."""
+        if self._is_fine:
+            return values[self.of_vertex[vertices]]
+        blend = self.blend
+        return np.asarray((blend if isinstance(vertices, slice) else blend[vertices]) @ values, np.float32)
 
-        return [share(row) for row in rows]
+    def nearest(self, points: ArrayLike) -> Int64:
+        """Return the vertex nearest to each of `points` (M, 3), among those of the nodes around it."""
+        asked = np.reshape(points, (-1, 3)).astype(np.float64)
+        around = self.tree.query(asked, k=min(8, len(self.center)))[1].reshape(len(asked), -1)
+        found = np.empty(len(asked), np.int64)
+        for i, nodes in enumerate(around):
+            members = np.concatenate([self.members[self.starts[node] : self.ends[node]] for node in nodes])
+            found[i] = members[np.square(self._vertices[members] - asked[i]).sum(axis=1).argmin()]
+        return found
+
+    @cached_property
+    def tree(self) -> cKDTree:
+        """The tree of the centers."""
+        return cKDTree(self.center)
+
+    @cached_property
+    def _reach(self) -> csr_array:
+        """(N, N) which nodes the vertices of each are interpolated from: itself and its neighbors."""
+        reach = csr_array(self.graph.astype(bool) + eye_array(len(self.center), dtype=bool))
+        reach.sort_indices()
+        return reach
+
+    @cached_property
+    def blend(self) -> csr_array:
+        """(V, N) what interpolates values of the nodes to the vertices."""
+        return _interpolation(self._vertices, self)
+
+    def _near(self, nodes: Bool) -> Bool:
+        """(N,) which nodes have vertices that values of `nodes` (N,) reach."""
+        return nodes if self._is_fine else np.asarray(self._reach @ nodes.astype(np.float32)) > 0
 
 
 _NODES: WeakKeyDictionary[Mesh, ref[Nodes]] = WeakKeyDictionary()
@@ -119,9 +177,7 @@ def _centers(vertices: Float64, of_vertex: Int32) -> Float64:
 
 def _interpolation(vertices: Float64, nodes: Nodes) -> csr_array:
     """Rows (V, N) that blend the values of a vertex's node and of its neighbors, weighted by nearness."""
-    count = nodes.graph.shape[0]
-    reach = csr_array(nodes.graph.astype(bool) + eye_array(count, dtype=bool))  # with the node itself
-    reach.sort_indices()
+    reach = nodes._reach
     lengths = np.diff(reach.indptr)[nodes.of_vertex]
     starts = np.concatenate([[0], np.cumsum(lengths)])
     data, indices = np.empty(starts[-1], np.float32), np.empty(starts[-1], np.int32)
@@ -136,4 +192,4 @@ def _interpolation(vertices: Float64, nodes: Nodes) -> csr_array:
         part = np.square(1 - squared / np.repeat(radius, lengths[first:last])) + 1e-6
         data[here] = part / np.repeat(np.add.reduceat(part, begins), lengths[first:last])
         indices[here] = beside
-    return csr_array((data, indices, starts), shape=(len(vertices), count))
+    return csr_array((data, indices, starts), shape=(len(vertices), reach.shape[0]))

@@ -57,11 +57,12 @@ class Part:
 class Grip:
     """The part that a handle at a place holds, as weights."""
 
-    # weights: (V,) 1 inside the part and 0 outside, with a smooth transition over its seam
+    # weights: (V,) 1 inside the part and 0 outside, with a smooth transition over its blend band
     weights: Float32 = field(repr=False)
-    # pieces: (V,) the number of the connected piece that each vertex is on, from 0, such as one of four legs. −1 is for
-    # vertices outside the part, and for very small pieces.
-    pieces: Int64 = field(repr=False)
+    of_node: Float32 = field(repr=False)  # (N,) the same at the nodes of the mesh, `dfd.geometry.coarse`
+    # component: (N,) the connected component that each node is on, numbered from 0, such as one of four legs. It is −1
+    # outside the part, and on very small components.
+    component: Int64 = field(repr=False)
 
 
 class Parts:
@@ -136,16 +137,14 @@ class Parts:
                 depth[side == inner] = np.minimum(found[side == inner], width)
         within = np.clip(BEYOND + np.where(side, depth, -depth) / width, 0.0, 1.0)
         within = within * within * (3.0 - 2.0 * within)
-        held = np.asarray(patches.nodes.shares(np.stack([1.0 - within, within]))[1](slice(None)), np.float32)
-        # A handle on the seam itself has weight 1 there.
-        weights = np.minimum(held / max(held[vertex], np.float32(0.01)), 1.0)
+        # A handle on the band itself has weight 1 there.
+        held = patches.nodes.interpolated(within.astype(np.float32))
+        whole = max(held[vertex], np.float32(0.01))
         pieces = pieces_of(patches, inside)
         area = np.bincount(pieces[inside], patches.area[inside])
         large = (area > CRUMB * area.max()) | (np.arange(len(area)) == pieces[patches.of_vertex[vertex]])
-        pieces = np.where(large[pieces] & inside, pieces, -1)
-        return Grip(
-            np.asarray(weights, np.float32), np.where(side, pieces[patches.of_node], -1)[patches.nodes.of_vertex]
-        )
+        component = np.where(side, np.where(large[pieces] & inside, pieces, -1)[patches.of_node], -1)
+        return Grip(np.minimum(held / whole, 1), np.minimum(within / whole, 1).astype(np.float32), component)
 
     def grips(self) -> Int64:
         """Return (V,) numbers from 0. Vertices of one number have the same `grip`, except for the snapped seam."""
@@ -208,10 +207,9 @@ class Parts:
         shares = self._patches.nodes.shares(np.array(sides, np.float64))
         best = np.zeros(len(self._mesh.vertices), np.float32)
         label = np.zeros(len(best), np.int64)
-        for number, share in enumerate(shares):
-            here = share(slice(None))
-            label[here > best] = number
-            np.maximum(best, here, out=best)
+        for number, (vertices, share) in enumerate(shares):
+            more = share > best[vertices]
+            label[vertices[more]], best[vertices[more]] = number, share[more]
         return label
 
     def _part(self, inside: Bool, mask: Bool, vertex: int) -> Part:

@@ -7,6 +7,7 @@ import dfd
 from dfd.editing.controls import Controls
 from dfd.editing.influence import instance_weights
 from dfd.editing.influence.instances import Instance, InstanceFinder
+from dfd.geometry.coarse import Share
 from dfd.posing.transforms import affine, rotation_matrix
 
 
@@ -21,17 +22,16 @@ def asked(sample, mesh, monkeypatch):
     calls = []
 
     class Labels(InstanceFinder):
-        def find(self, weights, vertex, position, *, held=None, pieces=None, planes=()):
+        def find(self, weights, vertex, position, *, held=None, grip=None, planes=()):
             calls.append((vertex, planes))
             found = []
             for leg in sorted(range(4), key=lambda leg: leg != sample.instances[vertex]):
                 members = sample.vertices_of("leg", leg)
-                share = np.zeros(len(mesh.vertices), np.float32)
-                share[members] = 1
+                share = Share(members, np.ones(len(members), np.float32))
                 foot = int(members[mesh.vertices[members, 1].argmin()])
                 frame = np.diag([1.0 if leg % 2 == sample.instances[vertex] % 2 else -1.0, 1, 1])
-                found.append(Instance(foot, tuple(mesh.vertices[foot]), frame, float(weights[foot]), share.__getitem__))
-            return tuple(found)
+                found.append(Instance(foot, tuple(mesh.vertices[foot]), frame, float(weights[foot]), share))
+            return tuple(found), None if grip is None else grip.weights
 
     monkeypatch.setattr(instance_weights, "InstanceFinder", Labels)
     monkeypatch.setattr(instance_weights, "symmetry_planes", lambda *_: ["found"])
@@ -139,14 +139,12 @@ def test_level_lets_no_vertex_follow_more_than_the_handle(mesh, field, asked, fo
     """Between two instances both have a share, and both are brought to full weight."""
 
     class Halves(InstanceFinder):
-        def find(self, weights, vertex, position, *, held=None, pieces=None, planes=()):
-            half = np.full(len(mesh.vertices), 0.5, np.float32)
+        def find(self, weights, vertex, position, *, held=None, grip=None, planes=()):
+            half = Share(np.arange(len(mesh.vertices)), np.full(len(mesh.vertices), 0.5, np.float32))
             low = int(weights.argmin())
             places = [tuple(mesh.vertices[one]) for one in (vertex, low)]
-            return tuple(
-                Instance(one, at, np.eye(3), 1.0, half.__getitem__)
-                for one, at in zip((vertex, low), places, strict=True)
-            )
+            found = [Instance(one, at, np.eye(3), 1.0, half) for one, at in zip((vertex, low), places, strict=True)]
+            return tuple(found), None if grip is None else grip.weights
 
     monkeypatch.setattr(instance_weights, "InstanceFinder", Halves)
     session = dfd.Deformer(mesh, field, features=field.features(mesh))
@@ -154,8 +152,8 @@ def test_level_lets_no_vertex_follow_more_than_the_handle(mesh, field, asked, fo
     assert session.following.max() <= 1 + 1e-6
     assert (session.vertices[:, 1] >= mesh.vertices[:, 1] - 0.2 - 1e-6).all()
     for column in session.bound.columns(session.edit)[1]:
-        assert (column.instance.share >= 0).all()
-        assert (column.instance.share <= 1).all()
+        assert (column.instance.share.values >= 0).all()
+        assert (column.instance.share.values <= 1).all()
 
 
 @pytest.mark.parametrize("instances", ["own_pivot", "shared_pivot"])

@@ -12,6 +12,7 @@ from dfd.editing.influence import instances
 from dfd.editing.influence.instances import InstanceFinder
 from dfd.geometry import coarse
 from dfd.posing.transforms import affine
+from dfd.segmentation.parts import Grip
 
 SIDE = 41  # vertices along a side of the sheet
 
@@ -39,7 +40,11 @@ def vertex_at(mesh: Mesh, x: float, z: float) -> int:
 
 
 def find(mesh: Mesh, weights: np.ndarray, vertex: int, **planes: object) -> tuple[instances.Instance, ...]:
-    return InstanceFinder(mesh).find(weights, vertex, mesh.vertices[vertex], **planes)  # type: ignore[arg-type]
+    return InstanceFinder(mesh).find(weights, vertex, mesh.vertices[vertex], **planes)[0]  # type: ignore[arg-type]
+
+
+def share(mesh: Mesh, one: instances.Instance) -> np.ndarray:
+    return one.share.dense(len(mesh.vertices))
 
 
 def test_a_single_hill_is_one_instance_that_has_everything():
@@ -54,13 +59,16 @@ def test_every_piece_of_a_part_is_one_instance_whatever_peaks_it_has():
     mesh = sheet()
     weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, -0.5, 0.5, 0.9) + hill(mesh, 0.5, 0, 0.02)
     pieces = np.where(mesh.vertices[:, 0] < -0.2, 1, np.where(mesh.vertices[:, 0] > 0.2, 0, -1))
-    own, other = find(mesh, weights, vertex_at(mesh, -0.5, -0.5), pieces=pieces)
-    np.testing.assert_array_equal(own.share[pieces == 1], 1)
-    np.testing.assert_array_equal(other.share[pieces == 0], 1)
+    held = Grip(np.ones(len(pieces), np.float32), np.ones(len(pieces), np.float32), pieces)
+    own, other = find(mesh, weights, vertex_at(mesh, -0.5, -0.5), grip=held)
+    np.testing.assert_array_equal(share(mesh, own)[pieces == 1], 1)
+    np.testing.assert_array_equal(share(mesh, other)[pieces == 0], 1)
     np.testing.assert_allclose(other.position, (0.5, 0, 0), atol=1e-12)
-    np.testing.assert_allclose(own.share + other.share, 1, atol=1e-6)
-    beside, _ = find(mesh, weights, vertex_at(mesh, -0.1, 0.3), pieces=pieces)
-    np.testing.assert_array_equal(beside.share[pieces == 1], 1, err_msg="held on the seam, it is of the nearest piece")
+    np.testing.assert_allclose(share(mesh, own) + share(mesh, other), 1, atol=1e-6)
+    beside, _ = find(mesh, weights, vertex_at(mesh, -0.1, 0.3), grip=held)
+    np.testing.assert_array_equal(
+        share(mesh, beside)[pieces == 1], 1, err_msg="held on the seam, it is of the nearest piece"
+    )
 
 
 def test_every_hill_is_an_instance_with_its_own_counterpart():
@@ -79,7 +87,7 @@ def test_all_peaks_of_a_piece_of_a_region_that_is_held_are_one_instance():
     row = np.array([vertex_at(mesh, x, -0.5) for x in np.linspace(-0.5, 0.5, 21)])
     own, other = find(mesh, weights, row[0], held=row)
     np.testing.assert_allclose(other.position, (0.5, 0, 0.5), atol=1e-12)
-    np.testing.assert_array_equal(own.share[row[[0, -1]]], 1)
+    np.testing.assert_array_equal(share(mesh, own)[row[[0, -1]]], 1)
     own, second, third = find(mesh, weights, row[0], held=row[[0, 1, -2, -1]])
     np.testing.assert_allclose(own.position, mesh.vertices[row[:2]].mean(axis=0), atol=1e-12)
     np.testing.assert_allclose(second.position, mesh.vertices[row[-2:]].mean(axis=0), atol=1e-12)
@@ -112,7 +120,7 @@ def test_what_stands_inside_a_peak_of_another_component_is_part_of_it():
 def test_shares_add_up_to_one_and_each_has_its_counterpart_to_itself():
     mesh = sheet()
     found = find(mesh, hill(mesh, -0.5, 0, 1) + hill(mesh, 0.5, 0, 0.9), vertex_at(mesh, -0.5, 0))
-    shares = np.stack([each.share for each in found])
+    shares = np.stack([share(mesh, each) for each in found])
     np.testing.assert_allclose(shares.sum(axis=0), 1, atol=1e-6)
     assert shares.min() >= 0
     for number, each in enumerate(found):
@@ -122,7 +130,7 @@ def test_shares_add_up_to_one_and_each_has_its_counterpart_to_itself():
 def test_shares_pass_smoothly_from_one_instance_to_the_next():
     mesh = sheet()
     own, _ = find(mesh, hill(mesh, -0.5, 0, 1) + hill(mesh, 0.5, 0, 0.9), vertex_at(mesh, -0.5, 0))
-    along = own.share.reshape(SIDE, SIDE)
+    along = share(mesh, own).reshape(SIDE, SIDE)
     assert np.abs(np.diff(along, axis=0)).max() < 0.2
     assert np.abs(np.diff(along, axis=1)).max() < 0.2
 
@@ -185,10 +193,10 @@ def test_components_far_apart_are_instances_too():
     mesh = sheet(copies=2)
     weights = hill(mesh, 0, 0, 1) + hill(mesh, 100, 0, 1)
     own, other = find(mesh, weights, vertex_at(mesh, 0, 0))
-    assert np.isfinite(own.share).all()
+    assert np.isfinite(share(mesh, own)).all()
     on_the_first = mesh.vertices[:, 0] < 50
-    np.testing.assert_array_equal(own.share[on_the_first], 1)
-    np.testing.assert_array_equal(other.share[~on_the_first], 1)
+    np.testing.assert_array_equal(share(mesh, own)[on_the_first], 1)
+    np.testing.assert_array_equal(share(mesh, other)[~on_the_first], 1)
 
 
 def test_a_fine_mesh_is_gathered_into_nodes_and_has_the_same_instances():
@@ -198,12 +206,12 @@ def test_a_fine_mesh_is_gathered_into_nodes_and_has_the_same_instances():
     exact = find(mesh, weights, vertex)
     with mock.patch.object(coarse, "MOST_NODES", 1000), mock.patch.object(coarse, "CELLS", 12):
         finder = InstanceFinder(mesh)
-        gathered = finder.find(weights, vertex, mesh.vertices[vertex])
+        gathered, _ = finder.find(weights, vertex, mesh.vertices[vertex])
         assert finder._nodes.graph.shape[0] < 200
     assert [each.vertex for each in gathered] == [each.vertex for each in exact]
-    np.testing.assert_allclose(sum(each.share for each in gathered), 1, atol=1e-5)
+    np.testing.assert_allclose(sum(share(mesh, each) for each in gathered), 1, atol=1e-5)
     for one, other in zip(gathered, exact, strict=True):
-        assert np.abs(one.share - other.share).mean() < 0.04
+        assert np.abs(share(mesh, one) - share(mesh, other)).mean() < 0.04
 
 
 def test_a_handle_that_holds_nothing_has_only_itself():
@@ -218,7 +226,7 @@ def test_many_instances_still_share_everything():
     weights = np.max([hill(mesh, x, z, 1, 0.08) for x in steps for z in steps], axis=0)
     found = find(mesh, weights, vertex_at(mesh, steps[0], steps[0]))
     assert len(found) > 32
-    np.testing.assert_allclose(sum(each.share for each in found), 1, atol=1e-5)
+    np.testing.assert_allclose(sum(share(mesh, each) for each in found), 1, atol=1e-5)
 
 
 def test_a_soup_of_triangles_is_searched_in_one_pass():
@@ -232,7 +240,7 @@ def test_a_soup_of_triangles_is_searched_in_one_pass():
     found = find(mesh, weights, 0)
     assert 1 < len(found) <= instances.MOST_INSTANCES
     assert np.array_equal(found[0].position, mesh.vertices[0])
-    held = InstanceFinder(mesh).find(weights, 0, mesh.vertices[0], held=np.arange(9_000))
+    held = find(mesh, weights, 0, held=np.arange(9_000))
     assert len(held) == instances.MOST_INSTANCES
 
 
@@ -242,4 +250,4 @@ def test_there_are_no_more_instances_than_columns_are_worth():
     with mock.patch.object(instances, "MOST_INSTANCES", 4):
         found = find(mesh, weights, vertex_at(mesh, 0, 0))
     assert len(found) == 4
-    np.testing.assert_allclose(sum(each.share for each in found), 1, atol=1e-6)
+    np.testing.assert_allclose(sum(share(mesh, each) for each in found), 1, atol=1e-6)

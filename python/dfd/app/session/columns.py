@@ -19,6 +19,7 @@ from dfd.app.protocol.binary_messages import (
 )
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.editing.presets import PARTLESS_REACH, PRESETS
+from dfd.geometry.coarse import Share
 from dfd.posing.transforms import Vector
 from dfd.weights.bind import bind
 
@@ -38,7 +39,7 @@ class Whole(NamedTuple):
     """All instances of a handle as one: `share` (V,) times its gain is what they have of its weight."""
 
     position: Vector
-    share: Float32
+    share: Share
     frame: Float64 = np.eye(3)
 
 
@@ -111,7 +112,8 @@ class Columns:
         found: list[InstanceEntry] = []
         known, now = self._shares.get(number, []), list[NDArray[np.uint16]]()
         for instance, gain in self._acting(handle, index):
-            own = np.ones(len(self._deformer.mesh.vertices), np.float32) if instance.share is None else instance.share
+            count = len(self._deformer.mesh.vertices)
+            own = np.ones(count, np.float32) if instance.share is None else instance.share.dense(count)
             now.append(_packed(own, 1.0))
             share = None
             if len(now) > len(known) or not np.array_equal(now[-1], known[len(now) - 1]):
@@ -130,7 +132,7 @@ class Columns:
             # All instances turn about one pivot: together they are one, whose share is what they add up to.
             share = bound.instance_share(edit, handle)
             most = float(share.max(initial=0.0)) or 1.0
-            return [(Whole(handle.place.position, share / most), most)]
+            return [(Whole(handle.place.position, Share(np.arange(len(share)), share / most)), most)]
         if controls.instances == "own_pivot" and not edit.rules.equalize and not self._allocation():
             # Gains are 1, so the weights of all handles need not be computed.
             return [(instance, 1.0) for instance, on in bound.instances(edit, handle) if on]

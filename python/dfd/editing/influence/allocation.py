@@ -6,13 +6,14 @@ follows both. Components that border on each other share the band between them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
+from dfd.common.linear_algebra import Bool, Float32, Float64
+from dfd.geometry.coarse import Share
 
 HELD = 0.5  # share of a column's largest weight: a component ends where less follows
 SAME = 0.5  # intersection over union of two components: from here on they are one
@@ -51,48 +52,53 @@ def following(handle_of: Sequence[int], same: Bool) -> list[int]:
 
 
 def shared(
-    weights: Float32,
-    points: Float64,
-    standing: dict[int, int],
-    anchors: NDArray[np.integer] | Int64,
-    same: Bool,
-    nested: Bool,
-) -> Float32:
-    """Return `weights` (C, V) so that every handle arrives and columns beside each other sum to at most 1.
+    columns: Sequence[Share], points: Float64, standing: Mapping[int, int], same: Bool, nested: Bool
+) -> list[Share]:
+    """Return the weights of `columns` (C) so that every handle arrives, and columns beside each other sum to at most 1.
 
     Parameters
     ----------
     points
         (V, 3) the vertices.
     standing
-        By column on which a handle stands, which handle (H) that is.
-    anchors
-        (H,) the vertices of the handles.
+        By column on which a handle stands, the vertex of that handle.
     same, nested
         (C, C) as `carriers_of` returns them.
     """
-    result = weights.copy()
-    apart = {i: np.linalg.norm(points - points[anchors[handle]], axis=1) for i, handle in standing.items()}
+    result = list(columns)
+
+    def squared(column: int, vertices: NDArray[np.integer]) -> Float64:
+        """(N,) squared distances of `vertices` (N,) from the handle that stands on a column."""
+        return np.square(points[vertices] - points[standing[column]]).sum(axis=1)
+
+    def scale(column: int, factor: Float64 | Float32) -> None:
+        vertices, values = result[column]
+        result[column] = Share(vertices, values * factor.astype(np.float32))
+
     for one, other in combinations(standing, 2):
         if same[one, other]:  # both stand on it: each moves what is nearer to it
-            near = np.square(apart[other]) / np.maximum(np.square(apart[one]) + np.square(apart[other]), 1e-300)
-            result[one] *= near.astype(np.float32)
-            result[other] *= (1.0 - near).astype(np.float32)
-    for i, handle in standing.items():
-        here = anchors[handle]
-        beside = [j for j in range(len(result)) if j != i and not nested[i, j] and result[j, here] > 0]
-        if not beside:
+            for own, rival in ((one, other), (other, one)):
+                far = squared(rival, result[own].vertices)
+                scale(own, far / np.maximum(far + squared(own, result[own].vertices), 1e-300))
+    for i, here in standing.items():
+        beside = [j for j in range(len(result)) if j != i and not nested[i, j] and result[j].at(here) > 0]
+        others = [points[vertex] for j, vertex in standing.items() if j != i]
+        radius = np.linalg.norm(np.array(others).reshape(-1, 3) - points[here], axis=1).min(initial=np.inf) / 2
+        if not beside or radius == 0:  # two handles at one point: neither can take the place of the other
             continue
-        others = [points[anchors[other]] for j, other in standing.items() if j != i]
-        radius = np.linalg.norm(np.array(others) - points[here], axis=1).min() / 2
-        if radius == 0:  # two handles at one point: neither can take the place of the other
-            continue
-        bump = np.square(1.0 - np.square(np.minimum(apart[i], radius) / radius)) * weights[i]
-        result[beside] *= (1.0 - bump).astype(np.float32)
+        whole = columns[i].dense(len(points))
+        for j in beside:
+            vertices = result[j].vertices
+            near = np.square(1.0 - np.minimum(squared(i, vertices) / radius**2, 1.0))
+            scale(j, 1.0 - near * whole[vertices])
     depth = nested.sum(axis=1)
     for level in np.unique(depth):
         beside = np.flatnonzero(depth == level).tolist()
-        total = result[beside].sum(axis=0)
+        total = np.zeros(len(points), np.float32)
+        for j in beside:
+            total[result[j].vertices] += result[j].values
         if total.max(initial=0.0) > 1.0:
-            result[beside] /= np.maximum(total, np.float32(1.0))
+            np.maximum(total, np.float32(1.0), out=total)
+            for j in beside:
+                scale(j, 1.0 / total[result[j].vertices])
     return result

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -13,7 +14,7 @@ from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.influence.allocation import HELD, carriers_of, following, shared
 from dfd.editing.influence.instances import LEAST_ALIKE, Instance, InstanceFinder
-from dfd.geometry.coarse import SliceWeights
+from dfd.geometry.coarse import Share
 from dfd.posing.transforms import Vector
 from dfd.symmetry.search import symmetry_planes
 from dfd.weights.bind import bind
@@ -29,7 +30,13 @@ if TYPE_CHECKING:
 MOST_FOUND = 16  # places in the cache of instances
 LEAST_LEVELED = 0.1  # `equalize` leaves instances alone that have less than this share of the handle's own weight
 
-Portion = tuple[Instance | None, float]  # an instance, or None for all of them, and the gain of its weights
+
+class Portion(NamedTuple):
+    """A portion of a handle's weights: that of one instance, or of all of them."""
+
+    instance: Instance | None
+    gain: float  # the weights are the handle's times the instance's share times this gain
+    weights: Share
 
 
 class Column(NamedTuple):
@@ -98,24 +105,24 @@ class InstanceColumns:
         key = (about, tuple(zip(keys, wanted, strict=True)), self.allocating(edit))
         if self._made is None or key != self._key:
             self._made = None  # free its memory first
-            parts: list[list[Portion]] = []
+            portions: list[Share] = []
             columns: list[Column] = []
             for i, handle in enumerate(edit.handles):
                 instances: tuple[Instance, ...] = ()
                 if _told_apart(handle, edit):
                     instances = self.instances(handle, rows, edit.symmetry)
-                own = self._parts(edit, handle, weights[:, i], instances, rows)
-                apart = bool(instances) and _apart(handle)
-                parts += [[part] for part in own] if apart else [own]
-                columns += [Column(i, *part) for part in own] if apart else [Column(i, None)]
-            made = np.zeros((len(columns), len(weights)), np.float32)
-            for out, column, added in zip(made, columns, parts, strict=True):
-                for part in added:
-                    out += _weights_of(part, weights[:, column.handle])
-                if column.instance is None:
-                    np.minimum(out, np.float32(1.0), out=out)
+                own = self._portions(edit, handle, weights[:, i], instances, rows)
+                if instances and _apart(handle):
+                    columns += [Column(i, one, gain) for one, gain, _ in own]
+                    portions += [part for _, _, part in own]
+                else:
+                    columns.append(Column(i, None))
+                    portions.append(_sum([part for _, _, part in own], len(weights)))
             if self.allocating(edit):
-                made, columns = self._allocated(edit, weights, made, columns, rows)
+                portions, columns = self._allocated(edit, weights, portions, columns, rows)
+            made = np.zeros((len(columns), len(weights)), np.float32)
+            for column, (vertices, values) in zip(made, portions, strict=True):
+                column[vertices] = values
             self._made, self._key = (made.T, tuple(columns)), key
         return self._made
 
@@ -126,56 +133,59 @@ class InstanceColumns:
         return tuple(moving) if len(moving) > 1 and edit.rules.overlap == "add" else ()
 
     def _allocated(
-        self, edit: Edit, weights: Float32, made: Float32, columns: list[Column], rows: HandleFeatures
-    ) -> tuple[Float32, list[Column]]:
-        """Return `made` (C, V) and `columns` after each component was given to one of the moving handles."""
-        among = [i for i, column in enumerate(columns) if column.handle in self.allocating(edit)]
-        own = made[among]
+        self, edit: Edit, weights: Float32, portions: list[Share], columns: list[Column], rows: HandleFeatures
+    ) -> tuple[list[Share], list[Column]]:
+        """Return `portions` (C) and `columns` after each component was given to one of the moving handles."""
+        moving = self.allocating(edit)
+        among = [i for i, column in enumerate(columns) if column.handle in moving]
         samples, sizes = self.finder.samples
-        on_samples = own[:, samples]
+        on_samples = np.stack([portions[i].dense(len(weights))[samples] for i in among])
         held = (on_samples >= HELD * on_samples.max(axis=1, keepdims=True)) & (on_samples > 0)
         same, nested = carriers_of(held, sizes)
-        handle_of = [columns[i].handle for i in among]
-        kept = following(handle_of, same)
+        kept = following([columns[i].handle for i in among], same)
         same, nested = same[np.ix_(kept, kept)], nested[np.ix_(kept, kept)]
-        left = [handle_of[i] for i in kept]
-        nested &= np.not_equal.outer(left, left)
-        standing = {left.index(handle): handle for handle in dict.fromkeys(left)}
-        anchors = np.array([rows.anchor(handle.place) for handle in edit.handles], np.int64)
-        result = shared(own[kept], self._mesh.vertices, standing, anchors, same, nested)
-        others = [i for i in range(len(columns)) if i not in among]
-        places = {k: len(others) + k for k in range(len(kept))}
-        found = [columns[i] for i in others]
+        kept = [among[k] for k in kept]
+        handle_of = [columns[i].handle for i in kept]
+        nested &= np.not_equal.outer(handle_of, handle_of)
+        standing = {handle_of.index(i): rows.anchor(edit.handles[i].place) for i in dict.fromkeys(handle_of)}
+        result = shared([portions[i] for i in kept], self._mesh.vertices, standing, same, nested)
+        order = [i for i, column in enumerate(columns) if i in kept or column.handle not in moving]
+        portions, columns = list(portions), list(columns)
         for k, i in enumerate(kept):
-            column = columns[among[i]]
-            carriers = tuple(places[int(j)] for j in np.flatnonzero(nested[k]))
-            whole = weights[:, column.handle] * np.float32(column.gain)
-            if column.instance is not None and not np.array_equal(result[k], own[i]):
-                part = np.divide(result[k], whole, out=np.zeros_like(whole), where=whole > 0)
-                column = column._replace(instance=replace(column.instance, share_of=part.__getitem__))
-            found.append(column._replace(carriers=carriers))
-        order = sorted(range(len(found)), key=lambda i: found[i].handle)  # stable: a handle's own column is its first
-        at = {before: after for after, before in enumerate(order)}
-        made = np.concatenate([made[others], result])[order]
-        return made, [found[i]._replace(carriers=tuple(at[carrier] for carrier in found[i].carriers)) for i in order]
+            column, (vertices, values) = columns[i], result[k]
+            if column.instance is not None and result[k] is not portions[i]:
+                whole = weights[vertices, column.handle] * np.float32(column.gain)
+                share = np.divide(values, whole, out=np.zeros_like(whole), where=whole > 0)
+                column = column._replace(instance=replace(column.instance, share=Share(vertices, share)))
+            carriers = tuple(order.index(kept[j]) for j in np.flatnonzero(nested[k]))
+            columns[i], portions[i] = column._replace(carriers=carriers), result[k]
+        return [portions[i] for i in order], [columns[i] for i in order]
 
     def share(self, edit: Edit, handle: Handle, weights: Float32, rows: HandleFeatures) -> Float32:
         """(V,) what the instances of a handle that move have of its `weights` (V,), with their gains."""
+        found = self._portions(edit, handle, weights, self.instances(handle, rows, edit.symmetry), rows)
         total = np.zeros(len(weights), np.float32)
-        ones = np.ones(len(weights), np.float32)
-        for part in self._parts(edit, handle, weights, self.instances(handle, rows, edit.symmetry), rows):
-            total += _weights_of(part, ones)
+        for instance, gain, _ in found:
+            if instance is None or instance.share is None:
+                total += np.float32(gain)
+            else:
+                total[instance.share.vertices] += np.float32(gain) * instance.share.values
         return total
 
     def switches(self, handle: Handle, instances: Sequence[Instance], rows: HandleFeatures) -> list[bool]:
-        """Which of a handle's instances are on: off are those that have the most of a place in `excluded_instances`.
+        """Return which of a handle's instances are on: off are those at the places of `excluded_instances`.
 
-        Its own always is.
+        An instance is at a place where it has the largest share, or where none has one, if it is the nearest. The
+        handle's own is always on.
         """
         on = [True] * len(instances)
         for place in handle.controls.excluded_instances:
             here = rows.anchor(place)
-            most = int(np.argmax([one.share_at(here) for one in instances]))
+            shares = [one.share_at(here) for one in instances]
+            if not any(shares):
+                apart = [math.dist(one.position, self._mesh.vertices[here]) for one in instances]
+                shares = [-distance for distance in apart]
+            most = int(np.argmax(shares))
             on[most] = most == 0
         return on
 
@@ -199,26 +209,25 @@ class InstanceColumns:
             looks: Float32 = bind(rows.features, rows.points([place]))[:, 0]
             planes = self._planes if symmetry is None else [symmetry]
             held = None if place.region is None else rows.members(place)
-            vertex, pieces = rows.anchor(place), None if grip is None else grip.pieces
-            found = self.finder.find(looks, vertex, place.position, held=held, pieces=pieces, planes=planes)
-            self._found[key] = (found, None) if grip is None else self.finder.as_images(found, grip.weights)
+            vertex = rows.anchor(place)
+            self._found[key] = self.finder.find(looks, vertex, place.position, held=held, grip=grip, planes=planes)
         return self._found[key]
 
-    def _parts(
+    def _portions(
         self, edit: Edit, handle: Handle, weights: Float32, instances: Sequence[Instance], rows: HandleFeatures
     ) -> list[Portion]:
         """Return the portions of a handle's weights that move: all, or its instances that are on."""
         controls = handle.controls
         if not instances:
-            return [(None, 1.0)]
+            return [_portion(None, weights)]
         if controls.instances == "only":
-            return [(instances[0], 1.0)]
-        gains = [1.0] * len(instances)
+            return [_portion(instances[0], weights)]
+        found = [_portion(one, weights) for one in instances]
         if edit.rules.equalize:
             near = self._near(edit, handle, np.array([one.vertex for one in instances]))
-            instances, gains = _leveled(weights, instances, near)
+            found = _leveled(weights, found, near)
         on = self.switches(handle, instances, rows)
-        return [(one, gain) for one, gain, is_on in zip(instances, gains, on, strict=True) if is_on]
+        return [portion for portion, is_on in zip(found, on, strict=True) if is_on]
 
     @cached_property
     def _planes(self) -> list[SymmetryPlane]:
@@ -250,32 +259,53 @@ def _told_apart(handle: Handle, edit: Edit) -> bool:
     return _apart(handle) or edit.rules.equalize or controls.excluded_instances != ()
 
 
-def _weights_of(part: Portion, weights: Float32) -> Float32:
-    """Return the portion of the weights (V,) of a handle."""
-    instance, gain = part
-    share = None if instance is None else instance.share
-    own = weights if share is None else weights * share
-    return own if gain == 1.0 else own * np.float32(gain)
+def _portion(instance: Instance | None, weights: Float32) -> Portion:
+    """Return the portion of an instance of the weights (V,) of a handle."""
+    if instance is None or instance.share is None:
+        vertices = np.flatnonzero(weights)
+        return Portion(instance, 1.0, Share(vertices, weights[vertices]))
+    vertices, values = instance.share
+    return Portion(instance, 1.0, Share(vertices, weights[vertices] * values))
 
 
-def _leveled(weights: Float32, instances: Sequence[Instance], near: Float64) -> tuple[list[Instance], list[float]]:
-    """Return instances, and gains that raise their weights to the handle's own, apart from their falloff `near` (N,).
+def _sum(portions: Sequence[Share], count: int) -> Share:
+    """Return the sum of portions on `count` vertices, at most 1."""
+    if len(portions) == 1:
+        return portions[0]
+    total = np.zeros(count, np.float32)
+    for part in portions:
+        total[part.vertices] += part.values
+    some = np.flatnonzero(total)
+    return Share(some, np.minimum(total[some], np.float32(1.0)))
+
+
+def _leveled(weights: Float32, portions: Sequence[Portion], near: Float64) -> list[Portion]:
+    """Return portions with gains that raise their weights to the handle's own, apart from their falloff `near` (N,).
 
     Gains compensate for less similar features and not for distance, since locality is meant to exclude what is far.
     Where the sum between two instances would exceed the maximum of `weights`, their shares are reduced.
     """
-    tops = [float(weights[one.vertex]) / part if part > 0 else 0.0 for one, part in zip(instances, near, strict=True)]
-    alike = [one.weight >= LEAST_ALIKE and tops[i] >= LEAST_LEVELED * tops[0] > 0 for i, one in enumerate(instances)]
-    gains = [tops[0] / top if is_alike else 1.0 for top, is_alike in zip(tops, alike, strict=True)]
+    found = []
+    own = 0.0
     total = np.zeros(len(weights), np.float32)
-    for part in zip(instances, gains, strict=True):
-        total += _weights_of(part, weights)
+    for (one, _, (vertices, values)), part in zip(portions, near, strict=True):
+        assert one is not None
+        top = float(weights[one.vertex]) / part if part > 0 else 0.0
+        own = own or top
+        alike = one.weight >= LEAST_ALIKE and top >= LEAST_LEVELED * own > 0
+        gain = own / top if alike else 1.0
+        found.append(Portion(one, gain, Share(vertices, values * np.float32(gain))))
+        total[vertices] += found[-1].weights.values
     most = weights.max(initial=0.0)
     if (total <= most).all():
-        return list(instances), gains
+        return found
     less = np.divide(most, total, out=np.ones_like(total), where=total > most)
-
-    def lessened(share_of: SliceWeights | None) -> SliceWeights:
-        return lambda some: less[some] if share_of is None else share_of(some) * less[some]
-
-    return [replace(one, share_of=lessened(one.share_of)) for one in instances], gains
+    result = []
+    for one, gain, (vertices, values) in found:
+        assert one is not None
+        if one.share is None:
+            share = Share(vertices, less[vertices])
+        else:
+            share = Share(one.share.vertices, one.share.values * less[one.share.vertices])
+        result.append(Portion(replace(one, share=share), gain, Share(vertices, values * less[vertices])))
+    return result

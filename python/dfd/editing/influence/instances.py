@@ -25,12 +25,13 @@ from scipy.spatial.transform import Rotation
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.editing.influence.mirror_images import Component, component_of, mirror_image
-from dfd.geometry.coarse import Nodes, SliceWeights, nodes_of
+from dfd.geometry.coarse import Nodes, Share, nodes_of
 from dfd.geometry.part_axis import carried
 from dfd.posing.transforms import frame_of_normal
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
+    from dfd.segmentation.parts import Grip
     from dfd.symmetry.plane import SymmetryPlane
 
 LEAST_PERSISTENCE = 0.05  # weight: noise of the field makes peaks of less persistence
@@ -55,23 +56,13 @@ class Instance:
     # plane of symmetry lies between them
     frame: Float64
     weight: float  # the handle's weight at `vertex`
-    # share_of: computes, for a slice of the vertices, which part of their weight belongs to this instance. None means
-    # all of it: the handle has one instance.
-    share_of: SliceWeights | None
+    share: Share | None  # which part of the vertices' weights belongs to it; None means all: there is one instance
     # image: (3, 4) the isometry that maps the handle's own component onto this one, where they are mirror images
     image: Float64 | None = None
 
-    @property
-    def share(self) -> Float32 | None:
-        """(V,) the part of each vertex's weight that belongs to this instance, in [0, 1]; None means all of it.
-
-        The shares of all instances sum to 1. They are not stored, since many instances of a large mesh need gigabytes.
-        """
-        return None if self.share_of is None else self.share_of(slice(None))
-
     def share_at(self, vertex: int) -> float:
-        """The share at one vertex."""
-        return 1.0 if self.share_of is None else float(self.share_of(slice(vertex, vertex + 1))[0])
+        """Return its share at one vertex."""
+        return 1.0 if self.share is None else self.share.at(vertex)
 
     def transform(self, affine: Float64, position: Sequence[float]) -> Float64:
         """Return the (3, 4) map that does at this instance what `affine` does at a handle at `position` (3,)."""
@@ -91,7 +82,7 @@ class InstanceFinder:
 
     def prepare(self) -> None:
         """Compute the data that does not depend on the handle. It takes seconds for a million faces."""
-        _ = self._nodes, self._tree
+        _ = self._nodes.tree, self._nodes.blend
 
     def find(
         self,
@@ -100,9 +91,9 @@ class InstanceFinder:
         position: Sequence[float],
         *,
         held: NDArray[np.integer] | None = None,
-        pieces: NDArray[np.integer] | None = None,
+        grip: Grip | None = None,
         planes: Sequence[SymmetryPlane] = (),
-    ) -> tuple[Instance, ...]:
+    ) -> tuple[tuple[Instance, ...], Float32 | None]:
         """Find the instances of a handle.
 
         Parameters
@@ -114,50 +105,62 @@ class InstanceFinder:
         held
             (N,) all vertices of a handle that is a region. Each connected piece is one instance, and several pieces
             move about their own centers.
-        pieces
-            (V,) the connected piece that each vertex is on, −1 beyond, for a handle that holds a part. Each piece is
-            one instance.
+        grip
+            The part that the handle holds. Each of its components is one instance.
         planes
             Planes of symmetry of the shape. They make frames.
 
         Returns
         -------
-        The handle's own instance first, then the others, the most alike first.
+        instances
+            The handle's own instance first, then the others, the most alike first.
+        part
+            (V,) the weights of `grip`, with those of the handle's own component at its mirror images; None without it.
         """
+        nodes = self._nodes
         x, y, z = (float(value) for value in position)
-        of_node = np.maximum.reduceat(weights[self._nodes.members], self._nodes.starts)
-        of_node[~self._nodes.used] = 0.0
+        of_node = np.maximum.reduceat(weights[nodes.members], nodes.starts)
+        of_node[~nodes.used] = 0.0
         centers: dict[int, Float64] = {}
-        if pieces is not None:
-            basin, saddle = self._of_pieces(pieces, of_node, vertex)
+        if grip is not None:
+            basin, saddle = self._of_components(grip.component, of_node, vertex)
         else:
-            basin, saddle = _basins(np.asarray(of_node, np.float64), self._nodes.graph)
+            basin, saddle = _basins(np.asarray(of_node, np.float64), nodes.graph)
             centers = {} if held is None else self._join_held(held, of_node, basin, saddle)
+        part = None if grip is None else grip.weights
         self._join_inside(of_node, basin, saddle)
-        own = int(basin[self._nodes.of_vertex[vertex]])
+        own = int(basin[nodes.of_vertex[vertex]])
         highest = {int(root): float(of_node[root]) for root in saddle}
         others = sorted((root for root in highest if root != own), key=lambda root: (-highest[root], root))
         roots = [own, *others[: MOST_INSTANCES - 1]]
         if own < 0 or len(roots) == 1:
-            return (Instance(vertex, (x, y, z), np.eye(3), float(weights[vertex]), None),)
-        shares = self._shares(of_node, basin, saddle, roots)
+            return (Instance(vertex, (x, y, z), np.eye(3), float(weights[vertex]), None),), part
         x, y, z = centers.get(own, (x, y, z))
-        found = [Instance(vertex, (x, y, z), np.eye(3), float(weights[vertex]), shares[0])]
-        surfaces: list[Component | None] = []
-        if pieces is not None:
-            surfaces = [component_of(self._mesh, self._members_of(basin == root)) for root in roots]
-        for number, (root, share) in enumerate(zip(roots[1:], shares[1:], strict=True), 1):
+        found = [Instance(vertex, (x, y, z), np.eye(3), float(weights[vertex]), None)]
+        surfaces = [] if grip is None else self._surfaces(basin, roots)
+        for number, root in enumerate(roots[1:], 1):
             image = self._image(number, surfaces, found, planes)
             if image is not None:
-                at = image[:, :3] @ np.asarray(position, np.float64) + image[:, 3]
-                peak = int(self._tree.query(at)[1])
-                place = (float(at[0]), float(at[1]), float(at[2]))
-                found.append(Instance(peak, place, image[:, :3], float(weights[peak]), share, image))
+                x, y, z = (image[:, :3] @ np.asarray(position, np.float64) + image[:, 3]).tolist()
+                peak = int(nodes.nearest((x, y, z))[0])
+                found.append(Instance(peak, (x, y, z), image[:, :3], float(weights[peak]), None, image))
                 continue
             peak, frame = self._counterpart(root, weights, basin, found, planes)
-            here = centers.get(root, self._mesh.vertices[peak])
-            found.append(Instance(peak, (here[0], here[1], here[2]), frame, float(weights[peak]), share))
-        return tuple(found)
+            x, y, z = centers.get(root, self._mesh.vertices[peak])
+            found.append(Instance(peak, (x, y, z), frame, float(weights[peak]), None))
+        rows = self._closeness(of_node, basin, saddle, roots)
+        if grip is not None:
+            rows *= grip.of_node
+            for row, one in zip(rows, found, strict=True):
+                if one.image is not None:
+                    row[:] = 0.0
+                    some, values = carried(nodes.center, nodes.tree, rows[0], one.image)
+                    row[some] = values
+            if any(one.image is not None for one in found):
+                whole = nodes.interpolated(rows.sum(axis=0, dtype=np.float32))
+                part = np.minimum(whole, np.float32(1.0))
+        shares = nodes.shares(rows)
+        return tuple(replace(one, share=share) for one, share in zip(found, shares, strict=True)), part
 
     @property
     def samples(self) -> tuple[Int64, Float64]:
@@ -165,9 +168,13 @@ class InstanceFinder:
         nodes = self._nodes
         return np.asarray(nodes.members[nodes.starts], np.int64), np.asarray(nodes.ends - nodes.starts, np.float64)
 
-    def _members_of(self, inside: Bool) -> Int64:
-        """(N,) the vertices of the nodes `inside` (M,)."""
-        return np.flatnonzero(inside[self._nodes.of_vertex])
+    def _surfaces(self, basin: Int64, roots: Sequence[int]) -> list[Component | None]:
+        """Return samples of the surface of each of the peaks `roots`."""
+        peak = basin[self._nodes.of_vertex]
+        of_face = peak[self._mesh.faces[:, 0]]
+        for corner in (1, 2):
+            of_face[of_face != peak[self._mesh.faces[:, corner]]] = -1
+        return [component_of(self._mesh.vertices, self._mesh.faces[of_face == root]) for root in roots]
 
     @staticmethod
     def _image(
@@ -191,28 +198,6 @@ class InstanceFinder:
                     return np.column_stack([step[:, :3] @ whole[:, :3], step[:, :3] @ whole[:, 3] + step[:, 3]])
         return None
 
-    def as_images(self, found: Sequence[Instance], part: Float32) -> tuple[tuple[Instance, ...], Float32]:
-        """Return `found` and the weights `part` (V,) with the weights of the handle's own instance at its images."""
-        if all(one.image is None for one in found):
-            return tuple(found), part
-        own, *others = (part.astype(np.float64) * (1.0 if one.share is None else one.share) for one in found)
-        each: list[Float64] = [own]
-        for one, values in zip(found[1:], others, strict=True):
-            if one.image is not None:
-                vertices, near = carried(self._mesh.vertices, self._tree, own, one.image)
-                values = np.zeros(len(part))
-                values[vertices] = near
-            each.append(np.asarray(values, np.float64))
-        total = np.sum(each, axis=0)
-        some = total > 0
-
-        def share_of(weights: Float64) -> SliceWeights:
-            share = np.divide(weights, total, out=np.zeros(len(total)), where=some).astype(np.float32)
-            return share.__getitem__
-
-        shared = tuple(replace(one, share_of=share_of(weights)) for one, weights in zip(found, each, strict=True))
-        return shared, np.minimum(total, 1.0).astype(np.float32)
-
     def _counterpart(
         self,
         root: int,
@@ -230,7 +215,7 @@ class InstanceFinder:
         peak = self._peak(weights, root)
         for plane in planes:
             images = plane.reflect([other.position for other in found])
-            for other, nearest in zip(found, self._tree.query(images)[1].tolist(), strict=True):
+            for other, nearest in zip(found, self._nodes.nearest(images).tolist(), strict=True):
                 on_it = basin[self._nodes.of_vertex[nearest]] == root
                 if on_it and weights[nearest] >= weights[peak] - AS_ALIKE:
                     return nearest, plane.reflection[:3, :3] @ other.frame
@@ -241,17 +226,17 @@ class InstanceFinder:
                 frame = plane.reflection[:3, :3] @ frame
         return peak, frame
 
-    def _of_pieces(self, pieces: NDArray[np.integer], weights: Float64, vertex: int) -> tuple[Int64, dict[int, float]]:
-        """Return what `_basins` returns, with one peak for each of `pieces` (V,); all of a piece counts as its top."""
+    def _of_components(self, component: Int64, weights: Float64, vertex: int) -> tuple[Int64, dict[int, float]]:
+        """Return what `_basins` returns, with one peak for each `component` (N,); all of it counts as its top."""
         nodes = self._nodes
-        of_node = pieces[nodes.members[nodes.starts]]
+        of_node = component.copy()
         own = nodes.of_vertex[vertex]
         if of_node[own] < 0 <= of_node.max(initial=-1):  # on its border
             inside = np.flatnonzero(of_node >= 0)
             of_node[own] = of_node[inside[np.linalg.norm(nodes.center[inside] - nodes.center[own], axis=1).argmin()]]
         basin = np.full(len(of_node), -1)
         peaks = []
-        for members in (np.flatnonzero(of_node == piece) for piece in range(int(of_node.max(initial=-1)) + 1)):
+        for members in (np.flatnonzero(of_node == number) for number in range(int(of_node.max(initial=-1)) + 1)):
             if len(members):
                 peaks.append(int(members[weights[members].argmax()]))
                 basin[members] = peaks[-1]
@@ -319,10 +304,8 @@ class InstanceFinder:
         members = self._nodes.members[self._nodes.starts[node] : self._nodes.ends[node]]
         return int(members[weights[members].argmax()])
 
-    def _shares(
-        self, weights: Float64, basin: Int64, saddle: dict[int, float], roots: Sequence[int]
-    ) -> list[SliceWeights]:
-        """Return the K shares of the instances: 1 on the upper half of a peak, with smooth transitions in between."""
+    def _closeness(self, weights: Float64, basin: Int64, saddle: dict[int, float], roots: Sequence[int]) -> Float64:
+        """Return (K, N) shares of the instances: 1 on the upper half of a peak, with smooth transitions in between."""
         closeness = np.empty((len(roots), len(weights)))
         for row, core in enumerate(self._cores(np.asarray(roots), weights, basin, saddle)):
             distance = dijkstra(self._nodes.graph, indices=core, min_only=True)
@@ -333,15 +316,14 @@ class InstanceFinder:
             closeness[row] = (distance / self._mesh.diagonal + 1e-4) ** -SHARPNESS
         closeness[0, ~self._nodes.used] = 1.0
         closeness /= closeness.max(axis=0)  # the nearest instance has 1
-        return self._nodes.shares(np.maximum(closeness - CLEAR, 0) / (1 - CLEAR))
+        closeness -= CLEAR
+        np.maximum(closeness, 0.0, out=closeness)
+        closeness /= closeness.sum(axis=0)
+        return closeness
 
     @cached_property
     def _nodes(self) -> Nodes:
         return nodes_of(self._mesh)
-
-    @cached_property
-    def _tree(self) -> cKDTree:
-        return cKDTree(self._mesh.vertices)
 
 
 def _join(basin: Int64, saddle: dict[int, float], whole_of: dict[int, int]) -> None:

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dfd.common.linear_algebra import Float64, Int64, unit
+from dfd.common.linear_algebra import Float64, Int32, unit
 from dfd.geometry.topology import even_points, face_areas
 
 if TYPE_CHECKING:
-    from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
 
 SAMPLES = 1000  # surface samples of a component
@@ -33,16 +32,13 @@ class Component(NamedTuple):
     size: float  # the diagonal of its box
 
 
-def component_of(mesh: Mesh, inside: Int64) -> Component | None:
-    """Return samples of the faces whose corners are all among the vertices `inside` (N,); None without area."""
-    mask = np.zeros(len(mesh.vertices), bool)
-    mask[inside] = True
-    faces = mesh.faces[mask[mesh.faces].all(axis=1)]
-    areas = face_areas(mesh.vertices, faces)
+def component_of(vertices: Float64, faces: Int32) -> Component | None:
+    """Return samples of the surface of `faces` (F, 3); None if it has no area."""
+    areas = face_areas(vertices, faces)
     if not areas.sum() > 0:
         return None
     face, barycentric = even_points(areas, SAMPLES)
-    corners = mesh.vertices[faces[face]]
+    corners = vertices[faces[face]]
     points = np.einsum("nk,nkd->nd", barycentric, corners)
     normals = unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     return Component(points, normals, cKDTree(points), float(np.linalg.norm(np.ptp(points, axis=0))))
