@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,10 +63,16 @@ def inspect(mesh: Mesh) -> Topology:
     )
 
 
+_FIRST: WeakKeyDictionary[Mesh, Int32] = WeakKeyDictionary()
+
+
 def first_at_place(mesh: Mesh) -> Int32:
-    """Return for each vertex (V,) the first vertex that has its position."""
-    first, vertex = weld(mesh.vertices)
-    return first.astype(np.int32)[vertex]
+    """Return for each vertex (V,) the first vertex that has its position. The array is read-only."""
+    if mesh not in _FIRST:
+        first, vertex = weld(mesh.vertices)
+        _FIRST[mesh] = first.astype(np.int32)[vertex]
+        _FIRST[mesh].flags.writeable = False
+    return _FIRST[mesh]
 
 
 def face_components(faces: Int32) -> Int32:

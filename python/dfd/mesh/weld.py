@@ -17,7 +17,10 @@ def weld(positions: Float64) -> tuple[Int64, Int32]:
     when their bits are, with -0.0 equal to 0.0: nothing within a tolerance is merged.
     """
     rows = np.ascontiguousarray(positions + 0.0)  # turns -0.0 into 0.0
-    order, starts = _groups(rows)
+    key = _hash(rows)
+    if _differs(np.sort(key)).all():  # all are distinct, as on most meshes: sorting keys is cheap
+        return np.arange(len(rows)), np.arange(len(rows), dtype=np.int32)
+    order, starts = _groups(rows, key)
     first = np.minimum.reduceat(order, starts) if len(order) else order
     by_first = np.argsort(first, kind="stable")
     rank = np.empty(len(first), np.int32)
@@ -27,9 +30,8 @@ def weld(positions: Float64) -> tuple[Int64, Int32]:
     return first[by_first], vertex
 
 
-def _groups(rows: Float64) -> tuple[Int64, Int64]:
+def _groups(rows: Float64, key: NDArray[np.uint64]) -> tuple[Int64, Int64]:
     """Return an order (N,) in which equal rows are neighbors, and the index (V,) at which each run of them starts."""
-    key = _hash(rows)
     order = np.argsort(key)
     run_begins = _differs(key[order])
     distinct = _differs(rows[order]).astype(bool)

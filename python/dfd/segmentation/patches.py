@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import Float64, Int64
-from dfd.geometry.coarse import Nodes, nodes_of
+from dfd.geometry.coarse import RUN, Nodes, nodes_of
 from dfd.geometry.topology import first_at_place
 
 if TYPE_CHECKING:
@@ -134,21 +134,27 @@ class Patches:
 
 def _surface(mesh: Mesh, nodes: Nodes, size: float) -> tuple[Float64, Float64, Indices, Float64]:
     """Area (N,), normal (N, 3) times area, pairs (E, 2) of nodes that share edges of faces, and the borders (E,)."""
-    faces = first_at_place(mesh)[mesh.faces]
-    corners = mesh.vertices[faces] / size
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
-    area = np.linalg.norm(normal, axis=1)
-    node = nodes.of_vertex[faces]
     count = len(nodes.center)
-    areas: Float64 = np.bincount(node.ravel(), np.repeat(area / 3, 3), minlength=count).astype(np.float64)
-    normals = _summed(node.ravel(), np.repeat(normal, 3, axis=0), count)
-    pairs, lengths = [], []
-    for one, other in ((0, 1), (1, 2), (2, 0)):
-        between = node[:, one] != node[:, other]
-        side = np.linalg.norm(corners[between, one] - corners[between, other], axis=1)
-        pairs.append(np.stack([node[between, one], node[between, other]], axis=1))
-        # From the middle of a side to that of its face runs a third of the height.
-        lengths.append(2 / 3 * area[between] / np.maximum(side, 1e-12))
+    first = first_at_place(mesh)
+    areas, normals = np.zeros(count), np.zeros((count, 3))
+    pairs, lengths = [np.zeros((0, 2), np.int64)], [np.zeros(0)]
+    for start in range(0, len(mesh.faces), RUN):  # a batch fits the cache
+        faces = first[mesh.faces[start : start + RUN]]
+        node = nodes.of_vertex[faces]
+        corners = mesh.vertices[faces] / size
+        along, aside = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
+        normal = np.stack([along[i - 2] * aside[i - 1] - along[i - 1] * aside[i - 2] for i in range(3)]) / 2
+        area = np.sqrt(np.square(normal).sum(axis=0))
+        for corner in node.T:
+            areas += np.bincount(corner, area / 3, minlength=count)
+            for axis in range(3):
+                normals[:, axis] += np.bincount(corner, normal[axis], minlength=count)
+        for one, other in ((0, 1), (1, 2), (2, 0)):
+            between = np.flatnonzero(node[:, one] != node[:, other])
+            side = np.linalg.norm(corners[between, one] - corners[between, other], axis=1)
+            pairs.append(np.stack([node[between, one], node[between, other]], axis=1))
+            # From the middle of a side to that of its face runs a third of the height.
+            lengths.append(2 / 3 * area[between] / np.maximum(side, 1e-12))
     joined = _contracted(np.arange(count), np.concatenate(pairs), np.concatenate(lengths), count)
     return areas, normals, *joined
 

@@ -262,8 +262,8 @@ def _told_apart(handle: Handle, edit: Edit) -> bool:
 def _portion(instance: Instance | None, weights: Float32) -> Portion:
     """Return the portion of an instance of the weights (V,) of a handle."""
     if instance is None or instance.share is None:
-        vertices = np.flatnonzero(weights)
-        return Portion(instance, 1.0, Share(vertices, weights[vertices]))
+        some = np.flatnonzero(weights)
+        return Portion(instance, 1.0, Share(some, weights[some]))
     vertices, values = instance.share
     return Portion(instance, 1.0, Share(vertices, weights[vertices] * values))
 
