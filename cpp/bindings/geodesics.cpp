@@ -1,6 +1,7 @@
 #include "dfd/geodesics.hpp"
 
 #include "arrays.hpp"
+#include "dfd/interpolation.hpp"
 #include "dfd/topology.hpp"
 #include "module.hpp"
 
@@ -11,6 +12,7 @@ using namespace nb::literals;
 namespace {
 
 using Indices = InputMatrix<std::int32_t>;
+using IndexVector = InputVector<std::int32_t>;
 
 nb::ndarray<nb::numpy, std::int32_t, nb::ndim<1>> components(std::size_t vertex_count, const Indices& faces,
                                                               const Indices& links)
@@ -39,6 +41,18 @@ void init_geodesics(nb::module_& m)
         },
         "vertices"_a.noconvert(), "faces"_a.noconvert(), "out"_a.noconvert(), "threads"_a,
         "Longest side and area of every face (F, 3) of vertices (V, 3), to `out` (F, 2).");
+    m.def(
+        "interpolate",
+        [](InputMatrix<double> vertices, InputMatrix<double> centers, IndexVector of_vertex, IndexVector starts,
+           IndexVector neighbors, IndexVector chosen, InputMatrix<float> values, OutputMatrix<float> out, int threads) {
+            nb::gil_scoped_release release;
+            const auto span = [](const IndexVector& array) { return std::span{array.data(), array.size()}; };
+            const dfd::Clusters clusters{matrix(centers), span(of_vertex), span(starts), span(neighbors)};
+            dfd::interpolate(matrix(vertices), clusters, span(chosen), matrix(values), matrix(out), threads);
+        },
+        "vertices"_a.noconvert(), "centers"_a.noconvert(), "of_vertex"_a.noconvert(), "starts"_a.noconvert(),
+        "neighbors"_a.noconvert(), "chosen"_a.noconvert(), "values"_a.noconvert(), "out"_a.noconvert(), "threads"_a,
+        "Values (N, K) of clusters interpolated at the vertices `chosen` (M), to `out` (M, K).");
     nb::class_<dfd::Geodesics>(m, "Geodesics", "Distances along a surface of vertices (V, 3), faces and links.")
         .def(
             "__init__",

@@ -1,6 +1,7 @@
 #include "dfd/geodesics.hpp"
 
 #include "check.hpp"
+#include "dfd/interpolation.hpp"
 #include "dfd/topology.hpp"
 #include "dfd/surface/march.hpp"
 
@@ -111,6 +112,27 @@ CASE("faces have their longest sides and areas")
     CHECK((out == std::vector<double>{5, 6, 3, 0}));
     CHECK_THROWS(dfd::face_sizes({points.data(), 2, 3}, {faces.data(), 2, 3}, {out.data(), 2, 2}, 1), "`faces` must be");
     CHECK_THROWS(dfd::face_sizes({points.data(), 3, 3}, {faces.data(), 2, 3}, {out.data(), 1, 2}, 1), "`out` must have");
+END
+
+CASE("values of clusters are interpolated at vertices")
+    const std::vector<double> points = {0, 0, 0, 1, 0, 0, 2, 0, 0, 9, 0, 0}, centers = {0, 0, 0, 2, 0, 0, 9, 0, 0};
+    const std::vector<std::int32_t> of_vertex = {0, 0, 1, 2}, starts = {0, 2, 4, 5}, neighbors = {0, 1, 0, 1, 2};
+    const std::vector<std::int32_t> chosen = {1, 3, 0};
+    const std::vector<float> values = {0, 1, 4, 1, 7, 1};
+    std::vector<float> out(6);
+    const dfd::Clusters clusters{{centers.data(), 3, 3}, of_vertex, starts, neighbors};
+    const dfd::Matrix<const double> vertices{points.data(), 4, 3};
+    dfd::interpolate(vertices, clusters, chosen, {values.data(), 3, 2}, {out.data(), 3, 2}, 2);
+    CHECK_NEAR(out[0], 2, 1e-5);  // halfway between two centers
+    CHECK(out[2] == 7 && out[4] > 0 && out[4] < 0.1);
+    for (const std::size_t i : {1, 3, 5}) CHECK_NEAR(out[i], 1, 1e-6);
+    const std::vector<std::int32_t> beyond = {4};
+    CHECK_THROWS(dfd::interpolate(vertices, clusters, beyond, {values.data(), 3, 2}, {out.data(), 1, 2}, 1),
+                 "`chosen` must be vertex indices");
+    CHECK_THROWS(dfd::interpolate(vertices, clusters, chosen, {values.data(), 2, 2}, {out.data(), 3, 2}, 1),
+                 "`values` must have one row per cluster");
+    const dfd::Clusters wrong{{centers.data(), 3, 3}, of_vertex, starts, beyond};
+    CHECK_THROWS(dfd::interpolate(vertices, wrong, chosen, {values.data(), 3, 2}, {out.data(), 3, 2}, 1), "`starts` must");
 END
 
 CASE("bad input is refused")

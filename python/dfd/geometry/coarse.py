@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 import dfd._core as _core
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64
+from dfd.common.threads import get_num_threads
 from dfd.geometry.surface_graph import surface_graph, surface_links
 from dfd.geometry.topology import first_at_place
 from dfd.mesh.mesh import Mesh
@@ -81,12 +82,17 @@ class Nodes:
             found.append(Share(vertices[above].astype(np.int32), some[above] / all_of[above]))
         return found
 
-    def interpolated(self, values: Float32, vertices: Int64 | slice = slice(None)) -> Float32:
+    def interpolated(self, values: Float32, vertices: NDArray[np.integer] | None = None) -> Float32:
         """Interpolate `values` (N, K) from the nodes to all vertices, or to some: (V, K)."""
         if self._is_fine:
-            return values[self.of_vertex[vertices]]
-        blend = self.blend
-        return np.asarray((blend if isinstance(vertices, slice) else blend[vertices]) @ values, np.float32)
+            return values[self.of_vertex if vertices is None else vertices]
+        chosen = np.arange(len(self.of_vertex), dtype=np.int32) if vertices is None else vertices.astype(np.int32)
+        rows = np.ascontiguousarray(values.reshape(len(self.center), -1), np.float32)
+        found = _core.empty_float32(len(chosen), rows.shape[1])
+        reach = self._reach
+        index = self.of_vertex, reach.indptr, reach.indices, chosen
+        _core.interpolate(self._vertices, self.center, *index, rows, found, get_num_threads())
+        return found.reshape(len(chosen), *values.shape[1:])
 
     def nearest(self, points: ArrayLike) -> Int64:
         """Return the vertex nearest to each of `points` (M, 3), among those of the nodes around it."""
@@ -107,13 +113,8 @@ class Nodes:
     def _reach(self) -> csr_array:
         """(N, N) which nodes the vertices of each are interpolated from: itself and its neighbors."""
         reach = csr_array(self.graph.astype(bool) + eye_array(len(self.center), dtype=bool))
-        reach.sort_indices()
+        reach.indptr, reach.indices = reach.indptr.astype(np.int32), reach.indices.astype(np.int32)
         return reach
-
-    @cached_property
-    def blend(self) -> csr_array:
-        """(V, N) what interpolates values of the nodes to the vertices."""
-        return _interpolation(self._vertices, self)
 
     def _near(self, nodes: Bool) -> Bool:
         """(N,) which nodes have vertices that values of `nodes` (N,) reach."""
@@ -173,23 +174,3 @@ def _centers(vertices: Float64, of_vertex: Int32) -> Float64:
     """(N, 3) mean positions of the vertices of each node."""
     size = np.bincount(of_vertex)
     return np.stack([np.bincount(of_vertex, axis) / size for axis in vertices.T], axis=1)
-
-
-def _interpolation(vertices: Float64, nodes: Nodes) -> csr_array:
-    """Rows (V, N) that blend the values of a vertex's node and of its neighbors, weighted by nearness."""
-    reach = nodes._reach
-    lengths = np.diff(reach.indptr)[nodes.of_vertex]
-    starts = np.concatenate([[0], np.cumsum(lengths)])
-    data, indices = np.empty(starts[-1], np.float32), np.empty(starts[-1], np.int32)
-    for first in range(0, len(vertices), RUN):
-        last = min(first + RUN, len(vertices))
-        here = slice(starts[first], starts[last])
-        beside = reach[nodes.of_vertex[first:last]].indices
-        row = np.repeat(np.arange(first, last), lengths[first:last])
-        squared = np.square(vertices[row] - nodes.center[beside]).sum(axis=1)
-        begins = starts[first:last] - starts[first]
-        radius = np.maximum.reduceat(squared, begins) * 1.1 + 1e-300
-        part = np.square(1 - squared / np.repeat(radius, lengths[first:last])) + 1e-6
-        data[here] = part / np.repeat(np.add.reduceat(part, begins), lengths[first:last])
-        indices[here] = beside
-    return csr_array((data, indices, starts), shape=(len(vertices), reach.shape[0]))

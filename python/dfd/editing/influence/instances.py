@@ -82,7 +82,7 @@ class InstanceFinder:
 
     def prepare(self) -> None:
         """Compute the data that does not depend on the handle. It takes seconds for a million faces."""
-        _ = self._nodes.tree, self._nodes.blend
+        _ = self._nodes.tree
 
     def find(
         self,
