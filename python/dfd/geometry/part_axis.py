@@ -11,8 +11,8 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
-from dfd.common.linear_algebra import Bool, Float64, Int64, unit
-from dfd.geometry.surface_graph import surface_graph
+from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, unit
+from dfd.geometry.coarse import Nodes, nodes_of
 from dfd.geometry.topology import even_points, face_areas
 from dfd.mesh.mesh import Mesh
 
@@ -115,61 +115,60 @@ class PartAxis:
 
 
 class PartAxes:
-    """Finds axes on one mesh; the graph of its surface is made when the first is asked for."""
+    """Find the axes of parts of one mesh, on its nodes (`dfd.geometry.coarse`)."""
 
     def __init__(self, mesh: Mesh) -> None:
         self._mesh = mesh
 
     @cached_property
-    def _graph(self) -> csr_matrix:
-        return surface_graph(self._mesh)
+    def _nodes(self) -> Nodes:
+        return nodes_of(self._mesh)
 
     @cached_property
     def _areas(self) -> Float64:
-        return face_areas(self._mesh.vertices, self._mesh.faces)
-
-    @cached_property
-    def _vertex_areas(self) -> Float64:
-        areas = np.repeat(self._areas / 3, 3)
-        sums = np.bincount(self._mesh.faces.ravel(), areas, minlength=len(self._mesh.vertices))
-        return np.asarray(sums, np.float64)
+        """(N,) of the nodes, mesh units squared."""
+        areas = face_areas(self._mesh.vertices, self._mesh.faces) / 3
+        corners = (self._nodes.of_vertex[corner] for corner in self._mesh.faces.T)
+        return np.sum([np.bincount(nodes, areas, len(self._nodes.center)) for nodes in corners], axis=0)
 
     def of(self, inside: Bool) -> list[PartAxis]:
-        """The axes of the connected pieces of a region `inside` (V,), the largest first; crumbs have none."""
-        own = np.flatnonzero(inside)
-        piece = connected_components(self._graph[own][:, own], directed=False)[1]
-        area = np.bincount(piece, self._vertex_areas[own])
+        """Return the axes of the components of a region `inside` (V,), the largest first; small ones have none."""
+        nodes = self._nodes
+        own = np.flatnonzero(2 * np.bincount(nodes.of_vertex, inside) > nodes.ends - nodes.starts)
+        piece = connected_components(nodes.graph[own][:, own], directed=False)[1]
+        area = np.bincount(piece, self._areas[own])
         order = np.argsort(-area, kind="stable")
-        found = [self._of_piece(own[piece == k]) for k in order if area[k] > CRUMB * area[order[0]]]
+        of_node = np.full(len(nodes.center), -1)
+        of_node[own] = piece
+        first, *others = (of_node[nodes.of_vertex[corner]] for corner in self._mesh.faces.T)
+        of_face = np.where((first == others[0]) & (first == others[1]), first, -1)
+        large = (k for k in order if area[k] > CRUMB * area[order[0]])
+        found = [self._of_component(own[piece == k], self._mesh.faces[of_face == k]) for k in large]
         return [axis for axis in found if axis is not None]
 
     def image(self, axis: PartAxis, isometry: Float64) -> PartAxis:
         """Return the axis of a counterpart onto which `isometry` (3, 4) maps the part of `axis`."""
-        linear, shift = isometry[:, :3], isometry[:, 3]
-        whole = np.zeros(len(self._mesh.vertices))
-        whole[axis.vertices] = axis.parameter
-        vertices, parameter = carried(self._mesh.vertices, self.tree, whole, isometry)
+        nodes, linear, shift = self._nodes, isometry[:, :3], isometry[:, 3]
+        total = np.bincount(nodes.of_vertex[axis.vertices], axis.parameter, len(nodes.center))
+        some, values = carried(nodes.center, nodes.tree, total / (nodes.ends - nodes.starts), isometry)
+        vertices, parameter = self._on_vertices(some, values)
         points = (points @ linear.T + shift for points in (axis.nodes, axis.border, axis.middle, axis.rest))
-        nodes, border, middle, rest = points
+        curve, border, middle, rest = points
         return replace(
-            axis, vertices=vertices, parameter=parameter, nodes=nodes, border=border, middle=middle, rest=rest
+            axis, vertices=vertices, parameter=parameter, nodes=curve, border=border, middle=middle, rest=rest
         )
 
-    @cached_property
-    def tree(self) -> cKDTree:
-        """Of the vertices."""
-        return cKDTree(self._mesh.vertices)
-
-    def _of_piece(self, own: Int64) -> PartAxis | None:
-        mesh, graph = self._mesh, self._graph
-        inside = np.zeros(len(mesh.vertices), bool)
+    def _of_component(self, own: Int64, faces: Int32) -> PartAxis | None:
+        """Return the axis of a connected component of nodes `own` (M,) and `faces` (F, 3)."""
+        center, graph = self._nodes.center, self._nodes.graph
+        inside = np.zeros(len(center), bool)
         inside[own] = True
         beside = np.zeros(len(inside), bool)
         beside[graph[own].indices] = True
         outside = np.flatnonzero(~inside)
         group = np.full(len(inside), -1)
         group[outside] = connected_components(graph[outside][:, outside], directed=False)[1]
-        area = np.bincount(group[outside], self._vertex_areas[outside])
+        area = np.bincount(group[outside], self._areas[outside])
         around = np.unique(group[beside & ~inside])
         rests = around[area[around] > CARRIED * area[around].max()] if len(around) else around
         is_rest = np.isin(group, rests) & (group >= 0)
@@ -188,51 +187,75 @@ class PartAxes:
         away = dijkstra(local, indices=number[seeds], min_only=True)
         if not (np.isfinite(away).all() and away.max() > 0):
             return None
-        curve = self._curve(own, number, away)
+        curve = self._curve(own, faces, number, away)
         if curve is None:
             return None
         nodes, radius, parameter = curve
         seam = SEAM * radius[: NODES // 4].mean()
         mix = np.clip(away / max(seam, 1e-300), 0.0, 1.0)
         parameter = np.clip(parameter, 0.0, 1.0) * mix * mix * (3 - 2 * mix)
-        weight = self._vertex_areas[own]
-        points, weight = mesh.vertices[own], weight if weight.sum() > 0 else np.ones(len(own))
+        weight = self._areas[own]
+        points, weight = center[own], weight if weight.sum() > 0 else np.ones(len(own))
         middle = np.average(points, axis=0, weights=weight)
         spread = np.linalg.eigvalsh(np.cov(points.T, aweights=weight, ddof=0)).astype(np.float64)
         near = np.flatnonzero(is_rest)
-        near = near[np.linalg.norm(mesh.vertices[near] - nodes[0], axis=1) < np.linalg.norm(nodes[-1] - nodes[0])]
-        rest = mesh.vertices[near].mean(axis=0) if len(near) else nodes[0]
+        near = near[np.linalg.norm(center[near] - nodes[0], axis=1) < np.linalg.norm(nodes[-1] - nodes[0])]
+        rest = center[near].mean(axis=0) if len(near) else nodes[0]
         hanging = np.flatnonzero((group >= 0) & np.isin(group, around) & ~is_rest)
-        vertices, parameter = self._with_hanging(own, parameter, hanging, group)
-        return PartAxis(vertices, parameter, nodes, radius, mesh.vertices[seeds], borders, middle, rest, spread)
+        vertices, parameter = self._on_vertices(*self._with_hanging(own, parameter, hanging, group))
+        return PartAxis(vertices, parameter, nodes, radius, center[seeds], borders, middle, rest, spread)
+
+    def _on_vertices(self, some: Int64, values: Float64) -> tuple[Int64, Float64]:
+        """Interpolate `values` (M,) of the nodes `some` (M,) at their vertices: return these (N,) and the values.
+
+        Values that are linear in space stay so: each node gives them with their gradient.
+        """
+        nodes = self._nodes
+        chosen = np.zeros(len(nodes.center), bool)
+        chosen[some] = True
+        vertices = np.flatnonzero(chosen[nodes.of_vertex])
+        if len(nodes.center) == len(nodes.of_vertex):
+            return vertices, values
+        center = nodes.center[some] - nodes.center[some[0]]
+        local = nodes.graph[some][:, some]
+        row = np.repeat(np.arange(len(some)), np.diff(local.indptr))
+        to, rise = center[local.indices] - center[row], values[local.indices] - values[row]
+        products = np.concatenate([to[:, :, None] * to[:, None], (to * rise[:, None])[:, :, None]], axis=2)
+        sums = np.stack([np.bincount(row, each, len(some)) for each in products.reshape(-1, 12).T], 1).reshape(-1, 3, 4)
+        square, right = sums[:, :, :3], sums[:, :, 3:]
+        size = np.trace(square, axis1=1, axis2=2)[:, None, None] + 1e-300
+        gradient = np.linalg.solve(square + 1e-3 * size * np.eye(3), right)[:, :, 0]
+        rows = np.zeros((len(chosen), 5), np.float32)
+        rows[some] = np.column_stack([np.ones(len(some)), values - (gradient * center).sum(axis=1), gradient])
+        found = nodes.interpolated(rows, vertices).astype(np.float64)
+        points = self._mesh.vertices[vertices] - nodes.center[some[0]]
+        return vertices, (found[:, 1] + (found[:, 2:] * points).sum(axis=1)) / found[:, 0]
 
     def _end(self, local: csr_matrix, own: Int64) -> Int64:
-        """Which vertices of a part that nothing surrounds are its base: those at the end nearer to the whole shape."""
+        """Return which nodes of a part that nothing surrounds are its base: those at the end nearer to the center."""
         some = dijkstra(local, indices=0)
         one = int(np.where(np.isfinite(some), some, -1).argmax())
         away = dijkstra(local, indices=one)
         other = int(np.where(np.isfinite(away), away, -1).argmax())
         center = self._mesh.bounds.mean(axis=0)
-        ends = np.linalg.norm(self._mesh.vertices[own[[one, other]]] - center, axis=1)
+        ends = np.linalg.norm(self._nodes.center[own[[one, other]]] - center, axis=1)
         start = one if ends[0] <= ends[1] else other
         near = dijkstra(local, indices=start)
         return np.flatnonzero(near <= 0.05 * near[np.isfinite(near)].max())
 
-    def _curve(self, own: Int64, number: Int64, away: Float64) -> tuple[Float64, Float64, Float64] | None:
-        """The curve (33, 3), its radius (33,), and where along it the vertices (N,) of a part are.
+    def _curve(self, own: Int64, faces: Int32, number: Int64, away: Float64) -> tuple[Float64, Float64, Float64] | None:
+        """Return the curve (33, 3), its radius (33,), and where along it the nodes `own` (M,) of a part are.
 
         A principal curve (Hastie and Stuetzle 1989) that begins with the levels of the distances `away` from the base:
         means of what lies at one level are a curve, and levels are made anew of what lies nearest to its points.
         """
-        mesh = self._mesh
-        whole = np.flatnonzero((number[mesh.faces] >= 0).all(axis=1))
-        areas = self._areas[whole]
+        areas = face_areas(self._mesh.vertices, faces)
         if not areas.sum() > 0:
             return None
         face, barycentric = even_points(areas, SAMPLES)
-        corners = number[mesh.faces[whole[face]]]
+        corners = number[self._nodes.of_vertex[faces[face]]]
         weight = np.ones(SAMPLES)
-        points = np.einsum("nk,nkd->nd", barycentric, mesh.vertices[own[corners]])
+        points = np.einsum("nk,nkd->nd", barycentric, self._mesh.vertices[faces[face]])
         start = (barycentric * away[corners]).sum(axis=1) / away.max()
         level, width = start, WIDTH
         own_level = away / away.max()
@@ -246,28 +269,26 @@ class PartAxes:
             width = max(WIDTH, WIDE * width)
             level = _projected(nodes, points, start)
         else:
-            own_level = _projected(nodes, mesh.vertices[own], own_level)
+            own_level = _projected(nodes, self._nodes.center[own], own_level)
         at = np.linspace(0.0, 1.0, NODES)
         squares = np.square(points - _on(nodes, level)).sum(axis=1)
         radius = np.sqrt(_fitted(at, level, squares[:, None], weight, WIDTH, straight=False)[:, 0])
         return nodes, radius, own_level
 
     def _with_hanging(self, own: Int64, parameter: Float64, hanging: Int64, group: Int64) -> tuple[Int64, Float64]:
-        """The part's vertices and `parameter`, with what hangs on it: as one, but for what is near the part."""
+        """Return the part's nodes and `parameter`, with what hangs on it: as one, but for what is near the part."""
         if len(hanging) == 0:
             return own, parameter
-        vertices = np.concatenate([own, hanging])
-        at = np.argsort(vertices, kind="stable")
-        vertices = vertices[at]
-        known = np.full(len(self._mesh.vertices), np.nan)
+        nodes = np.sort(np.concatenate([own, hanging]))
+        known = np.full(len(group), np.nan)
         known[own] = parameter
-        local = self._graph[vertices][:, vertices]
+        local = self._nodes.graph[nodes][:, nodes]
         distance, _, source = dijkstra(
-            local, indices=np.flatnonzero(~np.isnan(known[vertices])), min_only=True, return_predecessors=True
+            local, indices=np.flatnonzero(~np.isnan(known[nodes])), min_only=True, return_predecessors=True
         )
-        nearest = known[vertices[np.maximum(source, 0)]]
-        result = np.where(np.isnan(known[vertices]), nearest, known[vertices])
-        of = group[vertices]
+        nearest = known[nodes[np.maximum(source, 0)]]
+        result = np.where(np.isnan(known[nodes]), nearest, known[nodes])
+        of = group[nodes]
         for one in np.unique(of[of >= 0]):
             here = of == one
             width = float(np.ptp(result[here]))
@@ -275,7 +296,7 @@ class PartAxes:
             far = np.clip(distance[here] / max(size / 3, 1e-300), 0.0, 1.0)
             if width > 0:
                 result[here] += (np.median(result[here]) - result[here]) * far * far * (3 - 2 * far)
-        return vertices, result
+        return nodes, result
 
 
 def carried(vertices: Float64, tree: cKDTree, values: Float64, isometry: Float64) -> tuple[Int64, Float64]:
