@@ -160,14 +160,13 @@ def _place(
     # A point q (right, up, back) is inside the picture from distance d and center c when |q_x − c_x| ≤ slope (d − q_z),
     # likewise in y: bounds that are linear in the point, so one matrix product gives the extremes for all cameras.
     # A fifth bound is the point nearest to the eye.
-    bounds = np.concatenate(
-        [
-            [right + slope * back, slope * back - right, up + slope * back, slope * back - up, back]
-            for right, up, back in bases
-        ]
-    )
-    clearance = CLEARANCE * float((points.max(axis=0) - points.min(axis=0)).max()) / 2
-    reach = _largest_along(bounds, points).reshape(-1, 5)
+    bounds = [
+        [right + slope * back, slope * back - right, up + slope * back, slope * back - up, back]
+        for right, up, back in bases
+    ]
+    reach = _largest_along(np.concatenate([*bounds, np.eye(3), -np.eye(3)]), points)
+    clearance = CLEARANCE * float((reach[-6:-3] + reach[-3:]).max()) / 2
+    reach = reach[:-6].reshape(-1, 5)
     cameras = []
     for (right, up, back), (to_right, to_left, to_top, to_bottom, nearest) in zip(bases, reach, strict=True):
         distance = max((to_right + to_left) / (2 * slope), (to_top + to_bottom) / (2 * slope), nearest + clearance)
@@ -190,11 +189,11 @@ def _squares(
 
 def _largest_along(normals: Float64, points: NDArray[np.floating[Any]]) -> Float64:
     """Return the largest product of a point (N, 3) with each of `normals` (K, 3), (K,)."""
-    columns = normals.T.astype(np.float32)
+    rows = normals.astype(np.float32)
     largest = np.full(len(normals), -np.inf, np.float32)
     for start in range(0, len(points), _CHUNK):
         chunk = np.asarray(points[start : start + _CHUNK], np.float32)
-        np.maximum(largest, (chunk @ columns).max(axis=0), out=largest)
+        np.maximum(largest, (rows @ chunk.T).max(axis=1), out=largest)
     return largest.astype(np.float64)
 
 
