@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import bench.speed.__main__ as speed
-from bench.speed import measure
+from bench.speed import measure, session
 
 
 def test_every_line_of_the_table_is_measured(monkeypatch):
@@ -17,3 +17,9 @@ def test_every_line_of_the_table_is_measured(monkeypatch):
     rows = list(speed.lines(1_000, 500))
     assert {"bind 1", "bind 100", "pose 1", "pose 100", "drag frame with 100 handles"} <= {row[0] for row in rows}
     assert all(len(row) == len(speed.COLUMNS) and float(row[1]) > 0 for row in rows)
+
+
+def test_every_step_of_a_session_has_its_time(field):
+    row = session.steps(1_000, field)
+    assert row["vertices"] >= 1_000
+    assert all(row[step] > 0 for step in session.STEPS)

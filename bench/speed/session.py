@@ -1,0 +1,108 @@
+"""`python -m bench.speed.session`: what a person waits for in a session, by the size of the mesh.
+
+A quadruped with a field of its own is subdivided until it has the size. Each size runs in a process of its own, since
+peak memory is the process's.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import time
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from trimesh.remesh import subdivide
+
+import dfd
+
+OUTPUT = Path(__file__).resolve().parents[1] / "results" / "speed"
+STEPS = ("features", "first handle", "first frame", "later frame", "second handle", "its first frame", "memory")
+SIZES = (10_000, 100_000, 1_000_000)
+LATER = 20  # frames, of which the median counts
+
+Row = dict[str, float]
+
+
+def field() -> dfd.Field:
+    """Return the field of a quadruped, from few and small pictures: quality does not change the time of a session."""
+    return dfd.distill(dfd.samples.quadruped(10_000).mesh, cache=False, views=6, resolution=224, steps=100)
+
+
+def shape(vertex_count: int) -> dfd.Mesh:
+    """Return the quadruped with at least so many vertices."""
+    mesh = dfd.samples.quadruped(min(2 * vertex_count, 10_000)).mesh
+    vertices, faces = mesh.vertices, mesh.faces
+    while len(vertices) < vertex_count:
+        vertices, faces = subdivide(vertices, faces)
+    return dfd.Mesh(vertices, faces)
+
+
+def steps(vertex_count: int, of_shape: dfd.Field) -> Row:
+    """Return the seconds of each of `STEPS` in one session, and the GB by which it raises the process's memory."""
+    mesh = shape(vertex_count)
+    before = _resident()
+    session = dfd.Deformer(mesh, of_shape, other_shape=True)
+    foot, head = int(mesh.vertices[:, 1].argmin()), int(mesh.vertices[:, 2].argmax())
+    seconds = {"vertices": float(len(mesh.vertices)), "features": _timed(session.prepare)}
+    for handle, vertex, prefix in ((1, foot, "first "), (2, head, "second ")):
+        seconds[f"{prefix}handle"] = _timed(lambda vertex=vertex: (session.add(vertex), session.weights))
+        frames = [_frame(session, handle, 0.01 * (k + 1)) for k in range(1 + LATER)]
+        seconds["first frame" if handle == 1 else "its first frame"] = frames[0]
+        seconds["later frame"] = float(np.median(frames[1:]))
+    return seconds | {"memory": _resident(peak=True) - before}
+
+
+def measured(vertex_count: int, of_shape: dfd.Field) -> Row:
+    """Return `steps`, run in a process of its own."""
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        return pool.apply(steps, (vertex_count, of_shape))
+
+
+def _frame(session: dfd.Deformer, handle: int, down: float) -> float:
+    session.move(handle, translation=(0.0, -down, 0.0))
+    return _timed(lambda: session.vertices)
+
+
+def _timed(call: object) -> float:
+    began = time.perf_counter()
+    call()  # type: ignore[operator]
+    return time.perf_counter() - began
+
+
+def _resident(*, peak: bool = False) -> float:
+    """Return the memory of this process, GB; Linux alone tells."""
+    key = "VmHWM" if peak else "VmRSS"
+    status = Path("/proc/self/status")
+    lines = status.read_text().splitlines() if status.exists() else []
+    return next((int(line.split()[1]) / 1e6 for line in lines if line.startswith(key)), float("nan"))
+
+
+def main() -> None:
+    """Measure, print and draw."""
+    parser = argparse.ArgumentParser(prog="python -m bench.speed.session", description=__doc__)
+    parser.add_argument("--vertices", type=int, nargs="+", default=SIZES, help="default: %(default)s")
+    options = parser.parse_args()
+    of_shape = field()
+    rows = [measured(count, of_shape) for count in options.vertices]
+    table = Table("vertices", *(f"{step}, {'GB' if step == 'memory' else 'ms'}" for step in STEPS))
+    for row in rows:
+        table.add_row(
+            f"{row['vertices']:,.0f}", *(f"{row[step] * (1 if step == 'memory' else 1e3):.3g}" for step in STEPS)
+        )
+    Console(width=140).print(table)
+    OUTPUT.mkdir(parents=True, exist_ok=True)
+    _, axes = plt.subplots(figsize=(7, 5))
+    for step in STEPS[:-1]:
+        axes.loglog([row["vertices"] for row in rows], [row[step] for row in rows], "o-", label=step)
+    axes.set(xlabel="vertices", ylabel="seconds")
+    axes.legend()
+    plt.savefig(OUTPUT / "session.png", dpi=120, bbox_inches="tight")
+    print(OUTPUT / "session.png")
+
+
+if __name__ == "__main__":
+    main()
