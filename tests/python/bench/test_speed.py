@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bench.speed.__main__ as speed
 from bench.speed import measure, session
+from bench.speed.made_input import mirrored_field
 
 
 def test_every_line_of_the_table_is_measured(monkeypatch):
@@ -19,7 +20,7 @@ def test_every_line_of_the_table_is_measured(monkeypatch):
     assert all(len(row) == len(speed.COLUMNS) and float(row[1]) > 0 for row in rows)
 
 
-def test_every_step_of_a_session_has_its_time(field):
-    row = session.steps(1_000, field)
+def test_every_step_of_a_session_has_its_time():
+    row = session.steps(1_000, mirrored_field())
     assert row["vertices"] >= 1_000
     assert all(row[step] > 0 for step in session.STEPS)
