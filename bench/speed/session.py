@@ -34,7 +34,7 @@ def field() -> dfd.Field:
 
 def shape(vertex_count: int) -> dfd.Mesh:
     """Return the quadruped with at least so many vertices."""
-    mesh = dfd.samples.quadruped(min(2 * vertex_count, 10_000)).mesh
+    mesh = dfd.samples.quadruped(min(max(2 * vertex_count, 4_000), 10_000)).mesh
     vertices, faces = mesh.vertices, mesh.faces
     while len(vertices) < vertex_count:
         vertices, faces = subdivide(vertices, faces)
