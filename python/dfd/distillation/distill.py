@@ -96,7 +96,7 @@ def distill(
     if found is not None:
         return found
     try:
-        field = run(stages)
+        field = run(stages).with_surface(mesh)
     except (MemoryError, RuntimeError) as error:
         from dfd.common.devices import out_of_memory
 

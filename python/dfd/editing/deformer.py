@@ -64,8 +64,8 @@ class Deformer:
         Take a field of another shape all the same.
 
     Raises ValueError if there is no such preset, or `features` is not finite or not one row of the field's width per
-    vertex; without `features` and `other_shape`, if the field's shape was of another size, below half or above twice
-    the mesh's, or lay elsewhere.
+    vertex; without `features` and `other_shape`, if the field was distilled from another shape
+    (`dfd.field.compatibility.check_compatible`).
 
     Warns
     -----
@@ -91,7 +91,7 @@ class Deformer:
         self.field = check.field("Deformer", field)
         start = Edit(preset=preset)
         if features is None and not other_shape:
-            check_compatible(field.center, field.scale, self.mesh, allowed_by="other_shape=True")
+            check_compatible(self.field, self.mesh, allowed_by="other_shape=True")
         self._weights = HandleWeights(self.mesh, field, features)
         self._posed = PosedShape(self.mesh, self._weights)
         self._warn_of_field(preset)

@@ -21,7 +21,7 @@ from dfd.common.errors import ArgumentError, called
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.field import field_file
 from dfd.field.architecture import Architecture
-from dfd.field.compatibility import check_compatible
+from dfd.field.compatibility import check_compatible, surface_points
 from dfd.field.component_residuals import ComponentResiduals, components_of_vertices
 from dfd.field.given_features import FEATURE_FILES
 
@@ -82,6 +82,9 @@ class Field:
         How the field was made (encoder, views, seed, …), saved in its file; JSON values.
     residuals
         How features of each component of the surface differ from those of the network; None where they do not.
+    surface
+        (P, 3) points of the surface of the shape that the field was distilled from, mesh units, at least two: by them
+        another shape is told. None compares shapes by their boxes alone.
 
     Raises
     ------
@@ -94,6 +97,7 @@ class Field:
     read_vertex_field: ClassVar[Callable[[Path, Mesh | None], Field]]
     source: FieldSource | None = None
     residuals: ComponentResiduals | None = None
+    surface: Float32 | None = None
 
     def __init__(
         self,
@@ -104,6 +108,7 @@ class Field:
         scale: float = 1.0,
         settings: Mapping[str, Any] | None = None,
         residuals: ComponentResiduals | None = None,
+        surface: ArrayLike | None = None,
     ) -> None:
         self.architecture = Architecture.of(parameters, octaves)
         self.parameters = {name: _frozen(name, parameters[name]) for name in self.architecture.shapes()}
@@ -111,6 +116,7 @@ class Field:
         self.scale = check.number("Field", "scale", scale, minimum=0.0, exclusive=True)
         self.settings = dict(settings or {})
         self.residuals = self._checked_residuals(residuals)
+        self.surface = None if surface is None else _frozen("surface", surface, ("P", 3))
 
     @property
     def dimension(self) -> int:
@@ -162,6 +168,12 @@ class Field:
         other = copy.copy(self)
         other.settings = dict(settings)
         other.source = None
+        return other
+
+    def with_surface(self, mesh: Mesh) -> Field:
+        """The same field with points of the surface of `mesh`, by which it knows the shape again."""
+        other = self.with_settings(self.settings)
+        other.surface = surface_points(mesh)
         return other
 
     def with_residuals(self, residuals: ComponentResiduals | None) -> Field:
@@ -223,7 +235,7 @@ class Field:
         """
         residuals = None if self.residuals is None else self.residuals.arrays()
         content = field_file.Content(
-            self.architecture, self.parameters, self.center, self.scale, self.settings, residuals
+            self.architecture, self.parameters, self.center, self.scale, self.settings, residuals, self.surface
         )
         field_file.write(path, content)
 
@@ -241,7 +253,7 @@ class Field:
             The mesh that an `.npy` or `.pt` is of. A field in a file of `save` must belong to it, where it is
             given, as `Deformer` says.
         other_shape
-            Take a field of a shape of quite another size or position all the same.
+            Take a field of another shape all the same.
 
         Raises
         ------
@@ -250,7 +262,7 @@ class Field:
         ValueError
             If it is not a field, is truncated, of another version, lacks tensors that its header names, or gives
             features that are not finite; if an `.npy` or `.pt` has not one row for each vertex, in the order of the
-            vertices, or for each face; if a field's own shape was of quite another size than `mesh`, or lay elsewhere.
+            vertices, or for each face; if a field's own shape was another than `mesh`, as `check_compatible` tells.
         """
         if not Path(path).is_file():
             raise FileNotFoundError(f"Field.load: `path` {os.fspath(path)} does not exist or is no file")
@@ -265,6 +277,7 @@ class Field:
                 scale=content.scale,
                 settings=content.settings,
                 residuals=None if content.residuals is None else ComponentResiduals(**content.residuals),
+                surface=content.surface,
             )
         except ArgumentError as error:
             reason = f"`{error.argument}` {error.reason}"
@@ -275,7 +288,7 @@ class Field:
         if mesh is not None and not other_shape:
             with called("Field.load"), warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)  # the session that the field is for says it
-                check_compatible(field.center, field.scale, mesh, allowed_by="other_shape=True")
+                check_compatible(field, mesh, allowed_by="other_shape=True")
         field.source = FieldSource.of(path)
         return field
 

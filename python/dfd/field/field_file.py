@@ -17,6 +17,7 @@ from safetensors import SafetensorError
 from dfd.common.files import atomic_write
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.field.architecture import Architecture
+from dfd.field.compatibility import POINTS
 
 FORMAT = "dfd-field"
 VERSION = 1
@@ -33,6 +34,7 @@ class Content:
     scale: float  # per mesh unit
     settings: dict[str, Any]
     residuals: Mapping[str, NDArray[Any]] | None = None  # see `dfd.field.component_residuals`
+    surface: Float32 | None = None  # (P, 3) points of the shape, mesh units
 
 
 def write(path: str | os.PathLike[str], content: Content) -> None:
@@ -44,6 +46,8 @@ def write(path: str | os.PathLike[str], content: Content) -> None:
         "settings": json.dumps(content.settings, sort_keys=True),
     }
     arrays: dict[str, NDArray[Any]] = {**content.parameters, "center": content.center, "scale": np.array(content.scale)}
+    if content.surface is not None:
+        arrays["surface"] = content.surface
     arrays |= {RESIDUALS[name]: array for name, array in (content.residuals or {}).items()}
     with atomic_write(path) as temporary:
         temporary.write_bytes(with_sorted_header(safetensors.numpy.save(arrays, metadata)))
@@ -64,8 +68,8 @@ def read(path: str | os.PathLike[str]) -> Content:
         _check_arrays(arrays, architecture)
     except ValueError as error:
         raise ValueError(f"Field.load: `path` {os.fspath(path)} {error}") from error
-    center, scale = arrays.pop("center"), arrays.pop("scale")
-    return Content(architecture, arrays, center, float(scale), settings, residuals or None)
+    center, scale, surface = arrays.pop("center"), arrays.pop("scale"), arrays.pop("surface", None)
+    return Content(architecture, arrays, center, float(scale), settings, residuals or None, surface)
 
 
 def with_sorted_header(content: bytes) -> bytes:
@@ -105,7 +109,7 @@ def _check_arrays(arrays: Mapping[str, NDArray[Any]], architecture: Architecture
     promised = 4 * architecture.layers + 4
     if len(arrays) < promised:
         raise ValueError(f"must hold {promised} tensors for {architecture.layers} layers, found {len(arrays)}")
-    wanted = {**architecture.shapes(), "center": (3,), "scale": ()}
+    wanted = {**architecture.shapes(), "center": (3,), "scale": (), "surface": (POINTS, 3)}
     for name, array in arrays.items():
         if name not in wanted:
             raise ValueError(f"holds an unknown tensor {name}")

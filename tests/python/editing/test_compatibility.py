@@ -5,9 +5,13 @@ import warnings
 
 import numpy as np
 import pytest
+import trimesh
+from fast_simplification import simplify
 from made_field import made_field
+from trimesh.remesh import subdivide
 
 import dfd
+from dfd.field.compatibility import surface_points
 
 
 def moved(mesh, factor=1.0, shift=(0.0, 0.0, 0.0)):
@@ -63,7 +67,7 @@ def test_a_mesh_that_reaches_far_out_of_the_field_s_box_is_told_so(mesh, field):
     ground = made_field(16, center=standing.bounds.mean(0), scale=2 / max(standing.extents))
     dfd.Deformer(standing, ground)
     lying = dfd.Mesh(standing.vertices @ [[1, 0, 0], [0, 0, 1], [0, -1, 0]], mesh.faces)
-    with pytest.warns(UserWarning, match=r"weights beyond that shape's box are a guess\. Unless the mesh is a pose"):
+    with pytest.warns(UserWarning, match="weights beyond that shape's box are a guess"):
         dfd.Deformer(lying, ground)
 
 
@@ -86,3 +90,58 @@ def test_an_edit_of_another_shape_is_taken_where_it_is_wanted(mesh, field, tmp_p
     with pytest.warns(UserWarning, match="1 of its vertices or sets of them are taken by position"):
         taken = dfd.Deformer.load(tmp_path / "edit.json", other, field, other_shape=True)
     np.testing.assert_array_equal(taken.handles[0].place.position, mesh.vertices[5])
+
+
+def half(mesh, axis):
+    middle = mesh.vertices[mesh.faces].mean(axis=1)[:, axis]
+    return dfd.Mesh(mesh.vertices, mesh.faces[middle <= np.quantile(middle, 0.55)])
+
+
+@pytest.fixture(scope="module")
+def known(mesh):
+    """A field that knows the surface of the chair."""
+    return made_field(16, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents)).with_surface(mesh)
+
+
+@pytest.mark.parametrize(
+    "copy",
+    [
+        lambda mesh: mesh,
+        lambda mesh: dfd.samples.chair(9000).mesh,
+        lambda mesh: dfd.Mesh(*subdivide(mesh.vertices, mesh.faces)),
+        lambda mesh: dfd.Mesh(*simplify(mesh.vertices.astype(np.float32), mesh.faces.copy(), target_reduction=0.9)),
+        lambda mesh: dfd.Mesh(mesh.vertices[mesh.faces].reshape(-1, 3), np.arange(mesh.faces.size).reshape(-1, 3)),
+        lambda mesh: half(mesh, 0),
+        lambda mesh: half(mesh, 2),
+    ],
+    ids=["itself", "remeshed", "subdivided", "decimated", "unwelded", "left half", "back half"],
+)
+def test_a_field_knows_other_copies_of_its_shape(mesh, known, tmp_path, copy):
+    known.save(tmp_path / "field.safetensors")
+    found = dfd.Field.load(tmp_path / "field.safetensors", mesh=copy(mesh))
+    np.testing.assert_array_equal(found.surface, known.surface)
+    dfd.Deformer(copy(mesh), found)
+
+
+@pytest.mark.parametrize("sample", ["quadruped", "ball"])
+def test_a_field_refuses_another_shape_of_the_same_size(mesh, known, sample):
+    if sample == "ball":
+        ball = trimesh.creation.icosphere(3)
+        vertices, faces = ball.vertices, ball.faces
+    else:
+        vertices, faces = (getattr(getattr(dfd.samples, sample)(4000).mesh, name) for name in ("vertices", "faces"))
+    box = np.array([vertices.min(axis=0), vertices.max(axis=0)])
+    stranger = dfd.Mesh(
+        (vertices - box.mean(axis=0)) / np.ptp(box, axis=0).max() * 2 / known.scale + known.center, faces
+    )
+    with pytest.raises(
+        ValueError, match=r"was distilled from another shape: .*; other_shape=True takes it all the same"
+    ):
+        dfd.Deformer(stranger, known)
+    dfd.Deformer(stranger, known, other_shape=True)
+
+
+def test_a_distilled_field_knows_its_surface(mesh, features):
+    found = dfd.distill(mesh, features=features, cache=False, progress=False, epochs=1)
+    assert found.surface.shape == (512, 3)
+    np.testing.assert_array_equal(found.surface, surface_points(mesh))

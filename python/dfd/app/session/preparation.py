@@ -160,7 +160,7 @@ class Preparation:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", UserWarning)
             field = Field.load(path, mesh=mesh)
-            check_compatible(field.center, field.scale, mesh)
+            check_compatible(field, mesh)
         messages = [str(each.message) for each in caught if issubclass(each.category, UserWarning)]
         assert field.source is not None
         key = f"{hash_arrays(mesh.vertices, mesh.faces)} {field.source.sha256}"
