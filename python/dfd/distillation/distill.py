@@ -6,6 +6,7 @@ from collections.abc import Callable
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
+from dfd.common.preset import Preset
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillSettings
 from dfd.encoders.known import DEFAULT_ENCODER
@@ -31,6 +32,14 @@ def distill(
     mesh: MeshLike,
     encoder: str | PathLike[str] | Encoder = DEFAULT_ENCODER,
     *,
+    preset: Preset = "default",
+    views: int | None = None,
+    resolution: int | None = None,
+    up: str | tuple[float, float, float] | None = None,
+    smoothing: float | None = None,
+    steps: int | None = None,
+    epochs: int | None = None,
+    seed: int | None = None,
     features: ArrayLike | tuple[ArrayLike, ArrayLike] | None = None,
     device: str | None = None,
     progress: bool | Stages = True,
@@ -45,6 +54,19 @@ def distill(
         A mesh, or anything that `dfd.load` accepts. Textures, holes, loose parts and degenerate faces are allowed.
     encoder
         A known encoder's name, a folder with weights, a hub name, or a loaded encoder.
+    preset
+        "default", or "paper" for the procedure of the paper: the values of the settings that are left out.
+    views, resolution
+        How many pictures are taken, and pixels along their sides.
+    up
+        "+y", "-z" and the like, a direction (3,), "file" for the file's +y, or "auto" to find it from pictures.
+    smoothing
+        Distance over which features are smoothed along the surface, relative to half the longest side of the box.
+    steps, epochs
+        Length of the fit in batches, or in passes over all points: one of the two.
+    seed
+        Equal seeds give equal fields on one machine with the same number of threads, and nearly equal ones (to about
+        1e-3 of a feature) elsewhere.
     features
         Features of another network, fitted instead of an encoder's: (V, D), one row per vertex, or the pair points
         (N, 3) in mesh units and features (N, D). Settings of pictures are then ignored, and an epoch is one pass over
@@ -57,9 +79,7 @@ def distill(
         Take the field from the user's cache if the same mesh was distilled with the same settings before, and store it
         there otherwise; see `dfd.common.files`.
     settings
-        `preset` ("default", or "paper" for the procedure of the paper) and every other field of `DistillSettings`.
-        Equal seeds give equal fields on one machine with the same number of threads, and nearly equal ones (to about
-        1e-3 of a feature) elsewhere. The precision of a named encoder is chosen once per machine, by
+        Every other field of `DistillSettings`. The precision of a named encoder is chosen once per machine, by
         `dfd.encoders.encode.load_encoder`, and is `field.settings["encoder_precision"]`.
 
     Returns
@@ -81,7 +101,10 @@ def distill(
     """
     from dfd.mesh.mesh import as_mesh
 
-    mesh, checked = as_mesh(mesh), DistillSettings(**settings)
+    main: dict[str, Any] = {"views": views, "resolution": resolution, "up": up, "smoothing": smoothing}
+    main |= {"steps": steps, "epochs": epochs, "seed": seed}
+    given = {name: value for name, value in main.items() if value is not None}
+    mesh, checked = as_mesh(mesh), DistillSettings(preset=preset, **given, **settings)
     stages = progress if isinstance(progress, Stages) else Stages(show=bool(progress))
     with stages.stage("load"):
         known = _find_key(mesh, encoder, checked, device) if features is None else None
