@@ -79,7 +79,7 @@ def distill(
         Take the field from the user's cache if the same mesh was distilled with the same settings before, and store it
         there otherwise; see `dfd.common.files`.
     settings
-        Every other field of `DistillSettings`. The precision of a named encoder is chosen once per machine, by
+        Every other field of `DistillSettings`. The precision of a named encoder follows from the device, see
         `dfd.encoders.encode.load_encoder`, and is `field.settings["encoder_precision"]`.
 
     Returns

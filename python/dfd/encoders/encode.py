@@ -21,7 +21,7 @@ from dfd.common.progress import Stages
 from dfd.encoders import dinov2
 from dfd.encoders.families import build_family
 from dfd.encoders.known import DEFAULT_ENCODER, KNOWN_ENCODERS
-from dfd.encoders.precision import Precision, choose_precision, save_device
+from dfd.encoders.precision import Precision, choose_precision
 from dfd.encoders.sources import find_weights
 from dfd.encoders.vision_model import VisionModel
 from dfd.encoders.weight_files import EncoderWeights
@@ -238,8 +238,7 @@ def load_encoder(
         Where torch computes, such as "cpu" or "cuda"; None takes a CUDA device when there is one.
     precision
         "float32"; "bfloat16", two to three times as fast on processors and CUDA devices that have it (weights then move
-        by 0.0006 on average, 0.01 at most); "auto" takes "bfloat16" where it is faster and "float32" elsewhere. What it
-        takes is decided once per machine and kept in the user's cache, so that equal calls give equal tokens.
+        by 0.0006 on average, 0.01 at most); "auto" takes "bfloat16" where the device has instructions for it.
     background
         Encode the background too, even with networks that can skip it.
 
@@ -259,8 +258,6 @@ def load_encoder(
     model = build(weights, block, known.channels if known else None)
     chosen = choose_precision(target) if precision == "auto" else precision
     _log.info("encoder %s: weights from %s, block %d of %d", name, weights.source, model.block, model.depth)
-    if device is None:
-        save_device(str(target))
     return Encoder(name, weights, model, target, chosen, background=background)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Any
 
-from dfd.encoders.precision import saved_device, saved_precision
+from dfd.encoders.precision import choose_precision, default_device
 from dfd.encoders.sources import find_fingerprint
 
 if TYPE_CHECKING:
@@ -19,17 +19,16 @@ def find_identity(
 ) -> dict[str, Any] | None:
     """Return all that the tokens of `encoder` on `device` depend on, besides the pictures, without loading it.
 
-    None where its weights are not cached, or no encoder was ever loaded on this machine: then where it computes, and
-    with which precision, is not decided yet.
+    None where its weights are not cached.
     """
     if not isinstance(encoder, str | os.PathLike):
         return encoder.identity()
-    target = saved_device() if device is None else str(device)
-    precision = saved_precision(target) if target else None
-    weights = find_fingerprint(encoder) if precision else None
+    weights = find_fingerprint(encoder)
     if weights is None:
         return None
-    return {"encoder": os.fspath(encoder), "encoder_weights": weights, "encoder_precision": precision, "device": target}
+    target = default_device() if device is None else str(device)
+    found = {"encoder": os.fspath(encoder), "encoder_weights": weights}
+    return found | {"encoder_precision": choose_precision(target), "device": target}
 
 
 def loaded_identity(
