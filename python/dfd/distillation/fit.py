@@ -18,6 +18,7 @@ from dfd.common.devices import one_thread
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.common.progress import Stages
 from dfd.common.threads import get_num_threads
+from dfd.encoders.precision import choose_precision
 from dfd.field.architecture import Architecture
 from dfd.field.component_residuals import ComponentResiduals
 from dfd.field.field import Field
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
     from dfd.distillation.settings import DistillSettings
     from dfd.distillation.targets import PointTargets, Targets
 
+# From this batch on most of the time goes into products, which bfloat16 halves: two epochs of the paper's preset took
+# 25 s instead of 52 s, with a loss 0.1 % higher.
+LARGE_BATCH = 4096
 _LEAST_PART, _MOST_PARTS = 192, 8  # least points per part of a batch, and most parts; threads take parts
 
 
@@ -63,9 +67,10 @@ def fit(
     losses: list[Tensor] = []
     # torch's thread count is per thread, so each worker sets its own to 1.
     workers = ThreadPoolExecutor(get_num_threads(), "dfd-fit", initializer=torch.set_num_threads, initargs=(1,))
+    low = settings.batch >= LARGE_BATCH and choose_precision(device) == "bfloat16"
     with _exact_float32(), one_thread(), workers as pool, stages.stage("fit", steps) as advance:
         for (points, wanted), (rate, momentum) in zip(batches, schedule(settings, steps), strict=True):
-            loss, gradients = _gradients(network, points.to(device), wanted.to(device), pool)
+            loss, gradients = _gradients(network, points.to(device), wanted.to(device), pool, low=low)
             optimizer.step(gradients, rate, momentum)
             losses.append(loss)
             advance()
@@ -77,8 +82,12 @@ def fit(
     return Field(parameters, octaves=settings.octaves, center=center, scale=scale, settings=made)
 
 
-def _gradients(network: Network, points: Tensor, wanted: Tensor, pool: Executor) -> tuple[Tensor, list[Tensor]]:
+def _gradients(
+    network: Network, points: Tensor, wanted: Tensor, pool: Executor, *, low: bool
+) -> tuple[Tensor, list[Tensor]]:
     """Return the mean of ‖Φ(P) − Z‖² over a batch, (B, 3) points and (B, d) targets, and its gradients.
+
+    With `low` matrices are multiplied in bfloat16, parameters and sums stay in float32.
 
     On the CPU each thread takes parts of the batch, whose gradients are added in order: torch's own threads synchronize
     many times per step, which is up to twenty times slower on a busy machine.
@@ -86,7 +95,9 @@ def _gradients(network: Network, points: Tensor, wanted: Tensor, pool: Executor)
     parameters = list(network.parameters())
 
     def differentiate(part: tuple[Tensor, Tensor]) -> tuple[Tensor, ...]:
-        loss = (network(part[0]) - part[1]).square().sum() / len(points)
+        with torch.autocast(points.device.type, torch.bfloat16, enabled=low):
+            found = network(part[0])
+        loss = (found.float() - part[1]).square().sum() / len(points)
         return loss.detach(), *torch.autograd.grad(loss, parameters)
 
     size = len(points) if points.is_cuda else max(_LEAST_PART, -(-len(points) // _MOST_PARTS))
