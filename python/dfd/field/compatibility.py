@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -11,7 +11,6 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64
 
 if TYPE_CHECKING:
-    from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
 # Of the longest sides. The nearest units that get mixed up, inch and centimetre, differ by 2.54; a shape that was only
@@ -30,6 +29,14 @@ FAR = 0.02
 MOST_BEYOND, MOST_MISSING = 0.1, 0.6
 
 
+class KnownShape(Protocol):
+    """What a `Field` knows of the shape that it was distilled from, in mesh units."""
+
+    center: Float64  # (3,) of the box
+    scale: float  # 2 over the longest side of the box
+    surface: Float32 | None  # (512, 3) points, or None
+
+
 def surface_points(mesh: Mesh) -> Float32 | None:
     """Return (512, 3) points spread over the surface of `mesh`, mesh units; None if no face has an area.
 
@@ -46,7 +53,7 @@ def surface_points(mesh: Mesh) -> Float32 | None:
     return samples[chosen].astype(np.float32)
 
 
-def check_compatible(field: Field, mesh: Mesh, *, allowed_by: str = "") -> None:
+def check_compatible(field: KnownShape, mesh: Mesh, *, allowed_by: str = "") -> None:
     """Refuse a field of another shape than `mesh`.
 
     Other resolutions of the field's shape pass, and its parts down to half of its surface. `allowed_by` is what the
@@ -88,7 +95,7 @@ def check_compatible(field: Field, mesh: Mesh, *, allowed_by: str = "") -> None:
         )
 
 
-def _differences(field: Field, mesh: Mesh) -> tuple[float, float]:
+def _differences(field: KnownShape, mesh: Mesh) -> tuple[float, float]:
     """Return the shares of the mesh's surface far from the field's points, and of these points far from the mesh."""
     samples, spacing = _samples(mesh)
     if field.surface is None or samples is None:
