@@ -36,7 +36,7 @@ def private(tmp_path: Path, name: str) -> Path:
 
 
 @pytest.mark.parametrize("name", ["notes.txt", ".ssh/id_rsa", "keys.png", "%2Essh/id_rsa"])
-def test_files_that_nothing_shows_are_neither_read_nor_saved(name: str, tmp_path: Path) -> None:
+def test_private_files_are_not_saved(name: str, tmp_path: Path) -> None:
     private(tmp_path, name.replace("%2E", "."))
 
     def add(header: dict) -> None:

@@ -38,11 +38,10 @@ class GltfSource:
 def encode(source: GltfSource, moved: Sequence[MovedPrimitive], *, binary: bool) -> bytes:
     """Return the file with its primitives moved, as GLB or as glTF with embedded data.
 
-    External buffers and images are embedded where a displayed mesh, skin, animation or material needs them; other
-    external references are kept.
+    External buffers and images are embedded; references to those that cannot be read are kept.
     """
     patch = GltfPatch(source)
-    users = Counter(each for node in objects(patch.header, "nodes") for each in _numbers([node.get("mesh")]))
+    users = Counter(mesh for node in objects(patch.header, "nodes") if isinstance(mesh := node.get("mesh"), int))
     of_node: dict[int, list[MovedPrimitive]] = {}
     for each in moved:
         of_node.setdefault(each.primitive.source[0], []).append(each)
@@ -88,21 +87,14 @@ class GltfPatch(GltfBuilder):
         self._uses: dict[tuple[int, str, int], list[dict[str, Any]]] = {}
 
     def _take_buffers(self) -> None:
-        """Concatenate the buffers that are embedded or that displayed content needs."""
-        needed = _needed_buffers(self.header)
+        """Concatenate the buffers that can be read; references to others stay."""
         moved_to: dict[int, tuple[int, int]] = {}  # from a buffer to its new number and where it starts there
         for index, buffer in enumerate(self.header.get("buffers", [])):
-            uri = buffer.get("uri")
-            inside = uri is None or uri.startswith("data:")
             try:
-                data = self._source.data.buffer(index) if inside or index in needed else None
-            except (ValueError, OSError):  # a placeholder of a compressed view, or a file deleted since loading
-                data = None
-            if data is None:
+                moved_to[index] = (0, self._append(self._source.data.buffer(index)))
+            except (ValueError, OSError):  # a placeholder of a compressed view, or a file that cannot be read
                 self._left.append(buffer)
                 moved_to[index] = (len(self._left), 0)
-            else:
-                moved_to[index] = (0, self._append(data))
         for view in self.header.get("bufferViews", []):
             for owner in (view, *(found for name in MESHOPT if (found := extension(view, name)) is not None)):
                 owner["buffer"], start = moved_to[int(owner["buffer"])]
@@ -110,8 +102,8 @@ class GltfPatch(GltfBuilder):
                     owner["byteOffset"] = int(owner.get("byteOffset", 0)) + start
 
     def _take_pictures(self) -> None:
-        for index in sorted(_needed_images(self.header)):
-            image = self.header["images"][index]
+        """Embed the pictures of external files that can be read; references to others stay."""
+        for image in self.header.get("images", []):
             uri = image.get("uri")
             if not isinstance(uri, str) or uri.startswith("data:"):
                 continue
@@ -221,72 +213,3 @@ class GltfPatch(GltfBuilder):
         changed = (old != new).any(axis=1)
         rows[changed] = new[changed] if stored is None else new[changed] - old[changed] + stored[changed]
         self._uses.setdefault(key, []).append(attributes)
-
-
-def _needed_buffers(header: Header) -> set[int]:
-    """Return the buffers that meshes of the scene's nodes, skins, animations and shown pictures take data from."""
-    accessors = _numbers([skin.get("inverseBindMatrices") for skin in objects(header, "skins")])
-    views: set[int] = set()
-    for primitive in _shown_primitives(header):
-        targets = primitive.get("targets")
-        for each in (primitive.get("attributes"), *(targets if isinstance(targets, list) else [])):
-            accessors |= _numbers(each)
-        accessors |= _numbers([primitive.get("indices")])
-        views |= _numbers([(extension(primitive, DRACO) or {}).get("bufferView")])
-    for animation in objects(header, "animations"):
-        for sampler in objects(animation, "samplers"):
-            accessors |= _numbers([sampler.get("input"), sampler.get("output")])
-    for accessor in _named(header, "accessors", accessors):
-        sparse = accessor.get("sparse")
-        parts = [sparse.get(name) for name in ("indices", "values")] if isinstance(sparse, dict) else []
-        views |= _numbers([each.get("bufferView") for each in (accessor, *parts) if isinstance(each, dict)])
-    views |= _numbers([header["images"][index].get("bufferView") for index in _needed_images(header)])
-    buffers: set[int] = set()
-    for view in _named(header, "bufferViews", views):
-        packed = [found for name in MESHOPT if (found := extension(view, name)) is not None]
-        buffers.update(int(each["buffer"]) for each in (view, *packed))
-    return buffers
-
-
-def _needed_images(header: Header) -> set[int]:
-    """Return the pictures of the textures of the materials of the primitives that are shown."""
-    used = _numbers([primitive.get("material") for primitive in _shown_primitives(header)])
-    textures: set[int] = set()
-    for material in _named(header, "materials", used):
-        textures |= _texture_indices(material)
-    found: set[int] = set()
-    for texture in _named(header, "textures", textures):
-        others = texture.get("extensions")
-        owners = (texture, *(others.values() if isinstance(others, dict) else ()))
-        found |= _numbers([each.get("source") for each in owners if isinstance(each, dict)])
-    return {each for each in found if is_index(each, len(objects(header, "images")))}
-
-
-def _texture_indices(material: Header) -> set[int]:
-    """Return the textures that a material names, in the format itself or in an extension."""
-    found: set[int] = set()
-    layer: list[Any] = [material]
-    while layer:
-        value = layer.pop()
-        for name, inner in value.items() if isinstance(value, dict) else [("", each) for each in value]:
-            if isinstance(inner, dict | list) and name != "extras":
-                layer.append(inner)
-                if name.lower().endswith("texture") and isinstance(inner, dict):
-                    found |= _numbers([inner.get("index")])
-    return found
-
-
-def _shown_primitives(header: Header) -> list[Header]:
-    shown = _numbers([node.get("mesh") for node in objects(header, "nodes")])
-    return [each for mesh in _named(header, "meshes", shown) for each in objects(mesh, "primitives")]
-
-
-def _named(header: Header, name: str, indices: set[int]) -> list[Header]:
-    """Return the objects of a list of the header that `indices` name."""
-    return [each for index, each in enumerate(objects(header, name)) if index in indices]
-
-
-def _numbers(values: object) -> set[int]:
-    """Return the whole numbers in a list or among the values of an object."""
-    inner = values.values() if isinstance(values, dict) else values if isinstance(values, list) else ()
-    return {each for each in inner if isinstance(each, int) and not isinstance(each, bool)}
