@@ -168,7 +168,7 @@ class Deformer:
     def _commit(self, edit: Edit, topic: Hashable = None, merge: bool = False, *, rebinds: bool = True) -> None:
         """Take a step; one that may change weights is refused where a handle could not arrive."""
         if rebinds:
-            self._weights.check_arrivals(edit)
+            self._weights.by_features.check_arrivals(edit)
         self._history.commit(edit, topic=topic, merge=merge)
 
     # --- handles
@@ -421,17 +421,17 @@ class Deformer:
 
         It is the one long step of a session; `progress` is called with the number of further vertices that are done.
         """
-        self._weights.prepare(progress)
+        self._weights.rows.prepare(progress)
 
     @property
     def features(self) -> Float32 | CompactFeatures:
         """(V, D) features of the vertices, what `dfd.bind` takes: full unit rows or compact ones, see `Deformer`."""
-        return self._weights.features
+        return self._weights.rows.features
 
     @property
     def weights(self) -> Float32:
         """(V, H) weights of the handles, in the order of `handles`, column-major and read-only, fixed once given."""
-        return self._weights.of(self.edit)
+        return self._weights.by_features.of(self.edit)[0]
 
     @property
     def following(self) -> Float32:

@@ -89,7 +89,7 @@ def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: Float64) -> Re
     bent = weights.bent(edit)
     handles = []
     for i, handle in enumerate(edit.handles):
-        vertex = weights.anchor(handle)
+        vertex = weights.rows.anchor(handle.place)
         target = _sent(own[i].matrix(handle), bent[vertex])
         for number in own[i].carriers:
             moved_by = columns[number].matrix(edit.handles[columns[number].handle])

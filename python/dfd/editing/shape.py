@@ -8,11 +8,11 @@ import numpy as np
 
 from dfd.common.linear_algebra import Float64
 from dfd.editing.edit import Edit, Handle, box_center
-from dfd.editing.influence.instance_weights import Column, InstanceColumns
+from dfd.editing.influence.handle_weights import HandleWeights
+from dfd.editing.influence.instances import Column
 from dfd.posing.pose import Drag, pose
 
 if TYPE_CHECKING:
-    from dfd.editing.influence.handle_weights import HandleWeights
     from dfd.mesh.mesh import Mesh
 
 
@@ -90,7 +90,7 @@ def _moved(before: Edit, after: Edit) -> list[int] | None:
     """Which handles' transforms tell two edits apart; None where other things do."""
     if len(before.handles) != len(after.handles) or _whole_shape(before) != _whole_shape(after):
         return None
-    if InstanceColumns.allocating(before) != InstanceColumns.allocating(after):
+    if HandleWeights.allocating(before) != HandleWeights.allocating(after):
         return None  # which handle moves a component has changed
     moved = []
     for i, (old, new) in enumerate(zip(before.handles, after.handles, strict=True)):

@@ -81,8 +81,8 @@ def set_default(edit: Edit, weights: HandleWeights, given: Mapping[str, Any]) ->
 
 def part_at(weights: HandleWeights, at: Any, level: Level = "part", *, alike: bool = True) -> VertexSet:
     """The part of the shape that holds a place, as `dfd.Parts.part` finds it."""
-    vertex = weights.anchor(Handle(1, place_on(weights.mesh, at)))
-    return VertexSet.of(weights.mesh, weights.parts.part(vertex, level, alike=alike).mask)
+    vertex = weights.rows.anchor(place_on(weights.mesh, at))
+    return VertexSet.of(weights.mesh, weights.grips.parts.part(vertex, level, alike=alike).mask)
 
 
 def place_of(weights: HandleWeights, at: Any) -> Place:
@@ -114,7 +114,7 @@ def _transform(transform: Transform, weights: HandleWeights, place: Place, given
         return transform.changed(**given)
     if axes != "normal":
         raise ArgumentError("axes", f"must be normal, auto or 3 unit vectors at right angles, got {axes!r}")
-    normal = np.asarray(weights.mesh.normals[weights.anchor(Handle(1, place))], np.float64)
+    normal = np.asarray(weights.mesh.normals[weights.rows.anchor(place)], np.float64)
     if not normal.any():
         raise ArgumentError("axes", "cannot be 'normal': the surface has no normal at the handle")
     in_numbers: Mapping[str, Any] = {**given, "axes": frame_of_normal(normal)}

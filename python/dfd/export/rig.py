@@ -10,7 +10,7 @@ import numpy as np
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit, Handle, box_center
-from dfd.editing.influence.instance_weights import Column
+from dfd.editing.influence.instances import Column
 from dfd.editing.shape import PosedShape
 from dfd.export.joints import Joint
 from dfd.export.key_poses import KeyPose, posed_edit

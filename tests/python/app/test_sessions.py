@@ -61,8 +61,8 @@ def test_two_tabs_have_one_shape_and_each_its_own_edit(page: Page, new_page: Pag
     assert one is not None
     assert other is not None
     assert one.features is other.features
-    assert one.bound.parts is other.bound.parts
-    assert one.bound.finder is other.bound.finder
+    assert one.bound.grips.parts is other.bound.grips.parts
+    assert one.bound.grips.finder is other.bound.grips.finder
     np.testing.assert_array_equal(other.vertices, other.mesh.vertices)
     assert one.part(5) == other.part(5)
 

@@ -69,7 +69,7 @@ def small(monkeypatch) -> None:
     monkeypatch.setattr(page, "RESOLUTION", 48)
     monkeypatch.setattr(page, "LONGEST_EDGE", 0.2)
     monkeypatch.setattr(resolution, "FACES", (300, 900))
-    monkeypatch.setattr("dfd.editing.influence.instance_weights.symmetry_planes", lambda field, mesh: [])
+    monkeypatch.setattr("dfd.editing.influence.grips.symmetry_planes", lambda field, mesh: [])
     for module in (comparisons, resolution):
         monkeypatch.setattr(module, "run", lambda make, mesh, jobs, **_: [Done(mesh.vertices, seconds) for _ in jobs])
 

@@ -9,7 +9,7 @@ from made_field import field_of
 
 import dfd
 from dfd.editing import shape
-from dfd.editing.influence import handle_weights
+from dfd.editing.influence import feature_weights
 from dfd.editing.presets import PRESETS
 
 
@@ -53,7 +53,7 @@ def paper_handles(rules):
 @pytest.fixture
 def geodesics(deformer, mesh):
     counting = Counting(mesh)
-    deformer._weights._distances._geodesics[True] = counting
+    deformer._weights.by_features._distances._geodesics[True] = counting
     return counting
 
 
@@ -66,7 +66,7 @@ def bound():
         counts.append(len(handles))
         return dfd.bind(features, handles, **options)
 
-    with mock.patch.object(handle_weights, "bind", counted):
+    with mock.patch.object(feature_weights, "bind", counted):
         yield counts
 
 

@@ -72,8 +72,8 @@ def test_a_radius_ends_smoothly_where_it_says(session, geodesics_of, labeled, fo
 @pytest.fixture
 def geodesics_of():
     def replaced(session):
-        session._weights._distances._geodesics[True] = Counting(session.mesh)
-        return session._weights._distances._geodesics[True]
+        session._weights.by_features._distances._geodesics[True] = Counting(session.mesh)
+        return session._weights.by_features._distances._geodesics[True]
 
     return replaced
 

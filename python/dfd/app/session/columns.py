@@ -90,7 +90,7 @@ class Columns:
         entries = []
         for number, handle in missing.items():
             if handle is None:
-                arrays[f"values{number}"] = _packed(deformer.bound.held(deformer.edit), 1.0)
+                arrays[f"values{number}"] = _packed(deformer.bound.by_features.held(deformer.edit), 1.0)
                 entries.append(_column_entry(number, "weight"))
             else:
                 entries.append(self._handle_entry(number, handle, arrays))
@@ -179,7 +179,7 @@ class Columns:
             arrays[f"values{number}"] = _packed(whole, 1.0)
         else:
             arrays[f"values{number}"] = _packed(feature_distances(deformer, handle.place), MAX_DISTANCE)
-            _, along, _ = deformer.bound.locality(deformer.edit, handle)
+            _, along, _ = deformer.bound.by_features.locality(deformer.edit, handle)
             if along is not None:
                 geodesic = f"geodesic{number}"
                 arrays[geodesic] = _packed(along, 1.0)
@@ -189,7 +189,7 @@ class Columns:
         """Everything the handle's column depends on besides mesh and field; equal keys mean equal columns."""
         edit = self._deformer.edit
         controls = handle.controls
-        sources, _, _ = self._deformer.bound.locality(edit, handle)
+        sources, _, _ = self._deformer.bound.by_features.locality(edit, handle)
         kind = column_kind(handle)
         if kind == "distance":
             # Reach and falloff are the page's own, and change without a new column.
@@ -225,17 +225,17 @@ def heat_message(deformer: Deformer, place: Place, *, request: int) -> bytes:
 
 def _probed(deformer: Deformer, place: Place) -> Float32:
     """(V,) distances of which the page makes, by the preset's falloff, what a new handle at a place would hold."""
-    part = deformer.bound.part(place) if PRESETS[deformer.preset].reach == "part" else None
-    if part is None:
+    grip = deformer.bound.grips.grip(place) if PRESETS[deformer.preset].reach == "part" else None
+    if grip is None:
         return feature_distances(deformer, place)
     # The curve x² (3 − 2x) turned round: where it has the part's weights.
-    within = 0.5 - np.sin(np.arcsin(1.0 - 2.0 * part) / 3.0)
+    within = 0.5 - np.sin(np.arcsin(1.0 - 2.0 * grip.weights) / 3.0)
     return np.asarray(PARTLESS_REACH * (1.0 - within), np.float32)
 
 
 def feature_distances(deformer: Deformer, place: Place) -> Float32:
     """(V,) in [0, 2], the distance of each vertex from `place` in feature space."""
-    distances: Float32 = bind(deformer.features, deformer.bound.asked(place), reach=MAX_DISTANCE)[:, 0]
+    distances: Float32 = bind(deformer.features, deformer.bound.rows.points([place]), reach=MAX_DISTANCE)[:, 0]
     np.subtract(1.0, distances, out=distances)
     distances *= MAX_DISTANCE
     return distances

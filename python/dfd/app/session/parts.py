@@ -42,7 +42,7 @@ class ShapeParts:
         Raises ValueError if there is none.
         """
         region = handle.place.region if isinstance(handle.place.region, VertexSet) else None
-        vertex = self._deformer.bound.anchor(handle)
+        vertex = self._deformer.bound.rows.anchor(handle.place)
         alike = handle.controls.instances != "only"
         if region is not None:
             vertex = self._origins.get(region, vertex)
@@ -70,7 +70,7 @@ class ShapeParts:
         """What a handle is limited to by its part: what it holds, or the part that it is on."""
         if isinstance(handle.place.region, VertexSet):
             return handle.place.region
-        return self.at(self._deformer.bound.anchor(handle))
+        return self.at(self._deformer.bound.rows.anchor(handle.place))
 
     def limits(self, handle: Handle) -> bool:
         """Whether a handle is limited to its part."""

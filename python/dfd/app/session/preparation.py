@@ -177,7 +177,7 @@ class Preparation:
                     shared.planes[preset] = symmetry_planes(
                         field, mesh, candidates=defaults.candidates, threshold=defaults.threshold
                     )
-            shared.found = deformer.bound.prepare_instances(shared.planes["default"], shared.found)
+            shared.found = deformer.bound.grips.prepare(shared.planes["default"], shared.found)
         self._tell("field_prepared", shared.planes)
 
     def _counted(self, field: Field) -> Callable[[int], None]:

@@ -120,7 +120,7 @@ def features(session: Session) -> bytes:
 def suggest(session: Session, count: Annotated[int, Field(ge=1, le=64)] = 12) -> answers.Answer:
     """Good places for handles, one for each kind of part. Answer: `suggestions`."""
     deformer, planes = session.require_deformer(), session.view_state.planes.get("default", ())
-    mesh, finder = deformer.mesh, deformer.bound.finder
+    mesh, finder = deformer.mesh, deformer.bound.grips.finder
     found: list[answers.Suggestion] = []
     for each in suggest_handles(mesh, deformer.features, count=count, planes=planes, finder=finder):
         similar = f", {len(each.instances)} alike" if len(each.instances) > 1 else ""

@@ -80,7 +80,7 @@ def _handle(deformer: Deformer, columns: Columns, handle: Handle, parts: ShapePa
     values = {
         **{name: getattr(transform, name) for name in MOTION},
         **{name: getattr(controls, name) for name in CONTROLS},
-        "reach": bound.reach(handle),
+        "reach": bound.by_features.reach(handle),
         "excluded_instances": tuple(place.vertex for place in controls.excluded_instances if place.vertex is not None),
         "mask": _size(deformer.mesh, controls.mask),
     }
@@ -93,9 +93,9 @@ def _handle(deformer: Deformer, columns: Columns, handle: Handle, parts: ShapePa
         pivot_set=transform.pivot is not None,
         reach_by=controls.reach if isinstance(controls.reach, str) else "number",
         mask_part=parts is not None and parts.limits(handle),
-        exponent=bound.locality(edit, handle)[2],
+        exponent=bound.by_features.locality(edit, handle)[2],
         region=_size(deformer.mesh, handle.place.region),
-        gain=bound.gain(edit, handle),
+        gain=bound.by_features.gain(edit, handle),
         column=columns.of_handle(handle),
         moved=not transform.rests,
         **values,

@@ -1,57 +1,43 @@
-"""Compute the weights of a session's handles, and keep them as long as their inputs do not change."""
+"""The columns of weights by which a session poses: one for each handle, or one for each of its instances."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import cached_property
+import math
+from collections.abc import Hashable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from dfd.common.errors import ArgumentError
-from dfd.common.linear_algebra import Float32, Float64, Int64
-from dfd.editing.controls import Controls
-from dfd.editing.edit import Edit, Fixed, Handle
-from dfd.editing.influence.distances import Distances
+from dfd.common.linear_algebra import Float32, Float64
+from dfd.editing.edit import Edit, Handle
+from dfd.editing.influence.allocation import HELD, carriers_of, following, shared
+from dfd.editing.influence.feature_weights import FeatureWeights
+from dfd.editing.influence.grips import Grips
 from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.influence.held_parts import HeldPart, HeldParts
-from dfd.editing.influence.instance_weights import Column, InstanceColumns, followed_by, wanted_of
-from dfd.editing.influence.instances import Instance
-from dfd.editing.points import Place
-from dfd.editing.presets import PARTLESS_REACH, WITHIN_PART
-from dfd.weights.bind import bind
-from dfd.weights.compact import CompactFeatures
+from dfd.editing.influence.instances import LEAST_ALIKE, Column, Instance
+from dfd.editing.influence.recent import Recent
+from dfd.geometry.coarse import Share
 
 if TYPE_CHECKING:
-    from dfd.editing.influence.instances import InstanceFinder
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
-    from dfd.segmentation.parts import Grip, Parts
-    from dfd.symmetry.plane import SymmetryPlane
 
-# Weights are divided by the weight that fixed points leave at the handle. Below this value only noise would be scaled.
-LEAST_LEFT = 0.01
 LEAST_COUNTED = 0.35  # counterparts below this share of the handle's peak weight are not counted
-# The reach "part" as a number: AROUND_PART times the MOST_OF_PART quantile of feature distances inside the part, and
-# at least LEAST_REACH.
-LEAST_REACH, MOST_OF_PART, AROUND_PART = 0.1, 0.9, 2.0
-
-MOST_GRIPS = 32  # grips in the cache
+LEAST_LEVELED = 0.1  # `equalize` leaves instances alone that have less than this share of the handle's own weight
 
 
-class Key(NamedTuple):
-    """Cache key: everything that changes a column of weights, besides the fixed points."""
+class Portion(NamedTuple):
+    """A portion of a handle's weights: that of one instance, or of all of them."""
 
-    place: Place
-    controls: Controls  # the controls that change the column
-    sources: tuple[int, ...]  # the vertices where geodesic distances start; empty without locality
-    bridges: bool  # whether these distances cross small gaps
+    instance: Instance | None
+    gain: float  # the weights are the handle's times the instance's share times this gain
+    weights: Share
 
 
 class HandleWeights:
-    """Weights on one mesh, a contiguous column per handle.
-
-    A handle that only moves keeps its column. A new handle costs one column, new fixed points cost all columns.
+    """Weights of the handles of edits of one mesh.
 
     Parameters
     ----------
@@ -60,74 +46,60 @@ class HandleWeights:
     features
         (V, D) features of the vertices, in full or compact. None evaluates the field at the first use.
 
+    Attributes
+    ----------
+    rows
+        The features of vertices and places.
+    grips
+        The parts and instances at places.
+    by_features
+        The weights of Eq. 4 to 7, a column per handle.
+
     Raises ValueError if `features` is not finite or not one row of the field's width per vertex.
     """
 
     def __init__(self, mesh: Mesh, field: Field, features: Any = None) -> None:
-        self.mesh = mesh
-        self._rows = HandleFeatures(mesh, field, features)
-        self._distances = Distances(mesh)
-        self._instances = InstanceColumns(mesh, field, self._grip, self._near)
-        self._limbs = HeldParts(mesh)
-        self._columns = np.empty((0, len(mesh.vertices)), np.float32)  # (H, V), replaced whenever one changes
-        self._keys: list[Key] = []
-        self._fixed: tuple[Fixed, ...] = ()
-        self._reach_targets = True
-        self._held: Float32 | None = None  # (V,) what the fixed points take away, as long as they stay
-        self._reaches: dict[Place, float] = {}
-        self._grips: dict[Place, Grip | None] = {}
-        self.field = field
-
-    @property
-    def features(self) -> Float32 | CompactFeatures:
-        """(V, D) features of the vertices: those given, else in full up to 16,384 vertices and compact beyond."""
-        return self._rows.features
-
-    def prepare(self, progress: Callable[[int], object] | None = None) -> None:
-        """Evaluate the field, unless that was done; `progress` is called with the number of rows after each block."""
-        self._rows.prepare(progress)
-
-    def asked(self, place: Place) -> Any:
-        """Return what `dfd.bind` takes for a place: a vertex, a row of features, or a region."""
-        return self._rows.points([place])
-
-    @cached_property
-    def parts(self) -> Parts:
-        """The parts of the mesh."""
-        from dfd.segmentation.parts import Parts  # slow to import, and not every session needs it
-
-        return Parts(self.mesh, self._rows.of_vertices)
-
-    @property
-    def finder(self) -> InstanceFinder:
-        """The finder of instances on the mesh."""
-        return self._instances.finder
-
-    def prepare_instances(
-        self, planes: Sequence[SymmetryPlane], found: tuple[InstanceFinder, Parts] | None = None
-    ) -> tuple[InstanceFinder, Parts]:
-        """Compute and return what the first handle with instances needs, seconds for a million faces.
-
-        `planes` are those that `symmetry_planes` finds. It may run on another thread than the rest. With `found`, what
-        another session of the same mesh and field returned is taken instead.
-        """
-        if found is None:
-            found = self.finder, self.parts
-            for each in found:
-                each.prepare()
-        finder, self.parts = found
-        self._instances.prepare(planes, finder)
-        return found
-
-    def of(self, edit: Edit) -> Float32:
-        """Return (V, H) weights of the handles of `edit`, in their order. The array is read-only and never changes."""
-        self._follow(edit)
-        return self._columns.T
+        self.mesh, self.field = mesh, field
+        self.rows = HandleFeatures(mesh, field, features)
+        self.grips = Grips(mesh, field, self.rows)
+        self.by_features = FeatureWeights(mesh, self.rows, self.grips)
+        self._held_parts = HeldParts(mesh)
+        self._made: Recent[tuple[Float32, tuple[Column, ...]]] = Recent(1)
 
     def columns(self, edit: Edit) -> tuple[Float32, tuple[Column, ...]]:
         """Return (V, C) weights, one or more columns per handle, and the handle and instance of each column."""
-        self._follow(edit)
-        return self._instances.of(edit, self._columns.T, self._keys, self._rows)
+        weights, keys = self.by_features.of(edit)
+        if not any(_told_apart(handle, edit) for handle in edit.handles):
+            return weights, tuple(Column(i, None) for i in range(len(edit.handles)))
+        handles = [(key, *_chosen(handle)) for key, handle in zip(keys, edit.handles, strict=True)]
+        key = (edit.fixed, edit.preset, edit.symmetry, tuple(handles), self.allocating(edit))
+        return self._made.get(key, lambda: self._columns(edit, weights))
+
+    def _columns(self, edit: Edit, weights: Float32) -> tuple[Float32, tuple[Column, ...]]:
+        portions: list[Share] = []
+        columns: list[Column] = []
+        for i, handle in enumerate(edit.handles):
+            found = self._portions(edit, handle, weights[:, i])
+            if found[0].instance is not None and _apart(handle):
+                columns += [Column(i, one, gain) for one, gain, _ in found]
+                portions += [part for _, _, part in found]
+            else:
+                columns.append(Column(i, None))
+                portions.append(_sum([part for _, _, part in found], len(weights)))
+        if self.allocating(edit):
+            portions, columns = self._allocated(edit, weights, portions, columns)
+        made = np.zeros((len(columns), len(weights)), np.float32)
+        for column, (vertices, values) in zip(made, portions, strict=True):
+            column[vertices] = values
+        return made.T, tuple(columns)
+
+    def following(self, edit: Edit) -> Float32:
+        """Return (V, H) weights, each the sum over all instances of a handle."""
+        weights, columns = self.columns(edit)
+        followed = np.zeros((len(weights), len(edit.handles)), np.float32)
+        for index, column in enumerate(columns):
+            followed[:, column.handle] += weights[:, index]
+        return followed
 
     def held_parts(self, edit: Edit, handle: Handle) -> list[HeldPart]:
         """Return the connected parts that follow a handle of `edit`, its own part first."""
@@ -135,217 +107,172 @@ class HandleWeights:
         number = next(i for i, each in enumerate(edit.handles) if each.id == handle.id)
         moving = self.allocating(edit)
         others = tuple((each.place, each.controls) for each in edit.handles) if moving else ()
-        key = (self._keys[number], wanted_of(handle), edit.fixed, edit.preset, edit.symmetry, others, moving)
+        own_key = self.by_features.of(edit)[1][number], *_chosen(handle)
+        key = (own_key, edit.fixed, edit.preset, edit.symmetry, others, moving)
         own = [(weights[:, i], column) for i, column in enumerate(columns) if column.handle == number]
-        return self._limbs.of(key, handle, self.anchor(handle), own, edit.symmetry)
+        return self._held_parts.of(key, handle, self.rows.anchor(handle.place), own, edit.symmetry)
 
     def bent(self, edit: Edit) -> Float64:
         """Return (V, 3) the resting vertices after the bends and twists of the handles of `edit`."""
         bending = {i: self.held_parts(edit, handle) for i, handle in enumerate(edit.handles) if handle.transform.bends}
-        return self._limbs.bent(edit, bending) if bending else self.mesh.vertices
-
-    def following(self, edit: Edit) -> Float32:
-        """Return (V, H) weights, each the sum over all instances of a handle."""
-        weights, columns = self.columns(edit)
-        return followed_by(weights, columns, len(edit.handles))
-
-    def allocating(self, edit: Edit) -> tuple[int, ...]:
-        """Return the handles among which components are divided: all that move, if there are several."""
-        return self._instances.allocating(edit)
+        return self._held_parts.bent(edit, bending) if bending else self.mesh.vertices
 
     def instances(self, edit: Edit, handle: Handle) -> list[tuple[Instance, bool]]:
         """Return the instances of a handle, its own first, and whether each moves with the handle."""
-        found = self._instances.instances(handle, self._rows, edit.symmetry)
-        return list(zip(found, self._instances.switches(handle, found, self._rows), strict=True))
+        found = self._instances(edit, handle)
+        return list(zip(found, self._switches(handle, found), strict=True))
 
     def instance_share(self, edit: Edit, handle: Handle) -> Float32:
         """Return (V,) the share of a handle's weight on instances that move with it; gains can make it exceed 1."""
-        self._follow(edit)
         number = next(i for i, each in enumerate(edit.handles) if each.id == handle.id)
-        return self._instances.share(edit, handle, self._columns[number], self._rows)
+        total = np.zeros(len(self.mesh.vertices), np.float32)
+        for instance, gain, _ in self._portions(edit, handle, self.by_features.of(edit)[0][:, number]):
+            if instance is None or instance.share is None:
+                total += np.float32(gain)
+            else:
+                total[instance.share.vertices] += np.float32(gain) * instance.share.values
+        return total
 
     def instance_counts(self, edit: Edit) -> list[int]:
         """Return (H,) the number of instances of each handle whose peak weight is at least `LEAST_COUNTED`."""
         weights, columns = self.columns(edit)
-        most = weights.max(axis=0, initial=0.0)
-        own = [
-            max((most[i] for i, column in enumerate(columns) if column.handle == h), default=0.0)
-            for h in range(len(edit.handles))
-        ]
-        follows = [
-            column.handle
-            for column, top in zip(columns, most, strict=True)
-            if top >= LEAST_COUNTED * own[column.handle]
-        ]
-        return [max(follows.count(h), 1) for h in range(len(edit.handles))]
+        peaks: list[list[float]] = [[] for _ in edit.handles]
+        for column, peak in zip(columns, weights.max(axis=0, initial=0.0).tolist(), strict=True):
+            peaks[column.handle].append(peak)
+        return [max(sum(peak >= LEAST_COUNTED * max(own) for peak in own), 1) if own else 1 for own in peaks]
 
-    def anchor(self, handle: Handle) -> int:
-        """Return the vertex that stands for a handle: its own, the nearest one, or the middle of its region."""
-        return self._rows.anchor(handle.place)
+    @staticmethod
+    def allocating(edit: Edit) -> tuple[int, ...]:
+        """Return the handles among which components are divided: all that move, if there are several."""
+        moving = [i for i, handle in enumerate(edit.handles) if not handle.transform.rests and _apart(handle)]
+        return tuple(moving) if len(moving) > 1 and edit.rules.overlap == "add" else ()
 
-    def reach(self, handle: Handle) -> float:
-        """Return the handle's `reach` as a number; for "part" the number that comes nearest to it."""
-        place = handle.place
-        if handle.controls.reach != "part":
-            return handle.controls.reach
-        if place not in self._reaches and (part := self.part(place)) is not None:
-            within = self._apart(place)[part > 0.5]
-            widest = float(np.quantile(within, MOST_OF_PART)) if len(within) else 0.0
-            self._reaches[place] = min(max(AROUND_PART * widest, LEAST_REACH), 2.0)
-        return self._reaches.get(place, PARTLESS_REACH)
+    def _allocated(
+        self, edit: Edit, weights: Float32, portions: list[Share], columns: list[Column]
+    ) -> tuple[list[Share], list[Column]]:
+        """Return `portions` (C) and `columns` after each component was given to one of the moving handles."""
+        moving = self.allocating(edit)
+        among = [i for i, column in enumerate(columns) if column.handle in moving]
+        samples, sizes = self.grips.finder.samples
+        on_samples = np.stack([portions[i].dense(len(weights))[samples] for i in among])
+        held = (on_samples >= HELD * on_samples.max(axis=1, keepdims=True)) & (on_samples > 0)
+        same, nested = carriers_of(held, sizes)
+        kept = following([columns[i].handle for i in among], same)
+        same, nested = same[np.ix_(kept, kept)], nested[np.ix_(kept, kept)]
+        kept = [among[k] for k in kept]
+        handle_of = [columns[i].handle for i in kept]
+        nested &= np.not_equal.outer(handle_of, handle_of)
+        standing = {handle_of.index(i): self.rows.anchor(edit.handles[i].place) for i in dict.fromkeys(handle_of)}
+        result = shared([portions[i] for i in kept], self.mesh.vertices, standing, same, nested)
+        order = [i for i, column in enumerate(columns) if i in kept or column.handle not in moving]
+        portions, columns = list(portions), list(columns)
+        for k, i in enumerate(kept):
+            column, (vertices, values) = columns[i], result[k]
+            if column.instance is not None and result[k] is not portions[i]:
+                whole = weights[vertices, column.handle] * np.float32(column.gain)
+                share = np.divide(values, whole, out=np.zeros_like(whole), where=whole > 0)
+                column = column._replace(instance=replace(column.instance, share=Share(vertices, share)))
+            carriers = tuple(order.index(kept[j]) for j in np.flatnonzero(nested[k]))
+            columns[i], portions[i] = column._replace(carriers=carriers), result[k]
+        return [portions[i] for i in order], [columns[i] for i in order]
 
-    def locality(self, edit: Edit, handle: Handle) -> tuple[tuple[int, ...], Float32 | None, float]:
-        """Return where geodesic distances of a handle start, (V,) distances in [0, 1] or None, and λ of Eq. 7."""
-        key = self._key(handle, edit)
-        distances, power = self._distances.falloff(key.sources, key.controls, key.bridges)
-        return key.sources, None if distances is None else distances[0], power
+    def _instances(self, edit: Edit, handle: Handle) -> tuple[Instance, ...]:
+        by_part = handle.controls.reach == "part"
+        return self.grips.held(handle.place, by_part=by_part, plane=edit.symmetry).instances
 
-    def _near(self, edit: Edit, handle: Handle, vertices: Int64) -> Float64:
-        """Return (N,) the falloff (1 − G)^λ of a handle at vertices (N,)."""
-        _, distances, power = self.locality(edit, handle)
-        return np.ones(len(vertices)) if distances is None else (1.0 - distances[vertices].astype(np.float64)) ** power
+    def _switches(self, handle: Handle, instances: Sequence[Instance]) -> list[bool]:
+        """Return which of a handle's instances are on: off are those at the places of `excluded_instances`.
 
-    def held(self, edit: Edit) -> Float32:
-        """Return (V,) max_p s_p W_p of Eq. 6: the weight that the fixed points of `edit` subtract."""
-        self._follow(edit)
-        return self._held_weights()
-
-    def gain(self, edit: Edit, handle: Handle) -> float:
-        """Return the factor of a handle's weights by which the handle arrives despite fixed points."""
-        if not edit.fixed or not edit.rules.reach_targets:
-            return 1.0
-        vertex = handle.place.vertex
-        left = self.left(edit, handle) if vertex is None else 1.0 - float(self.held(edit)[vertex])
-        return 1.0 / left if left >= LEAST_LEFT else 1.0
-
-    def left(self, edit: Edit, handle: Handle) -> float:
-        """Return the weight, in [0, 1], that the fixed points of `edit` leave `handle` at the handle itself (Eq. 6)."""
-        held = 0.0
-        own = self._rows.of([handle.place])
-        for fixed in edit.fixed:
-            if self._rows.holds(fixed.place, handle.place):
-                held = max(held, fixed.strength)
-            apart = np.linalg.norm(own[:, None] - self._rows.of([fixed.place])[None], axis=2)
-            held = max(held, fixed.strength * (1.0 - float(apart.min(axis=1).max())))
-        return 1.0 - held
-
-    def check_arrivals(self, edit: Edit) -> None:
-        """Raise ValueError if fixed points leave a handle no weight at the handle itself."""
-        if not edit.rules.reach_targets or not edit.fixed:
-            return
-        for handle in edit.handles:
-            left = self.left(edit, handle)
-            if left < LEAST_LEFT:
-                raise ArgumentError(
-                    "fixed",
-                    f"must leave something of handle {handle.id} at {handle.place}, but leaves {left:.2g}: "
-                    "what is fixed looks just like it; lower its strength, or fix something else",
-                )
-
-    def _follow(self, edit: Edit) -> None:
-        """Make `_columns` the columns of the handles of `edit`, in their order."""
-        if (edit.fixed, edit.rules.reach_targets) != (self._fixed, self._reach_targets):
-            self._keys, self._held, self._fixed, self._reach_targets = [], None, edit.fixed, edit.rules.reach_targets
-            self._columns = self._columns[:0]
-        keys = [self._key(handle, edit) for handle in edit.handles]
-        if keys == self._keys:
-            return
-        row_of = {key: row for row, key in enumerate(self._keys)}
-        columns = np.empty((len(keys), len(self.mesh.vertices)), np.float32)
-        for key, row in zip(keys, columns, strict=True):
-            if key in row_of:
-                row[:] = self._columns[row_of[key]]
-            else:
-                self._bind(key, row)
-        columns.flags.writeable = False
-        self._keys, self._columns = keys, columns
-        self._distances.keep({source for key in keys for source in key.sources})
-
-    def _key(self, handle: Handle, edit: Edit) -> Key:
-        controls = handle.controls.of_column
-        near = controls.locality > 0 or controls.radius is not None
-        plane = edit.symmetry if edit.rules.mirrored_locality else None
-        sources = self._distances.sources(self._rows.vertices(handle.place), handle.place, plane) if near else ()
-        return Key(handle.place, controls, sources, edit.rules.bridges and near)
-
-    def _bind(self, key: Key, column: Float32) -> None:
-        """Write the weights (V,) of a handle to `column` (Eq. 4 to 7)."""
-        geodesic, locality = self._distances.falloff(key.sources, key.controls, key.bridges)
-        bind(
-            self.features,
-            self._rows.points([key.place]),
-            fixed=self._rows.points([fixed.place for fixed in self._fixed]) if self._fixed else None,
-            strength=[fixed.strength for fixed in self._fixed] if self._fixed else None,
-            geodesic=geodesic,
-            locality=locality,
-            reach=self._reach(key.place, key.controls),
-            falloff=key.controls.falloff,
-            out=column[None].T,
-        )
-        self._finish(key, column)
-
-    def _finish(self, key: Key, column: Float32) -> None:
-        """Apply the part, regions, arrival, strength and mask to a column.
-
-        Samples of a region stood for it in Eq. 4; here all of its vertices get the weight of the nearest sample.
+        An instance is at a place where it has the largest share, or where none has one, if it is the nearest. The
+        handle's own is always on.
         """
-        if key.controls.reach == "part" and (part := self._instances.part(key.place, self._rows)) is not None:
-            column *= part
-        if key.place.region is not None:
-            own = self._rows.members(key.place)
-            free = 1.0 - self._held_weights()[own] if self._fixed else np.float32(1.0)
-            column[own] = np.maximum(column[own], free)
-        for fixed in self._fixed:
-            if fixed.place.region is not None:
-                held = self._rows.members(fixed.place)
-                column[held] = np.minimum(column[held], 1.0 - fixed.strength)
-        if self._fixed and self._reach_targets:
-            left = self._left_of(key, column)
-            if left >= LEAST_LEFT:
-                np.minimum(column / np.float32(left), 1.0, out=column)
-        if key.controls.strength < 1.0:
-            column *= np.float32(key.controls.strength)
-        if key.controls.mask is not None:
-            column *= self._rows.inside(key.controls.mask, key.controls.mask_feather)
+        on = [True] * len(instances)
+        for place in handle.controls.excluded_instances:
+            here = self.rows.anchor(place)
+            shares = [one.share_at(here) for one in instances]
+            if not any(shares):
+                shares = [-math.dist(one.position, self.mesh.vertices[here]) for one in instances]
+            most = int(np.argmax(shares))
+            on[most] = most == 0
+        return on
 
-    def part(self, place: Place) -> Float32 | None:
-        """Return (V,) 1 on the part at a place and its counterparts, falling to 0; None if there is no part."""
-        grip = self._grip(place)
-        return None if grip is None else grip.weights
+    def _portions(self, edit: Edit, handle: Handle, weights: Float32) -> list[Portion]:
+        """Return the portions of a handle's weights (V,) that move: all, or its instances that are on."""
+        if not _told_apart(handle, edit):
+            return [_portion(None, weights)]
+        instances = self._instances(edit, handle)
+        if handle.controls.instances == "only":
+            return [_portion(instances[0], weights)]
+        found = [_portion(one, weights) for one in instances]
+        if edit.rules.equalize:
+            near = self.by_features.near(edit, handle, np.array([one.vertex for one in instances]))
+            found = _leveled(weights, found, near)
+        on = self._switches(handle, instances)
+        return [portion for portion, is_on in zip(found, on, strict=True) if is_on]
 
-    def _grip(self, place: Place) -> Grip | None:
-        if place not in self._grips:
-            while len(self._grips) >= MOST_GRIPS:  # hovering asks for many
-                del self._grips[next(iter(self._grips))]
-            self._grips[place] = self.parts.grip(self._rows.anchor(place))
-        return self._grips[place]
 
-    def _left_of(self, key: Key, column: Float32) -> float:
-        """Return the weight of a column at its own handle."""
-        if key.place.vertex is not None:
-            return float(column[key.place.vertex])
-        if key.place.region is not None:
-            return float(column[self._rows.members(key.place)].max())
-        return self.left(Edit(fixed=self._fixed), Handle(1, key.place))
+def _chosen(handle: Handle) -> tuple[Hashable, ...]:
+    """Return what changes the columns of a handle, besides its weights."""
+    return handle.controls.instances, handle.controls.excluded_instances
 
-    def _held_weights(self) -> Float32:
-        """Return (V,) max_p s_p W_p of Eq. 6: the weight that the fixed points subtract."""
-        if self._held is None:
-            self._held = np.zeros(len(self.mesh.vertices), np.float32)
-            one = np.empty((len(self._held), 1), np.float32, order="F")
-            for fixed in self._fixed:
-                bind(self.features, self._rows.points([fixed.place]), out=one)
-                np.maximum(self._held, np.float32(fixed.strength) * one[:, 0], out=self._held)
-                if fixed.place.region is not None:
-                    held = self._rows.members(fixed.place)
-                    self._held[held] = np.maximum(self._held[held], np.float32(fixed.strength))
-        return self._held
 
-    def _reach(self, place: Place, controls: Controls) -> float:
-        if controls.reach != "part":
-            return controls.reach
-        return WITHIN_PART if self.part(place) is not None else PARTLESS_REACH
+def _apart(handle: Handle) -> bool:
+    """Return whether each instance of a handle has its own column."""
+    return handle.controls.instances != "shared_pivot"
 
-    def _apart(self, place: Place) -> Float32:
-        """Return (V,) feature distances from a place. Unit features differ by at most 2, so a reach of 2 cuts none."""
-        return 2.0 * (1.0 - bind(self.features, self._rows.points([place]), reach=2.0)[:, 0])
+
+def _told_apart(handle: Handle, edit: Edit) -> bool:
+    """Return whether the instances of a handle change its columns."""
+    return _apart(handle) or edit.rules.equalize or handle.controls.excluded_instances != ()
+
+
+def _portion(instance: Instance | None, weights: Float32) -> Portion:
+    """Return the portion of an instance of the weights (V,) of a handle."""
+    if instance is None or instance.share is None:
+        some = np.flatnonzero(weights)
+        return Portion(instance, 1.0, Share(some, weights[some]))
+    vertices, values = instance.share
+    return Portion(instance, 1.0, Share(vertices, weights[vertices] * values))
+
+
+def _sum(portions: Sequence[Share], count: int) -> Share:
+    """Return the sum of portions on `count` vertices, at most 1."""
+    if len(portions) == 1:
+        return portions[0]
+    total = np.zeros(count, np.float32)
+    for part in portions:
+        total[part.vertices] += part.values
+    some = np.flatnonzero(total)
+    return Share(some, np.minimum(total[some], np.float32(1.0)))
+
+
+def _leveled(weights: Float32, portions: Sequence[Portion], near: Float64) -> list[Portion]:
+    """Return portions with gains that raise their weights to the handle's own, apart from their falloff `near` (N,).
+
+    Gains compensate for less similar features and not for distance, since locality is meant to exclude what is far.
+    Where the sum between two instances would exceed the maximum of `weights`, their shares are reduced.
+    """
+    found = []
+    own = 0.0
+    total = np.zeros(len(weights), np.float32)
+    for (one, _, (vertices, values)), part in zip(portions, near, strict=True):
+        assert one is not None
+        top = float(weights[one.vertex]) / part if part > 0 else 0.0
+        own = own or top
+        alike = one.weight >= LEAST_ALIKE and top >= LEAST_LEVELED * own > 0
+        gain = own / top if alike else 1.0
+        found.append(Portion(one, gain, Share(vertices, values * np.float32(gain))))
+        total[vertices] += found[-1].weights.values
+    most = weights.max(initial=0.0)
+    if (total <= most).all():
+        return found
+    less = np.divide(most, total, out=np.ones_like(total), where=total > most)
+    result = []
+    for one, gain, (vertices, values) in found:
+        assert one is not None
+        if one.share is None:
+            share = Share(vertices, less[vertices])
+        else:
+            share = Share(one.share.vertices, one.share.values * less[one.share.vertices])
+        result.append(Portion(replace(one, share=share), gain, Share(vertices, values * less[vertices])))
+    return result

@@ -11,8 +11,8 @@ import numpy as np
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, unit
-from dfd.editing.influence.instance_weights import Column
-from dfd.editing.influence.instances import shortest_turn
+from dfd.editing.influence.instances import Column, shortest_turn
+from dfd.editing.influence.recent import Recent
 from dfd.geometry.part_axis import PartAxes, PartAxis
 from dfd.posing.bend import Sections, bend_maps
 from dfd.posing.transforms import PivotAt, Vector, vector
@@ -58,7 +58,7 @@ class HeldParts:
     def __init__(self, mesh: Mesh) -> None:
         self._mesh = mesh
         self._axes = PartAxes(mesh)
-        self._found: dict[Hashable, list[HeldPart]] = {}
+        self._found: Recent[list[HeldPart]] = Recent(64)
 
     def of(
         self,
@@ -81,9 +81,11 @@ class HeldParts:
         plane
             The plane of the edit's symmetry. Handles act mirrored across it.
         """
-        if key in self._found:
-            self._found[key] = self._found.pop(key)  # the last to be forgotten
-            return self._found[key]
+        return self._found.get(key, lambda: self._find(handle, anchor, columns, plane))
+
+    def _find(
+        self, handle: Handle, anchor: int, columns: Sequence[tuple[Float32, Column]], plane: SymmetryPlane | None
+    ) -> list[HeldPart]:
         # Instances may share one part, as fingers share a hand: parts come from the sum of all instances.
         whole = np.sum([weights for weights, _ in columns], axis=0)
         pieces: list[tuple[PartAxis, Column, float]] = []
@@ -99,11 +101,7 @@ class HeldParts:
             held = pieces[own][0], pieces[own][2]
             others += [(self._axes.image(held[0], image), column, held[1]) for column, image in images.items()]
         pieces = [*pieces[own : own + 1], *others]
-        found = [self._part(piece, pieces[0][0], handle, plane) for piece in pieces]
-        while len(self._found) > 64:
-            del self._found[next(iter(self._found))]
-        self._found[key] = found
-        return found
+        return [self._part(piece, pieces[0][0], handle, plane) for piece in pieces]
 
     def bent(self, edit: Edit, parts: dict[int, list[HeldPart]]) -> Float64:
         """Return (V, 3) the resting vertices, bent and twisted by the handles of `edit` that have `parts`.

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,9 +27,10 @@ from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.editing.influence.mirror_images import Component, component_of, mirror_image
 from dfd.geometry.coarse import Nodes, Share, nodes_of
 from dfd.geometry.part_axis import carried
-from dfd.posing.transforms import frame_of_normal
+from dfd.posing.transforms import Vector, frame_of_normal
 
 if TYPE_CHECKING:
+    from dfd.editing.edit import Handle
     from dfd.mesh.mesh import Mesh
     from dfd.segmentation.parts import Grip
     from dfd.symmetry.plane import SymmetryPlane
@@ -72,6 +73,34 @@ class Instance:
         linear = self.frame @ affine[:, :3] @ self.frame.T
         moved = affine[:, :3] @ there + affine[:, 3] - there  # what the handle itself is moved by
         return np.column_stack([linear, here + self.frame @ moved - linear @ here])
+
+
+class Column(NamedTuple):
+    """The handle and the instance of a column of weights."""
+
+    handle: int  # the number of the handle in the edit
+    instance: Instance | None  # None if the handle's own transform applies
+    gain: float = 1.0  # the column is the handle's weights times the instance's share times this gain
+    carriers: tuple[int, ...] = ()  # the columns of other handles in whose components its own is nested
+
+    def matrix(self, handle: Handle) -> Float64:
+        """Return the (3, 4) transform of the column, mesh units: the handle's own in the instance's frame."""
+        if self.instance is None:
+            return handle.matrix
+        return self.instance.transform(handle.matrix, handle.place.position)
+
+    @property
+    def image(self) -> Float64 | None:
+        """(3, 4) the isometry from the handle's own component, if they are mirror images."""
+        return None if self.instance is None else self.instance.image
+
+    def vertex(self, anchor: int) -> int:
+        """Return the vertex of the instance, or `anchor`, the vertex of the handle."""
+        return anchor if self.instance is None else self.instance.vertex
+
+    def position(self, handle: Handle) -> Vector:
+        """Return the position (3,) of the instance or the handle, mesh units. It has a side of a mirror plane."""
+        return handle.place.position if self.instance is None else self.instance.position
 
 
 class InstanceFinder:

@@ -5,7 +5,7 @@ import pytest
 
 import dfd
 from dfd.editing.controls import Controls
-from dfd.editing.influence import instance_weights
+from dfd.editing.influence import grips, handle_weights
 from dfd.editing.influence.instances import Instance, InstanceFinder
 from dfd.geometry.coarse import Share
 from dfd.posing.transforms import affine, rotation_matrix
@@ -33,8 +33,8 @@ def asked(sample, mesh, monkeypatch):
                 found.append(Instance(foot, tuple(mesh.vertices[foot]), frame, float(weights[foot]), share))
             return tuple(found), None if grip is None else grip.weights
 
-    monkeypatch.setattr(instance_weights, "InstanceFinder", Labels)
-    monkeypatch.setattr(instance_weights, "symmetry_planes", lambda *_: ["found"])
+    monkeypatch.setattr(grips, "InstanceFinder", Labels)
+    monkeypatch.setattr(grips, "symmetry_planes", lambda *_: ["found"])
     return calls
 
 
@@ -111,7 +111,7 @@ def test_level_makes_up_for_looks_and_not_for_distance(session, sample, asked, f
     session.add(foot, translation=(0, -0.2, 0), reach=0.7)
     full = session.following[:, 0].copy()
     session.change(1, **near)
-    sources, distances, power = session.bound.locality(session.edit, session.edit.handles[0])
+    sources, distances, power = session.bound.by_features.locality(session.edit, session.edit.handles[0])
     assert sources == (foot,)
     legs = sample.vertices_of("leg")
     np.testing.assert_allclose(session.following[legs, 0], (full * (1 - distances) ** power)[legs], atol=1e-4)
@@ -119,7 +119,7 @@ def test_level_makes_up_for_looks_and_not_for_distance(session, sample, asked, f
 
 
 def test_level_leaves_what_is_hardly_alike_where_it_is(session, sample, mesh, asked, foot, monkeypatch):
-    monkeypatch.setattr(instance_weights, "LEAST_ALIKE", 0.8)  # the back legs follow by half
+    monkeypatch.setattr(handle_weights, "LEAST_ALIKE", 0.8)  # the back legs follow by half
     session.add(foot, translation=(0, -0.2, 0), reach=0.7)
     front, back = leg(sample, 1), leg(sample, 2)
     np.testing.assert_allclose(session.vertices[front], mesh.vertices[front] - (0, 0.2, 0), atol=1e-6)
@@ -146,7 +146,7 @@ def test_level_lets_no_vertex_follow_more_than_the_handle(mesh, field, asked, fo
             found = [Instance(one, at, np.eye(3), 1.0, half) for one, at in zip((vertex, low), places, strict=True)]
             return tuple(found), None if grip is None else grip.weights
 
-    monkeypatch.setattr(instance_weights, "InstanceFinder", Halves)
+    monkeypatch.setattr(grips, "InstanceFinder", Halves)
     session = dfd.Deformer(mesh, field, features=field.features(mesh))
     session.add(foot, translation=(0, -0.2, 0), instances="own_pivot")
     assert session.following.max() <= 1 + 1e-6

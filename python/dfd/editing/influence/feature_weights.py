@@ -1,0 +1,196 @@
+"""Weights by features (Eq. 4 to 7), a column per handle, kept as long as their inputs do not change."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Float32, Float64, Int64
+from dfd.editing.controls import Controls
+from dfd.editing.edit import Edit, Fixed, Handle
+from dfd.editing.influence.distances import Distances
+from dfd.editing.points import Place
+from dfd.editing.presets import PARTLESS_REACH, WITHIN_PART
+from dfd.weights.bind import bind
+
+if TYPE_CHECKING:
+    from dfd.editing.influence.grips import Grips
+    from dfd.editing.influence.handle_features import HandleFeatures
+    from dfd.mesh.mesh import Mesh
+
+# Weights are divided by the weight that fixed points leave at the handle. Below this value only noise would be scaled.
+LEAST_LEFT = 0.01
+# The reach "part" as a number: AROUND_PART times the MOST_OF_PART quantile of feature distances inside the part, and
+# at least LEAST_REACH.
+LEAST_REACH, MOST_OF_PART, AROUND_PART = 0.1, 0.9, 2.0
+
+
+class Key(NamedTuple):
+    """Cache key: everything that changes a column of weights, besides the fixed points."""
+
+    place: Place
+    controls: Controls  # the controls that change the column
+    sources: tuple[int, ...]  # the vertices where geodesic distances start; empty without locality
+    bridges: bool  # whether these distances cross small gaps
+
+
+class FeatureWeights:
+    """Bind the handles of edits of one mesh.
+
+    A handle that only moves keeps its column. A new handle costs one column, new fixed points cost all columns.
+    """
+
+    def __init__(self, mesh: Mesh, rows: HandleFeatures, grips: Grips) -> None:
+        self._mesh, self._rows, self._grips = mesh, rows, grips
+        self._distances = Distances(mesh)
+        self._columns = np.empty((0, len(mesh.vertices)), np.float32)  # (H, V), replaced whenever one changes
+        self._keys: list[Key] = []
+        self._fixed: tuple[Fixed, ...] = ()
+        self._reach_targets = True
+        self._held: Float32 | None = None  # (V,) what the fixed points take away, as long as they stay
+        self._reaches: dict[Place, float] = {}
+
+    def of(self, edit: Edit) -> tuple[Float32, tuple[Key, ...]]:
+        """Return (V, H) weights of the handles of `edit`, read-only, and the key of each column."""
+        if (edit.fixed, edit.rules.reach_targets) != (self._fixed, self._reach_targets):
+            self._keys, self._held, self._fixed, self._reach_targets = [], None, edit.fixed, edit.rules.reach_targets
+            self._columns = self._columns[:0]
+        keys = [self._key(handle, edit) for handle in edit.handles]
+        if keys != self._keys:
+            row_of = {key: row for row, key in enumerate(self._keys)}
+            columns = np.empty((len(keys), len(self._mesh.vertices)), np.float32)
+            for key, row in zip(keys, columns, strict=True):
+                if key in row_of:
+                    row[:] = self._columns[row_of[key]]
+                else:
+                    self._bind(key, row)
+            columns.flags.writeable = False
+            self._keys, self._columns = keys, columns
+            self._distances.keep({source for key in keys for source in key.sources})
+        return self._columns.T, tuple(keys)
+
+    def held(self, edit: Edit) -> Float32:
+        """Return (V,) max_p s_p W_p of Eq. 6: the weight that the fixed points of `edit` subtract."""
+        self.of(edit)
+        return self._held_weights()
+
+    def reach(self, handle: Handle) -> float:
+        """Return the handle's `reach` as a number; for "part" the number that comes nearest to it."""
+        place = handle.place
+        if handle.controls.reach != "part":
+            return handle.controls.reach
+        if place not in self._reaches and (grip := self._grips.grip(place)) is not None:
+            # Unit features differ by at most 2, so a reach of 2 cuts no distance off.
+            apart = 2.0 * (1.0 - bind(self._rows.features, self._rows.points([place]), reach=2.0)[:, 0])
+            within = apart[grip.weights > 0.5]
+            widest = float(np.quantile(within, MOST_OF_PART)) if len(within) else 0.0
+            self._reaches[place] = min(max(AROUND_PART * widest, LEAST_REACH), 2.0)
+        return self._reaches.get(place, PARTLESS_REACH)
+
+    def locality(self, edit: Edit, handle: Handle) -> tuple[tuple[int, ...], Float32 | None, float]:
+        """Return where geodesic distances of a handle start, (V,) distances in [0, 1] or None, and λ of Eq. 7."""
+        key = self._key(handle, edit)
+        distances, power = self._distances.falloff(key.sources, key.controls, key.bridges)
+        return key.sources, None if distances is None else distances[0], power
+
+    def near(self, edit: Edit, handle: Handle, vertices: Int64) -> Float64:
+        """Return (N,) the falloff (1 − G)^λ of a handle at vertices (N,)."""
+        _, distances, power = self.locality(edit, handle)
+        return np.ones(len(vertices)) if distances is None else (1.0 - distances[vertices].astype(np.float64)) ** power
+
+    def gain(self, edit: Edit, handle: Handle) -> float:
+        """Return the factor of a handle's weights by which the handle arrives despite fixed points."""
+        if not edit.fixed or not edit.rules.reach_targets:
+            return 1.0
+        vertex = handle.place.vertex
+        left = self.left(edit, handle) if vertex is None else 1.0 - float(self.held(edit)[vertex])
+        return 1.0 / left if left >= LEAST_LEFT else 1.0
+
+    def left(self, edit: Edit, handle: Handle) -> float:
+        """Return the weight, in [0, 1], that the fixed points of `edit` leave `handle` at the handle itself (Eq. 6)."""
+        held = 0.0
+        own = self._rows.of([handle.place])
+        for fixed in edit.fixed:
+            if self._rows.holds(fixed.place, handle.place):
+                held = max(held, fixed.strength)
+            apart = np.linalg.norm(own[:, None] - self._rows.of([fixed.place])[None], axis=2)
+            held = max(held, fixed.strength * (1.0 - float(apart.min(axis=1).max())))
+        return 1.0 - held
+
+    def check_arrivals(self, edit: Edit) -> None:
+        """Raise ValueError if fixed points leave a handle no weight at the handle itself."""
+        if not edit.rules.reach_targets or not edit.fixed:
+            return
+        for handle in edit.handles:
+            left = self.left(edit, handle)
+            if left < LEAST_LEFT:
+                raise ArgumentError(
+                    "fixed",
+                    f"must leave something of handle {handle.id} at {handle.place}, but leaves {left:.2g}: "
+                    "what is fixed looks just like it; lower its strength, or fix something else",
+                )
+
+    def _key(self, handle: Handle, edit: Edit) -> Key:
+        controls = handle.controls.of_column
+        near = controls.locality > 0 or controls.radius is not None
+        plane = edit.symmetry if edit.rules.mirrored_locality else None
+        sources = self._distances.sources(self._rows.vertices(handle.place), handle.place, plane) if near else ()
+        return Key(handle.place, controls, sources, edit.rules.bridges and near)
+
+    def _bind(self, key: Key, column: Float32) -> None:
+        """Write the weights (V,) of a handle to `column` (Eq. 4 to 7)."""
+        place, controls = key.place, key.controls
+        part = self._grips.part(place) if controls.reach == "part" else None
+        reach = controls.reach if controls.reach != "part" else PARTLESS_REACH if part is None else WITHIN_PART
+        geodesic, locality = self._distances.falloff(key.sources, controls, key.bridges)
+        bind(
+            self._rows.features,
+            self._rows.points([place]),
+            fixed=self._rows.points([fixed.place for fixed in self._fixed]) if self._fixed else None,
+            strength=[fixed.strength for fixed in self._fixed] if self._fixed else None,
+            geodesic=geodesic,
+            locality=locality,
+            reach=reach,
+            falloff=controls.falloff,
+            out=column[None].T,
+        )
+        if part is not None:
+            column *= part
+        # Samples of a region stood for it in Eq. 4; here all of its vertices get the weight of the nearest sample.
+        if place.region is not None:
+            own = self._rows.members(place)
+            free = 1.0 - self._held_weights()[own] if self._fixed else np.float32(1.0)
+            column[own] = np.maximum(column[own], free)
+        for fixed in self._fixed:
+            if fixed.place.region is not None:
+                held = self._rows.members(fixed.place)
+                column[held] = np.minimum(column[held], 1.0 - fixed.strength)
+        if self._fixed and self._reach_targets and (left := self._left_of(place, column)) >= LEAST_LEFT:
+            np.minimum(column / np.float32(left), 1.0, out=column)
+        if controls.strength < 1.0:
+            column *= np.float32(controls.strength)
+        if controls.mask is not None:
+            column *= self._rows.inside(controls.mask, controls.mask_feather)
+
+    def _left_of(self, place: Place, column: Float32) -> float:
+        """Return the weight of a column at its own handle."""
+        if place.vertex is not None:
+            return float(column[place.vertex])
+        if place.region is not None:
+            return float(column[self._rows.members(place)].max())
+        return self.left(Edit(fixed=self._fixed), Handle(1, place))
+
+    def _held_weights(self) -> Float32:
+        """Return (V,) max_p s_p W_p of Eq. 6: the weight that the fixed points subtract."""
+        if self._held is None:
+            self._held = np.zeros(len(self._mesh.vertices), np.float32)
+            one = np.empty((len(self._held), 1), np.float32, order="F")
+            for fixed in self._fixed:
+                bind(self._rows.features, self._rows.points([fixed.place]), out=one)
+                np.maximum(self._held, np.float32(fixed.strength) * one[:, 0], out=self._held)
+                if fixed.place.region is not None:
+                    held = self._rows.members(fixed.place)
+                    self._held[held] = np.maximum(self._held[held], np.float32(fixed.strength))
+        return self._held

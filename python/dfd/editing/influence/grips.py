@@ -1,0 +1,88 @@
+"""What a handle at a place takes hold of, by features alone: the part there and its instances."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+from dfd.common.linear_algebra import Float32
+from dfd.editing.influence.instances import Instance, InstanceFinder
+from dfd.editing.influence.recent import Recent
+from dfd.symmetry.search import symmetry_planes
+from dfd.weights.bind import bind
+
+if TYPE_CHECKING:
+    from dfd.editing.influence.handle_features import HandleFeatures
+    from dfd.editing.points import Place
+    from dfd.field.field import Field
+    from dfd.mesh.mesh import Mesh
+    from dfd.segmentation.parts import Grip, Parts
+    from dfd.symmetry.plane import SymmetryPlane
+
+
+class Held(NamedTuple):
+    """What is found at a place."""
+
+    instances: tuple[Instance, ...]  # the place's own first, then the most alike first
+    part: Float32 | None  # (V,) 1 on the part, equal on mirror images, falling to 0; None without a part
+
+
+class Grips:
+    """Find parts and instances at places of one mesh, and keep those of the last places."""
+
+    def __init__(self, mesh: Mesh, field: Field, rows: HandleFeatures) -> None:
+        self._mesh, self._field, self._rows = mesh, field, rows
+        self.finder = InstanceFinder(mesh)
+        self._parts: Recent[Grip | None] = Recent(32)  # hovering asks for many
+        self._held: Recent[Held] = Recent(16)
+
+    def prepare(
+        self, planes: Sequence[SymmetryPlane], found: tuple[InstanceFinder, Parts] | None = None
+    ) -> tuple[InstanceFinder, Parts]:
+        """Compute and return what does not depend on a place, seconds for a million faces.
+
+        `planes` are those that `symmetry_planes` finds. It may run on another thread than the rest. With `found`, what
+        another session of the same mesh and field returned is taken instead.
+        """
+        if found is None:
+            found = self.finder, self.parts
+            for each in found:
+                each.prepare()
+        self._planes, (self.finder, self.parts) = list(planes), found
+        return found
+
+    @cached_property
+    def parts(self) -> Parts:
+        """The parts of the mesh."""
+        from dfd.segmentation.parts import Parts  # slow to import, and not every session needs it
+
+        return Parts(self._mesh, self._rows.of_vertices)
+
+    @cached_property
+    def _planes(self) -> list[SymmetryPlane]:
+        return symmetry_planes(self._field, self._mesh)
+
+    def grip(self, place: Place) -> Grip | None:
+        """Return the part at a place with its counterparts; None if there is none, as on a ball."""
+        return self._parts.get(place, lambda: self.parts.grip(self._rows.anchor(place)))
+
+    def held(self, place: Place, *, by_part: bool, plane: SymmetryPlane | None = None) -> Held:
+        """Return the instances at a place: components of the part if `by_part`, else peaks of the features.
+
+        They are mirrored across `plane`, or else across planes that are found.
+        """
+
+        def find() -> Held:
+            rows, grip = self._rows, self.grip(place) if by_part else None
+            looks: Float32 = bind(rows.features, rows.points([place]))[:, 0]
+            planes = self._planes if plane is None else [plane]
+            region = None if place.region is None else rows.members(place)
+            vertex = rows.anchor(place)
+            return Held(*self.finder.find(looks, vertex, place.position, held=region, grip=grip, planes=planes))
+
+        return self._held.get((place, by_part, plane), find)
+
+    def part(self, place: Place) -> Float32 | None:
+        """Return (V,) the weights of the part at a place; None if there is none."""
+        return None if self.grip(place) is None else self.held(place, by_part=True).part
