@@ -199,9 +199,9 @@ class Mesh:
     @cached_property
     def _groups(self) -> dict[str, Int64]:
         """The file's own vertices of each group; its text is parsed again when first asked for."""
-        if self._scene is None or self._scene.obj is None:
+        if self._scene is None or self._scene.source is None or self._scene.ending != ".obj":
             return {}
-        return face_groups(self._scene.obj.data)
+        return face_groups(self._scene.source.data.tobytes())
 
     @property
     def diagonal(self) -> float:

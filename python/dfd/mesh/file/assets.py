@@ -18,7 +18,6 @@ class AssetFolder:
     def __init__(self, mesh: Path) -> None:
         self.folder = mesh.parent
         self.unreadable: set[str] = set()
-        self.files: set[Path] = set()  # that were read
 
     def read(self, name: str) -> bytes:
         """Return the bytes of the file that a mesh file calls `name`: a relative path or URI.
@@ -33,7 +32,6 @@ class AssetFolder:
             if any(step.startswith(".") for step in path.relative_to(folder).parts):
                 raise ValueError(f"{shortened(name)} is a hidden file")
             if path.exists():
-                self.files.add(path)
                 return read_regular(path)
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), shortened(name))
 

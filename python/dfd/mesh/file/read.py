@@ -6,24 +6,21 @@ import codecs
 import errno
 import os
 import warnings
-from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dfd.common.errors import ArgumentError
-from dfd.common.linear_algebra import Float64, Int64
 from dfd.mesh.appearance import Material
 from dfd.mesh.file.assets import AssetFolder, read_regular
 from dfd.mesh.file.gltf import glb
 from dfd.mesh.file.obj import read as obj_read
 from dfd.mesh.file.obj import text as obj_text
 from dfd.mesh.file.plain import off_stl, ply
-from dfd.mesh.file.primitives import IDENTITY, Geometry, MeshInstance, UniqueNames
-from dfd.mesh.file.scene_file import PlainSource, SceneFile
+from dfd.mesh.file.primitives import IDENTITY, MeshInstance, UniqueNames
+from dfd.mesh.file.scene_file import FileSource, SceneFile
 
 # What a format needs is imported where it is read: trimesh alone takes half a second.
 if TYPE_CHECKING:
@@ -41,17 +38,13 @@ def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
         raise ArgumentError("path", f"must end in {', '.join(ENDINGS)}, got {path}", "load")
     data = _read_bytes(path)
     assets = AssetFolder(path)
-    posed = partial(_read_gltf, at_rest=at_rest)
-    readers: dict[str, Callable[[Path, bytes, AssetFolder], SceneFile]] = {
-        ".obj": _read_obj,
-        ".ply": _read_ply,
-        ".stl": _read_stl,
-        ".off": _read_off,
-        ".glb": posed,
-        ".gltf": posed,
-    }
     try:
-        scene = replace(readers[ending](path, data, assets), beside=frozenset(assets.files))
+        if ending == ".obj":
+            scene = _read_obj(path, data, assets)
+        elif ending in (".glb", ".gltf"):
+            scene = _read_gltf(path, data, assets, at_rest=at_rest)
+        else:
+            scene = _read_plain(path, data, assets)
     except MemoryError as error:
         raise OSError(errno.ENOMEM, f"load: `path` {path} needs more memory than there is") from error
     except ArgumentError as error:  # it is well-formed, and what it says makes no mesh
@@ -84,8 +77,7 @@ def of_trimesh(source: trimesh.Trimesh | trimesh.Scene) -> SceneFile:
     if isinstance(source, trimesh.Trimesh):
         geometry = from_trimesh(source.copy(), {})
         instances = [MeshInstance(str(source.metadata.get("name") or "mesh"), "mesh", geometry)]
-        vertices = geometry.vertices
-        return SceneFile.of(None, instances, own_vertices=vertices, own_numbers=np.arange(len(vertices)))
+        return SceneFile.of(None, instances, own_vertices=geometry.vertices)
     meshes = {name: each.copy() for name, each in source.geometry.items() if isinstance(each, trimesh.Trimesh)}
     known: dict[int, Material] = {}
     copies = {name: from_trimesh(each, known) for name, each in meshes.items()}
@@ -110,8 +102,9 @@ def _read_bytes(path: Path) -> bytes:
 
 def _read_obj(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
     text = obj_text.parse(data)
-    instances, numbers, source = obj_read.read(text, path, assets)
-    return SceneFile.of(path, instances, own_vertices=text.positions, own_numbers=numbers, obj=source)
+    instances, numbers, corner_rows = obj_read.read(text, path, assets)
+    source = FileSource(np.frombuffer(text.data, np.uint8), numbers, corner_rows)
+    return SceneFile.of(path, instances, own_vertices=text.positions, source=source)
 
 
 def _read_gltf(path: Path, data: bytes, assets: AssetFolder, *, at_rest: bool) -> SceneFile:
@@ -124,28 +117,20 @@ def _read_gltf(path: Path, data: bytes, assets: AssetFolder, *, at_rest: bool) -
     header = gltf_header.read(text, glb=glb.is_glb(data))
     content = GltfData(header, embedded, assets)
     instances = gltf_read.read(header, content, assets, at_rest=at_rest)
-    return SceneFile.of(path, instances, gltf=GltfSource(text, header, content), at_rest=at_rest)
+    return SceneFile.of(path, instances, gltf=GltfSource(text, header, content))
 
 
-def _read_ply(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
-    geometry, vertices, numbers = ply.read(path, data, assets)
-    return _plain(path, data, geometry, vertices, numbers)
-
-
-def _read_off(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
-    geometry = off_stl.read_off(data)
-    return _plain(path, data, geometry, geometry.vertices, np.arange(len(geometry.vertices)))
-
-
-def _plain(path: Path, data: bytes, geometry: Geometry, vertices: Float64, numbers: Int64) -> SceneFile:
+def _read_plain(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
+    """Return the scene of a PLY, OFF or STL file."""
+    source = FileSource(np.frombuffer(data, np.uint8))
+    if path.suffix.lower() == ".stl":
+        solids, names = off_stl.read_stl(data), UniqueNames()
+        parts = [(names.unique((len(solids) > 1 and name) or path.stem), each) for name, each in solids]
+        return SceneFile.of(path, [MeshInstance(name, name, each) for name, each in parts], source=source)
+    if path.suffix.lower() == ".ply":
+        geometry, vertices, numbers = ply.read(path, data, assets)
+    else:
+        geometry = off_stl.read_off(data)
+        vertices, numbers = geometry.vertices, np.arange(len(geometry.vertices))
     instances = [MeshInstance(path.stem, path.stem, geometry)]
-    source = PlainSource(path.suffix.lower(), np.frombuffer(data, np.uint8), numbers)
-    return SceneFile.of(path, instances, own_vertices=vertices, own_numbers=numbers, plain=source)
-
-
-def _read_stl(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
-    solids, names = off_stl.read_stl(data), UniqueNames()
-    several = len(solids) > 1
-    parts = [(names.unique((several and name) or path.stem), each) for name, each in solids]
-    source = PlainSource(".stl", np.frombuffer(data, np.uint8), np.arange(sum(len(each.vertices) for _, each in parts)))
-    return SceneFile.of(path, [MeshInstance(name, name, each) for name, each in parts], plain=source)
+    return SceneFile.of(path, instances, own_vertices=vertices, source=replace(source, numbers=numbers))

@@ -13,18 +13,17 @@ from dfd.common.linear_algebra import Float64, Int32, Int64, UInt8
 from dfd.mesh.appearance import Appearance
 from dfd.mesh.file.gltf.patch import GltfSource
 from dfd.mesh.file.materials import read_appearance
-from dfd.mesh.file.obj.read import ObjSource
 from dfd.mesh.file.primitives import MeshInstance, Primitive, place, require_finite
 from dfd.mesh.weld import weld
 
 
 @dataclass(frozen=True)
-class PlainSource:
-    """The source for rewriting a PLY, STL or OFF file with other positions; it is parsed again then."""
+class FileSource:
+    """The source for rewriting an OBJ, PLY, STL or OFF file with other positions; it is parsed again then."""
 
-    ending: str
-    data: UInt8  # (N,) its bytes, as an array
-    numbers: Int64  # (R,) the file's own vertex of each row
+    data: UInt8  # (N,) its bytes, as an array, which processes can share
+    numbers: Int64 | None = None  # (R,) the file's own vertex of each row; STL files number none
+    corner_rows: Int32 | None = None  # (C,) row of each corner of an OBJ file's faces; −1 in one of too few corners
 
 
 @dataclass(frozen=True)
@@ -42,11 +41,13 @@ class SceneFile:
     representative: Int32  # (V,) the first vertex at each one's position
     vertex: Int32  # (R,) the vertex that stands for each row, -1 where the mesh has none
     appearance: Appearance | None  # what colors the faces; None where nothing is known
-    at_rest: bool = True  # whether skins and default morph weights are applied
     gltf: GltfSource | None = None  # the source glTF file
-    obj: ObjSource | None = None  # the source OBJ file
-    plain: PlainSource | None = None  # the source PLY, STL or OFF file
-    beside: frozenset[Path] = frozenset()  # further files that were read for it
+    source: FileSource | None = None  # the source file of another format
+
+    @property
+    def ending(self) -> str:
+        """The ending of the file's name in small letters, "" for a scene of no file."""
+        return self.path.suffix.lower() if self.path else ""
 
     def local_faces(self, primitive: Primitive) -> Int32:
         """Return the faces (F, 3) of a primitive as its own rows, wound as the scene shows them."""
@@ -64,17 +65,13 @@ class SceneFile:
         instances: Sequence[MeshInstance],
         *,
         own_vertices: Float64 | None = None,
-        own_numbers: Int64 | None = None,
         gltf: GltfSource | None = None,
-        obj: ObjSource | None = None,
-        plain: PlainSource | None = None,
-        at_rest: bool = True,
+        source: FileSource | None = None,
     ) -> SceneFile:
         """Number the vertices of a file's instances.
 
-        `own_vertices` (V, 3) and `own_numbers` (R,) are the file's own list of vertices and the one that each row is,
-        where it has one list; distinct positions that faces use are numbered in the order of the rows where it has
-        none.
+        `own_vertices` (V, 3) is the file's own list of vertices, which `source.numbers` count, or all rows without a
+        `source`. Without a list, distinct positions that faces use are numbered in the order of the rows.
 
         Raises ArgumentError if there are no faces or fewer than three distinct vertices, or something is not finite.
         """
@@ -92,11 +89,12 @@ class SceneFile:
                 local[key] = faces[:, [0, 2, 1]] if key[1] else faces
             numbered.append(local[key] + np.int32(each.rows.start))
         corner_faces = np.concatenate(numbered)
-        if own_vertices is not None and own_numbers is not None:
+        if own_vertices is not None:
             require_finite(own_vertices)
             first, distinct = weld(own_vertices)
             representative = first.astype(np.int32)[distinct]
-            vertices, vertex = own_vertices, representative[own_numbers]
+            numbers = slice(None) if source is None or source.numbers is None else source.numbers
+            vertices, vertex = own_vertices, representative[numbers]
         else:
             vertices, vertex = _weld_used(positions, corner_faces)
             representative = np.arange(len(vertices), dtype=np.int32)
@@ -105,9 +103,7 @@ class SceneFile:
         if used.sum() < 3:
             raise ArgumentError("path", f"must hold at least 3 distinct vertices, got {used.sum()}")
         appearance = read_appearance(primitives, vertex, corner_faces)
-        return cls(
-            path, primitives, corner_faces, vertices, representative, vertex, appearance, at_rest, gltf, obj, plain
-        )
+        return cls(path, primitives, corner_faces, vertices, representative, vertex, appearance, gltf, source)
 
 
 def _weld_used(positions: Float64, corner_faces: Int32) -> tuple[Float64, Int32]:

@@ -23,7 +23,7 @@ from dfd.mesh.file.obj import write as obj_write
 from dfd.mesh.file.plain import off_stl, ply
 from dfd.mesh.file.primitives import Geometry, MeshInstance, MovedPrimitive, place
 from dfd.mesh.file.read import ENDINGS
-from dfd.mesh.file.scene_file import PlainSource, SceneFile
+from dfd.mesh.file.scene_file import FileSource, SceneFile
 from dfd.mesh.normals import smooth_normals
 
 
@@ -48,11 +48,14 @@ def write(
     moved = () if scene is None else _move(vertices, scene)
     lost = np.zeros(0)
     files: dict[str, bytes]
-    if ending == ".obj":
-        files = _encode_obj(target, vertices, faces, scene, moved)
-    elif scene is not None and scene.plain is not None and scene.plain.ending == ending:
-        data, lost = _rewrite(scene.plain, vertices, scene, moved)
-        files = {target.name: data}
+    if scene is not None and scene.source is not None and scene.ending == ending:
+        files, lost = _rewrite(target, scene.source, vertices, scene, moved)
+    elif ending == ".obj":
+        files = (
+            {target.name: obj_write.encode(vertices, faces)}
+            if scene is None
+            else obj_write.encode_scene(target, vertices, scene, moved)
+        )
     elif ending == ".off":
         files = {target.name: off_stl.encode_off(vertices, faces)}
     elif ending == ".stl":
@@ -107,32 +110,26 @@ def _write(target: Path, files: dict[str, bytes]) -> None:
         raise first from first.__cause__
 
 
-def _encode_obj(
-    target: Path, vertices: Float64, faces: Int32, scene: SceneFile | None, moved: Sequence[MovedPrimitive]
-) -> dict[str, bytes]:
-    normals = [each.normals for each in moved]
-    if scene is None:
-        return {target.name: obj_write.encode(vertices, faces)}
-    if scene.obj is not None:
-        return obj_patch.encode(target, scene.obj, vertices, normals)
-    return obj_write.encode_scene(target, vertices, scene, normals)
-
-
 def _rewrite(
-    source: PlainSource, vertices: Float64, scene: SceneFile, moved: Sequence[MovedPrimitive]
-) -> tuple[bytes, Float64]:
-    """Return a PLY, STL or OFF file with other positions in its own bytes, and how far 32-bit floats move them."""
-    data = source.data.tobytes()
-    if source.ending == ".stl":
+    target: Path, source: FileSource, vertices: Float64, scene: SceneFile, moved: Sequence[MovedPrimitive]
+) -> tuple[dict[str, bytes], Float64]:
+    """Return the scene's own file with other positions in its bytes, and how far 32-bit floats of STL move them."""
+    data, lost = source.data.tobytes(), np.zeros(0)
+    normals = np.concatenate(
+        [np.full(each.vertices.shape, np.nan) if each.normals is None else each.normals for each in moved]
+    )
+    if scene.ending == ".obj":
+        return obj_patch.encode(target, vertices, scene, normals), lost
+    if source.numbers is None:
         corners = vertices[scene.vertex]
-        return off_stl.rewrite_stl(data, corners), np.zeros(0) if off_stl.is_text_stl(data) else rounding(corners)
-    normals = None
-    before, after = scene.primitives[0].normals, moved[0].normals
-    if before is not None and after is not None:
-        normals = np.full(vertices.shape, np.nan)
-        normals[source.numbers] = after
-    rewrite = ply.rewrite if source.ending == ".ply" else off_stl.rewrite_off
-    return rewrite(data, vertices, normals), np.zeros(0)
+        new = off_stl.rewrite_stl(data, corners)
+        lost = lost if off_stl.is_text_stl(data) else rounding(corners)
+    else:
+        of_vertices = np.full(vertices.shape, np.nan)
+        of_vertices[source.numbers] = normals
+        rewrite = ply.rewrite if scene.ending == ".ply" else off_stl.rewrite_off
+        new = rewrite(data, vertices, of_vertices)
+    return {target.name: new}, lost
 
 
 def _encode_ply(

@@ -6,33 +6,35 @@ order, polygons, groups, smoothing, curves, comments and materials stay as they 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from dfd.common.linear_algebra import Float64
+from dfd.common.linear_algebra import Float64, Int32
 from dfd.mesh.file.edits import Edits, triples
 from dfd.mesh.file.obj.library import Companions, copied_materials
-from dfd.mesh.file.obj.read import ObjSource
 from dfd.mesh.file.obj.text import ObjText, parse
+from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.weld import weld
 
 
-def encode(target: Path, source: ObjSource, vertices: Float64, normals: Sequence[Float64 | None]) -> dict[str, bytes]:
+def encode(target: Path, vertices: Float64, scene: SceneFile, normals: Float64) -> dict[str, bytes]:
     """Return the contents of the moved OBJ file `target` and of the material files that it needs next to it.
 
-    Unmoved `vertices` (N, 3) keep their text. `normals` has those of each primitive (rows, 3), None where it has none.
+    Unmoved `vertices` (N, 3) keep their text. `normals` (R, 3) are those of the scene's rows, NaN where it has none.
     Materials are not copied where `target` is in the folder of the original.
     """
-    text = parse(source.data)
+    assert scene.path is not None
+    assert scene.source is not None
+    assert scene.source.corner_rows is not None
+    text = parse(scene.source.data.tobytes())
     changed = (vertices != text.positions).any(axis=1)
     edits = Edits(text.data)
     edits.replace(text.position_spans[changed], triples(vertices[changed]))
-    _edit_normals(edits, text, source, normals)
+    _edit_normals(edits, text, scene.source.corner_rows, normals)
     companions = Companions(target)
-    if target.parent.resolve() != source.folder.resolve():
-        _rename_libraries(edits, text, *copied_materials(text, source.folder, companions))
+    if target.parent.resolve() != scene.path.parent.resolve():
+        _rename_libraries(edits, text, *copied_materials(text, scene.path.parent, companions))
     return {target.name: edits.result(), **companions.files}
 
 
@@ -49,25 +51,19 @@ def _rename_libraries(edits: Edits, text: ObjText, name: str | None, read: set[s
             name = None
 
 
-def _edit_normals(edits: Edits, text: ObjText, source: ObjSource, normals: Sequence[Float64 | None]) -> None:
+def _edit_normals(edits: Edits, text: ObjText, corner_rows: Int32, normals: Float64) -> None:
     """Rewrite the normals of faces; corners that no longer share one get a new one."""
-    known = [each is not None for each in normals]
-    if not any(known):
+    corners = np.flatnonzero((text.corners[:, 2] >= 0) & (corner_rows >= 0))
+    corners = corners[~np.isnan(normals[corner_rows[corners]]).any(axis=1)]
+    if not len(corners):
         return
-    by_row = np.concatenate(
-        [
-            np.full((count, 3), np.nan) if each is None else each
-            for each, count in zip(normals, source.row_counts, strict=True)
-        ]
-    )
-    corners = np.flatnonzero((text.corners[:, 2] >= 0) & (source.corner_rows >= 0))
-    corners = corners[np.repeat(known, source.row_counts)[source.corner_rows[corners]]]
+    own = normals[corner_rows[corners]]
     number = text.corners[corners, 2]
-    distinct, value = weld(by_row[source.corner_rows[corners]])
+    distinct, value = weld(own)
     pairs, first, pair = np.unique(number * (len(distinct) + 1) + value, return_index=True, return_inverse=True)
     # a normal takes the first of its corners' new directions; the others become new normals
     keeps = np.diff(number[first], prepend=-1) > 0
-    directions = by_row[source.corner_rows[corners]][first]
+    directions = own[first]
     moved = keeps & (directions != text.normals[number[first]]).any(axis=1)
     edits.replace(text.normal_spans[number[first][moved]], triples(directions[moved]))
     if keeps.all():

@@ -5,12 +5,11 @@ from __future__ import annotations
 import itertools
 import re
 import warnings
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from dfd.common.linear_algebra import Int32, Int64, UInt8
+from dfd.common.linear_algebra import Int32, Int64
 from dfd.mesh.appearance import Material
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.images import ImageCache
@@ -25,23 +24,8 @@ _OPTIONS = re.compile(r"-(?:imfchan\s+\w+|\w+(?:\s+(?:on|off|[-+]?[\d.]+(?:[eE][
 _GROUP_KEYWORDS = ("g", "o", "usemtl")  # in order of precedence for equal names
 
 
-@dataclass(frozen=True)
-class ObjSource:
-    """The source for rewriting an OBJ file with other positions; its text is parsed again then."""
-
-    text: UInt8  # (N,) its bytes, as an array
-    folder: Path
-    corner_rows: Int32  # (C,) row of each corner of its faces; −1 where a face has too few corners
-    row_counts: tuple[int, ...]  # rows of each primitive
-
-    @property
-    def data(self) -> bytes:
-        """The text."""
-        return self.text.tobytes()
-
-
-def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInstance], Int64, ObjSource]:
-    """Return the mesh instances, the vertex (R,) of each row, and the source for rewriting.
+def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInstance], Int64, Int32]:
+    """Return the mesh instances, the vertex (R,) of each row, and the row (C,) of each corner, −1 in skipped faces.
 
     Parts are the file's `o`, or its `g` where it has not several `o`; within a part faces are sorted by material.
 
@@ -78,10 +62,7 @@ def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInsta
         used = materials.get(material_names[material[face]]) if material[face] >= 0 else None
         geometry = _geometry(text, rows[begin:end, 1:], triangles[first:last] - begin, used)
         instances.append(MeshInstance(part_names[part[face]], part_names[part[face]], geometry))
-    source = ObjSource(
-        np.frombuffer(text.data, np.uint8), path.parent, corner_rows, tuple(np.diff(row_bounds).tolist())
-    )
-    return instances, rows[:, 1], source
+    return instances, rows[:, 1], corner_rows
 
 
 def libraries(text: ObjText, assets: AssetFolder) -> list[str]:

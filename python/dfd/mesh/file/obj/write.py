@@ -16,7 +16,7 @@ from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
 from dfd.mesh.appearance import GRAY, Material
 from dfd.mesh.file.images import as_png
 from dfd.mesh.file.obj.library import Companions
-from dfd.mesh.file.primitives import UniqueNames
+from dfd.mesh.file.primitives import MovedPrimitive, UniqueNames
 from dfd.mesh.file.scene_file import SceneFile
 
 _SEPARATORS = re.compile(r"[/\\:*?\"<>|\0]")  # not allowed in file names on some systems
@@ -43,21 +43,19 @@ def encode_groups(
 
 
 def encode_scene(
-    target: Path, vertices: Float64, scene: SceneFile, normals: Sequence[Float64 | None]
+    target: Path, vertices: Float64, scene: SceneFile, moved: Sequence[MovedPrimitive]
 ) -> dict[str, bytes]:
     """Return the files of a scene: the OBJ file `target`, and its materials and textures, all named after it.
 
-    The mesh's vertices are at `vertices` (V, 3); `normals` has None or (rows, 3) for each primitive, in its own
-    coordinates.
+    The mesh's vertices are at `vertices` (V, 3); `moved` are the scene's primitives, with their normals.
     """
     companions = Companions(target)
-    materials = [each.geometry.material for each in scene.primitives]
     library = _MaterialLibrary(target.stem, companions)
-    several = any(library.add(material) for material in materials)
+    several = any(library.add(each.geometry.material) for each in scene.primitives)
     body: list[bytes] = []
     uv_count = normal_count = 0
     part = None
-    for each, own_normals, material in zip(scene.primitives, normals, materials, strict=True):
+    for each, normals in ((each.primitive, each.normals) for each in moved):
         local = scene.local_faces(each)
         columns: list[NDArray[np.integer] | None] = [scene.vertex[each.rows][local], None, None]
         if each.part != part:  # primitives of one part differ only in their materials
@@ -68,11 +66,11 @@ def encode_scene(
             body.append(_lines("vt", uv))
             columns[1] = local + uv_count
             uv_count += len(uv)
-        if own_normals is not None:
-            body.append(_lines("vn", each.normals_to_scene(own_normals)))
+        if normals is not None:
+            body.append(_lines("vn", each.normals_to_scene(normals)))
             columns[2] = local + normal_count
-            normal_count += len(own_normals)
-        used = library.add(material)
+            normal_count += len(normals)
+        used = library.add(each.geometry.material)
         if used is None and several:  # a primitive without one would inherit the previous one's
             used = library.plain(1.0 if each.geometry.colors is not None else GRAY)
         if used is not None:

@@ -81,7 +81,7 @@ def _lines(data: bytes) -> list[re.Match[bytes]]:
     return [line for line in _LINE.finditer(data) if line[0].split(b"#", 1)[0].strip()]
 
 
-def rewrite_off(data: bytes, vertices: Float64, normals: Float64 | None) -> bytes:
+def rewrite_off(data: bytes, vertices: Float64, normals: Float64) -> bytes:
     """Return the text of an OFF file with other `vertices` and `normals` (V, 3)."""
     lines = _lines(data)
     first = lines[0][0].split(b"#", 1)[0].split()
@@ -89,7 +89,7 @@ def rewrite_off(data: bytes, vertices: Float64, normals: Float64 | None) -> byte
     lines = lines[2 if keyword and len(first) == 1 else 1 :]
     old = read_off(data)
     edits, written, before = Edits(data), vertices, old.vertices
-    if normals is not None and old.normals is not None:
+    if old.normals is not None:
         written, before = np.hstack([vertices, normals]), np.hstack([before, old.normals])
     numbers = re.compile(rb"\s*" + rb"\s+".join([rb"\S+"] * written.shape[1]))
     for row in np.flatnonzero((written != before).any(axis=1)).tolist():

@@ -314,7 +314,7 @@ def _typed(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
     return values.astype(dtype)
 
 
-def rewrite(data: bytes, vertices: Float64, normals: Float64 | None) -> bytes:
+def rewrite(data: bytes, vertices: Float64, normals: Float64) -> bytes:
     """Return a file with other `vertices` and `normals` (V, 3), NaN for those that stay, in its own byte order.
 
     Types stay; coordinates become 64-bit floats where whole numbers or 32-bit floats do not hold them.
@@ -324,7 +324,7 @@ def rewrite(data: bytes, vertices: Float64, normals: Float64 | None) -> bytes:
     edges = np.flatnonzero(np.diff(body > ord(" "), prepend=False, append=False)).reshape(-1, 2) + content.start
     for names, values in ((("x", "y", "z"), vertices), (("nx", "ny", "nz"), normals)):
         old = _columns(content.elements["vertex"], names, np.float64)
-        if values is None or old is None:
+        if old is None:
             continue
         values = np.where(np.isnan(values), old, values)
         for name, column, before in zip(names, values.T, old.T, strict=True):
