@@ -58,6 +58,7 @@ ctest: $(VENV)/installed-test
 lint: $(VENV)/installed-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/codespell -D - -D tests/banned_words.txt
 	$(BIN)/mypy
 
 # The app's page is built, checked and tested once after each change; in a browser it is tested by pytest.

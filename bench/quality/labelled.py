@@ -45,7 +45,7 @@ Verdict = dict[str, float]
 LEGEND = {
     "precision": "mean average precision with which a handle's weights rank its own label first",
     "threshold": "IoU with the label of all vertices above the best threshold of a handle's weights",
-    "part": "IoU with the label of the part at a click, with its look-alikes",
+    "part": "IoU with the label of the part at a click, with its counterparts",
     "best of three": "of that part, the smaller one in it and the larger one around it, the best",
     "instance": "IoU of the connected component of the part with that of the label",
     "grip": "Σ min(w, t) / Σ max(w, t) over the surface, for a session's weights w and the label t",

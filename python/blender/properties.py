@@ -50,13 +50,13 @@ class HandleSettings(bpy.types.PropertyGroup):
     vertex: bpy.props.IntProperty(name="Vertex", min=0)
     whole_part: bpy.props.BoolProperty(
         name="Whole part",
-        description="Hold the part at the vertex with its look-alikes; where no part ends there, the reach counts",
+        description="Hold the part at the vertex with its counterparts; where no part ends there, the reach counts",
         default=DEFAULTS.reach == "part",
         update=_again,
     )
     reach: bpy.props.FloatProperty(
         name="Reach",
-        description="Distance between features at which the weight is 0: less takes fewer look-alikes along",
+        description="Distance between features at which the weight is 0: less takes fewer counterparts along",
         default=PARTLESS_REACH,
         min=0.01,
         soft_max=1.5,

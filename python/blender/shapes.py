@@ -36,7 +36,7 @@ class Shape:
         mesh = dfd.Mesh(vertices, triangles)
         self.axes: Axes = ("Y_UP" if _fits_turned(self.field, mesh) else "SAME") if axes == "AUTO" else axes
         self.mesh = dfd.Mesh(_turned(vertices), triangles) if self.axes == "Y_UP" else mesh
-        check_compatible(self.field.center, self.field.scale, self.mesh)
+        check_compatible(self.field, self.mesh)
         few = len(vertices) <= FULL_FEATURES
         self.features = self.field.features(self.mesh) if few else dfd.compact(self.field, self.mesh.vertices)
         self.geodesics = dfd.Geodesics(self.mesh)

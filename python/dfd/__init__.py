@@ -86,7 +86,7 @@ def __getattr__(name: str) -> _typing.Any:
         return _importlib.import_module(f"dfd.{name}")
     if name in _LATER:
         value = getattr(_importlib.import_module(_LATER[name]), name)
-        if name == "Deformer":  # no room below the app may know it
+        if name == "Deformer":  # no package below the app imports it
             value.page = lambda session, **how: _importlib.import_module("dfd.app").show(session, **how)
         globals()[name] = value
         return value

@@ -89,7 +89,7 @@ def strays(vertices: Float64, faces: Faces, random: Random) -> tuple[Float64, Fa
     return np.concatenate([far, vertices]), (faces + count).astype(np.int32)
 
 
-def crumbs(vertices: Float64, faces: Faces, random: Random) -> tuple[Float64, Faces]:
+def small_components(vertices: Float64, faces: Faces, random: Random) -> tuple[Float64, Faces]:
     """Add many small components: single faces and little tetrahedra, on the surface and around it."""
     size = np.ptp(vertices, axis=0).max()
     count = int(random.choice([3, 40, 400]))
@@ -131,7 +131,7 @@ def few(vertices: Float64, faces: Faces, random: Random) -> tuple[Float64, Faces
 
 
 DAMAGES: tuple[Damage, ...] = (
-    *(holes, flipped, duplicated, merged, placed_alike, split, slivers, strays, crumbs, torn_apart, squeezed),
+    *(holes, flipped, duplicated, merged, placed_alike, split, slivers, strays, small_components, torn_apart, squeezed),
     *(shuffled, few),
 )
 RARE = (few, squeezed)  # little is left to be damaged after them

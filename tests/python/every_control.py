@@ -186,7 +186,7 @@ def _tried(step: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
         return None
 
 
-# What a shape may be refused for: nothing to measure, nothing in a region, look-alikes that cannot be told apart.
+# What a shape may be refused for: nothing to measure, nothing in a region, counterparts that cannot be told apart.
 REFUSALS = re.compile(
     "must have a face with an area|must hold a vertex|must be a part of the scene|look the same|cannot both arrive|"
     "cannot arrive|must leave something|must lie at distinct places|must be free places|"

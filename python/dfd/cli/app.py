@@ -56,7 +56,7 @@ def app(
     )
     if not loopback(host):
         say(
-            f"dfd: {host} lets other machines in, without encryption: whoever sees the address can open and change "
+            f"dfd: {host} lets other machines in, without encryption: who sees the address can open and change "
             "everything in the app; an SSH tunnel to the default is safer"
         )
     serve(options, host=host, port=port, browser=browser, tell=partial(say, result=True))

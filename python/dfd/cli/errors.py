@@ -47,7 +47,7 @@ class CommandGroup(TyperGroup):
                 code = _fail(": ".join(["interrupted", *stop.args]), INTERRUPTED)
             except MemoryError as error:
                 code = _fail(": ".join(["out of memory", *filter(None, [str(error)])]), BAD_INPUT)
-            except BrokenPipeError:  # whoever read our output has had enough
+            except BrokenPipeError:  # the reader of the output has closed it
                 os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
                 code = 1
             except OSError as error:

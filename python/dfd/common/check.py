@@ -1,4 +1,4 @@
-"""Checks of what comes in at the public door: coerce once, name the argument, say what was found."""
+"""Check the arguments of public functions: coerce once, name the argument, say what was found."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ _PASSED_OVER = ("dfd", "contextlib", "concurrent", "threading")
 
 
 def warn(message: str, category: type[Warning]) -> None:
-    """Give a warning in the name of whoever called the package."""
+    """Give a warning at the line that called the package."""
     level, frame = 2, sys._getframe(1)
     while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in _PASSED_OVER:
         level, frame = level + 1, frame.f_back

@@ -22,7 +22,7 @@ class Brief:
     def __repr__(self) -> str:
         """Say it as Python makes it."""
         told = []
-        for each in fields(self):  # type: ignore[arg-type]  # whoever derives is a dataclass
+        for each in fields(self):  # type: ignore[arg-type]  # derived classes are dataclasses
             value = getattr(self, each.name)
             default = each.default if each.default_factory is MISSING else each.default_factory()
             if each.repr and (default is MISSING or value != default):

@@ -183,7 +183,7 @@ class Deformer:
             A vertex index; any point (3,) in mesh units, on the surface or off it; an array of vertex indices or a
             mask (V,), or a region of `dfd.editing.influence.regions`, all of which is held; a text, see
             `dfd.editing.points.find`, or "part@1,2,3" for the part that holds a place, "piece@812" for that part
-            without its look-alikes.
+            without its counterparts.
         translation
             (3,) in mesh units.
         rotation
@@ -203,8 +203,8 @@ class Deformer:
         bend, towards
             Degrees by which the tip of the part that it holds is bent along the part's own axis, every cross-section
             moving rigidly, `towards` "up", "down", "left", "right", "front", "back" or a direction (3,), by default up,
-            and where the part runs upright to the front; or a rotation vector (3,). Each look-alike bends along its own
-            axis. What is bent is then moved by the rest of the transform.
+            and where the part runs upright to the front; or a rotation vector (3,). Each counterpart bends along its
+            own axis. What is bent is then moved by the rest of the transform.
         twist
             Degrees by which the tip turns about the part's own axis.
         joint

@@ -293,7 +293,7 @@ def from_document(document: Any, mesh: Mesh, *, name: str = "edit", other_shape:
 
 
 def _checked(document: Any, name: str) -> dict[str, Any]:
-    """`document`, once it is sure that it is an edit of a known version: all else odd in another one helps nobody."""
+    """Return `document`. Check format and version before anything else."""
     if not isinstance(document, dict):
         raise ArgumentError("document", f"must be an edit, got {_shown(document)}", name)
     if document.get("format") != FORMAT:

@@ -1,6 +1,6 @@
-"""What can be said of a handle and of a whole shape, and the defaults of each preset, for every door.
+"""The controls of a handle, and the defaults of each preset, for every interface.
 
-Sessions, the command line, the app, Blender and edit files take both from here; it imports neither SciPy nor pydantic.
+Sessions, the command line, the app, Blender and edit files read them here. None of it imports SciPy or pydantic.
 """
 
 from __future__ import annotations
@@ -55,10 +55,10 @@ CONTROLS = {
     ),
     "strength": About("From 0 to 1: a factor for what follows.", 0.0, 1.0, metavar="S", slider=(0.0, 1.0, 0.05)),
     "instances": About(
-        "Look-alikes move about their own pivots, about the handle's (shared_pivot, the paper), or not at all (only).",
+        "Counterparts move about their own pivots, about the handle's (shared_pivot, the paper), or not at all (only).",
         metavar="own_pivot|shared_pivot|only",
         affects="pose",
-        label="Look-alikes",
+        label="Counterparts",
     ),
     "excluded_instances": About(
         "A place on an instance that does not move along.", metavar="PLACE", repeated=True, affects="pose"

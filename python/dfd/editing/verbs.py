@@ -97,7 +97,7 @@ def _controls(weights: HandleWeights, place: Place, given: Mapping[str, Any]) ->
 
 
 def _part_named(weights: HandleWeights, at: Any, own: Place | None = None) -> Any:
-    """`at`, or the part that it names: "part@1,2,3", "piece@812" without look-alikes, "part" for that of `own`."""
+    """`at`, or the part that it names: "part@1,2,3", "piece@812" without counterparts, "part" for that of `own`."""
     if not isinstance(at, str):
         return at
     if at == "part" and own is not None:

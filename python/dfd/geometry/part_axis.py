@@ -28,7 +28,7 @@ NEAR_JOINT = 0.12  # of the length: a joint so near to where the part is held is
 SLENDER = 0.75  # times its width is the least length of a limb
 ROUND, FLAT = 0.95, 0.7  # of the largest variance of a wheel's surface: the least of the second, the most of the third
 CARRIED = 0.5  # of the rest of the shape: what is smaller and lies beyond a part goes along with it
-CRUMB = 0.05  # of a region: a smaller connected piece of it has no axis of its own
+SMALL_COMPONENT = 0.05  # of a region: a smaller connected piece of it has no axis of its own
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +142,7 @@ class PartAxes:
         of_node[own] = piece
         first, *others = (of_node[nodes.of_vertex[corner]] for corner in self._mesh.faces.T)
         of_face = np.where((first == others[0]) & (first == others[1]), first, -1)
-        large = (k for k in order if area[k] > CRUMB * area[order[0]])
+        large = (k for k in order if area[k] > SMALL_COMPONENT * area[order[0]])
         found = [self._of_component(own[piece == k], self._mesh.faces[of_face == k]) for k in large]
         return [axis for axis in found if axis is not None]
 

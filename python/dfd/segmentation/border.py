@@ -10,7 +10,7 @@ from dfd.common.linear_algebra import Bool, Int64
 from dfd.segmentation.patches import Patches
 
 NECK = 1.5  # in the spacing of patches: pieces that meet only within that of the border are pieces of their own
-CRUMB = 0.1  # of the largest piece: what is smaller goes with another
+SMALL_COMPONENT = 0.1  # of the largest piece: what is smaller goes with another
 BAND = 1.5  # so far from the border of patches, in their spacing, a crease is looked for
 CREASE = 0.1  # concavity over which a border costs e times less
 KEEP = 0.1  # what a node that changes sides costs, as a part of the border around a patch for one of its area
@@ -95,7 +95,7 @@ def pieces_of(patches: Patches, inside: Mask) -> Int64:
         deep = np.flatnonzero(depth[own] > NECK * patches.spacing)
         core = connected_components(graph[deep][:, deep], directed=False)[1] if len(deep) else deep
         area = np.bincount(core, patches.area[own[deep]])
-        large = (area > CRUMB * area.max(initial=0))[core]
+        large = (area > SMALL_COMPONENT * area.max(initial=0))[core]
         # A piece without a deep place stays one.
         whole = np.isin(piece, piece[deep[large]])
         seeds = deep[large]

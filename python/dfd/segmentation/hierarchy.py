@@ -1,6 +1,6 @@
 """The tree of a shape's parts: patches joined by likeness of features that are smooth over the surface but at creases.
 
-Each node of the tree is a part with its look-alikes. Which of those that hold a place a person would call a part shows
+Each node of the tree is a part with its counterparts. Which of those that hold a place a person would call a part shows
 at their borders: they run along creases, and the next larger part differs much from it.
 """
 
@@ -17,7 +17,7 @@ from scipy.spatial.distance import cdist
 
 import dfd._core as _core
 from dfd.common.linear_algebra import Bool, Float64, Int64
-from dfd.segmentation.border import CRUMB
+from dfd.segmentation.border import SMALL_COMPONENT
 from dfd.segmentation.patches import BRIDGE, Patches
 
 DIMENSIONS = 24  # main directions of the features that are kept: the others hold noise
@@ -46,7 +46,7 @@ EVEN = 0.05  # of height: what differs by less is alike, and steps from there to
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """A part with its look-alikes."""
+    """A part with its counterparts."""
 
     inside: Bool  # (P,) which patches belong to it
     area: float  # as a part of the whole surface
@@ -277,14 +277,14 @@ class Hierarchy:
 
 
 def pieces_and_borders(patches: Patches, inside: Bool) -> tuple[Float64, int]:
-    """Areas of the connected pieces of a part of patches `inside` (P,), but for crumbs, and how many borders it has."""
+    """Areas of the components of a part of patches `inside` (P,), but for small ones, and how many borders it has."""
     pairs = patches.borders.pairs.astype(np.int32)
     same = inside[pairs[:, 0]] == inside[pairs[:, 1]]
     piece = _core.components(len(inside), np.zeros((0, 3), np.int32), pairs[same])
     areas = np.bincount(piece, patches.area)
     own = np.zeros(len(areas), bool)
     own[piece[inside]] = True
-    large = areas > CRUMB * areas[own].max()
+    large = areas > SMALL_COMPONENT * areas[own].max()
     # Pieces and what is around them are a tree, with a border for each of its edges.
     return areas[large & own], max(int(large.sum()) - 1, 1)
 

@@ -17,7 +17,7 @@ from dfd.common.linear_algebra import Bool, Float32, Int64
 from dfd.field.field import Field
 from dfd.geometry.topology import face_areas
 from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
-from dfd.segmentation.border import CRUMB, closed, pieces_of, snapped
+from dfd.segmentation.border import SMALL_COMPONENT, closed, pieces_of, snapped
 from dfd.segmentation.hierarchy import Hierarchy, pieces_and_borders
 from dfd.segmentation.patches import Patches
 
@@ -142,7 +142,7 @@ class Parts:
         whole = max(held[vertex], np.float32(0.01))
         pieces = pieces_of(patches, inside)
         area = np.bincount(pieces[inside], patches.area[inside])
-        large = (area > CRUMB * area.max()) | (np.arange(len(area)) == pieces[patches.of_vertex[vertex]])
+        large = (area > SMALL_COMPONENT * area.max()) | (np.arange(len(area)) == pieces[patches.of_vertex[vertex]])
         component = np.where(side, np.where(large[pieces] & inside, pieces, -1)[patches.of_node], -1)
         return Grip(np.minimum(held / whole, 1), np.minimum(within / whole, 1).astype(np.float32), component)
 
@@ -215,7 +215,7 @@ class Parts:
     def _part(self, inside: Bool, mask: Bool, vertex: int) -> Part:
         piece, area = pieces_of(self._patches, inside)[inside], self._patches.area[inside]
         sizes = np.bincount(piece, area)
-        return Part(mask, float(area.sum()), int((sizes > CRUMB * sizes.max()).sum()), vertex)
+        return Part(mask, float(area.sum()), int((sizes > SMALL_COMPONENT * sizes.max()).sum()), vertex)
 
     def _middle(self, inside: Bool) -> int:
         """Return a vertex of the patch of `inside` (P,) that is farthest from the border of the part."""

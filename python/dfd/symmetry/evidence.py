@@ -15,7 +15,7 @@ from dfd.mesh.normalization import box_normalization
 
 POINTS = 2_000
 LOOK_ALIKES = 6  # of each asking point, among those farther away than _APART
-_ASKING = 500  # points whose look-alikes are sought: the planes between them are far more than are tried
+_ASKING = 500  # points whose counterparts are sought: the planes between them are far more than are tried
 _APART = 0.1  # of half the longest side: what is nearer looks alike anyhow
 _BINS = 24  # of distances, for how features change with them
 STAYS = 0.1  # normalized: a point that moves by less says nothing about a symmetry

@@ -14,7 +14,7 @@ Planes = Float64  # (K, 4)
 
 _SEEDS = 300  # planes between two points that are held against all pairs
 _MOST_REFINED = 8
-_PAIR_FITS = 0.12  # how near the image of a point comes to its look-alike to count for a plane
+_PAIR_FITS = 0.12  # how near the image of a point comes to its counterpart to count for a plane
 _SAME_ANGLE, _SAME_OFFSET = np.radians(8.0), 0.06
 _STEPS = 10
 _COARSE_STEPS, _COARSE, _ENOUGH = 6, 4, 300  # the first steps use every fourth point if there are 300 of them

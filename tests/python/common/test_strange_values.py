@@ -1,4 +1,4 @@
-"""Arrays and numbers of strange kinds at the public doors: each is a ValueError that names the argument."""
+"""Arrays and numbers of strange kinds in public functions: each is a ValueError that names the argument."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ VERTICES = np.arange(12.0).reshape(4, 3)
 WEIGHTS = dfd.bind(FEATURES, [0])
 MOVE = np.eye(3, 4)[None]
 
-DOORS = {
+FUNCTIONS = {
     "features": lambda value: dfd.bind(value((4, 4)), [0]),
     "handles": lambda value: dfd.bind(FEATURES, value((2, 4))),
     "fixed": lambda value: dfd.bind(FEATURES, [0], fixed=value((2, 4))),
@@ -31,16 +31,16 @@ DOORS = {
 }
 
 
-@pytest.mark.parametrize("name", DOORS)
+@pytest.mark.parametrize("name", FUNCTIONS)
 def test_tensors_without_numbers_are_refused(name):
     with pytest.raises(ValueError, match=f"`{name}` must be on the CPU, got a tensor on meta"):
-        DOORS[name](lambda shape: torch.empty(shape, device="meta", dtype=torch.float64))
+        FUNCTIONS[name](lambda shape: torch.empty(shape, device="meta", dtype=torch.float64))
 
 
-@pytest.mark.parametrize("name", DOORS)
+@pytest.mark.parametrize("name", FUNCTIONS)
 def test_masks_are_refused(name):
     with pytest.raises(ValueError, match=f"`{name}` must not be a masked array"):
-        DOORS[name](lambda shape: np.ma.masked_array(np.ones(shape), mask=np.ones(shape, bool)))
+        FUNCTIONS[name](lambda shape: np.ma.masked_array(np.ones(shape), mask=np.ones(shape, bool)))
 
 
 def test_tensors_with_a_negative_bit_count_as_what_they_are():

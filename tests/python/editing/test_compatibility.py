@@ -40,7 +40,7 @@ def test_a_field_of_another_shape_is_refused(mesh, field, features, stranger):
     with pytest.raises(ValueError, match=re.escape(message) + remedy):
         dfd.Deformer(other, field)
     dfd.Deformer(other, field, other_shape=True)
-    dfd.Deformer(other, field, features=features)  # whoever brings features knows what they are
+    dfd.Deformer(other, field, features=features)  # given features are not compared
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ def sample():
 
 @pytest.fixture
 def asked(sample, mesh, monkeypatch):
-    """Instances that are the legs of a chair, by its labels: what was asked of whoever finds them."""
+    """Instances that are the legs of a chair, by its labels: the calls of the finder are kept."""
     calls = []
 
     class Labels(InstanceFinder):

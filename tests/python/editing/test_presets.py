@@ -1,4 +1,4 @@
-"""One set of defaults for each preset: every door has it, and "paper" is Eq. 1 and 4 to 8 by the slow reference."""
+"""One set of defaults for each preset, for every interface; "paper" is Eq. 1 and 4 to 8 by the slow reference."""
 
 import importlib.util
 import json
@@ -32,7 +32,7 @@ NAMES = get_args(Preset)
 each_preset = pytest.mark.parametrize("preset", NAMES)
 
 
-# --- the doors
+# --- the interfaces
 
 
 def test_there_is_one_object_for_each_preset():

@@ -44,7 +44,7 @@ class RegionPlace(Model):
 
 
 class PartPlace(Model):
-    """The part that a vertex is on, with its look-alikes."""
+    """The part that a vertex is on, with its counterparts."""
 
     part: Index
 

@@ -77,7 +77,7 @@ class Distances:
     def geodesics(self, bridges: bool) -> Geodesics:
         """Distances over the surface, and with `bridges` over small gaps."""
         if bridges not in self._geodesics:
-            from dfd.geometry.geodesics import Geodesics  # built for those who ask for locality, and for nobody else
+            from dfd.geometry.geodesics import Geodesics  # slow to build, and needed for locality alone
 
             self._geodesics[bridges] = Geodesics(self._mesh, bridges=bridges)
         return self._geodesics[bridges]

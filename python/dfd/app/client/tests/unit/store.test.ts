@@ -5,7 +5,7 @@ import { serverPoses, store as pageStore } from "../../src/store/state";
 import { createStore } from "../../src/store/store";
 
 describe("createStore", () => {
-  it("tells those who watch a part when it becomes another value, and nobody else", () => {
+  it("calls the watchers of a part when its value changes, and no others", () => {
     const store = createStore({ a: 1, b: "x" });
     const a = vi.fn();
     const b = vi.fn();
