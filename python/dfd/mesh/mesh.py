@@ -8,6 +8,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeGuard
 
@@ -108,16 +109,12 @@ class Mesh:
         """The parts of the scene, in the order of their faces; one that holds everything for a mesh of arrays."""
         if self._scene is None:
             return (MeshPart("mesh", slice(0, len(self.faces)), _frozen(self._corners_of(slice(None)))),)
-        found: list[tuple[str, int, int]] = []
-        for each in self._scene.primitives:
-            if found and found[-1][0] == each.part:
-                found[-1] = (each.part, found[-1][1], each.faces.stop)
-            else:
-                found.append((each.part, each.faces.start, each.faces.stop))
-        return tuple(
-            MeshPart(name, slice(start, stop), _frozen(self._corners_of(slice(start, stop))))
-            for name, start, stop in found
-        )
+        found = []
+        for name, group in groupby(self._scene.primitives, lambda each: each.part):
+            first, *others = group
+            faces = slice(first.faces.start, (others or [first])[-1].faces.stop)
+            found.append(MeshPart(name, faces, _frozen(self._corners_of(faces))))
+        return tuple(found)
 
     def _corners_of(self, faces: slice) -> Int64:
         """(N,) ascending, the vertices of some of the faces."""
@@ -155,23 +152,12 @@ class Mesh:
         for part in self.parts:
             if part.name == name:
                 return part.vertices
-        for others in self._other_names:
-            if name in others:
-                faces = [self.faces[each].ravel() for each in others[name]]
-                return np.unique(np.concatenate(faces)).astype(np.int64)
+        primitives = self._scene.primitives if self._scene else ()
+        materials = [each for each in primitives if each.geometry.material and each.geometry.material.name == name]
+        if used := [each for each in primitives if each.name == name] or (materials if name else []):
+            return np.unique(np.concatenate([self.faces[each.faces] for each in used])).astype(np.int64)
         known = _listed(self.part_names)
         raise ArgumentError("name", f"must be a part of the scene ({known}), got {name!r:.60}", "Mesh.part_vertices")
-
-    @cached_property
-    def _other_names(self) -> tuple[dict[str, list[slice]], dict[str, list[slice]]]:
-        """The faces of each geometry and of each material, by their names."""
-        geometries: dict[str, list[slice]] = {}
-        materials: dict[str, list[slice]] = {}
-        for each in self._scene.primitives if self._scene else ():
-            geometries.setdefault(each.name, []).append(each.faces)
-            if each.geometry.material is not None and each.geometry.material.name:
-                materials.setdefault(each.geometry.material.name, []).append(each.faces)
-        return geometries, materials
 
     @property
     def group_names(self) -> tuple[str, ...]:
@@ -188,13 +174,8 @@ class Mesh:
         """
         if name in self._groups:
             return np.unique(self.representative[self._groups[name]]).astype(np.int64)
-        if not self._groups:
-            raise ArgumentError(
-                "name", f"must be a face group, and the mesh has none, got {name!r:.60}", "Mesh.group_vertices"
-            )
-        known = _listed(self.group_names)
-        problem = f"must be a face group of the file ({known}), got {name!r:.60}"
-        raise ArgumentError("name", problem, "Mesh.group_vertices")
+        known = f" of the file ({_listed(self.group_names)})" if self._groups else ", and the mesh has none"
+        raise ArgumentError("name", f"must be a face group{known}, got {name!r:.60}", "Mesh.group_vertices")
 
     @cached_property
     def _groups(self) -> dict[str, Int64]:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import codecs
 import errno
 import os
-import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.mesh.appearance import Material
 from dfd.mesh.file.assets import AssetFolder, read_regular
@@ -59,8 +59,8 @@ def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
     if assets.unreadable:
         names = ", ".join(each[:100] for each in sorted(assets.unreadable)[:_MOST_NAMED])
         names += ", …" if len(assets.unreadable) > _MOST_NAMED else ""
-        warnings.warn(
-            f"load: `path` {path} names {names}, which could not be read; what it would color is gray", stacklevel=3
+        check.warn(
+            f"load: `path` {path} names {names}, which could not be read; what it would color is gray", UserWarning
         )
     return scene
 

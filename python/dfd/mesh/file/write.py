@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -72,10 +72,10 @@ def write(
     _write(target, files)
     size = float(np.linalg.norm(np.ptp(vertices[faces.ravel()], axis=0)))
     if lost.max(initial=0.0) > COARSE * size:
-        warnings.warn(
+        check.warn(
             f"Mesh.save: `path` {path} has 32-bit floats, which move vertices by up to {lost.max():.3g} "
             f"({100 * lost.max() / size:.2g} % of the shape); .ply, .obj and .off keep them",
-            stacklevel=3,
+            UserWarning,
         )
     return lost
 
@@ -148,20 +148,14 @@ def _encode_ply(
             placed = first.to_scene(moved[0].vertices).copy()  # rows that no face uses have no vertex of the mesh
             used = scene.vertex >= 0
             placed[used] = vertices[scene.vertex[used]]
-            return ply.encode(
-                placed,
-                scene.local_faces(first),
-                normals=None if moved[0].normals is None else first.normals_to_scene(moved[0].normals),
-                uv=geometry.uv,
-                colors=geometry.colors,
-                face_colors=geometry.face_colors,
-                attributes=geometry.attributes,
-            )
+            normals = None if moved[0].normals is None else first.normals_to_scene(moved[0].normals)
+            local = scene.local_faces(first).astype(np.int64)
+            return ply.encode(replace(geometry, vertices=placed, faces=local, normals=normals))
     if appearance is None:
-        return ply.encode(vertices, faces)
+        return ply.encode(Geometry(vertices, faces.astype(np.int64)))
     used_rows, corners = np.unique(appearance.corner_faces, return_inverse=True)
     colors = appearance.row_colors()[used_rows]
-    return ply.encode(vertices[appearance.corners[used_rows]], corners.reshape(-1, 3), colors=colors)
+    return ply.encode(Geometry(vertices[appearance.corners[used_rows]], corners.reshape(-1, 3), colors=colors))
 
 
 def _move(vertices: Float64, scene: SceneFile) -> list[MovedPrimitive]:

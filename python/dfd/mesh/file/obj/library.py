@@ -7,7 +7,7 @@ from pathlib import Path, PurePosixPath
 
 from dfd.mesh.file.assets import AssetFolder, read_regular
 from dfd.mesh.file.images import image_format
-from dfd.mesh.file.obj.read import libraries, material_lines, picture_name
+from dfd.mesh.file.obj.read import picture_name, used_materials
 from dfd.mesh.file.obj.text import ObjText, decoded
 
 _PICTURES = (".bmp", ".gif", ".jpeg", ".jpg", ".png", ".tga", ".tif", ".tiff", ".webp")
@@ -56,22 +56,13 @@ def copied_materials(text: ObjText, source: Path, companions: Companions) -> tup
     name of the new file of materials, None where none is used, and the libraries that could be read.
     """
     assets = AssetFolder(source / "materials")
-    used = {name for _, keyword, name in text.statements if keyword == "usemtl"}
-    described: dict[str, list[str]] = {}
-    read: set[str] = set()
-    for library in libraries(text, assets):
-        try:
-            content = decoded(assets.read(library))
-        except (ValueError, OSError):
-            continue
-        read.add(library)
-        for name, lines in material_lines(content).items():
-            if name in used and name not in described:
-                described[name] = [_with_copied_picture(line, assets, companions) for line in lines]
-    if not described:
+    materials, read = used_materials(text, assets)
+    if not materials:
         return None, read
-    return companions.add_library("".join("\n".join([f"newmtl {name}", *lines, "", ""])
-                                          for name, lines in described.items())), read  # fmt: skip
+    copied: list[str] = []
+    for name, lines in materials.items():
+        copied += [f"newmtl {name}", *(_with_copied_picture(line, assets, companions) for line in lines), ""]
+    return companions.add_library("".join(f"{line}\n" for line in copied)), read
 
 
 def _with_copied_picture(line: str, assets: AssetFolder, companions: Companions) -> str:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import itertools
 import re
-import warnings
 from pathlib import Path
 
 import numpy as np
 
+from dfd.common import check
 from dfd.common.linear_algebra import Int32, Int64
 from dfd.mesh.appearance import Material
 from dfd.mesh.file.assets import AssetFolder
@@ -34,7 +34,8 @@ def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInsta
     UserWarning
         If faces of fewer than three corners are left out.
     """
-    materials = _materials(text, assets)
+    images, described = ImageCache(), used_materials(text, assets)[0]
+    materials = {name: _material(name, lines, assets, images) for name, lines in described.items()}
     part_names, part = _parts(text, path.stem)
     material_names, material = _state_at_faces(text, "usemtl", "")
     known = np.array([name in materials for name in material_names], bool)
@@ -65,7 +66,7 @@ def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInsta
     return instances, rows[:, 1], corner_rows
 
 
-def libraries(text: ObjText, assets: AssetFolder) -> list[str]:
+def _libraries(text: ObjText, assets: AssetFolder) -> list[str]:
     """Return the files of materials that the text names; a line names one, which may have spaces, or several."""
     names = []
     for line in [rest for _, keyword, rest in text.statements if keyword == "mtllib" and rest]:
@@ -124,10 +125,10 @@ def _by_appearance(values: Int64) -> Int64:
 
 def _warn_of_short_faces(text: ObjText, path: Path) -> None:
     short = np.flatnonzero(text.sizes < 3)
-    warnings.warn(
+    check.warn(
         f"load: `path` {path} has {len(short)} faces of fewer than three corners, the first in line "
         f"{text.face_lines[short[0]] + 1}; they are left out",
-        stacklevel=6,  # where `load` is called
+        UserWarning,
     )
 
 
@@ -164,20 +165,21 @@ def picture_name(line: str) -> str:
     return _OPTIONS.sub("", rest).strip() if keyword.lower().startswith(_PICTURES) else ""
 
 
-def _materials(text: ObjText, assets: AssetFolder) -> dict[str, Material]:
-    """Return the materials that the file uses, by name, from the MTL files that it names."""
-    images, found = ImageCache(), {}
+def used_materials(text: ObjText, assets: AssetFolder) -> tuple[dict[str, list[str]], set[str]]:
+    """Return the lines of each material that the file uses, by its name, and the MTL files that could be read."""
     used = {name for _, keyword, name in text.statements if keyword == "usemtl"}
-    for library in libraries(text, assets):
+    found: dict[str, list[str]] = {}
+    read = set()
+    for library in _libraries(text, assets):
         try:
             content = decoded(assets.read(library))
         except (ValueError, OSError):
             assets.unreadable.add(library)
             continue
-        for name, lines in material_lines(content).items():
-            if name in used and name not in found:
-                found[name] = _material(name, lines, assets, images)
-    return found
+        read.add(library)
+        own = _material_lines(content)
+        found |= {name: own[name] for name in own if name in used and name not in found}
+    return found, read
 
 
 def _material(name: str, lines: list[str], assets: AssetFolder, images: ImageCache) -> Material:
@@ -206,7 +208,7 @@ def _material(name: str, lines: list[str], assets: AssetFolder, images: ImageCac
     return Material((red, green, blue, 1.0), name=name)
 
 
-def material_lines(content: str) -> dict[str, list[str]]:
+def _material_lines(content: str) -> dict[str, list[str]]:
     """Return the lines of each material of an MTL file, without the one that names it."""
     found: dict[str, list[str]] = {}
     lines: list[str] = []

@@ -7,8 +7,7 @@ came later.
 from __future__ import annotations
 
 import re
-import warnings
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common import check
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.mesh.appearance import Material
 from dfd.mesh.file.assets import AssetFolder, shortened
@@ -34,10 +34,8 @@ _TYPES = dict(zip(_NAMES, ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8") * 2, 
 _SPELLED = {code: name for name, code in _TYPES.items() if not name[-1].isdigit()}
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
-_KNOWN = {
-    *("x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "alpha"),
-    *(each for uv in _UV_NAMES for each in uv),
-}
+_CHANNELS = ("red", "green", "blue", "alpha")
+_KNOWN = {"x", "y", "z", "nx", "ny", "nz", *_CHANNELS, *(each for uv in _UV_NAMES for each in uv)}
 _TEXTURE = re.compile(r"comment\s+TextureFile\s+(\S.*)")
 
 
@@ -58,11 +56,8 @@ class _List:
 
 
 _Element = dict[str, "NDArray[Any] | _List"]
-_NOTHING = (
-    np.zeros(0),
-    np.zeros(0, np.int64),
-    np.zeros(0, np.int64),
-)  # the values of no rows, how many each has, and their bytes
+# the values of no rows, how many each has, and their bytes
+_NOTHING = (np.zeros(0), np.zeros(0, np.int64), np.zeros(0, np.int64))
 
 
 @dataclass(frozen=True)
@@ -88,10 +83,9 @@ def read(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, Float6
     content = _parse(data)
     lines, found = content.lines, content.elements
     vertex = found.get("vertex", {})
-    if not all(isinstance(vertex.get(name), np.ndarray) for name in "xyz"):
-        raise ValueError("its vertices have no x, y and z")
     positions = _columns(vertex, ("x", "y", "z"), np.float64)
-    assert positions is not None
+    if positions is None:
+        raise ValueError("its vertices have no x, y and z")
     face = found.get("face", {})
     polygons = _indices(face) or _List(np.zeros(0, np.int64), np.zeros(0, np.int64))
     corners, sizes, kept = _polygons(path, polygons, _indices(found.get("tristrips", {})), len(positions))
@@ -130,10 +124,10 @@ def _polygons(path: Path, faces: _List, strips: _List | None, count: int) -> tup
     """Return the corners (C,) of faces and strips, how many each face has, and which corners of `faces` they keep."""
     long = faces.sizes >= 3
     if not long.all():
-        warnings.warn(
+        check.warn(
             f"load: `path` {path} has {int((~long).sum())} faces of fewer than three corners, the first is face "
             f"{long.argmin()}; they are left out",
-            stacklevel=6,  # where `load` is called
+            UserWarning,
         )
     kept = np.repeat(long, faces.sizes)
     corners, sizes = faces.values[kept].astype(np.int64), faces.sizes[long]
@@ -184,7 +178,7 @@ def _columns(element: _Element, names: tuple[str, ...], dtype: Any) -> NDArray[A
 
 def _colors(element: _Element) -> Float32 | None:
     for prefix in ("", "diffuse_"):
-        for names in (("red", "green", "blue", "alpha"), ("red", "green", "blue")):
+        for names in (_CHANNELS, _CHANNELS[:3]):
             columns = [rgba(each[:, None])[:, 0] for name in names
                        if isinstance(each := element.get(prefix + name), np.ndarray)]  # fmt: skip
             if len(columns) == len(names):
@@ -362,44 +356,37 @@ def _type_span(data: bytes, name: str) -> tuple[int, int]:
     return found.span(1)
 
 
-def encode(
-    vertices: Float64,  # (V, 3)
-    faces: NDArray[np.integer],  # (F, 3)
-    *,
-    normals: Float64 | None = None,  # (V, 3)
-    uv: Float64 | None = None,  # (V, 2)
-    colors: Float32 | None = None,  # (V, 4) in [0, 1]
-    face_colors: Float32 | None = None,  # (F, 4)
-    attributes: Mapping[str, NDArray[Any]] | None = None,  # by name, (V,)
-) -> bytes:
+def encode(geometry: Geometry) -> bytes:
     """Return a little-endian file; coordinates have 64 bits where 32-bit floats are too coarse."""
-    real = "f4" if far_origin(vertices) is None else "f8"
-    channels = ("red", "green", "blue", "alpha")
-    vertex: dict[str, NDArray[Any]] = dict(zip("xyz", vertices.astype(real).T, strict=True))
-    if normals is not None:
-        vertex |= zip(("nx", "ny", "nz"), normals.astype("f4").T, strict=True)
-    if uv is not None:
-        vertex |= zip("st", uv.astype("f4").T, strict=True)
-    if colors is not None:
-        vertex |= zip(channels, np.rint(colors * 255).astype("u1").T, strict=True)
-    for name, values in (attributes or {}).items():
-        if values.shape == (len(vertices),) and re.fullmatch(r"\w+", name) and values.dtype.kind in "iuf":
+    vertex = _named("xyz", geometry.vertices, "<f4" if far_origin(geometry.vertices) is None else "<f8")
+    vertex |= _named(("nx", "ny", "nz"), geometry.normals, "<f4") | _named("st", geometry.uv, "<f4")
+    vertex |= _named(_CHANNELS, _bytes(geometry.colors), "u1")
+    for name, values in geometry.attributes.items():
+        if values.shape == (len(geometry.vertices),) and re.fullmatch(r"\w+", name) and values.dtype.kind in "iuf":
             vertex.setdefault(name, values if values.dtype.itemsize <= 4 else values.astype("f8"))
-    face = (
-        dict(zip(channels, np.rint(face_colors * 255).astype("u1").T, strict=True)) if face_colors is not None else {}
-    )
-    corners = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
-    head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
+    channels = _named(_CHANNELS, _bytes(geometry.face_colors), "u1")
+    head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(geometry.vertices)}"]
     head += [f"property {_SPELLED[values.dtype.str[1:]]} {name}" for name, values in vertex.items()]
-    head += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
-    head += [f"property uchar {name}" for name in face if name in channels]
-    rows = np.empty(len(vertices), [(name, values.dtype.newbyteorder("<")) for name, values in vertex.items()])
-    for name, values in vertex.items():
+    head += [f"element face {len(geometry.faces)}", "property list uchar int vertex_indices"]
+    head += [f"property uchar {name}" for name in channels]
+    counts = np.full(len(geometry.faces), 3, np.uint8)
+    face: dict[str, NDArray[Any]] = {"count": counts, "corners": geometry.faces.astype(np.int32), **channels}
+    return "\n".join([*head, "end_header", ""]).encode() + _rows(vertex) + _rows(face)
+
+
+def _named(names: Sequence[str], values: NDArray[Any] | None, dtype: str) -> dict[str, NDArray[Any]]:
+    """Return the columns of an array (N, K) by their names, none without an array."""
+    return {} if values is None else dict(zip(names, values.astype(dtype).T, strict=True))
+
+
+def _bytes(colors: Float32 | None) -> Float32 | None:
+    return None if colors is None else np.rint(colors * 255)
+
+
+def _rows(columns: dict[str, NDArray[Any]]) -> bytes:
+    """Return rows, each of one value of every column, little-endian."""
+    (count,) = {len(values) for values in columns.values()}
+    rows = np.empty(count, [(name, each.dtype.newbyteorder("<"), each.shape[1:]) for name, each in columns.items()])
+    for name, values in columns.items():
         rows[name] = values
-    polygons = np.empty(
-        len(faces), [*((name, corners[name]) for name in corners.names or ()), *((n, "u1") for n in face)]
-    )
-    polygons["count"], polygons["corners"] = 3, faces
-    for name, values in face.items():
-        polygons[name] = values
-    return "\n".join([*head, "end_header", ""]).encode() + rows.tobytes() + polygons.tobytes()
+    return rows.tobytes()
