@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from dfd.common.files import atomic_write
+from dfd.common.files import atomic_write, cache_directory
 
 
 def put(path: Path, content: str = "new") -> None:
@@ -82,7 +82,7 @@ def test_what_a_killed_process_left_is_swept_by_a_later_write(tmp_path: Path) ->
     path = tmp_path / "notes.txt"
     program = """
 import os, signal, sys
-from dfd.common.files import atomic_write
+from dfd.common.files import atomic_write, cache_directory
 with atomic_write(sys.argv[1]) as temporary:
     temporary.write_text("half")
     os.kill(os.getpid(), signal.SIGKILL)
@@ -121,3 +121,10 @@ def test_writers_of_one_file_at_once_do_not_take_each_others(tmp_path: Path) -> 
     assert not failed
     assert len(set(path.read_text())) == 1
     assert [each.name for each in tmp_path.iterdir()] == ["notes.txt"]
+
+
+def test_the_environment_names_the_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("DFD_CACHE", str(tmp_path / "cache"))
+    assert cache_directory() == tmp_path / "cache"
+    monkeypatch.setenv("DFD_CACHE", "~/somewhere")
+    assert cache_directory() == Path.home() / "somewhere"

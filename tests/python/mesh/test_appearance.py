@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 from mesh_files import CORNERS, CUBE, checkered, obj_cube, textured_quad, write
+from PIL import Image
 
 from dfd.mesh.appearance import GRAY, Appearance, Material, srgb
 from dfd.mesh.mesh import Mesh, load
 
 RED, GREEN, BLUE, WHITE = (1, 0, 0, 1), (0, 1, 0, 1), (0, 0, 1, 1), (1, 1, 1, 1)
-# points of the square 0-1-2-3 in its faces (0, 1, 2) and (0, 2, 3), and the quarter of the picture that they lie in
-FACES = np.array([0, 0, 1, 1])
-BARYCENTRIC = np.array([(0.5, 0.25, 0.25), (0.1, 0.8, 0.1), (0.05, 0.9, 0.05), (0.1, 0.1, 0.8)])
-POINTS = np.array([(0.5, 0.25), (0.9, 0.1), (0.9, 0.95), (0.1, 0.9)])
 
 
 def albedo(mesh: Mesh, faces: np.ndarray, barycentric: np.ndarray) -> np.ndarray:
@@ -45,18 +43,23 @@ def square(texture: np.ndarray | None = None, uv: object = None, **options: obje
     )
 
 
-def test_a_texture_lies_the_right_way_up(tmp_path: Path) -> None:
-    mesh = load(write(tmp_path / "quad.glb", textured_quad(tmp_path).glb()))
-    found = at(mesh, [(0.125, 0.875), (0.875, 0.875), (0.125, 0.125), (0.875, 0.125)])
-    assert np.allclose(found, [RED, GREEN, BLUE, WHITE])
-
-
-def test_an_obj_texture_lies_the_same_way(tmp_path: Path) -> None:
-    checkered(tmp_path / "paint.png")
-    write(tmp_path / "quad.mtl", "newmtl paint\nKd 0.1 0.1 0.1\nmap_Kd paint.png\n")
-    lines = ["mtllib quad.mtl", "v 0 0 0", "v 1 0 0", "v 1 1 0", "v 0 1 0", "vt 0 0", "vt 1 0", "vt 1 1", "vt 0 1"]
-    mesh = load(write(tmp_path / "quad.obj", "\n".join([*lines, "usemtl paint", "f 1/1 2/2 3/3", "f 1/1 3/3 4/4"])))
-    found = at(mesh, [(0.125, 0.875), (0.875, 0.875), (0.125, 0.125), (0.875, 0.125)])
+@pytest.mark.parametrize("kind", ["glb", "webp", "obj"])
+def test_a_texture_lies_the_right_way_up(kind: str, tmp_path: Path) -> None:
+    gltf = textured_quad(tmp_path)
+    path = tmp_path / "quad.glb"
+    if kind == "webp":
+        stream = io.BytesIO()
+        Image.open(checkered(tmp_path / "paint.png", 16)).save(stream, "WEBP", lossless=True)
+        gltf.header["images"] = [{"bufferView": gltf.view(stream.getvalue()), "mimeType": "image/webp"}]
+        gltf.header["textures"] = [{"extensions": {"EXT_texture_webp": {"source": 0}}}]
+    if kind == "obj":
+        path = tmp_path / "quad.obj"
+        write(tmp_path / "quad.mtl", "newmtl paint\nKd 0.1 0.1 0.1\nmap_Kd paint.png\n")
+        lines = ["mtllib quad.mtl", "v 0 0 0", "v 1 0 0", "v 1 1 0", "v 0 1 0", "vt 0 0", "vt 1 0", "vt 1 1", "vt 0 1"]
+        write(path, "\n".join([*lines, "usemtl paint", "f 1/1 2/2 3/3", "f 1/1 3/3 4/4"]))
+    else:
+        write(path, gltf.glb())
+    found = at(load(path), [(0.125, 0.875), (0.875, 0.875), (0.125, 0.125), (0.875, 0.125)])
     assert np.allclose(found, [RED, GREEN, BLUE, WHITE])
 
 

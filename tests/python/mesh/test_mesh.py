@@ -10,8 +10,6 @@ from dfd.mesh.mesh import Mesh
 from dfd.mesh.normals import smooth_normals, updated_normals
 from dfd.samples import Sample
 
-FORMATS = ("obj", "ply", "stl", "off", "glb", "gltf")
-
 
 def test_a_mesh_keeps_its_arrays_to_itself() -> None:
     vertices, faces = CORNERS.copy(), CUBE.copy()

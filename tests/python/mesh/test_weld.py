@@ -9,8 +9,6 @@ from hypothesis.extra.numpy import arrays
 
 from dfd.mesh.weld import weld
 
-FORMATS = ("obj", "ply", "stl", "off", "glb", "gltf")
-
 
 @given(arrays(np.int8, st.tuples(st.integers(0, 40), st.just(3)), elements=st.integers(-1, 1)))
 @settings(max_examples=50, deadline=None)

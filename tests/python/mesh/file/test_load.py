@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import re
 import subprocess
 import sys
-import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -31,37 +29,6 @@ def test_a_plain_cube_is_read_from_every_format(ending: str, tmp_path: Path) -> 
     assert same_shape(mesh, Mesh(CORNERS, CUBE))
     assert mesh.source == path
     assert repr(mesh) == f"Mesh(cube.{ending}: 8 vertices, 12 faces)"
-
-
-@pytest.mark.parametrize("ending", ["ply", "glb", "stl", "off"])
-def test_a_file_that_is_written_while_it_is_read_is_as_it_was_or_as_it_is_or_refused(
-    ending: str, tmp_path: Path
-) -> None:
-    path, finer = tmp_path / f"a.{ending}", trimesh.Trimesh(CORNERS, CUBE, process=False).subdivide().subdivide()
-    shapes = [Mesh(CORNERS, CUBE), Mesh(finer.vertices, finer.faces)]
-    contents = []
-    for shape in shapes:
-        shape.save(path)
-        contents.append(path.read_bytes())
-    ended = threading.Event()
-
-    def rewrite() -> None:
-        while not ended.is_set():
-            for content in contents:
-                with path.open("wb", buffering=0) as file:  # in place, in two halves
-                    file.write(content[: len(content) // 2])
-                    file.write(content[len(content) // 2 :])
-
-    writer = threading.Thread(target=rewrite)
-    writer.start()
-    try:
-        for _ in range(50):
-            with contextlib.suppress(ValueError):
-                found = load(path)
-                assert any(same_shape(found, shape) for shape in shapes)
-    finally:
-        ended.set()
-        writer.join()
 
 
 def test_obj_vertices_keep_the_files_numbers_across_parts_seams_and_unused_ones(tmp_path: Path) -> None:
@@ -130,15 +97,13 @@ PLY = "ply\nformat ascii 1.0\nelement vertex {n}\nproperty float x\nproperty flo
     [
         ("empty.obj", "", "is empty"),
         ("words.obj", "once upon a time\n", "holds no faces|not a well-formed"),
-        ("words.off", "once upon a time\n", "not a well-formed OFF"),
         ("list.gltf", "[1, 2]", "its JSON is a list"),
-        ("deep.gltf", "[" * 100_000, "not a well-formed GLTF"),
         ("cloud.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "holds no faces"),
         ("one.obj", "v 0 0 0\nf 1 1 1\n", "at least 3 distinct vertices, got 1"),
         ("nan.obj", obj_cube().replace("v 0 0 0", "v 0 nan 0"), "must hold finite coordinates, got nan at vertex 0"),
-        ("low.obj", obj_cube() + "f -99 1 2\n", "not a well-formed OBJ"),
         ("zero.obj", obj_cube() + "f 0 1 2\n", "a face names vertex 0, but the first is 1"),
-        ("cut.obj", obj_cube()[:30], "vertex 3 of its 'v' lines has 2 numbers"),
+        ("word.obj", obj_cube() + "f 1 two 3\n", "line 21: the corner 'two' of a face is none"),
+        ("short.obj", obj_cube() + "v 1 0\n", "vertex 8 of its 'v' lines has 2 numbers, and 3 are needed"),
         ("cube.xyz", obj_cube(), "must end in .obj, .ply, .stl, .off, .glb, .gltf"),
         ("edge.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n2 0 1\n", "face 0 has '2' corners, and 3 are needed"),
         ("cut.ply", PLY.format(n=3) + "end_header\n0 0 0\n1 0 0\n", "should have 3 of 'vertex', but is cut off"),
@@ -157,17 +122,6 @@ def test_files_that_cannot_be_opened(tmp_path: Path) -> None:
     (tmp_path / "folder.obj").mkdir()
     with pytest.raises(OSError, match="it is not a file"):
         load(tmp_path / "folder.obj")
-
-
-@pytest.mark.parametrize("ending", ["ply", "stl", "glb", "off"])
-def test_files_cut_off_anywhere_are_refused_or_lack_faces(ending: str, tmp_path: Path) -> None:
-    whole = tmp_path / f"whole.{ending}"
-    Mesh(CORNERS, CUBE).save(whole)
-    data = whole.read_bytes()
-    for length in range(1, len(data) - 12, max(1, len(data) // 40)):
-        path = write(tmp_path / f"cut.{ending}", data[:length])
-        with contextlib.suppress(ValueError):
-            assert len(load(path).faces) < 12
 
 
 def nested(depth: int) -> list:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import importlib.util
-import io
 from pathlib import Path
 
 import numpy as np
 import pytest
 from compressed_files import DRACO, MESHOPT, draco_cube, meshopt_cube, packed_glb
-from mesh_files import CORNERS, CUBE, Gltf, checkered, header_and_data, same_shape, textured_quad, write
-from PIL import Image
+from mesh_files import CORNERS, CUBE, Gltf, header_and_data, same_shape, textured_quad, write
 
 from dfd.mesh.mesh import Mesh, load
 
@@ -136,22 +134,3 @@ def test_meshopt_is_read_and_what_does_not_move_stays_compressed(tmp_path: Path)
     assert MESHOPT in header["bufferViews"][1]["extensions"]
     assert header["buffers"][1]["extensions"] == {MESHOPT: {"fallback": True}}
     assert same_shape(load(tmp_path / "moved.glb"), Mesh(CORNERS * 3, mesh.faces))
-
-
-def quarters(path: Path) -> np.ndarray:
-    look = load(path).appearance
-    assert look is not None
-    places = [(0.25, 0.75), (0.75, 0.75), (0.25, 0.25), (0.75, 0.25)]
-    faces = np.array([0 if x >= y else 1 for x, y in places])
-    weights = [(1 - x, x - y, y) if x >= y else (1 - y, x, y - x) for x, y in places]
-    return look.albedo(faces, np.array(weights))
-
-
-def test_webp_pictures_are_read(tmp_path: Path) -> None:
-    gltf = textured_quad(tmp_path)
-    stream = io.BytesIO()
-    Image.open(checkered(tmp_path / "paint.png", 16)).save(stream, "WEBP", lossless=True)
-    gltf.header["images"] = [{"bufferView": gltf.view(stream.getvalue()), "mimeType": "image/webp"}]
-    gltf.header["textures"] = [{"extensions": {"EXT_texture_webp": {"source": 0}}}]
-    plain = quarters(write(tmp_path / "plain.glb", textured_quad(tmp_path).glb()))
-    assert np.allclose(quarters(write(tmp_path / "webp.glb", gltf.glb())), plain)

@@ -10,8 +10,6 @@ from mesh_files import CORNERS, CUBE, Gltf, checkered, header_and_data, same_sha
 
 from dfd.mesh.mesh import Mesh, load
 
-FORMATS = ("obj", "ply", "stl", "off", "glb", "gltf")
-
 
 def test_everything_but_positions_survives_in_a_glb(tmp_path: Path) -> None:
     gltf = textured_quad(tmp_path)
@@ -76,16 +74,3 @@ def test_data_and_pictures_in_files_of_their_own_are_taken_along(tmp_path: Path)
         look = load(tmp_path / f"out.{ending}").appearance
         assert look is not None
         assert np.array_equal(look.materials[0].texture, mesh.appearance.materials[0].texture)
-
-
-def test_nodes_of_the_same_name_are_told_apart(tmp_path: Path) -> None:
-    gltf = Gltf()
-    for offset in (0, 4, 8):
-        gltf.node(name="cube", mesh=gltf.mesh("cube", CORNERS, CUBE), translation=[offset, 0, 0])
-    mesh = load(write(tmp_path / "three.glb", gltf.glb()))
-    vertices = mesh.vertices + np.where(mesh.vertices[:, :1] > 7, 1.0, 0.0)
-    mesh.save(tmp_path / "out.glb", vertices)
-    assert same_shape(load(tmp_path / "out.glb"), Mesh(vertices, mesh.faces))
-    before, after = header_and_data(tmp_path / "three.glb")[0], header_and_data(tmp_path / "out.glb")[0]
-    assert after["meshes"][:2] == before["meshes"][:2]
-    assert after["nodes"] == before["nodes"]

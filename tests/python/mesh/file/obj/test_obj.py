@@ -38,24 +38,6 @@ def test_odd_ways_to_write_a_file_read_alike(change: object, tmp_path: Path) -> 
     assert np.array_equal(mesh.faces, CUBE)
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("v 0 0 0\nv 1 0\nv 0 1 0\nf 1 2 3\n", "vertex 1 of its 'v' lines has 2 numbers, and 3 are needed"),
-        ("v 0 0 0\nv 1 0 x\nv 0 1 0\nf 1 2 3\n", "its 'v' lines hold 'x', which is not a number"),
-        (obj_cube() + "f 1 2 3/4/5/6\n", "line 21: the corner '3/4/5/6' of a face is none"),
-        (obj_cube() + "f 1 two 3\n", "line 21: the corner 'two' of a face is none"),
-        (obj_cube() + "f 1 2 -9\n", "line 21: the corner '-9' of a face names none of the 8 vertices"),
-        (obj_cube() + "f 1 2 99999999999999999999\n", "names none of the 8 vertices"),
-    ],
-)
-def test_lines_that_cannot_be_right_are_named(text: str, message: str, tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="is not a well-formed OBJ file") as caught:
-        load(write(tmp_path / "bad.obj", text))
-    assert message in str(caught.value)
-    assert len(str(caught.value)) < 400
-
-
 def test_faces_of_two_corners_are_left_out_and_said(tmp_path: Path) -> None:
     path = write(tmp_path / "line.obj", obj_cube() + "f 1 2\n")
     with pytest.warns(UserWarning, match=r"has 1 faces of fewer than three corners, the first in line 21") as caught:
@@ -223,25 +205,6 @@ def test_groups_are_parts_where_objects_are_not(tmp_path: Path) -> None:
     mesh = load(write(tmp_path / "groups.obj", text))
     assert mesh.part_names == ("wheel", "body")
     assert [part.faces for part in mesh.parts] == [slice(0, 13), slice(13, 14)]
-
-
-def test_parts_and_materials_by_the_thousand(tmp_path: Path) -> None:
-    faces = "".join(f"usemtl m{i}\nf 1 2 3\n" for i in range(20_000))
-    mesh = load(write(tmp_path / "many.obj", obj_cube() + faces))
-    assert len(mesh.faces) == 20_012
-    write(tmp_path / "described.mtl", "".join(f"newmtl m{i}\nKd 0 {i / 4000} 0\n" for i in range(4000)))
-    faces = "".join(f"usemtl m{i}\ng part{i}\nf 1 2 3\n" for i in range(4000))
-    mesh = load(write(tmp_path / "described.obj", "mtllib described.mtl\n" + obj_cube() + faces))
-    assert mesh.part_count == 4001
-
-
-def test_names_of_a_scenes_parts_are_written(tmp_path: Path) -> None:
-    mesh = load(write(tmp_path / "groups.obj", obj_cube().replace("f ", "o first\nf ", 1) + "o second\nf 1 2 3\n"))
-    mesh.save(tmp_path / "parts.glb")
-    again = load(tmp_path / "parts.glb")
-    assert again.part_names == ("first", "second")
-    again.save(tmp_path / "back.obj")
-    assert load(tmp_path / "back.obj").part_names == ("first", "second")
 
 
 def test_a_shape_without_looks_is_read_without_the_libraries_that_looks_need(tmp_path: Path) -> None:

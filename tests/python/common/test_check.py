@@ -1,0 +1,34 @@
+"""Checks of arguments: words out of a few, and warnings that point at the caller."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from types import ModuleType
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+
+from dfd.common import check
+
+Side = Literal["left", "right"]
+
+
+def test_a_word_of_the_type_is_taken() -> None:
+    assert check.choice("turn", "side", "left", Side) == "left"
+
+
+@pytest.mark.parametrize("value", ["up", "", None, 1, ["left"], np.array(["left", "right"])])
+def test_anything_else_is_refused(value: Any) -> None:
+    with pytest.raises(ValueError, match="turn: `side` must be one of left, right, got "):
+        check.choice("turn", "side", value, Side)
+
+
+def test_a_warning_from_deep_within_points_at_the_caller() -> None:
+    inside = ModuleType("dfd.inside")
+    inside.__dict__.update(warn=check.warn, contextmanager=contextmanager)
+    code = "@contextmanager\ndef deep():\n    warn('mind', UserWarning)\n    yield\ndef call():\n    with deep(): pass"
+    exec(code, inside.__dict__)
+    with pytest.warns(UserWarning, match="mind") as given:
+        inside.call()
+    assert given[0].filename == __file__
