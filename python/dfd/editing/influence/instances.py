@@ -164,7 +164,7 @@ class InstanceFinder:
         roots = [own, *others[: MOST_INSTANCES - 1]]
         if own < 0 or len(roots) == 1:
             return (Instance(vertex, (x, y, z), np.eye(3), float(weights[vertex]), None),), part
-        x, y, z = centers.get(own, (x, y, z))
+        x, y, z = centers[own].tolist() if own in centers else (x, y, z)
         found = [Instance(vertex, (x, y, z), np.eye(3), float(weights[vertex]), None)]
         surfaces = [] if grip is None else self._surfaces(basin, roots)
         for number, root in enumerate(roots[1:], 1):
@@ -175,7 +175,7 @@ class InstanceFinder:
                 found.append(Instance(peak, (x, y, z), image[:, :3], float(weights[peak]), None, image))
                 continue
             peak, frame = self._counterpart(root, weights, basin, found, planes)
-            x, y, z = centers.get(root, self._mesh.vertices[peak])
+            x, y, z = centers.get(root, self._mesh.vertices[peak]).tolist()
             found.append(Instance(peak, (x, y, z), frame, float(weights[peak]), None))
         rows = self._closeness(of_node, basin, saddle, roots)
         if grip is not None:
