@@ -66,10 +66,13 @@ class Appearance:
         np.clip(result, 0, 1, out=result)
         return result
 
-    def row_colors(self) -> Float32:
-        """Return the `albedo` (R, 4) at every row, white at rows that no face uses."""
-        colors = np.ones((len(self.corners), 4), np.float32)
-        used, where = np.unique(self.corner_faces, return_index=True)
+    def corner_colors(self, numbers: NDArray[np.integer], count: int) -> Float32:
+        """Return the `albedo` (`count`, 4) at the first corner of each number; white for numbers of no corner.
+
+        `numbers` (F, 3) are those of the faces' corners, below `count`.
+        """
+        colors = np.ones((count, 4), np.float32)
+        used, where = np.unique(numbers, return_index=True)
         colors[used] = self.albedo(where // 3, np.eye(3, dtype=np.float32)[where % 3])
         return colors
 

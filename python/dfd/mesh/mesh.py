@@ -133,14 +133,12 @@ class Mesh:
     @property
     def part_count(self) -> int:
         """How many parts the scene of its file has; 1 for a mesh made from arrays."""
-        return len(self.part_names)
+        return len(self.parts)
 
     @cached_property
     def part_names(self) -> tuple[str, ...]:
         """The names of `parts`, in their order."""
-        if self._scene is None:
-            return ("mesh",)
-        return tuple(dict.fromkeys(each.part for each in self._scene.primitives))
+        return tuple(part.name for part in self.parts)
 
     def part_vertices(self, name: str) -> Int64:
         """(N,) ascending, the vertices that the faces of the part of that name use.
@@ -248,12 +246,9 @@ class Mesh:
 
         A vertex on a seam takes that of one of its sides; white where no face is or nothing is known.
         """
-        colors = np.ones((len(self.vertices), 4), np.float32)
         if self.appearance is None:
-            return colors
-        used, corner = np.unique(self.faces, return_index=True)
-        colors[used] = self.appearance.albedo(corner // 3, np.eye(3, dtype=np.float32)[corner % 3])
-        return colors[self.representative]
+            return np.ones((len(self.vertices), 4), np.float32)
+        return self.appearance.corner_colors(self.faces, len(self.vertices))[self.representative]
 
 
 _Pose = Literal["rest", "bind"]

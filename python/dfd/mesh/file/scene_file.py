@@ -76,18 +76,11 @@ class SceneFile:
         Raises ArgumentError if there are no faces or fewer than three distinct vertices, or something is not finite.
         """
         primitives, positions = place(instances)
-        local: dict[tuple[int, bool], Int32] = {}
         numbered = []
-        mirrored: dict[int, bool] = {}  # by the ids of transforms, of which many primitives share the identity
         for each in primitives:
+            faces = each.geometry.faces.astype(np.int32) + np.int32(each.rows.start)
             # a mirror turns triangles inside out: glTF 2.0, section 3.7.4
-            if id(each.transform) not in mirrored:
-                mirrored[id(each.transform)] = each.mirrored
-            key = (id(each.geometry), mirrored[id(each.transform)])
-            if key not in local:
-                faces = each.geometry.faces.astype(np.int32)
-                local[key] = faces[:, [0, 2, 1]] if key[1] else faces
-            numbered.append(local[key] + np.int32(each.rows.start))
+            numbered.append(faces[:, [0, 2, 1]] if each.mirrored else faces)
         corner_faces = np.concatenate(numbered)
         if own_vertices is not None:
             require_finite(own_vertices)

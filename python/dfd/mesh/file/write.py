@@ -154,8 +154,9 @@ def _encode_ply(
     if appearance is None:
         return ply.encode(Geometry(vertices, faces.astype(np.int64)))
     used_rows, corners = np.unique(appearance.corner_faces, return_inverse=True)
-    colors = appearance.row_colors()[used_rows]
-    return ply.encode(Geometry(vertices[appearance.corners[used_rows]], corners.reshape(-1, 3), colors=colors))
+    corners = corners.reshape(-1, 3)
+    colors = appearance.corner_colors(corners, len(used_rows))
+    return ply.encode(Geometry(vertices[appearance.corners[used_rows]], corners, colors=colors))
 
 
 def _move(vertices: Float64, scene: SceneFile) -> list[MovedPrimitive]:

@@ -90,11 +90,9 @@ class GltfMaterials:
 
     def _wrap(self, texture: Header) -> tuple[Wrap, Wrap]:
         sampler = item(self._header, "samplers", texture.get("sampler")) or {}
-        across, down = sampler.get("wrapS"), sampler.get("wrapT")
-        return (
-            _WRAPS.get(across, "repeat") if isinstance(across, int) else "repeat",
-            _WRAPS.get(down, "repeat") if isinstance(down, int) else "repeat",
-        )
+        named = (sampler.get("wrapS"), sampler.get("wrapT"))
+        across, down = (_WRAPS.get(each, "repeat") if isinstance(each, int) else "repeat" for each in named)
+        return across, down
 
 
 def coordinates(reference: Any) -> tuple[int, Float64 | None]:
@@ -106,10 +104,8 @@ def coordinates(reference: Any) -> tuple[int, Float64 | None]:
     matrix = None
     if change is not None:
         number = change.get("texCoord", number)
-        (offset_u, offset_v), (scale_u, scale_v) = (
-            _numbers(change.get("offset"), 2, 0),
-            _numbers(change.get("scale"), 2, 1),
-        )
+        offset_u, offset_v = _numbers(change.get("offset"), 2, 0)
+        scale_u, scale_v = _numbers(change.get("scale"), 2, 1)
         (angle,) = _numbers([change.get("rotation", 0)], 1, 0)
         cosine, sine = np.cos(angle), np.sin(angle)
         matrix = np.array([[cosine * scale_u, sine * scale_v, offset_u], [-sine * scale_u, cosine * scale_v, offset_v]])

@@ -90,15 +90,10 @@ def _geometry(text: ObjText, rows: Int64, faces: Int64, material: Material | Non
 
 def _parts(text: ObjText, default: str) -> tuple[list[str], Int64]:
     """Return the names of the parts and the part (P,) of each face."""
-    for keyword in ("o", "g"):
-        names, part = _state_at_faces(text, keyword, default)
-        if len(part) and (part != part[0]).any():
-            return names, part
-    for keyword in ("o", "g"):  # one part: whichever names it
-        names, part = _state_at_faces(text, keyword, default)
-        if len(part) and part[0] > 0:
-            return names, part
-    return _state_at_faces(text, "", default)
+    none, *found = [_state_at_faces(text, keyword, default) for keyword in ("", "o", "g")]
+    several = [(names, part) for names, part in found if (part != part[:1]).any()]
+    named = [(names, part) for names, part in found if part.any()]  # one part
+    return [*several, *named, none][0]
 
 
 def _state_at_faces(text: ObjText, keyword: str, default: str) -> tuple[list[str], Int64]:
