@@ -41,7 +41,7 @@ class GltfDocument(GltfPatch):
             self.vertex = mesh.scene.vertex.astype(np.int64)
             source = mesh.scene.gltf
         else:
-            written = as_gltf(mesh.vertices, mesh.faces, at_rest(mesh.scene), binary=True)
+            written = as_gltf(mesh.vertices, mesh.faces, mesh.scene, at_rest(mesh.scene), binary=True)
             text, embedded = glb.split(written)
             header, assets = gltf_header.read(text, glb=True), AssetFolder(Path("mesh.glb"))
             source = GltfSource(text, header, GltfData(header, embedded, assets))

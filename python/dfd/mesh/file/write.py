@@ -68,7 +68,7 @@ def write(
         kept = [each for each in moved if each.moved and gltf_patch.keeps_origin(scene.gltf, each)]
         lost = np.concatenate([lost, *(rounding(each.vertices) for each in kept)])
     else:
-        files = {target.name: as_gltf(vertices, faces, moved, binary=ending == ".glb")}
+        files = {target.name: as_gltf(vertices, faces, scene, moved, binary=ending == ".glb")}
     _write(target, files)
     size = float(np.linalg.norm(np.ptp(vertices[faces.ravel()], axis=0)))
     if lost.max(initial=0.0) > COARSE * size:
@@ -80,13 +80,35 @@ def write(
     return lost
 
 
-def as_gltf(vertices: Float64, faces: Int32, moved: Sequence[MovedPrimitive], *, binary: bool) -> bytes:
-    """Return the GLB or glTF file of a scene that is of no glTF file, or of a mesh without a scene, smooth."""
-    if not moved:
+def as_gltf(
+    vertices: Float64, faces: Int32, scene: SceneFile | None, moved: Sequence[MovedPrimitive], *, binary: bool
+) -> bytes:
+    """Return the GLB or glTF file of a scene that is of no glTF file, or of a mesh without a scene.
+
+    Primitives without normals get smooth ones: readers show facets where a glTF file has none.
+    """
+    if scene is not None:
+        moved = _smoothed(vertices, faces, scene, moved)
+    else:
         geometry = Geometry(vertices, faces.astype(np.int64), smooth_normals(vertices, faces).astype(np.float64))
         (primitive,), _ = place([MeshInstance("mesh", "mesh", geometry)])
         moved = [MovedPrimitive(primitive, vertices, geometry.normals, False)]
     return encode_scene(moved, binary=binary)
+
+
+def _smoothed(
+    vertices: Float64, faces: Int32, scene: SceneFile, moved: Sequence[MovedPrimitive]
+) -> Sequence[MovedPrimitive]:
+    if all(each.normals is not None for each in moved):
+        return moved
+    normals = smooth_normals(vertices, scene.representative[faces])[scene.representative].astype(np.float64)
+    normals[~normals.any(axis=1)] = (0.0, 0.0, 1.0)  # of no face with an area; a reader asks for unit length
+    return [
+        each
+        if each.normals is not None
+        else replace(each, normals=each.primitive.normals_from_scene(normals[scene.vertex[each.primitive.rows]]))
+        for each in moved
+    ]
 
 
 def at_rest(scene: SceneFile | None) -> list[MovedPrimitive]:

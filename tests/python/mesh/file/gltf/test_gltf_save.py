@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import trimesh
 from mesh_files import CORNERS, CUBE, Gltf, checkered, header_and_data, same_shape, textured_quad, view_bytes, write
 
 from dfd.mesh.mesh import Mesh, load
@@ -74,3 +75,16 @@ def test_data_and_pictures_in_files_of_their_own_are_taken_along(tmp_path: Path)
         look = load(tmp_path / f"out.{ending}").appearance
         assert look is not None
         assert np.array_equal(look.materials[0].texture, mesh.appearance.materials[0].texture)
+
+
+def test_a_scene_without_normals_gets_smooth_ones(tmp_path: Path) -> None:
+    sphere = trimesh.creation.icosphere(2)
+    lines = [f"v {x} {y} {z}" for x, y, z in sphere.vertices]
+    faces = [f"f {a} {b} {c}" for a, b, c in sphere.faces + 1]
+    half = len(faces) // 2
+    (tmp_path / "ball.obj").write_text("\n".join([*lines, "usemtl red", *faces[:half], "usemtl blue", *faces[half:]]))
+    mesh = load(tmp_path / "ball.obj")
+    mesh.save(tmp_path / "ball.glb", mesh.vertices * 2)
+    for each in trimesh.load_scene(tmp_path / "ball.glb", process=False).geometry.values():
+        along = np.einsum("nk,nk->n", each.vertex_normals, each.vertices / 2)
+        assert along.min() > 0.99, "also where the materials meet"
