@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from dfd.mesh.mesh import Mesh
+from dfd.mesh.appearance import Appearance
+from dfd.mesh.mesh import Mesh, load
 
 # a unit cube: 8 corners, 12 outward triangles
 CORNERS = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
@@ -120,6 +121,13 @@ def scene_of_three(tmp_path: Path) -> Path:
     gltf.node(name="near", mesh=cube, translation=[3, 0, 0])
     gltf.node(name="far", mesh=cube, translation=[0, 0, -9], rotation=[0, half, 0, half], scale=[0.5, 2, 1])
     return write(tmp_path / "three.glb", gltf.glb())
+
+
+def look_of(source: Path | Mesh) -> Appearance:
+    """The appearance of a mesh or a file, which has one."""
+    mesh = source if isinstance(source, Mesh) else load(source)
+    assert mesh.appearance is not None
+    return mesh.appearance
 
 
 def same_shape(a: Mesh, b: Mesh, tolerance: float = 1e-6) -> bool:

@@ -3,19 +3,11 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
 
 import pytest
 
 import dfd
 from dfd.common.threads import beside, parallel_ranges
-
-
-@pytest.fixture(autouse=True)
-def _restore_thread_count() -> Iterator[None]:
-    before = dfd.get_num_threads()
-    yield
-    dfd.set_num_threads(before)
 
 
 def test_what_is_beside_is_done_while_the_block_runs() -> None:

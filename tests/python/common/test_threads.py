@@ -17,13 +17,6 @@ from dfd.common import openmp, threads
 linux_only = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="torch brings another runtime here")
 
 
-@pytest.fixture(autouse=True)
-def _restore_thread_count():
-    before = dfd.get_num_threads()
-    yield
-    dfd.set_num_threads(before)
-
-
 def work(vertex_count=3001):
     random = np.random.default_rng(0)
     features = random.standard_normal((vertex_count, 48)).astype(np.float32) / 9

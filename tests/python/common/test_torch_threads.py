@@ -14,11 +14,10 @@ from dfd.common.devices import parallel_inference
 
 @pytest.fixture(autouse=True)
 def three_threads() -> Iterator[None]:
-    before, torchs = dfd.get_num_threads(), torch.get_num_threads()
+    torchs = torch.get_num_threads()
     dfd.set_num_threads(3)
     torch.set_num_threads(2)
     yield
-    dfd.set_num_threads(before)
     torch.set_num_threads(torchs)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from mesh_files import CORNERS, CUBE, checkered, obj_cube, textured_quad, write
+from mesh_files import CORNERS, CUBE, checkered, look_of, obj_cube, textured_quad, write
 from PIL import Image
 
 from dfd.mesh.appearance import GRAY, Appearance, Material, srgb
@@ -18,8 +18,7 @@ RED, GREEN, BLUE, WHITE = (1, 0, 0, 1), (0, 1, 0, 1), (0, 0, 1, 1), (1, 1, 1, 1)
 
 
 def albedo(mesh: Mesh, faces: np.ndarray, barycentric: np.ndarray) -> np.ndarray:
-    assert mesh.appearance is not None
-    found = mesh.appearance.albedo(faces, barycentric)
+    found = look_of(mesh).albedo(faces, barycentric)
     assert found.dtype == np.float32
     assert found.shape == (len(faces), 4)
     return found

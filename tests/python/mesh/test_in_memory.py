@@ -98,12 +98,3 @@ def test_parts_tell_their_faces_and_vertices(tmp_path: Path) -> None:
     assert np.array_equal(mesh.part_vertices("cube"), both)  # a geometry, wherever it is
     with pytest.raises(ValueError, match=r"`name` must be a part of the scene \(square, near, far\), got 'tail'"):
         mesh.part_vertices("tail")
-
-
-def test_a_stray_vertex_of_a_file_keeps_its_number_and_is_not_part_of_the_box(tmp_path: Path) -> None:
-    mesh = load(write(tmp_path / "stray.off", "OFF\n4 1 0\n99 0 0\n0 0 0\n1 0 0\n0 1 0\n3 1 2 3\n"))
-    assert mesh.faces.tolist() == [[1, 2, 3]]
-    assert mesh.bounds.tolist() == [[0, 0, 0], [1, 1, 0]]
-    assert mesh.normals.tolist() == [[0, 0, 0], [0, 0, 1], [0, 0, 1], [0, 0, 1]]
-    everything = Mesh(mesh.vertices, mesh.faces)  # of arrays every row is meant
-    assert everything.bounds.tolist() == [[0, 0, 0], [99, 1, 0]]

@@ -11,12 +11,6 @@ from dfd.mesh.normalization import box_normalization, normalization
 TRIANGLE = np.array([[1.0, 2, 3], [5, 2, 3], [1, 3, 3]])
 
 
-def test_the_longest_side_fills_the_box() -> None:
-    center, scale = normalization(Mesh(TRIANGLE, [[0, 1, 2]]))
-    assert center == pytest.approx([3, 2.5, 3])
-    assert scale == pytest.approx(0.5)
-
-
 def test_the_frame_brings_points_there_and_back() -> None:
     frame = normalization(Mesh(TRIANGLE, [[0, 1, 2]]))
     placed = frame.apply(TRIANGLE)
@@ -25,7 +19,7 @@ def test_the_frame_brings_points_there_and_back() -> None:
     assert frame.invert(placed) == pytest.approx(TRIANGLE)
 
 
-@pytest.mark.parametrize("factor", [1e-300, 1e-30, 1e30, 3e307])
+@pytest.mark.parametrize("factor", [1, 1e-300, 1e-30, 1e30, 3e307])
 def test_any_size_will_do(factor: float) -> None:
     center, scale = normalization(Mesh(factor * TRIANGLE, [[0, 1, 2]]))
     assert center == pytest.approx(factor * np.array([3, 2.5, 3]))

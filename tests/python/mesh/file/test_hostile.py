@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mesh_files import checkered, header_and_data, obj_cube, textured_quad, write
+from mesh_files import checkered, header_and_data, look_of, obj_cube, textured_quad, write
 from PIL import Image
 
 from dfd.mesh.file import images
@@ -181,9 +181,7 @@ def test_only_used_materials_are_written_under_the_name_of_the_file(tmp_path: Pa
     assert {each.name for each in (tmp_path / "out").iterdir()} == {"chair.obj", "chair.mtl"}
     assert (tmp_path / "out" / "chair.mtl").read_text().split() == ["newmtl", "wood", "Kd", "1", "0", "0"]
     assert "json.py" not in (tmp_path / "out" / "chair.obj").read_text()
-    again = load(tmp_path / "out" / "chair.obj")
-    assert again.appearance is not None
-    assert any(material.color == (1, 0, 0, 1) for material in again.appearance.materials)
+    assert any(each.color == (1, 0, 0, 1) for each in look_of(tmp_path / "out" / "chair.obj").materials)
 
 
 def test_a_picture_is_written_under_the_name_of_one(tmp_path: Path) -> None:
@@ -212,4 +210,4 @@ def test_materials_of_another_file_are_never_overwritten(kind: str, tmp_path: Pa
         assert out.with_suffix(".mtl").read_text() == "newmtl mine\nKd 0 0 1\n"
         assert "mtllib out_2.mtl" in out.read_text()
         assert sorted(each.name for each in out.parent.glob("*.mtl")) == ["out.mtl", "out_2.mtl"]
-    assert load(out).appearance is not None
+    assert look_of(out)

@@ -56,6 +56,8 @@ def test_obj_vertices_keep_the_files_numbers_across_parts_seams_and_unused_ones(
     assert mesh.faces.tolist() == [[3, 4, 1], [0, 1, 3], [0, 3, 1]]
     assert mesh.representative.tolist() == [0, 1, 2, 3, 4, 1]
     assert mesh.bounds.tolist() == [[0, 0, 0], [1, 1, 1]]  # of what can be seen
+    assert mesh.normals[2].tolist() == [0, 0, 0]
+    assert Mesh(mesh.vertices, mesh.faces).bounds.max() == 9  # all vertices of arrays count
     assert mesh.part_names == ("later", "sooner")
     assert [part.faces for part in mesh.parts] == [slice(0, 1), slice(1, 3)]
     assert mesh.part_vertices("later").tolist() == [1, 3, 4]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mesh_files import CORNERS, CUBE, Gltf, checkered, obj_cube, same_shape, write
+from mesh_files import CORNERS, CUBE, Gltf, checkered, look_of, obj_cube, same_shape, write
 
 from dfd.mesh.mesh import Mesh, load
 
@@ -79,9 +79,7 @@ def test_a_picture_of_a_ply_that_cannot_be_read_is_a_warning(tmp_path: Path) -> 
     with pytest.warns(UserWarning, match="paint.png"):
         load(write(tmp_path / "cube.ply", text))
     checkered(tmp_path / "paint.png")
-    look = load(tmp_path / "cube.ply").appearance
-    assert look is not None
-    assert look.materials[0].texture is not None
+    assert look_of(tmp_path / "cube.ply").materials[0].texture is not None
 
 
 def area(mesh: Mesh) -> float:
@@ -109,16 +107,6 @@ def test_concave_polygons_become_triangles_inside_them(ending: str, turned: bool
     assert (np.sign(np.cross(b - a, c - a)[:, 2]) == (-1 if turned else 1)).all()
 
 
-def test_an_stl_file_in_capitals(tmp_path: Path) -> None:
-    Mesh(CORNERS, CUBE).save(tmp_path / "cube.off")
-    lines = ["SOLID CUBE"]
-    for face in CUBE:
-        lines += ["FACET NORMAL 0 0 0", "OUTER LOOP"]
-        lines += [f"VERTEX {x:g} {y:g} {z:g}" for x, y, z in CORNERS[face]] + ["ENDLOOP", "ENDFACET"]
-    mesh = load(write(tmp_path / "cube.stl", "\n".join([*lines, "ENDSOLID CUBE", ""])))
-    assert same_shape(mesh, Mesh(CORNERS, CUBE))
-
-
 def test_a_scene_of_too_many_primitives_is_refused(tmp_path: Path) -> None:
     gltf = cube()
     gltf.header["nodes"] = [{"mesh": 0}] * 100_001
@@ -130,20 +118,17 @@ def test_a_scene_of_too_many_primitives_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("letters", [b"caf\xe9", b"\x83e\x83X\x83g", b"\xff\xfe\x00"])
-def test_letters_in_no_encoding(letters: bytes, tmp_path: Path) -> None:
-    facets = b"".join(
-        b"facet normal 0 0 0\nouter loop\n"
-        + b"".join(b"vertex %g %g %g\n" % tuple(CORNERS[corner]) for corner in face)
-        + b"endloop\nendfacet\n"
-        for face in CUBE
-    )
-    rows = b"\n".join([b"%g %g %g" % tuple(each) for each in CORNERS] + [b"3 %d %d %d" % tuple(each) for each in CUBE])
-    head = PLY.format("ascii 1.0").encode() + b"element face 12\nproperty list uchar int vertex_indices\nend_header\n"
-    files = {
-        "cube.off": b"OFF\n# " + letters + b"\n8 12 0\n" + rows,
-        "cube.stl": b"solid " + letters + b"\n" + facets + b"endsolid\n",
-        "cube.ply": head.replace(b"\nelement", b"\ncomment " + letters + b"\nelement", 1) + rows,
-        "cube.obj": b"# " + letters + b"\n" + obj_cube().encode(),
-    }
-    for name, content in files.items():
-        assert same_shape(load(write(tmp_path / name, content)), Mesh(CORNERS, CUBE))
+def test_letters_in_no_encoding_and_an_stl_file_in_capitals(letters: bytes, tmp_path: Path) -> None:
+    cube = Mesh(CORNERS, CUBE)
+    lines = [b"SOLID " + letters]
+    for face in CUBE:
+        lines += [b"FACET NORMAL 0 0 0", b"OUTER LOOP"]
+        lines += [b"VERTEX %g %g %g" % tuple(CORNERS[corner]) for corner in face] + [b"ENDLOOP", b"ENDFACET"]
+    write(tmp_path / "cube.stl", b"\n".join([*lines, b"ENDSOLID", b""]))
+    for ending, before, after in (("off", b"OFF\n", b"OFF\n# %s\n"), ("ply", b"\nelement", b"\ncomment %s\nelement")):
+        path = tmp_path / f"cube.{ending}"
+        cube.save(path)
+        write(path, path.read_bytes().replace(before, after % letters, 1))
+    write(tmp_path / "cube.obj", b"# " + letters + b"\n" + obj_cube().encode())
+    for path in tmp_path.iterdir():
+        assert same_shape(load(path), cube)

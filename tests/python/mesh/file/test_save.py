@@ -8,7 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from mesh_files import CORNERS, CUBE, Gltf, checkered, obj_cube, same_shape, scene_of_three, textured_quad, write
+from mesh_files import (
+    CORNERS,
+    CUBE,
+    Gltf,
+    checkered,
+    look_of,
+    obj_cube,
+    same_shape,
+    scene_of_three,
+    textured_quad,
+    write,
+)
 
 from dfd.mesh.mesh import Mesh, load
 
@@ -33,10 +44,8 @@ def test_a_scene_keeps_parts_materials_and_colors(ending: str, tmp_path: Path) -
     again = load(tmp_path / f"out.{ending}")
     assert same_shape(mesh, again)
     assert again.part_names == mesh.part_names == ("square", "near", "far")
-    assert mesh.appearance is not None
-    assert again.appearance is not None
     faces, middle = np.arange(len(mesh.faces)), np.full((len(mesh.faces), 3), 1 / 3, np.float32)
-    before, after = mesh.appearance.albedo(faces, middle), again.appearance.albedo(faces, middle)
+    before, after = look_of(mesh).albedo(faces, middle), look_of(again).albedo(faces, middle)
     assert np.abs(before - after).max() < 0.01
 
 
@@ -111,11 +120,8 @@ def test_a_mirrored_placing_keeps_normals_outside(tmp_path: Path) -> None:
 def test_textures_become_vertex_colors_in_ply(tmp_path: Path) -> None:
     mesh = load(write(tmp_path / "quad.glb", textured_quad(tmp_path).glb()))
     mesh.save(tmp_path / "quad.ply")
-    look = load(tmp_path / "quad.ply").appearance
-    assert look is not None
-    corners = look.albedo(np.zeros(3, int), np.eye(3))
-    assert mesh.appearance is not None
-    assert np.allclose(corners, mesh.appearance.albedo(np.zeros(3, int), np.eye(3)), atol=0.01)
+    corners = look_of(tmp_path / "quad.ply").albedo(np.zeros(3, int), np.eye(3))
+    assert np.allclose(corners, look_of(mesh).albedo(np.zeros(3, int), np.eye(3)), atol=0.01)
 
 
 def test_saving_an_obj_overwrites_no_other_files_texture(tmp_path: Path) -> None:
@@ -130,7 +136,7 @@ def test_saving_an_obj_overwrites_no_other_files_texture(tmp_path: Path) -> None
     mesh = load(write(tmp_path / "cube.obj", "\n".join(lines)))
     mesh.save(tmp_path / "out.obj", mesh.vertices * 2)
     assert (tmp_path / "paint.png").read_bytes() == original
-    assert load(tmp_path / "out.obj").appearance is not None
+    assert look_of(tmp_path / "out.obj")
     # elsewhere it takes its materials along, past whatever else is there
     other = tmp_path / "other"
     other.mkdir()
@@ -138,10 +144,8 @@ def test_saving_an_obj_overwrites_no_other_files_texture(tmp_path: Path) -> None
     mesh.save(other / "out.obj", mesh.vertices * 2)
     assert (other / "paint.png").read_bytes() == b"mine"
     assert {path.name for path in other.iterdir()} == {"out.obj", "out.mtl", "paint.png", "paint_2.png"}
-    look, own = load(other / "out.obj").appearance, mesh.appearance
-    assert look is not None
-    assert own is not None
-    assert np.array_equal(look.materials[0].texture, own.materials[0].texture)
+    look = look_of(other / "out.obj")
+    assert np.array_equal(look.materials[0].texture, look_of(mesh).materials[0].texture)
 
 
 def test_saving_refuses_what_it_cannot_write(tmp_path: Path) -> None:
@@ -161,6 +165,7 @@ def test_saving_refuses_what_it_cannot_write(tmp_path: Path) -> None:
 def test_coordinates_that_a_format_cannot_hold_are_refused(ending: str, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=f"must fit in 32-bit floats for a .{ending} file"):
         Mesh(CORNERS, CUBE).save(tmp_path / f"cube.{ending}", CORNERS * 1e39)
+    assert not list(tmp_path.iterdir())
     Mesh(CORNERS, CUBE).save(tmp_path / "cube.OFF", CORNERS * 1e39)
     assert load(tmp_path / "cube.OFF").extents[0] == 1e39
 

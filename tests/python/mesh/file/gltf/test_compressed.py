@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from compressed_files import DRACO, MESHOPT, draco_cube, meshopt_cube, packed_glb
-from mesh_files import CORNERS, CUBE, Gltf, header_and_data, same_shape, textured_quad, write
+from mesh_files import CORNERS, CUBE, Gltf, header_and_data, look_of, same_shape, textured_quad, write
 
 from dfd.mesh.mesh import Mesh, load
 
@@ -82,8 +82,7 @@ def test_texture_coordinates_are_those_that_the_material_names(tmp_path: Path) -
     faces, corner = np.array([0]), np.array([(0.75, 0.0, 0.25)])
 
     def color() -> list[float]:
-        look = load(write(tmp_path / "quad.glb", gltf.glb())).appearance
-        assert look is not None
+        look = look_of(write(tmp_path / "quad.glb", gltf.glb()))
         return look.albedo(faces, corner)[0].tolist()
 
     assert color() == pytest.approx([0, 0, 1, 1])  # the lower left

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mesh_files import CORNERS, CUBE, checkered, obj_cube, same_shape, write
+from mesh_files import CORNERS, CUBE, checkered, look_of, obj_cube, same_shape, write
 
 from dfd.mesh.file.obj import text as obj_text
 from dfd.mesh.mesh import Mesh, load
@@ -194,8 +194,7 @@ def test_materials_are_those_that_are_used_and_pictures_may_have_options(tmp_pat
     )
     write(tmp_path / "b.mtl", "newmtl other\nKd 0 1 0\n")
     text = "mtllib a.mtl b.mtl\nvt 0 0\n" + obj_cube().replace("f ", "usemtl shown\nf ", 1) + "usemtl other\nf 1 2 3\n"
-    look = load(write(tmp_path / "cube.obj", text)).appearance
-    assert look is not None
+    look = look_of(write(tmp_path / "cube.obj", text))
     assert look.materials[0].texture is not None
     assert look.materials[1].color == (0.0, 1.0, 0.0, 1.0)
 
