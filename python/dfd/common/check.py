@@ -50,7 +50,8 @@ def array(
             raise ArgumentError(name, f"must be a numeric array, got {_kind(value)}", function) from None
     if result.dtype.kind not in "fiub":
         raise ArgumentError(name, f"must be a numeric array, got {_kind(value)}", function)
-    if not _fits(result.shape, shape):
+    wanted = tuple(want if isinstance(want, int) else have for have, want in zip(result.shape, shape, strict=False))
+    if result.ndim != len(shape) or result.shape != wanted:
         raise ArgumentError(name, f"must have shape {_describe(shape)}, got {result.shape}", function)
     if finite and result.dtype.kind == "f" and not np.isfinite(result).all():
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(result))[0])
@@ -64,14 +65,6 @@ def array(
     if finite and coerced.dtype.kind == "f" and not np.isfinite(coerced).all():
         raise ArgumentError(name, f"has values too large for {np.dtype(dtype).name}", function)
     return coerced
-
-
-def _fits(shape: tuple[int, ...], wanted: Sequence[int | str | None]) -> bool:
-    fits = len(shape) == len(wanted)
-    for have, want in zip(shape, wanted, strict=False):  # twice as fast as any() of a generator
-        if have != want and isinstance(want, int):
-            fits = False
-    return fits
 
 
 def number(

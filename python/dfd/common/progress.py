@@ -48,13 +48,13 @@ class Stages:
 
 
 def _bar() -> Progress:
-    columns: list[TextColumn | BarColumn | MofNCompleteColumn | TimeElapsedColumn | TimeRemainingColumn] = [
+    # Rich warns at every bar of a notebook that lacks ipywidgets; plain text needs none.
+    plain = False if importlib.util.find_spec("ipywidgets") is None else None
+    return Progress(
         TextColumn("{task.description:<10}"),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
-    ]
-    # Rich warns at every bar of a notebook that lacks ipywidgets; plain text needs none.
-    plain = False if importlib.util.find_spec("ipywidgets") is None else None
-    return Progress(*columns, console=Console(stderr=True, force_jupyter=plain))
+        console=Console(stderr=True, force_jupyter=plain),
+    )

@@ -20,7 +20,7 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
 from dfd.mesh.appearance import Appearance
 from dfd.mesh.file.obj.read import face_groups
-from dfd.mesh.file.read import of_trimesh, read
+from dfd.mesh.file.read import read
 from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.normals import smooth_normals
 
@@ -289,6 +289,8 @@ def load(
     if isinstance(source, str | os.PathLike):
         scene = read(source, at_rest=pose == "rest")
     elif _is_of_trimesh(source):
+        from dfd.mesh.file.in_trimesh import of_trimesh
+
         try:
             scene = of_trimesh(source)
         except ArgumentError as error:

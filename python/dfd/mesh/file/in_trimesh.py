@@ -1,4 +1,4 @@
-"""Conversion of geometries from trimesh."""
+"""Conversion of meshes and scenes of trimesh."""
 
 from __future__ import annotations
 
@@ -13,12 +13,34 @@ from dfd.common.linear_algebra import UInt8
 from dfd.mesh.appearance import Material, srgb
 from dfd.mesh.file.images import MOST_TEXELS
 from dfd.mesh.file.materials import rgba
-from dfd.mesh.file.primitives import Geometry
+from dfd.mesh.file.primitives import IDENTITY, Geometry, MeshInstance
+from dfd.mesh.file.scene_file import SceneFile
 
 _WHITE = (1.0, 1.0, 1.0, 1.0)
 
 
-def from_trimesh(mesh: trimesh.Trimesh, materials: dict[int, Material]) -> Geometry:
+def of_trimesh(source: trimesh.Trimesh | trimesh.Scene) -> SceneFile:
+    """Convert a trimesh object to a scene; its arrays are copied.
+
+    Raises ValueError if it holds no faces, an index out of range or a coordinate that is not finite.
+    """
+    if isinstance(source, trimesh.Trimesh):
+        geometry = _geometry(source.copy(), {})
+        instances = [MeshInstance(str(source.metadata.get("name") or "mesh"), "mesh", geometry)]
+        return SceneFile.of(None, instances, own_vertices=geometry.vertices)
+    meshes = {name: each.copy() for name, each in source.geometry.items() if isinstance(each, trimesh.Trimesh)}
+    known: dict[int, Material] = {}
+    copies = {name: _geometry(each, known) for name, each in meshes.items()}
+    instances = []
+    for node in source.graph.nodes_geometry:
+        transform, name = source.graph[node]
+        if name in copies:
+            matrix = IDENTITY if np.array_equal(transform, IDENTITY) else np.asarray(transform, np.float64)
+            instances.append(MeshInstance(str(node), name, copies[name], matrix))
+    return SceneFile.of(None, instances)
+
+
+def _geometry(mesh: trimesh.Trimesh, materials: dict[int, Material]) -> Geometry:
     """Convert a trimesh geometry; `materials` caches converted materials by the ids of trimesh's."""
     visual = mesh.visual
     source = getattr(visual, "material", None)
@@ -41,7 +63,7 @@ def from_trimesh(mesh: trimesh.Trimesh, materials: dict[int, Material]) -> Geome
         np.asarray(uv, np.float64) if uv is not None and np.shape(uv) == (count, 2) else None,
         None if colors is None else rgba(np.asarray(colors)),
         rgba(np.asarray(visual.face_colors)) if visual.kind == "face" else None,
-        None if source is None or is_default_material(source) else materials[id(source)],
+        None if source is None or _is_default_material(source) else materials[id(source)],
         {
             name: np.asarray(each)
             for name, each in mesh.vertex_attributes.items()
@@ -50,7 +72,7 @@ def from_trimesh(mesh: trimesh.Trimesh, materials: dict[int, Material]) -> Geome
     )
 
 
-def is_default_material(material: Any) -> bool:
+def _is_default_material(material: Any) -> bool:
     """Whether trimesh created the material, with an image of 2 x 2 texels, for a mesh without one."""
     image = getattr(material, "image", None)
     return isinstance(material, SimpleMaterial) and image is not None and image.size == (2, 2) and image.format is None

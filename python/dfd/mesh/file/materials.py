@@ -24,16 +24,16 @@ def read_appearance(
     """Return the appearance of the primitives, None where the file does not define any."""
     numbers: dict[tuple[int, bool], int] = {}  # from a material, and whether colors come with it, to our number
     known: list[Material] = []
+    of_primitive: list[int] = []
     for each in primitives:
         material, has_colors = each.geometry.material or _DEFAULT, _has_colors(each)
-        if (key := (id(material), has_colors)) not in numbers:
-            numbers[key] = len(known)
+        of_primitive.append(numbers.setdefault((id(material), has_colors), len(known)))
+        if of_primitive[-1] == len(known):
             known.append(material.shown(has_colors=has_colors))
     colored = any(_has_colors(each) for each in primitives)
     if not colored and all(each.texture is None and replace(each, name="", is_default=False) == Material()
                            for each in known):  # fmt: skip
         return None
-    of_primitive = [numbers[id(each.geometry.material or _DEFAULT), _has_colors(each)] for each in primitives]
     face_counts = [each.faces.stop - each.faces.start for each in primitives]
     uv: Float32 | None = None
     colors: Float32 | None = None

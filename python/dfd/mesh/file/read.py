@@ -7,24 +7,18 @@ import errno
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
-from dfd.mesh.appearance import Material
 from dfd.mesh.file.assets import AssetFolder, read_regular
 from dfd.mesh.file.gltf import glb
 from dfd.mesh.file.obj import read as obj_read
 from dfd.mesh.file.obj import text as obj_text
 from dfd.mesh.file.plain import off_stl, ply
-from dfd.mesh.file.primitives import IDENTITY, MeshInstance, UniqueNames
+from dfd.mesh.file.primitives import MeshInstance, UniqueNames
 from dfd.mesh.file.scene_file import FileSource, SceneFile
-
-# What a format needs is imported where it is read: trimesh alone takes half a second.
-if TYPE_CHECKING:
-    import trimesh
 
 _MOST_NAMED = 5  # unreadable files listed in a warning
 ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
@@ -63,31 +57,6 @@ def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
             f"load: `path` {path} names {names}, which could not be read; what it would color is gray", UserWarning
         )
     return scene
-
-
-def of_trimesh(source: trimesh.Trimesh | trimesh.Scene) -> SceneFile:
-    """Convert a trimesh object to a scene; its arrays are copied.
-
-    Raises ValueError if it holds no faces, an index out of range or a coordinate that is not finite.
-    """
-    import trimesh
-
-    from dfd.mesh.file.in_trimesh import from_trimesh
-
-    if isinstance(source, trimesh.Trimesh):
-        geometry = from_trimesh(source.copy(), {})
-        instances = [MeshInstance(str(source.metadata.get("name") or "mesh"), "mesh", geometry)]
-        return SceneFile.of(None, instances, own_vertices=geometry.vertices)
-    meshes = {name: each.copy() for name, each in source.geometry.items() if isinstance(each, trimesh.Trimesh)}
-    known: dict[int, Material] = {}
-    copies = {name: from_trimesh(each, known) for name, each in meshes.items()}
-    instances = []
-    for node in source.graph.nodes_geometry:
-        transform, name = source.graph[node]
-        if name in copies:
-            matrix = IDENTITY if np.array_equal(transform, IDENTITY) else np.asarray(transform, np.float64)
-            instances.append(MeshInstance(str(node), name, copies[name], matrix))
-    return SceneFile.of(None, instances)
 
 
 def _read_bytes(path: Path) -> bytes:
