@@ -17,7 +17,8 @@ from scipy.spatial.distance import cdist
 
 import dfd._core as _core
 from dfd.common.linear_algebra import Bool, Float64, Int64
-from dfd.segmentation.border import SMALL_COMPONENT
+from dfd.segmentation.border import SMALL_COMPONENT, closed
+from dfd.segmentation.distal import Distal
 from dfd.segmentation.patches import BRIDGE, Patches
 
 DIMENSIONS = 24  # main directions of the features that are kept: the others hold noise
@@ -34,6 +35,9 @@ EQUAL, STILL_LIKELY = 0.8, 0.15
 CUT = 1.35  # times its likelihood, for a branch of the clearest cut: parts that people name lie side by side
 # Of the surface: a larger part gives way to a smaller one that scores at least half as much, and LEAST_WITHIN.
 MOST_MEANT, LEAST_WITHIN = 0.8, 0.15
+# Power of a part's area relative to its own and that of what it leaves behind. On 45 rigs, 1 leaves 0.02 more of limbs
+# behind and 3 leaves 0.008 less; on 38 labelled meshes, 3 loses 0.006 of the IoU with the label alone.
+WHOLE = 2.0
 SHORT = 0.2  # diagonals: a border that is not much longer has to crease more, since chance creases short ones
 ROUNDING = 1e-12  # of the length of all borders: what is shorter is none
 LEAST_CONCAVITY = 0.02  # counts for every border: some parts end without a crease
@@ -77,6 +81,7 @@ class Hierarchy:
 
     def __init__(self, patches: Patches, features: NDArray[np.floating]) -> None:
         self._patches = patches
+        self._distal = Distal(patches)
         self._pieces_by_patches: dict[bytes, tuple[Float64, int]] = {}  # most nodes of one tree are in the next
         values = smoothed(patches, features.astype(np.float64))
         self._join(values)
@@ -108,6 +113,7 @@ class Hierarchy:
         self._first, self._order = first, np.argsort(first[:count], kind="stable")
         self._children = children
         self._known_pieces: dict[int, tuple[Float64, int]] = {}
+        self._carrying: dict[int, tuple[Bool, Bool]] = {}
         self.branches = self._described()
         self.cut, self.clear = self._clearest_cut()
 
@@ -170,17 +176,36 @@ class Hierarchy:
         clarity = (branch.concavity + LEAST_CONCAVITY) * branch.step**0.75
         return float(clarity / np.sqrt(self.around(node) + SHORT))
 
-    def meant(self, nodes: list[int]) -> int:
-        """Which of the nodes that hold a patch, the smallest first, a person means who takes hold of it.
+    def closed(self, node: int) -> Bool:
+        """(P,) Return a node with everything that it separates from the body."""
+        return self._carried(node)[0]
 
-        The likeliest that is not most of the shape, or one above it that joins it with as many equal pieces again:
-        hind wheels follow front ones.
+    def _carried(self, node: int) -> tuple[Bool, Bool]:
+        """(P,) Return the closed node, and all that the shortest paths from the middle reach through it."""
+        if node not in self._carrying:
+            whole = closed(self._patches, self.branches[node].inside)
+            self._carrying[node] = whole, self._distal.through(whole)
+        return self._carrying[node]
+
+    def meant(self, patch: int) -> int:
+        """Return the node that a person means who grabs the shape at a patch.
+
+        It is the likeliest that is not most of the shape, or one above it that joins it with as many equal pieces
+        again: hind wheels follow front ones. A node that leaves much of the distal side behind is less likely: a ring
+        around a leg, or its front alone. Only what the shortest paths from the middle reach through the node counts,
+        so that a nose need not carry the head.
         """
-        likely = [self.holdable(node) for node in nodes]
+        nodes, area = self.holding(patch), self._patches.area
+        alone = [self.holdable(node) for node in nodes]
+        side, likely = self._distal.side(patch), []
+        for node, value in zip(nodes, alone, strict=True):
+            whole, reached = self._carried(node)
+            own, left = area[whole].sum(), area[side & reached & ~whole].sum()
+            likely.append(value * (own / (own + left)) ** WHOLE)
         best = int(np.argmax(likely))
         if self.branches[nodes[best]].area > MOST_MEANT:
-            least = max(LEAST_WITHIN, likely[best] / 2)
-            within = [i for i in range(best) if self.clear[nodes[i]] and likely[i] >= least]
+            least = max(LEAST_WITHIN, alone[best] / 2)
+            within = [i for i in range(best) if self.clear[nodes[i]] and alone[i] >= least]
             best = max(within, key=lambda i: likely[i], default=best)
         chosen = best
         for above in range(best + 1, len(nodes)):

@@ -17,7 +17,7 @@ from dfd.common.linear_algebra import Bool, Float32, Int64
 from dfd.field.field import Field
 from dfd.geometry.topology import face_areas
 from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
-from dfd.segmentation.border import SMALL_COMPONENT, closed, pieces_of, snapped
+from dfd.segmentation.border import SMALL_COMPONENT, pieces_of, snapped
 from dfd.segmentation.hierarchy import Hierarchy, pieces_and_borders
 from dfd.segmentation.patches import Patches
 
@@ -117,9 +117,10 @@ class Parts:
         if not self._has_surface:
             return None
         tree, patches = self._hierarchy, self._patches
-        chosen = self._chosen(int(patches.of_vertex[vertex]), "part")
-        inside = closed(patches, tree.branches[chosen].inside)
-        if inside.all() or tree.holdable(chosen) < LEAST_HOLDABLE:
+        patch = int(patches.of_vertex[vertex])
+        chosen = self._chosen(patch, "part")
+        inside = tree.closed(chosen)
+        if inside.all() or max(map(tree.holdable, tree.holding(patch))) < LEAST_HOLDABLE:
             return None
         side = self._snapped(inside, vertex)
         width = patches.size * self._seam(chosen, inside)
@@ -145,11 +146,6 @@ class Parts:
         large = (area > SMALL_COMPONENT * area.max()) | (np.arange(len(area)) == pieces[patches.of_vertex[vertex]])
         component = np.where(side, np.where(large[pieces] & inside, pieces, -1)[patches.of_node], -1)
         return Grip(np.minimum(held / whole, 1), np.minimum(within / whole, 1).astype(np.float32), component)
-
-    def grips(self) -> Int64:
-        """Return (V,) numbers from 0. Vertices of one number have the same `grip`, except for the snapped seam."""
-        chosen = [self._chosen(patch, "part") for patch in range(self._patches.borders.count)]
-        return np.asarray(np.unique(chosen, return_inverse=True)[1], np.int64)[self._patches.of_vertex]
 
     def cut(self) -> list[Part]:
         """Cut the whole shape into parts, the largest first; every vertex belongs to one.
@@ -193,7 +189,7 @@ class Parts:
         nodes = tree.holding(patch)
         area = np.array([tree.branches[node].area for node in nodes])
         clarity = np.array([tree.clarity(node) for node in nodes])
-        best = nodes.index(tree.meant(nodes))
+        best = nodes.index(tree.meant(patch))
         among = np.array([best])
         if level == "larger":
             among = np.flatnonzero(area > LARGER * area[best])

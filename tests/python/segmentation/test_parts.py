@@ -257,6 +257,24 @@ def test_a_part_carries_what_hangs_on_the_rest_through_it(chair):
     assert np.array_equal(closed(patches, ~legs), ~legs)  # of legs around a seat none is the shape
 
 
+def test_who_takes_hold_of_a_neck_in_its_middle_takes_the_head_along():
+    """A bib on the sides of the neck differs much from it and creases off; alone it would leave the head behind."""
+    animal, random = dfd.samples.quadruped(4_000), np.random.default_rng(0)
+    labels, vertices = animal.labels.copy(), animal.mesh.vertices.copy()
+    neck = animal.vertices_of("neck", 0)
+    height, side = vertices[neck, 1] - vertices[neck, 1].min(), vertices[neck, 0]
+    bib = neck[(np.abs(height / height.max() - 0.55) < 0.2) & (side > np.quantile(side, 0.4))]
+    labels[bib] = len(animal.parts)
+    vertices[bib, 0] += 0.3 * np.ptp(side)
+    look = random.normal(size=(len(animal.parts) + 1, 16))
+    look[-1] = look[animal.parts.index("neck")] + 4 * look[-1]
+    parts = parts_by(dfd.Mesh(vertices, animal.mesh.faces), labels, look, 0.1, random)
+    middle = bib[np.linalg.norm(vertices[bib] - vertices[bib].mean(axis=0), axis=1).argmin()]
+    weights = parts.grip(int(middle)).weights
+    assert weights[np.isin(labels, [animal.parts.index(part) for part in ("head", "ear")])].min() == 1.0
+    assert weights[labels == animal.parts.index("body")].mean() < 0.05
+
+
 def test_a_grip_does_not_pass_from_one_component_to_another_beside_it():
     """A peg that stands in a plate without touching it: nothing of the plate moves along, however near it is."""
     chair = dfd.samples.chair(4_000)
