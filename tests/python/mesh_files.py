@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import struct
 from pathlib import Path
 from typing import Any
@@ -43,6 +44,15 @@ def checkered(path: Path, size: int = 4) -> Path:
     texels[half:, :half], texels[half:, half:] = (0, 0, 255), (255, 255, 255)
     Image.fromarray(texels).save(path)
     return path
+
+
+def painted_cube(folder: Path) -> Path:
+    """An OBJ file of a cube with a texture, `paint.png`."""
+    checkered(folder / "paint.png", 64)
+    write(folder / "cube.mtl", "newmtl paint\nmap_Kd paint.png\n")
+    faces = re.sub(r"(?<=[f\d]) (\d+)", r" \1/1", "".join(re.findall(r"f .*\n", obj_cube())))
+    vertices = "".join(re.findall(r"v .*\n", obj_cube()))
+    return write(folder / "cube.obj", f"mtllib cube.mtl\nvt 0 0\n{vertices}usemtl paint\n{faces}")
 
 
 class Gltf:

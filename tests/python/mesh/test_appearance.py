@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from mesh_files import CORNERS, CUBE, checkered, look_of, obj_cube, textured_quad, write
+from mesh_files import CORNERS, CUBE, checkered, look_of, obj_cube, painted_cube, textured_quad, write
 from PIL import Image
 
 from dfd.mesh.appearance import GRAY, Appearance, Material, srgb
@@ -140,21 +140,15 @@ def test_nothing_known_is_none_and_partly_known_is_gray(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("damage", ["absent", "text", "cut"])
 def test_a_texture_that_cannot_be_read_is_gray_and_one_warning(damage: str, tmp_path: Path) -> None:
-    checkered(tmp_path / "paint.png", 64)
-    write(tmp_path / "cube.mtl", "newmtl paint\nmap_Kd paint.png\n")
+    path = painted_cube(tmp_path)
     if damage == "absent":
         (tmp_path / "paint.png").unlink()
     elif damage == "text":
         write(tmp_path / "paint.png", "no picture")
     else:
         write(tmp_path / "paint.png", (tmp_path / "paint.png").read_bytes()[:90])
-    text = obj_cube().replace("f ", "f ", 1)
-    text = "mtllib cube.mtl\nvt 0 0\nusemtl paint\n" + "\n".join(
-        "f " + " ".join(f"{n}/1" for n in line[2:].split()) if line.startswith("f ") else line
-        for line in text.splitlines()
-    )
     with pytest.warns(UserWarning, match=r"names .*paint.png.*, which could not be read") as caught:
-        mesh = load(write(tmp_path / "cube.obj", text))
+        mesh = load(path)
     assert len(caught) == 1
     assert caught[0].filename == __file__
     if mesh.appearance is not None:

@@ -8,18 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from mesh_files import (
-    CORNERS,
-    CUBE,
-    Gltf,
-    checkered,
-    look_of,
-    obj_cube,
-    same_shape,
-    scene_of_three,
-    textured_quad,
-    write,
-)
+from mesh_files import CORNERS, CUBE, Gltf, look_of, painted_cube, same_shape, scene_of_three, textured_quad, write
 
 from dfd.mesh.mesh import Mesh, load
 
@@ -125,15 +114,8 @@ def test_textures_become_vertex_colors_in_ply(tmp_path: Path) -> None:
 
 
 def test_saving_an_obj_overwrites_no_other_files_texture(tmp_path: Path) -> None:
-    checkered(tmp_path / "paint.png")
+    mesh = load(painted_cube(tmp_path))
     original = (tmp_path / "paint.png").read_bytes()
-    write(tmp_path / "cube.mtl", "newmtl paint\nmap_Kd paint.png\n")
-    text = "mtllib cube.mtl\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl paint\n" + obj_cube().replace("f ", "f ")
-    lines = [
-        line if not line.startswith("f ") else "f " + " ".join(f"{n}/1" for n in line[2:].split())
-        for line in text.splitlines()
-    ]
-    mesh = load(write(tmp_path / "cube.obj", "\n".join(lines)))
     mesh.save(tmp_path / "out.obj", mesh.vertices * 2)
     assert (tmp_path / "paint.png").read_bytes() == original
     assert look_of(tmp_path / "out.obj")

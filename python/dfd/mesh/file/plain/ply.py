@@ -267,19 +267,19 @@ def _columns_of(
         return lengths, offset
 
     first, end = row_at(start)
-    if start + count * (end - start) <= len(data):  # most files have rows that are all alike
-        fields: list[tuple[str, Any, tuple[int, ...]]] = []
-        for number, (each, length) in enumerate(zip(properties, first, strict=True)):
-            fields += [] if each.counts is None else [(f"count {number}", each.counts, ())]
-            fields.append((f"values {number}", each.stored, (length,)))
-        rows = np.frombuffer(data, fields, count, start)
-        if all((rows[field] == first[int(field.split()[1])]).all() for field, _, _ in fields if field[0] == "c"):
-            columns = []
-            for number, length in enumerate(first):
-                offset = rows.dtype.fields[f"values {number}"][1]  # type: ignore[index]
-                begins = start + offset + (end - start) * np.arange(count)
-                columns.append((rows[f"values {number}"].ravel(), np.full(count, length), begins))
-            return columns, start + count * (end - start)
+    stride = end - start
+    if start + count * stride <= len(data):  # most files have rows that are all alike
+        columns, offset = [], start
+        for each, length in zip(properties, first, strict=True):
+            if each.counts is not None:
+                if (np.ndarray((count,), each.counts, data, offset, (stride,)) != length).any():
+                    break
+                offset += each.counts.itemsize
+            values = np.ndarray((count, length), each.stored, data, offset, (stride, each.stored.itemsize))
+            columns.append((values.ravel(), np.full(count, length), offset + stride * np.arange(count)))
+            offset += length * each.stored.itemsize
+        else:
+            return columns, start + count * stride
     sizes, places, end = np.empty((count, len(properties)), np.int64), np.empty(count, np.int64), start
     for row in range(count):
         places[row] = end
