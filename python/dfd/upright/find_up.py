@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,6 +28,9 @@ EARLY_STOP_CONFIDENCE = 0.95
 SURE = 0.97  # likewise after pictures along all axes; below, pictures from the corners are added
 SAME = np.cos(np.radians(8))  # directions within this angle are one candidate
 ALIKE = np.cos(np.radians(20))  # axes within this angle hold a shape upright alike
+# Log-odds for +y in glTF files, beside the learned prior of all files: their standard says that +y is up. Of 360 glTF
+# files that stand upright, the pictures and stability of 80 spoke against +y, by less than this in all but 14.
+GLTF_UP = 2.5
 UNALIGNED_PRIOR = 0.5  # factor of the prior for a shape aligned with none of the file's axes
 
 
@@ -61,7 +65,8 @@ def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stage
         standing, around = StabilityCues(vertices, mesh.faces), ProbeCameras(mesh, encoder)
         frame = standing.frame()
         look = _along_the_file if np.array_equal(frame, np.eye(3)) else _tilted
-        return look(standing, frame, around, probe)
+        says_up = mesh.scene is not None and mesh.scene.gltf is not None
+        return look(standing, frame, around, replace(probe, file_up=probe.file_up + GLTF_UP * says_up))
 
 
 def _along_the_file(standing: StabilityCues, frame: Float64, around: ProbeCameras, probe: UpProbe) -> Up:

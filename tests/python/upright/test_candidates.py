@@ -137,6 +137,13 @@ def test_the_prior_decides_where_nothing_else_does(encoder):
     assert [prior(silent, frame) for frame in axis_frames(np.eye(3))] == [0, 0, 5, 2, 1, 1]
 
 
+def test_a_gltf_file_says_that_y_is_up(encoder, tmp_path):
+    silent = probe_of(encoder, odds=np.zeros((3, len(TERMS))), file_up=0.0, file_down=0.0, file_z=1.0)
+    for ending, up in ((".glb", 1), (".ply", 2)):
+        table().save(tmp_path / f"table{ending}")
+        assert abs(find_up(dfd.load(tmp_path / f"table{ending}"), encoder, probe=silent).direction[up]) == 1
+
+
 def tilted_table(seed=0):
     rotation = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
     return dfd.Mesh(table().vertices @ rotation.T, table().faces), rotation
