@@ -95,7 +95,7 @@ def strongest_joints(mesh: dfd.Mesh) -> list[str | None]:
     found: list[str | None] = [None] * len(mesh.vertices)
     if mesh.scene is None or mesh.scene.gltf is None:
         return found
-    header, data = mesh.scene.gltf.header, mesh.scene.gltf.data
+    header, data = mesh.scene.gltf.header, mesh.scene.gltf
     nodes = objects(header, "nodes")
     for part in mesh.scene.primitives:
         node, of_mesh, number = part.source

@@ -15,13 +15,10 @@ from numpy.typing import NDArray
 from dfd.common.files import atomic_write
 from dfd.common.linear_algebra import Int64
 from dfd.mesh.file.assets import AssetFolder
-from dfd.mesh.file.gltf import glb
-from dfd.mesh.file.gltf import header as gltf_header
 from dfd.mesh.file.gltf import read as gltf_read
 from dfd.mesh.file.gltf.build import FLOAT, LIMITS
-from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import Header, objects
-from dfd.mesh.file.gltf.patch import GltfPatch, GltfSource
+from dfd.mesh.file.gltf.patch import GltfPatch
 from dfd.mesh.file.primitives import Primitive
 from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.file.write import as_gltf, at_rest
@@ -42,11 +39,8 @@ class GltfDocument(GltfPatch):
             source = mesh.scene.gltf
         else:
             written = as_gltf(mesh.vertices, mesh.faces, mesh.scene, at_rest(mesh.scene), binary=True)
-            text, embedded = glb.split(written)
-            header, assets = gltf_header.read(text, glb=True), AssetFolder(Path("mesh.glb"))
-            source = GltfSource(text, header, GltfData(header, embedded, assets))
-            instances = gltf_read.read(header, source.data, assets)
-            self.scene = SceneFile.of(None, instances, gltf=source)
+            source = gltf_read.parse(written, AssetFolder(Path("mesh.glb")))
+            self.scene = SceneFile.of(None, gltf_read.read(source), gltf=source)
             self.vertex = _rows_written(mesh)
         super().__init__(source)
         self._own: dict[int, int] = {}
@@ -89,11 +83,11 @@ class GltfDocument(GltfPatch):
 
     def values(self, node: int, primitive: int, name: str) -> NDArray[Any] | None:
         """Return an attribute of a primitive of the file, (rows, components), None where it has none of that name."""
-        return self._source.data.attribute(self._primitive(node, primitive), name)
+        return self._source.attribute(self._primitive(node, primitive), name)
 
     def corners(self, node: int, primitive: int) -> NDArray[Any]:
         """Return the rows (N,) that a primitive of the file draws, one after the other."""
-        return self._source.data.corners(self._primitive(node, primitive))
+        return self._source.corners(self._primitive(node, primitive))
 
     def _primitive(self, node: int, number: int) -> Header:
         mesh = int(self._source.header["nodes"][node]["mesh"])
@@ -101,7 +95,7 @@ class GltfDocument(GltfPatch):
 
     def stored(self, index: int) -> NDArray[Any]:
         """Return the values of an accessor of the file."""
-        return self._source.data.accessor(index)
+        return self._source.accessor(index)
 
     def zeros(self, count: int) -> int:
         """Append `count` vectors of three zeros, which take no room, and return the number of their accessor."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import codecs
 import errno
 import os
 from dataclasses import replace
@@ -13,7 +12,6 @@ import numpy as np
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.mesh.file.assets import AssetFolder, read_regular
-from dfd.mesh.file.gltf import glb
 from dfd.mesh.file.obj import read as obj_read
 from dfd.mesh.file.obj import text as obj_text
 from dfd.mesh.file.plain import off_stl, ply
@@ -77,16 +75,10 @@ def _read_obj(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
 
 
 def _read_gltf(path: Path, data: bytes, assets: AssetFolder, *, at_rest: bool) -> SceneFile:
-    from dfd.mesh.file.gltf import header as gltf_header
     from dfd.mesh.file.gltf import read as gltf_read
-    from dfd.mesh.file.gltf.data import GltfData
-    from dfd.mesh.file.gltf.patch import GltfSource
 
-    text, embedded = glb.split(data) if glb.is_glb(data) else (data.removeprefix(codecs.BOM_UTF8), None)
-    header = gltf_header.read(text, glb=glb.is_glb(data))
-    content = GltfData(header, embedded, assets)
-    instances = gltf_read.read(header, content, assets, at_rest=at_rest)
-    return SceneFile.of(path, instances, gltf=GltfSource(text, header, content))
+    content = gltf_read.parse(data, assets)
+    return SceneFile.of(path, gltf_read.read(content, at_rest=at_rest), gltf=content)
 
 
 def _read_plain(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:

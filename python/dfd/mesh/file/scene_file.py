@@ -11,7 +11,7 @@ import numpy as np
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64, Int32, Int64, UInt8
 from dfd.mesh.appearance import Appearance
-from dfd.mesh.file.gltf.patch import GltfSource
+from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.materials import read_appearance
 from dfd.mesh.file.primitives import MeshInstance, Primitive, place, require_finite
 from dfd.mesh.weld import weld
@@ -41,7 +41,7 @@ class SceneFile:
     representative: Int32  # (V,) the first vertex at each one's position
     vertex: Int32  # (R,) the vertex that stands for each row, -1 where the mesh has none
     appearance: Appearance | None  # what colors the faces; None where nothing is known
-    gltf: GltfSource | None = None  # the source glTF file
+    gltf: GltfData | None = None  # the source glTF file
     source: FileSource | None = None  # the source file of another format
 
     @property
@@ -65,7 +65,7 @@ class SceneFile:
         instances: Sequence[MeshInstance],
         *,
         own_vertices: Float64 | None = None,
-        gltf: GltfSource | None = None,
+        gltf: GltfData | None = None,
         source: FileSource | None = None,
     ) -> SceneFile:
         """Number the vertices of a file's instances.

@@ -33,13 +33,13 @@ _UNSIGNED = (5121, 5123, 5125)  # component types
 
 
 class GltfData:
-    """Reads the views and accessors of a file; raises ValueError or OSError for what cannot be read."""
+    """The header of a file, with its views and accessors; raises ValueError or OSError for what cannot be read."""
 
     def __init__(self, header: Header, embedded: bytes | None, assets: AssetFolder) -> None:
         """Keep the header, the binary chunk of a GLB file, and access to external files."""
-        self._header = header
+        self.header = header
         self._embedded = embedded
-        self._assets = assets
+        self.assets = assets
         self._buffers: dict[int, UInt8] = {}  # arrays, which processes can share
         self._views: dict[int, bytes] = {}
         self._draco: dict[int, tuple[dict[int, NDArray[Any]], NDArray[Any]]] = {}
@@ -48,7 +48,7 @@ class GltfData:
     def buffer(self, index: int) -> UInt8:
         """Return the bytes of a buffer."""
         if index not in self._buffers:
-            buffer = self._header["buffers"][index]
+            buffer = self.header["buffers"][index]
             uri, length = buffer.get("uri"), int(buffer["byteLength"])
             if uri is not None:
                 data = data_uri(uri) if uri.startswith("data:") else self._file(index, uri, length)
@@ -69,14 +69,14 @@ class GltfData:
         Saving copies the data into the new file, so a malicious glTF file could leak any file that it references: one
         without a usual extension must have the length that the header states.
         """
-        data = self._assets.read(uri)
+        data = self.assets.read(uri)
         if not uri.lower().endswith(_DATA_ENDINGS) and not 0 <= len(data) - length < _ALIGNMENT:
             raise ValueError(f"buffer {index} should have {length} bytes, but {shortened(uri)} has {len(data)}")
         return data
 
     def view(self, index: int) -> memoryview:
         """Return the bytes of a view, decompressed."""
-        view = self._header["bufferViews"][index]
+        view = self.header["bufferViews"][index]
         for name in MESHOPT:
             packed = extension(view, name)
             if packed is not None:
@@ -90,14 +90,14 @@ class GltfData:
         """Return the bytes of an object of `images`, wherever they are."""
         uri = image.get("uri")
         if isinstance(uri, str):
-            return data_uri(uri) if uri.startswith("data:") else self._assets.read(uri)
-        if not is_index(image.get("bufferView"), len(self._header.get("bufferViews", []))):
+            return data_uri(uri) if uri.startswith("data:") else self.assets.read(uri)
+        if not is_index(image.get("bufferView"), len(self.header.get("bufferViews", []))):
             raise ValueError("a picture names no data")
         return bytes(self.view(image["bufferView"]))
 
     def accessor(self, index: object) -> NDArray[Any]:
         """Return the items (count, components) of an accessor; normalized integers are converted to floats."""
-        accessor = item(self._header, "accessors", index)
+        accessor = item(self.header, "accessors", index)
         if accessor is None:
             raise ValueError(f"accessor {shortened(index)} is not there")
         values = self._stored(accessor)
@@ -107,7 +107,7 @@ class GltfData:
 
     def indices(self, index: object) -> NDArray[Any]:
         """Return the items (count,) of an accessor of indices."""
-        accessor = item(self._header, "accessors", index) or {}
+        accessor = item(self.header, "accessors", index) or {}
         kinds = (accessor.get("componentType"), accessor.get("type"), accessor.get("normalized", False))
         if kinds not in [(each, "SCALAR", False) for each in _UNSIGNED]:
             raise ValueError(f"accessor {shortened(index)}, of indices, must hold unsigned whole numbers, got {kinds}")
@@ -138,13 +138,13 @@ class GltfData:
         if packed is None:
             return None
         names, view = packed.get("attributes"), packed.get("bufferView")
-        views = self._header.get("bufferViews", [])
+        views = self.header.get("bufferViews", [])
         if not isinstance(names, dict) or not isinstance(view, int) or not is_index(view, len(views)):
             raise ValueError(f"its {DRACO} does not say where the data is")
         by_id, faces = self._draco_mesh(view)
         found: dict[str, NDArray[Any]] = {}
         for name, number in names.items():
-            accessor = item(self._header, "accessors", primitive["attributes"].get(name))
+            accessor = item(self.header, "accessors", primitive["attributes"].get(name))
             if accessor is not None and isinstance(number, int) and number in by_id:
                 values = by_id[number].reshape(len(by_id[number]), -1)
                 self._require_count(primitive["attributes"][name], len(values))
@@ -157,7 +157,7 @@ class GltfData:
         return found
 
     def _require_count(self, index: object, count: int) -> None:
-        stated = (item(self._header, "accessors", index) or {}).get("count")
+        stated = (item(self.header, "accessors", index) or {}).get("count")
         if stated != count:
             raise ValueError(f"accessor {shortened(index)} has {shortened(stated)} items, but {DRACO} holds {count}")
 
@@ -183,7 +183,7 @@ class GltfData:
         except ImportError as error:
             raise ValueError(f"it is compressed with {name}, which needs `pip install dfd[gltf]`") from error
         what = f"bufferView {index}, of {name},"
-        buffer = reference(packed, "buffer", len(objects(self._header, "buffers")), what)
+        buffer = reference(packed, "buffer", len(objects(self.header, "buffers")), what)
         size = whole(packed, "byteLength", what)
         start = whole(packed, "byteOffset", what, default=0)
         count, stride = whole(packed, "count", what), whole(packed, "byteStride", what)
@@ -210,7 +210,7 @@ class GltfData:
         index = int(accessor["bufferView"])
         data = self.view(index)
         start = int(accessor.get("byteOffset", 0))
-        stride = int(self._header["bufferViews"][index].get("byteStride", 0)) or dtype.itemsize * width
+        stride = int(self.header["bufferViews"][index].get("byteStride", 0)) or dtype.itemsize * width
         if not count:
             return np.zeros((0, width))
         # the last row may end where the view does, before a whole stride
@@ -232,7 +232,7 @@ class GltfData:
             parts, (np.dtype(COMPONENT_TYPES[kind]), values.dtype), (1, values.shape[1]), strict=True
         ):
             start = whole(part, "byteOffset", what, default=0)
-            data = self.view(reference(part, "bufferView", len(self._header.get("bufferViews", [])), what))
+            data = self.view(reference(part, "bufferView", len(self.header.get("bufferViews", [])), what))
             if start + count * width * dtype.itemsize > len(data):
                 raise ValueError(f"{what} has {count} sparse items beyond byte {len(data)}")
             found.append(np.frombuffer(data, dtype, count * width, start).reshape(count, width))

@@ -29,8 +29,8 @@ class Surface:
 class GltfMaterials:
     """Reads each material that primitives use once, and only the images that it displays."""
 
-    def __init__(self, header: Header, data: GltfData, pictures: ImageCache, unreadable: set[str]) -> None:
-        self._header, self._data, self._images, self._unreadable = header, data, pictures, unreadable
+    def __init__(self, data: GltfData) -> None:
+        self._data, self._header, self._images = data, data.header, ImageCache()
         self._surfaces: dict[int, Surface] = {}
 
     def of(self, primitive: Header) -> Surface | None:
@@ -85,7 +85,7 @@ class GltfMaterials:
                 except (ValueError, OSError):
                     uri = content.get("uri")
                     failed.append(shortened(uri) if isinstance(uri, str) else failed[0])
-        self._unreadable.add(failed[-1])
+        self._data.assets.unreadable.add(failed[-1])
         return None, ("repeat", "repeat")
 
     def _wrap(self, texture: Header) -> tuple[Wrap, Wrap]:

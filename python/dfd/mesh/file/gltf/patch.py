@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,16 +25,7 @@ from dfd.mesh.file.primitives import MovedPrimitive
 _UNSIGNED = 5125
 
 
-@dataclass(frozen=True)
-class GltfSource:
-    """The header of a glTF file, as text and parsed, and its data."""
-
-    text: bytes
-    header: Header
-    data: GltfData
-
-
-def encode(source: GltfSource, moved: Sequence[MovedPrimitive], *, binary: bool) -> bytes:
+def encode(source: GltfData, moved: Sequence[MovedPrimitive], *, binary: bool) -> bytes:
     """Return the file with its primitives moved, as GLB or as glTF with embedded data.
 
     External buffers and images are embedded; references to those that cannot be read are kept.
@@ -67,7 +57,7 @@ def encode(source: GltfSource, moved: Sequence[MovedPrimitive], *, binary: bool)
     return patch.encode(binary=binary)
 
 
-def keeps_origin(source: GltfSource, each: MovedPrimitive) -> bool:
+def keeps_origin(source: GltfData, each: MovedPrimitive) -> bool:
     """Whether the node of a primitive has a skin or morph targets: then it cannot be moved to another origin."""
     node, mesh, _ = each.primitive.source
     primitives = source.header["meshes"][mesh]["primitives"]
@@ -77,8 +67,8 @@ def keeps_origin(source: GltfSource, each: MovedPrimitive) -> bool:
 class GltfPatch(GltfBuilder):
     """A copy of the header, all data in one buffer, and pending additions."""
 
-    def __init__(self, source: GltfSource) -> None:
-        super().__init__(json.loads(source.text.decode()))
+    def __init__(self, source: GltfData) -> None:
+        super().__init__(json.loads(json.dumps(source.header)))
         self._source = source
         self._take_buffers()
         self._take_pictures()
@@ -91,7 +81,7 @@ class GltfPatch(GltfBuilder):
         moved_to: dict[int, tuple[int, int]] = {}  # from a buffer to its new number and where it starts there
         for index, buffer in enumerate(self.header.get("buffers", [])):
             try:
-                moved_to[index] = (0, self._append(self._source.data.buffer(index)))
+                moved_to[index] = (0, self._append(self._source.buffer(index)))
             except (ValueError, OSError):  # a placeholder of a compressed view, or a file that cannot be read
                 self._left.append(buffer)
                 moved_to[index] = (len(self._left), 0)
@@ -108,7 +98,7 @@ class GltfPatch(GltfBuilder):
             if not isinstance(uri, str) or uri.startswith("data:"):
                 continue
             try:
-                data = self._source.data.picture(image)
+                data = self._source.picture(image)
                 kind = image_format(data)
             except (ValueError, OSError):  # keep the reference
                 continue
@@ -133,7 +123,7 @@ class GltfPatch(GltfBuilder):
 
     def shift(self, primitive: dict[str, Any], origin: Float64) -> None:
         """Subtract `origin` from the positions of a primitive that has no faces."""
-        positions = self._source.data.attribute(primitive, "POSITION")
+        positions = self._source.attribute(primitive, "POSITION")
         if positions is not None:
             primitive["attributes"]["POSITION"] = self.accessor((positions - origin).astype("<f4"), bounds=True)
 
@@ -155,7 +145,7 @@ class GltfPatch(GltfBuilder):
 
         Positions and normals that are `moving` are left out: the stream holds the old ones.
         """
-        packed = self._source.data.draco(primitive)
+        packed = self._source.draco(primitive)
         if packed is None:
             return
         stored = extension(primitive, DRACO) or {}
@@ -189,14 +179,13 @@ class GltfPatch(GltfBuilder):
 
     def _drop_draco(self) -> None:
         """Name Draco's extension no longer where no primitive uses it any more."""
-        for mesh in objects(self.header, "meshes"):
-            if any(extension(each, DRACO) is not None for each in objects(mesh, "primitives")):
-                return
+        primitives = [each for mesh in objects(self.header, "meshes") for each in objects(mesh, "primitives")]
+        if any(extension(each, DRACO) is not None for each in primitives):
+            return
         for name in ("extensionsUsed", "extensionsRequired"):
-            left = [each for each in self.header.get(name, []) if each != DRACO]
-            if left != self.header.get(name, left):
-                self.header[name] = left
-                if not left:  # the format allows no empty lists
+            if DRACO in self.header.get(name, []):
+                self.header[name].remove(DRACO)
+                if not self.header[name]:  # the format allows no empty lists
                     del self.header[name]
 
     def _collect(

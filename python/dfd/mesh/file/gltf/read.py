@@ -5,6 +5,7 @@ The format: Khronos Group, "glTF 2.0 Specification", 2021.
 
 from __future__ import annotations
 
+import codecs
 from typing import Any, cast
 
 import numpy as np
@@ -14,26 +15,34 @@ from scipy.spatial.transform import Rotation
 from dfd.common.linear_algebra import Float64, Int64, unit
 from dfd.mesh.appearance import srgb
 from dfd.mesh.file.assets import AssetFolder, shortened
+from dfd.mesh.file.gltf import glb
 from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import Header, is_index, objects, parents, primitives
+from dfd.mesh.file.gltf.header import read as read_header
 from dfd.mesh.file.gltf.materials import GltfMaterials
 from dfd.mesh.file.gltf.rest import closed_seams, joint_matrices, morph_weights, morphed, skin_transforms
-from dfd.mesh.file.images import ImageCache
 from dfd.mesh.file.materials import rgba
 from dfd.mesh.file.primitives import IDENTITY, MOST_INSTANCES, MOST_PRIMITIVES, Geometry, MeshInstance, UniqueNames
 
 _STRIP, _FAN = 5, 6
 
 
-def read(header: Header, data: GltfData, assets: AssetFolder, *, at_rest: bool = True) -> list[MeshInstance]:
+def parse(data: bytes, assets: AssetFolder) -> GltfData:
+    """Return the checked header and the data of a GLB or glTF file; ValueError if it is malformed."""
+    text, embedded = glb.split(data) if glb.is_glb(data) else (data.removeprefix(codecs.BOM_UTF8), None)
+    return GltfData(read_header(text, glb=glb.is_glb(data)), embedded, assets)
+
+
+def read(data: GltfData, *, at_rest: bool = True) -> list[MeshInstance]:
     """Return the mesh instances of the scene, node by node in the file's order.
 
     With `at_rest`, skins and default morph weights are applied; otherwise both are ignored.
 
     Raises ValueError, OSError if a primitive that is shown cannot be read.
     """
+    header = data.header
     world, shown = world_transforms(header), shown_nodes(header)
-    materials = GltfMaterials(header, data, ImageCache(), assets.unreadable)
+    materials = GltfMaterials(data)
     geometries: dict[tuple[int, tuple[float, ...]], list[tuple[int, str, Geometry]]] = {}
     joints: dict[object, Float64 | None] = {}
     meshes, names, taken = objects(header, "meshes"), UniqueNames(), UniqueNames()
@@ -60,7 +69,7 @@ def read(header: Header, data: GltfData, assets: AssetFolder, *, at_rest: bool =
         part = taken.unique(str(content.get("name") or mesh_name or f"node {node}"))
         skin = content.get("skin") if at_rest else None
         if skin is not None and skin not in joints:
-            joints[skin] = joint_matrices(header, skin, data, world)
+            joints[skin] = joint_matrices(skin, data, world)
         placed = IDENTITY if np.array_equal(world[node], IDENTITY) else world[node]
         matrices = joints[skin] if skin is not None else None
         skinned = {} if matrices is None else _skinned(geometries[mesh, weights], meshes[mesh], data, matrices)

@@ -42,9 +42,9 @@ def morphed(values: Float64, name: str, primitive: Header, weights: tuple[float,
     return result
 
 
-def joint_matrices(header: Header, skin: Any, data: GltfData, world: Mapping[int, Float64]) -> Float64 | None:
+def joint_matrices(skin: Any, data: GltfData, world: Mapping[int, Float64]) -> Float64 | None:
     """Return the skinning matrix of each joint of a skin, (J, 4, 4); None where there is no such skin."""
-    skins, nodes = objects(header, "skins"), objects(header, "nodes")
+    skins, nodes = objects(data.header, "skins"), objects(data.header, "nodes")
     if not is_index(skin, len(skins)):
         return None
     joints = skins[skin].get("joints")
