@@ -1,12 +1,15 @@
-"""Work beside other work: at once where there are threads for it, later where there are none, never lost."""
+"""Work on several threads, with torch and without: all of it is done, and errors are raised."""
 
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterator
 
 import pytest
+import torch
 
 import dfd
+from dfd.common.devices import parallel_inference
 from dfd.common.threads import beside, parallel_ranges
 
 
@@ -44,3 +47,43 @@ def test_ranges_cover_everything_once(threads: int) -> None:
     seen: list[int] = []
     parallel_ranges(23, 5, lambda begin, end: seen.extend(range(begin, end)))
     assert sorted(seen) == list(range(23))
+
+
+@pytest.fixture
+def _three_threads() -> Iterator[None]:
+    torchs = torch.get_num_threads()
+    dfd.set_num_threads(3)
+    torch.set_num_threads(2)
+    yield
+    torch.set_num_threads(torchs)
+
+
+@pytest.mark.usefixtures("_three_threads")
+def test_torch_computes_alone_on_several_threads_and_without_gradients() -> None:
+    meet = threading.Barrier(3, timeout=10)
+    seen = set()
+
+    def work(begin: int, end: int) -> None:
+        meet.wait()  # three ranges are in work at the same time
+        seen.add((threading.get_ident(), torch.get_num_threads(), torch.is_inference_mode_enabled()))
+
+    parallel_inference(3, 1, work)
+    assert len(seen) == 3
+    assert {each[1:] for each in seen} == {(1, True)}
+    assert torch.get_num_threads() == 2
+    assert not torch.is_inference_mode_enabled()
+
+
+@pytest.mark.usefixtures("_three_threads")
+def test_an_error_ends_the_work_and_is_raised() -> None:
+    begun: list[int] = []
+
+    def work(begin: int, end: int) -> None:
+        begun.append(begin)
+        if begin >= 10:
+            raise ValueError("ten is too many")
+
+    with pytest.raises(ValueError, match="ten is too many"):
+        parallel_inference(100_000, 1, work)
+    assert len(begun) < 1000
+    assert torch.get_num_threads() == 2

@@ -1,4 +1,4 @@
-"""Arrays and numbers of strange kinds in public functions: each is a ValueError that names the argument."""
+"""Values of strange or wrong kinds as public arguments: each is a ValueError that names the argument."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 from made_field import made_field
+from mesh_files import CORNERS, CUBE
 
 import dfd
 from dfd import samples
@@ -69,3 +70,24 @@ def test_numbers_too_large_for_the_kernels_are_refused_early(name):
         Controls(**{name: 1e39})
     with pytest.raises(ValueError, match=f"`{name}` must be finite, got a whole number too large"):
         Controls(**{name: 10**400})
+
+
+MESH = dfd.Mesh(CORNERS, CUBE)
+TAKE_FIELDS = {
+    "Deformer": lambda field: dfd.Deformer(MESH, field),
+    "parts": lambda field: dfd.parts(field, MESH),
+    "symmetry_planes": lambda field: dfd.symmetry_planes(field, MESH),
+}
+
+
+@pytest.mark.parametrize("name", TAKE_FIELDS)
+@pytest.mark.parametrize("given", [MESH, np.ones((8, 3)), None])
+def test_what_is_no_field_is_refused(name, given):
+    with pytest.raises(ValueError, match=rf"^{name}: `field` must be a Field, got (Mesh|ndarray|NoneType)$"):
+        TAKE_FIELDS[name](given)
+
+
+@pytest.mark.parametrize("take", [dfd.Geodesics, lambda mesh: dfd.VertexField(mesh, np.ones((8, 4)))])
+def test_what_is_no_mesh_is_refused(take):
+    with pytest.raises(ValueError, match=r"`source` must be a path, .*, got NoneType$"):
+        take(None)

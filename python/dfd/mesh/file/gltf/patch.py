@@ -73,8 +73,7 @@ class GltfPatch(GltfBuilder):
         self._take_buffers()
         self._take_pictures()
         # primitives may share an accessor: rows that one of them moves are moved for all of the node's
-        self._rows: dict[tuple[int, str, int], Float64] = {}
-        self._uses: dict[tuple[int, str, int], list[dict[str, Any]]] = {}
+        self._moved: dict[tuple[int, str, int], tuple[Float64, list[Header]]] = {}
 
     def _take_buffers(self) -> None:
         """Concatenate the buffers that can be read; references to others stay."""
@@ -170,10 +169,10 @@ class GltfPatch(GltfBuilder):
 
     def encode(self, *, binary: bool) -> bytes:
         """Return the file, as GLB or as glTF with embedded data."""
-        for key, rows in self._rows.items():
-            index = self.accessor(rows.astype("<f4"), bounds=key[1] == "POSITION")
-            for attributes in self._uses[key]:
-                attributes[key[1]] = index
+        for (_, name, _), (rows, users) in self._moved.items():
+            index = self.accessor(rows.astype("<f4"), bounds=name == "POSITION")
+            for attributes in users:
+                attributes[name] = index
         self._drop_draco()
         return super().encode(binary=binary)
 
@@ -198,7 +197,7 @@ class GltfPatch(GltfBuilder):
         stored: Float64 | None = None,  # the file's positions, before morph targets
     ) -> None:
         key = (node, name, int(attributes[name]))
-        rows = self._rows.setdefault(key, (old if stored is None else stored).copy())
+        rows, users = self._moved.setdefault(key, ((old if stored is None else stored).copy(), []))
         changed = (old != new).any(axis=1)
         rows[changed] = new[changed] if stored is None else new[changed] - old[changed] + stored[changed]
-        self._uses.setdefault(key, []).append(attributes)
+        users.append(attributes)
