@@ -1,1 +1,1 @@
-"""The ground: checks, threads, files and progress. It imports nothing above it."""
+"""Checks, threads, files and progress, for all other packages; imports none of them."""

@@ -1,4 +1,4 @@
-"""Files that are whole or absent: written beside their place, then renamed into it; and where made things are kept."""
+"""Files that are written beside their place, then renamed into it; and the folder of the cache."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def cache_directory() -> Path:
 
 
 def plain(value: Any) -> Any:
-    """Arrays, numbers of NumPy and paths as JSON has them: the `default` of `json.dumps`."""
+    """Return what `json.dumps` writes for an array or a number of NumPy, and text for anything else."""
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 

@@ -16,7 +16,7 @@ UInt8 = NDArray[np.uint8]
 
 
 def unit(rows: NDArray[np.floating], *, least: float = 0.0) -> Float64:
-    """The rows (N, D) at length 1; those no longer than `least`, whose direction says nothing, become 0."""
+    """Return the rows (N, D) scaled to length 1; rows no longer than `least` become 0."""
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
     return np.divide(rows, lengths, out=np.zeros(np.shape(rows)), where=lengths > least, casting="same_kind")
 

@@ -26,7 +26,7 @@ def tracked(*values: Any) -> bool:
 
 
 def shared(function: str | None, name: str, value: Any) -> Any:
-    """`value`, or the NumPy view of the memory of a torch CPU tensor.
+    """Return `value`, or for a torch tensor on the CPU an array over the same memory.
 
     Raises ValueError if `value` is a tensor on another device or of a type that NumPy lacks, or an array whose mask
     would be lost.
@@ -54,7 +54,7 @@ def output(
     *,
     columns: bool = False,
 ) -> NDArray[Any]:
-    """The array behind `out`, checked to be what a kernel may write to; with `columns`, column by column as well.
+    """Return the array over the memory of `out` that a kernel may write to; with `columns`, column by column as well.
 
     Raises ValueError if `out` is not a writable contiguous array of `shape` and `dtype`, or shares memory with one of
     `inputs`.
@@ -93,5 +93,5 @@ def lines_contiguous(array: NDArray[Any]) -> bool:
 
 
 def like(value: Any, result: NDArray[Any]) -> Any:
-    """`result` as a torch tensor over the same memory when `value` is a tensor, else as it is."""
+    """Return `result` as a torch tensor over the same memory when `value` is a tensor, else as it is."""
     return sys.modules["torch"].from_numpy(result) if is_tensor(value) else result

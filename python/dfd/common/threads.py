@@ -36,16 +36,16 @@ def set_num_threads(count: int) -> None:
 
 
 def get_num_threads() -> int:
-    """The number of threads that the next call uses."""
+    """Return the number of threads that the next call uses."""
     return _threads
 
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Let every product of NumPy and SciPy compute on the thread that asks for it.
+    """Let NumPy and SciPy compute every product on the calling thread.
 
-    Theirs are small here, and often asked for by several threads at once: what BLAS would then share among threads of
-    its own, which spin while they wait for each other, takes twice as long, and many times as long on a busy machine.
+    The products here are small, and several threads compute some at once. The threads of BLAS would spin while they
+    wait for each other, which takes twice as long, and many times as long on a busy machine.
     """
     from threadpoolctl import threadpool_limits
 
@@ -54,7 +54,7 @@ def one_blas_thread() -> Iterator[None]:
 
 
 def _default_threads() -> int:
-    """OMP_NUM_THREADS where set, else the physical cores that this process may use."""
+    """Return OMP_NUM_THREADS where set, else the number of physical cores that this process may use."""
     try:
         wanted = int(os.environ.get("OMP_NUM_THREADS", "").split(",")[0])
     except ValueError:
@@ -66,7 +66,7 @@ def _default_threads() -> int:
 
 
 def _physical_cores(allowed: set[int]) -> int:
-    """How many distinct cores the logical processors `allowed` belong to."""
+    """Return how many distinct cores the logical processors `allowed` belong to."""
     cores = set()
     for processor in allowed:
         siblings = Path(f"/sys/devices/system/cpu/cpu{processor}/topology/thread_siblings_list")
@@ -78,7 +78,7 @@ def _physical_cores(allowed: set[int]) -> int:
 
 
 def _quota(most: int) -> int:
-    """The whole processors that the control group of a container grants, at most `most`."""
+    """Return the whole processors that the control group of a container grants, at most `most`."""
     try:
         granted, period = Path("/sys/fs/cgroup/cpu.max").read_text().split()
     except (OSError, ValueError):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Float64
 
-if TYPE_CHECKING:  # loads SciPy, which the command line's help does without
+if TYPE_CHECKING:  # slow to import: it loads SciPy
     from dfd.mesh.mesh import Mesh
 
 

@@ -113,7 +113,7 @@ class GltfPatch(GltfBuilder):
         return mesh
 
     def move_origin(self, node: int, origin: Float64) -> None:
-        """Hang the mesh of a node below it, at `origin` (3,)."""
+        """Move the mesh of a node to a new child of it, at `origin` (3,)."""
         content = self.header["nodes"][node]
         below: Header = {"mesh": content.pop("mesh"), "translation": origin.tolist()}
         if "name" in content:
@@ -177,7 +177,7 @@ class GltfPatch(GltfBuilder):
         return super().encode(binary=binary)
 
     def _drop_draco(self) -> None:
-        """Name Draco's extension no longer where no primitive uses it any more."""
+        """Remove the name of Draco's extension when no primitive uses it."""
         primitives = [each for mesh in objects(self.header, "meshes") for each in objects(mesh, "primitives")]
         if any(extension(each, DRACO) is not None for each in primitives):
             return
