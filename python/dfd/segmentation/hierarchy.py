@@ -18,8 +18,7 @@ from scipy.spatial.distance import cdist
 import dfd._core as _core
 from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.segmentation.border import SMALL_COMPONENT, closed
-from dfd.segmentation.distal import Distal
-from dfd.segmentation.patches import BRIDGE, Patches
+from dfd.segmentation.patches import BRIDGE, Distal, Patches
 
 DIMENSIONS = 24  # main directions of the features that are kept: the others hold noise
 DIFFUSION = 0.005  # area over which features are smoothed, as a part of the surface
@@ -179,11 +178,7 @@ class Hierarchy:
         clarity = (branch.concavity + LEAST_CONCAVITY) * branch.step**0.75
         return float(clarity / np.sqrt(self.around(node) + SHORT))
 
-    def closed(self, node: int) -> Bool:
-        """(P,) Return a node with everything that it separates from the body."""
-        return self._carried(node)[0]
-
-    def _carried(self, node: int) -> tuple[Bool, Bool]:
+    def carried(self, node: int) -> tuple[Bool, Bool]:
         """(P,) Return the closed node, and all that the shortest paths from the middle reach through it."""
         if node not in self._carrying:
             whole = closed(self._patches, self.branches[node].inside)
@@ -202,7 +197,7 @@ class Hierarchy:
         alone = [self.holdable(node) for node in nodes]
         side, likely = self._distal.side(patch), []
         for node, value in zip(nodes, alone, strict=True):
-            whole, reached = self._carried(node)
+            whole, reached = self.carried(node)
             left = area[side & reached & ~whole].sum()
             own = (1 - ELSEWHERE) * area[whole & side].sum() + ELSEWHERE * area[whole].sum()
             likely.append(value * (own / (own + left)) ** WHOLE)

@@ -119,7 +119,7 @@ class Parts:
         tree, patches = self._hierarchy, self._patches
         patch = int(patches.of_vertex[vertex])
         chosen = self._chosen(patch, "part")
-        inside = tree.closed(chosen)
+        inside, _ = tree.carried(chosen)
         if inside.all() or max(map(tree.holdable, tree.holding(patch))) < LEAST_HOLDABLE:
             return None
         side = self._snapped(inside, vertex)

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
+from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
-from dfd.common.linear_algebra import Float64, Int64
+import dfd._core as _core
+from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.geometry.coarse import RUN, Nodes, nodes_of
 from dfd.geometry.topology import first_at_place
 
@@ -24,6 +25,7 @@ TURNED = 0.6  # in those distances, what a turn of the normal by 1 counts: the t
 # At most: many loose components fill space, where more than `COUNT` fit. Seeds then keep so many times the distance.
 MOST, WIDER = 2 * COUNT, 1.25
 SAMPLES = 8  # vertices of a patch that its features are the mean of
+STARTS = 96  # patches from which distances are measured to find the middle
 BRIDGE = 1.0  # the concavity of a small gap between components: nothing parts them more clearly
 
 Indices = Int64
@@ -130,6 +132,40 @@ class Patches:
         for _ in range(min(round(np.sqrt(count / COUNT)), 6)):
             normal = near @ normal
         return _unit(normal)
+
+
+class Distal:
+    """Distances along the surface from the patch in the middle of the largest component, and the shortest paths."""
+
+    def __init__(self, patches: Patches) -> None:
+        borders = patches.borders
+        graph = borders.graph(borders.apart)
+        component = connected_components(graph, directed=False)[1]
+        body = np.flatnonzero(component == np.bincount(component, patches.area).argmax())
+        starts = body[:: len(body) // STARTS + 1]
+        middle = body[np.square(dijkstra(graph, indices=starts)[:, body]).sum(axis=0).argmin()]
+        self._distance, before = dijkstra(graph, indices=middle, return_predecessors=True)
+        self._pairs = borders.pairs.astype(np.int32)
+        # For k = 0, 1, …: the patch 2ᵏ steps nearer to the middle.
+        step = np.where(before >= 0, before, np.arange(len(before)))
+        self._steps = [step]
+        while not np.array_equal(step, step[step]):
+            step = step[step]
+            self._steps.append(step)
+
+    def through(self, inside: Bool) -> Bool:
+        """(P,) Return a part `inside` (P,) and all patches whose shortest path from the middle leads through it."""
+        reached = inside
+        for step in self._steps:
+            reached = reached | reached[step]
+        return reached
+
+    def side(self, patch: int) -> Bool:
+        """(P,) Return the connected component, around a patch, of all that is at least as far from the middle."""
+        far = self._distance >= self._distance[patch]
+        pairs = self._pairs[far[self._pairs].all(axis=1)]
+        component = _core.components(len(far), np.zeros((0, 3), np.int32), pairs)
+        return np.asarray(component == component[patch])
 
 
 def _surface(mesh: Mesh, nodes: Nodes, size: float) -> tuple[Float64, Float64, Indices, Float64]:
