@@ -21,7 +21,7 @@ from dfd.mesh.file.gltf.header import Header, objects
 from dfd.mesh.file.gltf.patch import GltfPatch
 from dfd.mesh.file.primitives import Primitive
 from dfd.mesh.file.scene_file import SceneFile
-from dfd.mesh.file.write import as_gltf, at_rest
+from dfd.mesh.file.write import as_gltf, moved_primitives
 from dfd.mesh.mesh import Mesh
 
 
@@ -38,7 +38,8 @@ class GltfDocument(GltfPatch):
             self.vertex = mesh.scene.vertex.astype(np.int64)
             source = mesh.scene.gltf
         else:
-            written = as_gltf(mesh.vertices, mesh.faces, mesh.scene, at_rest(mesh.scene), binary=True)
+            moved = moved_primitives(mesh.vertices, mesh.scene)
+            written = as_gltf(mesh.vertices, mesh.faces, mesh.scene, moved, binary=True)
             source = gltf_read.parse(written, AssetFolder(Path("mesh.glb")))
             self.scene = SceneFile.of(None, gltf_read.read(source), gltf=source)
             self.vertex = _rows_written(mesh)

@@ -45,7 +45,7 @@ def write(
         raise ValueError(f"Mesh.save: `vertices` must fit in 32-bit floats for a {ending} file; .obj, .off have more")
     if scene is not None:  # all vertices at one position move with the first of them
         vertices = vertices[scene.representative]
-    moved = () if scene is None else _move(vertices, scene)
+    moved = moved_primitives(vertices, scene)
     lost = np.zeros(0)
     files: dict[str, bytes]
     if scene is not None and scene.source is not None and scene.ending == ending:
@@ -109,12 +109,6 @@ def _smoothed(
         else replace(each, normals=each.primitive.normals_from_scene(normals[scene.vertex[each.primitive.rows]]))
         for each in moved
     ]
-
-
-def at_rest(scene: SceneFile | None) -> list[MovedPrimitive]:
-    """Return the primitives of a scene as they are."""
-    primitives = () if scene is None else scene.primitives
-    return [MovedPrimitive(each, each.geometry.vertices, each.normals, False) for each in primitives]
 
 
 def _write(target: Path, files: dict[str, bytes]) -> None:
@@ -181,8 +175,10 @@ def _encode_ply(
     return ply.encode(Geometry(vertices[appearance.corners[used_rows]], corners, colors=colors))
 
 
-def _move(vertices: Float64, scene: SceneFile) -> list[MovedPrimitive]:
-    """Convert positions to each primitive's coordinates; unmoved ones are kept bit for bit."""
+def moved_primitives(vertices: Float64, scene: SceneFile | None) -> list[MovedPrimitive]:
+    """Convert positions (V, 3) to each primitive's coordinates; unmoved ones are kept bit for bit."""
+    if scene is None:
+        return []
     changed = (vertices != scene.vertices).any(axis=1)
     normals = moved_normals.follow(vertices, scene.vertices, changed, scene)
     result = []
