@@ -35,8 +35,8 @@ from dfd.segmentation.parts import Parts
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "quality"
 EACH = 4  # handles in every label
-NEAR = 0.05  # of the diagonal: an instance that near to a landmark is on it
-FOLLOWS = 0.35  # of the handle's own weight: an instance that follows less is no like of it to people
+NEAR = 0.05  # of the diagonal: a counterpart that near to a landmark is on it
+FOLLOWS = 0.35  # of the handle's own weight: a counterpart that follows less is no like of it to people
 WORST = 10  # parts that are drawn
 
 Mask = Bool
@@ -47,12 +47,12 @@ LEGEND = {
     "threshold": "IoU with the label of all vertices above the best threshold of a handle's weights",
     "part": "IoU with the label of the part at a click, with its counterparts",
     "best of three": "of that part, the smaller one in it and the larger one around it, the best",
-    "instance": "IoU of the connected component of the part with that of the label",
+    "counterpart": "IoU of the connected component of the part with that of the label",
     "grip": "Σ min(w, t) / Σ max(w, t) over the surface, for a session's weights w and the label t",
     "coverage": "weight that the label has, of all that it could have",
     "leak": "weight beyond the label, of all weight",
-    "counterparts": "counterparts of landmarks within 5 % of the diagonal of an instance of the landmark's handle",
-    "too many": "instances of such a handle that are at no counterpart",
+    "counterparts": "counterparts of landmarks within 5 % of the diagonal of a counterpart of the landmark's handle",
+    "too many": "counterparts of such a handle that are at no counterpart",
     "at random": "precision of the shape turned by a random rotation",
     "by axes": "precision of the shape turned to lie along other axes of the file",
     "loss": "what a turn takes away from the precision as it stands",
@@ -123,13 +123,13 @@ def _judged(on: LabelledShape, field: dfd.Field, *, paper: bool) -> Judged:
     parts = Parts(mesh, field.on(mesh).rows)
     overlaps, masks = [], []
     for handle in handles.tolist():
-        truth, instance = on.labels == on.labels[handle], on.instances == on.instances[handle]
+        truth, counterpart = on.labels == on.labels[handle], on.instances == on.instances[handle]
         levels = [parts.part(handle, level).mask for level in ("part", "smaller", "larger")]
         first, *others = (soft_iou(on, mask, truth) for mask in levels)
-        alone = soft_iou(on, parts.part(handle, alike=False).mask, instance)
+        alone = soft_iou(on, parts.part(handle, alike=False).mask, counterpart)
         overlaps.append((first, max(first, *others), alone))
         masks.append(levels[0])
-    for name, values in zip(("part", "best of three", "instance"), np.transpose(overlaps), strict=True):
+    for name, values in zip(("part", "best of three", "counterpart"), np.transpose(overlaps), strict=True):
         verdict[name] = _mean(on, handles, values)
     verdict |= {**_grip(on, field, features, handles, {}), **_counterparts(on, field, features)}
     at = int(np.argmin([first for first, *_ in overlaps]))
@@ -195,7 +195,7 @@ def _grip(on: LabelledShape, field: dfd.Field, features: Float32, handles: Int64
 
 
 def _counterparts(on: LabelledShape, field: dfd.Field, features: Float32) -> Verdict:
-    """Whether the instances of a handle on a landmark are where its counterparts are; nothing where there are none."""
+    """Whether counterparts of a handle on a landmark are where those of the landmark are; nothing without any."""
     mesh, hits, wrong = on.shape.mesh, [], []
     session = dfd.Deformer(mesh, field, features=features)
     for group in on.counterparts:
@@ -203,8 +203,8 @@ def _counterparts(on: LabelledShape, field: dfd.Field, features: Float32) -> Ver
         for vertex in present if len(present) > 1 else ():
             held = session.add(vertex)
             handle = session.edit.handles[0]
-            instances = [one for one, _ in session.bound.instances(session.edit, handle) if one.weight >= FOLLOWS]
-            positions = [one.position for one in instances] or [handle.place.position]
+            counterparts = [one for one, _ in session.bound.counterparts(session.edit, handle) if one.weight >= FOLLOWS]
+            positions = [one.position for one in counterparts] or [handle.place.position]
             others = mesh.vertices[[other for other in present if other != vertex]]
             hits.append((cKDTree(positions).query(others)[0] <= NEAR * mesh.diagonal).mean())
             wrong.append((cKDTree(mesh.vertices[present]).query(positions)[0] > NEAR * mesh.diagonal).sum())

@@ -54,7 +54,7 @@ CALLS: dict[str, Callable[..., Any]] = {
     "shape": lambda a, b, c: whole_shape(dfd.Mesh(a, b), c),
     "handle": lambda a, b, c: turned(rotation=a, scale=b, pivot=c),
     "bent handle": lambda a, b, c: turned(bend=a, twist=b, joint=c),
-    "controls": lambda a, b, c: turned(reach=a, mask=b, excluded_instances=c, rotation=(0, 90, 0)),
+    "controls": lambda a, b, c: turned(reach=a, mask=b, excluded_counterparts=c, rotation=(0, 90, 0)),
     "numbers": lambda a, b, c: turned(falloff=a, locality=b, strength=c, rotation=(0, 90, 0)),
     "planes": lambda a, b, c: [plane.normal for plane in dfd.symmetry_planes(dfd.VertexField(MESH, a), MESH)],
     "parts": lambda a, b, c: dfd.parts(dfd.VertexField(MESH, a), MESH).part(b).vertices,

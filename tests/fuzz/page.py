@@ -35,7 +35,7 @@ TRANSFORM = {
     "bend": 20.0,
     "twist": 5,
 }
-CONTROLS = {"reach": 0.7, "falloff": 0.8, "instances": "own_pivot", "locality": 1.0, "strength": 0.5, "name": "a"}
+CONTROLS = {"reach": 0.7, "falloff": 0.8, "counterparts": "own_pivot", "locality": 1.0, "strength": 0.5, "name": "a"}
 TURNED = {"handle": 1, "translation": [0, 0.1, 0], "rotation": [0, 0, 90], "scale": ONE, "twist": 10}
 ASKED: list[dict[str, Any]] = [  # all but those that start processes or open samples
     *({"type": "add", "at": at} for at in ({"point": [0.5, 1, 1]}, {"mask": MASK}, {"part": 2})),
@@ -45,11 +45,11 @@ ASKED: list[dict[str, Any]] = [  # all but those that start processes or open sa
     {"type": "take_part", "vertex": 1, "handle": 1, "how": "add"},
     *({"type": name} for name in ("features", "undo", "redo", "clear", "cancel")),
     {"type": "suggest", "count": 3},
-    *({"type": name, "handle": 1} for name in ("instances", "axis", "reset", "remove")),
+    *({"type": name, "handle": 1} for name in ("counterparts", "axis", "reset", "remove")),
     *({"type": name, "transforms": [TURNED]} for name in ("compute", "pose")),
     {"type": "move", "handle": 1, "transform": TRANSFORM, "controls": CONTROLS, "merge": True, "settle": True},
     {"type": "change", "handle": 1, "at": {"vertex": 2}, "controls": {**CONTROLS, "mask": {"mask": MASK}}},
-    {"type": "change", "handle": 1, "controls": {"mask": "part", "excluded_instances": [1], "radius": "10 %"}},
+    {"type": "change", "handle": 1, "controls": {"mask": "part", "excluded_counterparts": [1], "radius": "10 %"}},
     {"type": "fix", "at": {"vertex": 4}, "strength": 0.5},
     {"type": "release", "index": 0},
     {"type": "change_fixed", "index": 0, "strength": 0.2, "merge": True},

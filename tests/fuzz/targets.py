@@ -108,7 +108,7 @@ def export_mesh(path: Path) -> None:
     if len(mesh.vertices) > 1000 or not 1e-3 < mesh.diagonal < 1e3:
         return
     session = dfd.Deformer(mesh, field_of(mesh))
-    session.add(0, translation=(0, 0.1, 0), instances="shared_pivot")  # without planes, which take most of the time
+    session.add(0, translation=(0, 0.1, 0), counterparts="shared_pivot")  # without planes, which take most of the time
     calls: dict[str, Callable[[Path], object]] = {
         **{name: partial(dfd.export_rig, session, form=form) for name, form in EXPORTS},
         "parts.obj": lambda to: export_parts(mesh, dfd.parts(session.field, mesh).cut(), to),

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import dfd
 from dfd import Deformer, Field, Geodesics, Mesh
 from dfd.common.preset import Preset
-from dfd.editing.controls import Falloff, Instances
+from dfd.editing.controls import Counterparts, Falloff
 from dfd.editing.edit import Edit
 from dfd.editing.influence.regions import Ball, Box, HalfSpace, VertexSet
 from dfd.editing.suggestions import suggest_handles
@@ -83,10 +83,10 @@ def _told(mesh: Mesh, features: NDArray[np.float32], planes: list[SymmetryPlane]
     assert 1 <= len(suggested) <= 4
     for each in suggested:
         assert _within(each.share, 0, 1)
-        for instance in each.instances:
-            assert np.isfinite(instance.frame).all()
-            assert instance.share is None or _within(instance.share.values, 0, 1)
-        shares = [one.share.dense(len(mesh.vertices)) for one in each.instances if one.share is not None]
+        for counterpart in each.counterparts:
+            assert np.isfinite(counterpart.frame).all()
+            assert counterpart.share is None or _within(counterpart.share.values, 0, 1)
+        shares = [one.share.dense(len(mesh.vertices)) for one in each.counterparts if one.share is not None]
         assert not shares or _within(np.sum(shares, axis=0), 0, 1 + 1e-4)
 
 
@@ -98,21 +98,21 @@ def _edited(
     planes: list[SymmetryPlane],
     random: np.random.Generator,
 ) -> None:
-    """A session: handles with every kind of instances, regions, distances, fixed points, symmetry, rules."""
+    """A session: handles with every kind of counterparts, regions, distances, fixed points, symmetry, rules."""
     size = mesh.diagonal
     session = Deformer(mesh, field, features=features)
     turned: dict[str, Any] = {"rotation": (10, 70, 20), "scale": (1.5, 0.7, 1.0), "translation": [0.1 * size] * 3}
     near: tuple[dict[str, Any], ...] = ({}, {"locality": 2.0}, {"radius": "30%"})
-    for kind, how in zip(get_args(Instances), random.permutation(near), strict=True):  # type: ignore[arg-type]
+    for kind, how in zip(get_args(Counterparts), random.permutation(near), strict=True):  # type: ignore[arg-type]
         session.apply(Edit())
-        held = session.add(handles[0], instances=kind, **turned, **how)
+        held = session.add(handles[0], counterparts=kind, **turned, **how)
         _check(session)
-        off = [one.vertex for one, _ in session.bound.instances(session.edit, session.handle(held))]
-        session.change(held, excluded_instances=off[1::2])
+        off = [one.vertex for one, _ in session.bound.counterparts(session.edit, session.handle(held))]
+        session.change(held, excluded_counterparts=off[1::2])
         _check(session)
     session.apply(Edit())
     for handle, kind in zip(handles, ("own_pivot", "only", "shared_pivot"), strict=False):
-        _tried(session.add, handle, instances=kind, reach=random.choice([0.3, 1.0]), **turned)
+        _tried(session.add, handle, counterparts=kind, reach=random.choice([0.3, 1.0]), **turned)
     for region in _regions(mesh, random):
         _tried(session.add, region, strength=0.5, translation=(0, 0.1 * size, 0))
         if region != "top":  # a point

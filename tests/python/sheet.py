@@ -32,8 +32,8 @@ def full_edit(mesh):
         "smooth",
         radius=0.25,
         strength=0.5,
-        instances="own_pivot",
-        excluded_instances=(place_on(mesh, 60), Place((0.3, 0.1, 0.5))),
+        counterparts="own_pivot",
+        excluded_counterparts=(place_on(mesh, 60), Place((0.3, 0.1, 0.5))),
         mask=Ball((0.01, 0.0, 0.0), 0.7),
         mask_feather=0.125,
     )

@@ -137,7 +137,7 @@ def _suggested(
             "vertex": each.vertex,
             "position": shape.vertices[each.vertex],
             "share": each.share,
-            "alike": [instance.vertex for instance in each.instances[1:]],
+            "alike": [counterpart.vertex for counterpart in each.counterparts[1:]],
         }
         for each in found
     ]

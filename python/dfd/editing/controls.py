@@ -13,13 +13,13 @@ from dfd.common.errors import ArgumentError, within
 from dfd.common.preset import Preset
 from dfd.editing.influence.regions import Region
 from dfd.editing.points import Place, place_on
-from dfd.editing.presets import CONTROLS, PRESETS, Instances, Reach
+from dfd.editing.presets import CONTROLS, PRESETS, Counterparts, Reach
 from dfd.weights.bind import Falloff
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["Controls", "Falloff", "Instances", "controls_of", "controls_on", "length_on"]
+__all__ = ["Controls", "Counterparts", "Falloff", "controls_of", "controls_on", "length_on"]
 
 DEFAULTS = PRESETS["default"]
 
@@ -39,8 +39,8 @@ class Controls(Brief):
     locality: Annotated[float, CONTROLS["locality"]] = 0.0
     radius: Annotated[float | None, CONTROLS["radius"]] = None
     strength: Annotated[float, CONTROLS["strength"]] = 1.0
-    instances: Annotated[Instances, CONTROLS["instances"]] = DEFAULTS.instances
-    excluded_instances: Annotated[tuple[Place, ...], CONTROLS["excluded_instances"]] = ()
+    counterparts: Annotated[Counterparts, CONTROLS["counterparts"]] = DEFAULTS.counterparts
+    excluded_counterparts: Annotated[tuple[Place, ...], CONTROLS["excluded_counterparts"]] = ()
     mask: Annotated[Annotated[Region, Tagged("kind")] | None, CONTROLS["mask"]] = None
     mask_feather: Annotated[float, CONTROLS["mask_feather"]] = 0.0
 
@@ -49,9 +49,9 @@ class Controls(Brief):
         if self.radius is not None and self.locality != 0.0:
             both = f"{self.radius:g} and {self.locality:g}"
             raise ArgumentError("radius", f"and `locality` must not be given both, got {both}", "Controls")
-        off: object = self.excluded_instances
+        off: object = self.excluded_counterparts
         if not isinstance(off, tuple) or any(not isinstance(one, Place) or one.region is not None for one in off):
-            raise ArgumentError("excluded_instances", f"must be places that are points, got {off!r}", "Controls")
+            raise ArgumentError("excluded_counterparts", f"must be places that are points, got {off!r}", "Controls")
         if self.mask is not None and not isinstance(self.mask, Region):
             raise ArgumentError("mask", f"must be a region, got {type(self.mask).__name__}", "Controls")
 
@@ -85,14 +85,14 @@ def controls_on(mesh: Mesh, given: Mapping[str, Any]) -> dict[str, Any]:
 
     Lengths are in mesh units, regions and places those of `mesh`.
 
-    Raises ValueError if a length is neither a number nor a percentage, `excluded_instances` is no list of points, or
+    Raises ValueError if a length is neither a number nor a percentage, `excluded_counterparts` is no list of points, or
     `mask` is no region or holds no vertex. Raises TypeError if there is no control of a name.
     """
     found = {name: value for name, value in dict(given).items() if value is not None}
     for name, value in found.items():
         if name not in CONTROLS:
             raise TypeError(f"{name!r} is no control of a handle; these are {', '.join(CONTROLS)}")
-        if name == "excluded_instances":
+        if name == "excluded_counterparts":
             found[name] = _points_on(mesh, value)
         elif CONTROLS[name].unit == "length":
             found[name] = length_on(mesh, name, value)
@@ -107,10 +107,10 @@ def controls_on(mesh: Mesh, given: Mapping[str, Any]) -> dict[str, Any]:
 def _points_on(mesh: Mesh, places: Any) -> tuple[Place, ...]:
     """The places of a list of them, once each."""
     if isinstance(places, str) or not isinstance(places, Iterable) or getattr(places, "ndim", 1) == 0:
-        raise ArgumentError("excluded_instances", f"must be a list of vertices or points, got {places!r}")
+        raise ArgumentError("excluded_counterparts", f"must be a list of vertices or points, got {places!r}")
     found = tuple(dict.fromkeys(place_on(mesh, at) for at in places))
     if any(place.region is not None for place in found):
-        raise ArgumentError("excluded_instances", "must be a list of vertices or points, got a region")
+        raise ArgumentError("excluded_counterparts", "must be a list of vertices or points, got a region")
     return found
 
 

@@ -31,7 +31,7 @@ from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.compact import CompactFeatures
 
 if TYPE_CHECKING:
-    from dfd.editing.influence.instances import Instance
+    from dfd.editing.influence.counterparts import Counterpart
     from dfd.editing.influence.regions import VertexSet
     from dfd.segmentation.parts import Level
 
@@ -125,15 +125,15 @@ class Deformer:
         return self.edit.handle(handle)
 
     @public
-    def instances(self, handle: int) -> list[tuple[Instance, bool]]:
-        """The places that look like the one a handle holds, and whether each moves along (`excluded_instances`).
+    def counterparts(self, handle: int) -> list[tuple[Counterpart, bool]]:
+        """The places that look like the one a handle holds, and whether each moves along (`excluded_counterparts`).
 
-        Its own is the first, then come the others, the most alike first; `Instance.vertex` and `Instance.position` say
-        where each is.
+        Its own is the first, then come the others, the most alike first. `Counterpart.vertex` and
+        `Counterpart.position` say where each is.
 
         Raises ValueError if there is no such handle.
         """
-        return self._weights.instances(self.edit, self.edit.handle(handle))
+        return self._weights.counterparts(self.edit, self.edit.handle(handle))
 
     @property
     def fixed(self) -> tuple[Fixed, ...]:
@@ -216,7 +216,7 @@ class Deformer:
             For people.
         **given
             What follows it, as `dfd.editing.presets.CONTROLS` says: `reach`, `falloff`, `locality`,
-            `radius`, `strength`, `instances`, `excluded_instances`, `mask` and `mask_feather`. What is left
+            `radius`, `strength`, `counterparts`, `excluded_counterparts`, `mask` and `mask_feather`. What is left
             out, or None, is as the preset has it. `mask="part"` is the part that the handle is on.
 
         Raises ValueError if a number is not finite, of another shape or out of its range, a name is unknown, a region
@@ -269,7 +269,7 @@ class Deformer:
         """Set where a handle is, what follows it, or its name, as in `add`; what is left out stays.
 
         Of `radius` and `locality` the one that is given ends the other; `mask="everywhere"` takes the limit away, and
-        `excluded_instances=[]` switches all on.
+        `excluded_counterparts=[]` switches all on.
 
         Raises ValueError as in `add`, or if there is no such handle.
         """
@@ -312,8 +312,8 @@ class Deformer:
     def preset(self) -> Preset:
         """What new handles start with and how handles act together (`dfd.editing.presets.PRESETS`).
 
-        Setting it is one step. It also gives every handle the preset's reach, falloff and instances, and the plane its
-        band.
+        Setting it is one step. It also gives every handle the preset's reach, falloff and counterparts, and the plane
+        its band.
         """
         return self.edit.preset
 

@@ -181,10 +181,10 @@ def edit_on(mesh: Mesh, edit: Edit, place: Callable[[str, Place], Place] | None 
         if controls.mask is not None:
             with within(f"{path}.mask"):
                 members(mesh, controls.mask)
-        if controls.excluded_instances:
-            off = enumerate(controls.excluded_instances)
-            placed = tuple(place(f"{path}.excluded_instances[{j}]", one) for j, one in off)
-            controls = replace(controls, excluded_instances=placed)
+        if controls.excluded_counterparts:
+            off = enumerate(controls.excluded_counterparts)
+            placed = tuple(place(f"{path}.excluded_counterparts[{j}]", one) for j, one in off)
+            controls = replace(controls, excluded_counterparts=placed)
         found = place(path, handle.place)
         with within(path):
             handles.append(replace(handle, place=found, controls=controls))
@@ -194,7 +194,7 @@ def edit_on(mesh: Mesh, edit: Edit, place: Callable[[str, Place], Place] | None 
 
 
 def with_preset(edit: Edit, preset: Preset, mesh: Mesh) -> Edit:
-    """Return `edit` under another preset, with its reach, falloff and instances in every handle and its plane's band.
+    """Return `edit` under another preset, with its controls of new handles in every handle and its plane's band.
 
     Raises ValueError if there is no such preset.
     """

@@ -28,8 +28,8 @@
           "locality": 2.0,
           "radius": null,
           "strength": 1.0,
-          "instances": "shared_pivot",
-          "excluded_instances": [{"vertex": 812, "position": [-0.1, 0.9, -0.6]}],
+          "counterparts": "shared_pivot",
+          "excluded_counterparts": [{"vertex": 812, "position": [-0.1, 0.9, -0.6]}],
           "mask": null,
           "mask_feather": 0.0
         }
@@ -250,7 +250,7 @@ def to_document(edit: Edit, mesh: Mesh) -> dict[str, Any]:
     document: dict[str, Any] = {key: written.pop(key) for key in FIRST} | written
     document["handles"] = [_spread(handle) for handle in document["handles"]]
     document["fixed"] = [_spread(fixed) for fixed in document["fixed"]]
-    for place in (place for handle in document["handles"] for place in handle["excluded_instances"]):
+    for place in (place for handle in document["handles"] for place in handle["excluded_counterparts"]):
         del place["region"]  # they are points
     if edit.symmetry is not None:
         document["symmetry"] = {key: document["symmetry"][key] for key in ("normal", "offset", "band")}
@@ -410,7 +410,7 @@ class _Places:
 # What pydantic puts into the path of a value: the member of a union that it tried, and what files spread.
 TAGS = {"float", "str", *SPREAD, *(each.kind for each in get_args(Region)), "SymmetryPlane"}
 PHRASES = {
-    "be a dictionary or an instance of .*": "be an object",
+    "be a dictionary or a counterpart of .*": "be an object",
     "be an? valid (tuple|list|array)": "be a list",
     "valid number": "finite number",
     "valid integer": "whole number",
@@ -424,7 +424,7 @@ KNOWN_KEYS: dict[str, tuple[str, ...]] = {
     "mesh": _keys(MadeFor),
     "made_on": _keys(MadeOn),
     "handles": ("id", "name", *_keys(*SPREAD.values())),
-    "excluded_instances": _keys(Place),
+    "excluded_counterparts": _keys(Place),
     "fixed": (*_keys(Place), "strength"),
     "symmetry": ("normal", "offset", "band"),
     "default": tuple(key for key in _keys(Transform) if key not in OF_HELD_PARTS),

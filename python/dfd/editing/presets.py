@@ -20,7 +20,7 @@ LARGEST = 1e38  # what the kernels compute with are 32-bit floats
 # and the number that it is on a shape of which no part ends anywhere, such as a ball.
 WITHIN_PART, PARTLESS_REACH = 6.0, 0.7
 
-Instances = Literal["own_pivot", "shared_pivot", "only"]
+Counterparts = Literal["own_pivot", "shared_pivot", "only"]
 Reach = float | Literal["part"]
 SymmetryCandidates = Literal["any", "axes"]
 
@@ -54,14 +54,14 @@ CONTROLS = {
         slider=(0.0, 1.0, 0.01),
     ),
     "strength": About("From 0 to 1: a factor for what follows.", 0.0, 1.0, metavar="S", slider=(0.0, 1.0, 0.05)),
-    "instances": About(
+    "counterparts": About(
         "Counterparts move about their own pivots, about the handle's (shared_pivot, the paper), or not at all (only).",
         metavar="own_pivot|shared_pivot|only",
         affects="pose",
         label="Counterparts",
     ),
-    "excluded_instances": About(
-        "A place on an instance that does not move along.", metavar="PLACE", repeated=True, affects="pose"
+    "excluded_counterparts": About(
+        "A place on a counterpart that does not move along.", metavar="PLACE", repeated=True, affects="pose"
     ),
     "mask": About(
         "Nothing follows beyond: part (the handle's), part:NAME, group:NAME, 'x>0', ball:x,y,z,r or box:x,y,z,x,y,z.",
@@ -83,11 +83,11 @@ CONTROLS = {
 class Rules:
     """Everything that differs between the presets, with the values of the preset "default"."""
 
-    # reach, falloff, instances: the controls of a new handle. By pictures and labels of people, any one number is too
+    # reach, falloff, counterparts: controls of a new handle. By pictures and labels of people, any one number is too
     # wide for an ear and too narrow for a leg, and with a linear falloff what is pulled has a point.
     reach: Reach = "part"
     falloff: Falloff = "smooth"
-    instances: Instances = "own_pivot"
+    counterparts: Counterparts = "own_pivot"
     # pivot: about what a handle turns and scales if none is given: as `Deformer.add` says, or the point held
     pivot: Literal["auto", "point"] = "auto"
     # equalize: whether counterparts follow as much as the component that is held, or as much as they resemble it
@@ -110,7 +110,7 @@ class Rules:
     @property
     def handle(self) -> dict[str, Any]:
         """The controls of a new handle, by their names."""
-        return {name: getattr(self, name) for name in ("reach", "falloff", "instances")}
+        return {name: getattr(self, name) for name in ("reach", "falloff", "counterparts")}
 
 
 PRESETS: dict[Preset, Rules] = {
@@ -119,7 +119,7 @@ PRESETS: dict[Preset, Rules] = {
     "paper": Rules(
         reach=1.0,
         falloff="linear",
-        instances="shared_pivot",
+        counterparts="shared_pivot",
         pivot="point",
         equalize=False,
         overlap="paper",

@@ -33,15 +33,15 @@ class HandleReport:
     missing: float  # the distance between the two
     arrived: bool  # whether `missing` is too small to see: below 0.1 % of the diagonal of the box
     mirrored: Vector | None  # (3,) where the handle acts mirrored as well, or None
-    instances: int  # how many instances it moves, each about its own pivot; 1 where it moves all together
+    counterparts: int  # how many counterparts it moves, each about its own pivot; 1 where it moves all together
     along_with: tuple[int, ...] = ()  # the ids of handles that move it as well: its part lies in theirs
 
     def __str__(self) -> str:
         """Say it in a few words."""
         named = f"handle {self.id}" + (f" ({self.name})" if self.name else "")
         words = f"{named} arrived" if self.arrived else f"{named} is {self.missing:.3g} from where it was sent"
-        if self.instances > 1:
-            words += f", each of {self.instances} instances about its own pivot"
+        if self.counterparts > 1:
+            words += f", each of {self.counterparts} counterparts about its own pivot"
         if self.along_with:
             words += f", along with handle {' and '.join(map(str, self.along_with))}"
         if self.mirrored is not None:
@@ -83,9 +83,9 @@ def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: Float64) -> Re
     distances = np.linalg.norm(posed - mesh.vertices, axis=1)
     farthest = float(distances.max())
     moved = float(np.mean(distances > UNSEEN * mesh.diagonal))
-    counts = weights.instance_counts(edit)
+    counts = weights.counterpart_counts(edit)
     following, columns = weights.columns(edit)
-    own = {column.handle: column for column in reversed(columns)}  # a handle's own instance is its first
+    own = {column.handle: column for column in reversed(columns)}  # a handle's own counterpart is its first
     bent = weights.bent(edit)
     handles = []
     for i, handle in enumerate(edit.handles):
@@ -106,7 +106,7 @@ def _handle_report(
     handle: Handle,
     target: Float64,
     vertex: int,
-    instances: int,
+    counterparts: int,
     along_with: tuple[int, ...],
     posed: Float64,
 ) -> HandleReport:
@@ -125,7 +125,7 @@ def _handle_report(
         missing,
         missing <= UNSEEN * mesh.diagonal,
         mirrored,
-        instances,
+        counterparts,
         along_with,
     )
 

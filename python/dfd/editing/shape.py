@@ -8,8 +8,8 @@ import numpy as np
 
 from dfd.common.linear_algebra import Float64
 from dfd.editing.edit import Edit, Handle, box_center
+from dfd.editing.influence.counterparts import Column
 from dfd.editing.influence.handle_weights import HandleWeights
-from dfd.editing.influence.instances import Column
 from dfd.posing.pose import Drag, pose
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ class PosedShape:
 
     def _matrix(self, edit: Edit, column: Column) -> Float64:
         handle = edit.handles[column.handle]
-        return handle.matrix if column.instance is None else column.matrix(handle)
+        return handle.matrix if column.counterpart is None else column.matrix(handle)
 
 
 def _moved(before: Edit, after: Edit) -> list[int] | None:

@@ -10,7 +10,7 @@ import numpy as np
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64
-from dfd.editing.influence.instances import LEAST_ALIKE, Instance, InstanceFinder
+from dfd.editing.influence.counterparts import LEAST_ALIKE, Counterpart, CounterpartFinder
 from dfd.geometry.topology import face_areas
 from dfd.weights.bind import bind
 from dfd.weights.compact import CompactFeatures
@@ -33,7 +33,7 @@ class Suggestion:
 
     vertex: int  # where to hold
     share: float  # part of the shape, by area, that looks more like it than like any other suggested one
-    instances: tuple[Instance, ...]  # what would follow, its own place first
+    counterparts: tuple[Counterpart, ...]  # what would follow, its own place first
 
 
 def suggest_handles(
@@ -42,7 +42,7 @@ def suggest_handles(
     *,
     count: int = 12,
     planes: Sequence[SymmetryPlane] = (),
-    finder: InstanceFinder | None = None,
+    finder: CounterpartFinder | None = None,
 ) -> list[Suggestion]:
     """Suggest handles, one for each kind of part: a hoof stands for all hooves, a horn for both.
 
@@ -51,7 +51,7 @@ def suggest_handles(
     minimize the maximum intercluster distance", 1985).
 
     At most `count` are found, from the `features` (V, D) of the vertices, in full or compact; `planes` are those of
-    symmetry of the shape, see `InstanceFinder`.
+    symmetry of the shape, see `CounterpartFinder`.
 
     Raises ValueError if `count` is not at least 1, or no face has an area.
     """
@@ -78,13 +78,13 @@ def suggest_handles(
             break
         chosen.append(int(nearest.argmax()))
     shares = np.bincount(apart[:, chosen].argmin(axis=1), weight, minlength=len(chosen))
-    finder = finder or InstanceFinder(mesh)
+    finder = finder or CounterpartFinder(mesh)
     found = []
     for column, share in zip(chosen, shares, strict=True):
         vertex = int(some[candidates[column]])
         alike = bind(features, [vertex], reach=REACH)[:, 0]
-        instances, _ = finder.find(alike, vertex, mesh.vertices[vertex], planes=planes)
-        likes = tuple(one for one in instances if one is instances[0] or one.weight >= LEAST_ALIKE)
+        counterparts, _ = finder.find(alike, vertex, mesh.vertices[vertex], planes=planes)
+        likes = tuple(one for one in counterparts if one is counterparts[0] or one.weight >= LEAST_ALIKE)
         found.append(Suggestion(vertex, float(share), likes))
     return found
 

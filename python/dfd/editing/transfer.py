@@ -169,7 +169,7 @@ class Carrier:
         controls = handle.controls
         carried: Controls = replace(
             controls,
-            excluded_instances=(),  # the other shape has other ones
+            excluded_counterparts=(),  # the other shape has other ones
             mask=None if controls.mask is None else self.region(controls.mask),
             **self.scaled(controls, beside),
         )

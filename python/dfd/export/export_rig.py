@@ -47,7 +47,7 @@ def export_rig(
     path
         A .glb or .gltf file; with `form="baked"` an .obj, .ply, .stl or .off file as well.
     form
-        "skin": a joint for each handle and each of its instances, in their own frames at their pivots, with the weights
+        "skin": a joint for each handle and each counterpart, in their own frames at their pivots, with the weights
         with which `dfd.pose` blends (Eq. 1 and 8), and a root that never moves for what they leave of 1 (or another
         joint for D₀, where the edit has one). "morph": a target for each handle that moves, or for each key pose.
         "baked": the posed shape as a static mesh. By default the first of them that has room beside the mesh's own

@@ -32,7 +32,7 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
         The shape with its handles.
     path
         An .npz or .safetensors file. It holds `vertices` (V, 3) float64 and `faces` (F, 3) of the resting mesh;
-        `weights` (V, C) float32, a column for each handle and each of its instances; `transforms` (C, 3, 4) float64,
+        `weights` (V, C) float32, a column for each handle and each of its counterparts; `transforms` (C, 3, 4) float64,
         mesh units; `handles` (C, 3) where each column is held; `handle_ids` (C,); and `default` (3, 4), D₀. As texts,
         which safetensors has in its metadata: `format`, `version`, `names` (a JSON list of C names), `edit` (its
         document, see `dfd.editing.edit_file`), `field` (its settings) and `mesh` (its `Mesh.content_hash`).
@@ -71,7 +71,7 @@ def _arrays(session: Deformer) -> dict[str, np.ndarray[Any, Any]]:
 
 
 def _names(session: Deformer) -> list[str]:
-    """A name for each column: its handle's, with a number for each further instance."""
+    """A name for each column: its handle's, with a number for each further counterpart."""
     names = UniqueNames()
     handles = session.edit.handles
     columns = session.bound.columns(session.edit)[1]

@@ -1,6 +1,6 @@
 """Joints: position and frame of a handle in other programs, and its transforms in that frame.
 
-An instance moves by what its handle does, carried over by a rigid map Φ: D ↦ Φ D Φ⁻¹. Φ also places its
+A counterpart moves by what its handle does, carried over by a rigid map Φ: D ↦ Φ D Φ⁻¹. Φ also places its
 joint, so all joints of a handle have the same transform in their own frames. A frame is right-handed: that of a mirror
 image has all three axes negated, so that the same rotation acts mirrored, as for mirrored joints of animators.
 """

@@ -10,7 +10,7 @@ import numpy as np
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit, Handle, box_center
-from dfd.editing.influence.instances import Column
+from dfd.editing.influence.counterparts import Column
 from dfd.editing.shape import PosedShape
 from dfd.export.joints import Joint
 from dfd.export.key_poses import KeyPose, posed_edit
@@ -82,7 +82,7 @@ class Rig:
 def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
     """The rig of a session's present edit.
 
-    A handle gives a joint for each of its instances, and with a plane of symmetry each of them another for its mirror
+    A handle gives a joint for each counterpart, and with a plane of symmetry each of them another for its mirror
     image.
     """
     edit = session.edit
@@ -138,12 +138,12 @@ def _frame(transforms: Sequence[Transform]) -> Float64:
 
 
 def _carry(column: Column, handle: Handle) -> Float64:
-    """(4, 4) rigid Φ, from a handle to one of its instances."""
+    """(4, 4) rigid Φ, from a handle to one of its counterparts."""
     carry = np.eye(4)
-    if column.instance is not None:
-        carry[:3, :3] = column.instance.frame
+    if column.counterpart is not None:
+        carry[:3, :3] = column.counterpart.frame
         there = np.asarray(handle.place.position)
-        carry[:3, 3] = np.asarray(column.instance.position) - column.instance.frame @ there
+        carry[:3, 3] = np.asarray(column.counterpart.position) - column.counterpart.frame @ there
     return carry
 
 

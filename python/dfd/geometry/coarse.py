@@ -125,7 +125,7 @@ _NODES: WeakKeyDictionary[Mesh, ref[Nodes]] = WeakKeyDictionary()
 
 
 def nodes_of(mesh: Mesh) -> Nodes:
-    """Return the nodes of a mesh, for as long as they are in use the same: to find its parts, and to find instances."""
+    """Return the nodes of a mesh, the same as long as they are in use: to find parts, and to find counterparts."""
     known = _NODES.get(mesh)
     nodes = None if known is None else known()
     if nodes is None:

@@ -34,16 +34,16 @@ class Client:
             for entry in header["columns"]:
                 values = arrays[entry["values"]] * (entry["scale"] / 65535)
                 geodesic = None if entry["geodesic"] is None else arrays[entry["geodesic"]] / 65535
-                self.entries[entry["column"]] = {**entry, "values": values, "geodesic": geodesic, "instances": ()}
-        while (later := self.columns.instances_message()) is not None:
+                self.entries[entry["column"]] = {**entry, "values": values, "geodesic": geodesic, "counterparts": ()}
+        while (later := self.columns.counterparts_message()) is not None:
             header, arrays = unpack(later)
             for entry in header["columns"]:
-                before = self.entries[entry["column"]]["instances"]
-                for i, instance in enumerate(entry["instances"]):
-                    name = instance["share"]
+                before = self.entries[entry["column"]]["counterparts"]
+                for i, counterpart in enumerate(entry["counterparts"]):
+                    name = counterpart["share"]
                     self.shares += name is not None
-                    instance["share"] = before[i]["share"] if name is None else arrays[name] / 65535
-                self.entries[entry["column"]]["instances"] = entry["instances"]
+                    counterpart["share"] = before[i]["share"] if name is None else arrays[name] / 65535
+                self.entries[entry["column"]]["counterparts"] = entry["counterparts"]
         assert not self.columns.has_pending
         return state_message(ViewState(), self.deformer, self.columns, after=0).model_dump()
 
@@ -61,8 +61,8 @@ class Client:
                 if entry["geodesic"] is not None:
                     weight = weight * (1 - entry["geodesic"]) ** handle["exponent"]
                 weight = handle["strength"] * np.minimum(handle["gain"] * weight, 1)
-                if handle["instances"] == "shared_pivot" and entry["instances"]:
-                    (whole,) = entry["instances"]
+                if handle["counterparts"] == "shared_pivot" and entry["counterparts"]:
+                    (whole,) = entry["counterparts"]
                     weight = np.minimum(whole["gain"] * whole["share"] * weight, 1)
             columns.append(weight)
         return np.stack(columns, axis=1)
@@ -112,13 +112,13 @@ def test_reach_and_falloff_are_the_pages_own(client: Client, falloff: Any, reach
     assert client.received == 0
 
 
-@pytest.mark.parametrize("controls", [{}, {"excluded_instances": True}])
-def test_a_slider_of_reach_sends_what_instances_have_of_it(client: Client, controls: Any) -> None:
+@pytest.mark.parametrize("controls", [{}, {"excluded_counterparts": True}])
+def test_a_slider_of_reach_sends_what_counterparts_have_of_it(client: Client, controls: Any) -> None:
     deformer = client.deformer
-    deformer.add(3, reach=1.0, instances="shared_pivot")
+    deformer.add(3, reach=1.0, counterparts="shared_pivot")
     if controls:
-        likes = [instance.vertex for instance, _ in deformer.instances(1)][1:2]
-        deformer.change(1, excluded_instances=likes)
+        likes = [counterpart.vertex for counterpart, _ in deformer.counterparts(1)][1:2]
+        deformer.change(1, excluded_counterparts=likes)
     before = client.weights()
     for reach in (0.8, 0.6, 1.2):
         deformer.change(1, reach=reach)
@@ -130,9 +130,9 @@ def test_a_slider_of_reach_sends_what_instances_have_of_it(client: Client, contr
     assert np.abs(after - before).max() > 0.05
 
 
-def test_shares_of_instances_that_stay_as_they_are_travel_once(client: Client) -> None:
+def test_shares_of_counterparts_that_stay_as_they_are_travel_once(client: Client) -> None:
     deformer = client.deformer
-    deformer.add(3, reach=1.0, instances="own_pivot")
+    deformer.add(3, reach=1.0, counterparts="own_pivot")
     client.listen()
     sent = client.shares
     assert sent > 1
@@ -160,18 +160,18 @@ def test_regions_and_limits_travel_as_weights(client: Client) -> None:
 
 @pytest.mark.parametrize("mode", ["own_pivot", "only"])
 @pytest.mark.parametrize("pivot", [None, (0.3, 0.2, 0.1)])
-def test_instances_act_as_the_kernel_poses_them(client: Client, mode: Any, pivot: Any) -> None:
+def test_counterparts_act_as_the_kernel_poses_them(client: Client, mode: Any, pivot: Any) -> None:
     deformer = client.deformer
     vertices = deformer.mesh.vertices
     foot = int(np.argmin(vertices[:, 1] - vertices[:, 0] - vertices[:, 2]))
-    deformer.add(foot, translation=(0.1, 0.2, 0), rotation=(0, 0, 30), pivot=pivot, instances=mode)
+    deformer.add(foot, translation=(0.1, 0.2, 0), rotation=(0, 0, 30), pivot=pivot, counterparts=mode)
     (weights,) = client.weights().T
     (handle,) = client.listen()["handles"]
     transform = deformer.handles[0].transform
     moved = vertices.copy()
-    instances = client.entries[handle["column"]]["instances"]
-    assert len(instances) >= 1
-    for entry in instances:
+    counterparts = client.entries[handle["column"]]["counterparts"]
+    assert len(counterparts) >= 1
+    for entry in counterparts:
         frame = np.array(entry["frame"])
         center = np.array(entry["position"]) + frame @ np.subtract(handle["pivot"], handle["position"])
         linear = frame @ transform.linear @ frame.T

@@ -27,8 +27,8 @@ def test_a_shape_is_shown_and_edited(page: Page, deformer: Deformer) -> None:
     state = page.last("state")
     assert state["handles"][0]["name"] == "foot"
     assert page.last("columns")["columns"][0]["column"] == state["handles"][0]["column"]
-    instances = page.until(lambda message: message["type"] == "instances")
-    assert instances["columns"][0]["column"] == state["handles"][0]["column"]
+    counterparts = page.until(lambda message: message["type"] == "counterparts")
+    assert counterparts["columns"][0]["column"] == state["handles"][0]["column"]
     assert "Moved" in page.until(lambda message: message["type"] == "report")["text"]
     deformer.add(5, translation=(0, -0.3, 0))
     answer = page.ask("compute")
@@ -123,11 +123,11 @@ def test_a_preset_is_one_step_and_stays_when_all_is_cleared(new_page: Page) -> N
     )
 
 
-def test_the_heat_map_comes_first_and_instances_after_it(page: Page) -> None:
+def test_the_heat_map_comes_first_and_counterparts_after_it(page: Page) -> None:
     page.ask("add", at={"vertex": 5})
     page.until(lambda message: message["type"] == "report")
     order = [message["type"] for message in page.heard[-5:]]
-    assert order == ["columns", "state", "done", "instances", "report"]
+    assert order == ["columns", "state", "done", "counterparts", "report"]
 
 
 def test_a_drag_with_the_wheel_is_one_step(page: Page) -> None:

@@ -95,7 +95,7 @@ def test_a_server_that_stops_closes_its_pages(options: SessionOptions) -> None:
     page.close()
 
 
-def test_a_click_waits_for_the_instances_of_one_column_at_most_and_deferred_work_comes_last(tmp_path, monkeypatch):  # type: ignore[no-untyped-def]
+def test_a_click_waits_for_the_counterparts_of_one_column_at_most_and_deferred_work_comes_last(tmp_path, monkeypatch):  # type: ignore[no-untyped-def]
     did: list[str] = []
     pending = ["a", "b"]
 

@@ -78,8 +78,8 @@ def test_an_edit_holds_several_handles_and_options_add_to_it(run, chair):
 
 def test_every_handle_has_the_options_that_follow_it(run, chair):
     first = ("--translate", 0, 1, 0, "--handle", 40, "--reach", "part", "--falloff=smooth", "--name", "foot")
-    second = ("--handle=top", "--rotate", 0, 0, 90, "--locality", 2, "--instances", "own_pivot")
-    second += ("--excluded-instance", 7, "--excluded-instance=0.1,0.2,0.3")
+    second = ("--handle=top", "--rotate", 0, 0, 90, "--locality", 2, "--counterparts", "own_pivot")
+    second += ("--excluded-counterpart", 7, "--excluded-counterpart=0.1,0.2,0.3")
     third = ("--handle", 900, "--radius", "20%", "--strength", 0.5, "--mask", "y>0", "--axes", "normal")
     assert worked(run(*DEFORM, *first, *second, "--fix", "1000:0.25", *third, "--save-edit", "edit.json"))
     edit = read_edit("edit.json", chair)
@@ -88,10 +88,10 @@ def test_every_handle_has_the_options_that_follow_it(run, chair):
     assert (one.controls.reach, one.controls.falloff) == ("part", "smooth")
     assert two.place.vertex == chair.vertices[:, 1].argmax()
     assert two.transform.translation == (0, 0, 0)
-    assert (two.controls.locality, two.controls.instances) == (2, "own_pivot")
-    off = [place.vertex for place in two.controls.excluded_instances]
+    assert (two.controls.locality, two.controls.counterparts) == (2, "own_pivot")
+    off = [place.vertex for place in two.controls.excluded_counterparts]
     assert off == [7, np.linalg.norm(chair.vertices - (0.1, 0.2, 0.3), axis=1).argmin()]
-    assert one.controls.excluded_instances == three.controls.excluded_instances == ()
+    assert one.controls.excluded_counterparts == three.controls.excluded_counterparts == ()
     assert three.controls.radius == pytest.approx(0.2 * chair.diagonal)
     assert (three.controls.strength, str(three.controls.mask)) == (0.5, "the side (0, 1, 0) · p ≥ 0")
     assert three.transform.axes is not None

@@ -15,7 +15,7 @@ EXPORT = ("export", "MESH", "--field", "FIELD", "--edit", "edit.json")
 @pytest.fixture
 def edited(run):
     deform = ("deform", "MESH", "--field", "FIELD", "--handle", 40, "--translate", 0, 0.2, 0, "--name", "leg")
-    assert worked(run(*deform, "--instances", "shared_pivot", "--save-edit", "edit.json"))
+    assert worked(run(*deform, "--counterparts", "shared_pivot", "--save-edit", "edit.json"))
 
 
 @pytest.mark.usefixtures("edited")

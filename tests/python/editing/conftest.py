@@ -46,7 +46,7 @@ def rules(monkeypatch):
 
 @pytest.fixture
 def paper_handles(rules):
-    """New handles reach and fall off as the paper's; instances have own pivots and follow as far as they look alike."""
+    """New handles reach and fall off as the paper's; counterparts have own pivots and follow as they look alike."""
     rules(reach=1.0, falloff="linear", equalize=False)
 
 

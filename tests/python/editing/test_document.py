@@ -56,8 +56,8 @@ controls = st.builds(
     st.sampled_from(["linear", "smooth"]),
     st.floats(0, 1e3),
     strength=st.floats(0, 1),
-    instances=st.sampled_from(["own_pivot", "shared_pivot", "only"]),
-    excluded_instances=st.lists(triples.map(Place), max_size=3).map(tuple),
+    counterparts=st.sampled_from(["own_pivot", "shared_pivot", "only"]),
+    excluded_counterparts=st.lists(triples.map(Place), max_size=3).map(tuple),
 )
 
 
@@ -103,7 +103,7 @@ def test_the_example_of_the_documentation_is_read(mesh):
     assert to_document(edit, mesh).keys() == json.loads(example).keys()
     written, said = to_document(edit, mesh)["handles"][0], json.loads(example)["handles"][0]
     assert written.keys() == said.keys()
-    assert written["excluded_instances"][0].keys() == said["excluded_instances"][0].keys()
+    assert written["excluded_counterparts"][0].keys() == said["excluded_counterparts"][0].keys()
 
 
 def test_a_short_document_by_hand_is_enough(mesh):
@@ -163,7 +163,7 @@ def test_on_another_resolution_handles_stay_where_they_were(edit, mesh, document
         assert new == replace(old, place=Place(old.place.position))
     assert moved.fixed[0].place == Place(edit.fixed[0].position)
     assert moved.handles[2].place.region == edit.handles[2].place.region
-    was, now = (each.handles[2].controls.excluded_instances for each in (edit, moved))
+    was, now = (each.handles[2].controls.excluded_counterparts for each in (edit, moved))
     assert now == tuple(Place(place.position) for place in was)
     assert moved.handles[2].place == place_on(finer, edit.handles[2].place.region)
     assert [fixed.place.region for fixed in moved.fixed] == [fixed.place.region for fixed in edit.fixed]
@@ -234,9 +234,9 @@ MISSING = object()
             r"`handles\[0\].radius` and `locality` must not be given both, got 0.5 and 2.5",
         ),
         (
-            ("handles", 2, "excluded_instances", 0, "vertex"),
+            ("handles", 2, "excluded_counterparts", 0, "vertex"),
             -4,
-            r"`handles\[2\].excluded_instances\[0\].vertex` must be a whole number of at least 0, got -4",
+            r"`handles\[2\].excluded_counterparts\[0\].vertex` must be a whole number of at least 0, got -4",
         ),
         (("handles", 2, "region", "kind"), "cone", r"`handles\[2\].region.kind` must be 'ball', .* or 'vertices', got"),
         (("handles", 2, "mask", "radius"), -1, r"`handles\[2\].mask.radius` must be above 0, got -1"),

@@ -1,4 +1,4 @@
-"""What follows a handle once instances have their share."""
+"""What follows a handle once counterparts have their share."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def test_only_leaves_the_other_legs_alone() -> None:
     foot = int(legs[0][mesh.vertices[legs[0], 1].argmin()])
     handle = session.add(foot)
     np.testing.assert_array_equal(session.following, session.weights)
-    session.change(handle, instances="only")
+    session.change(handle, counterparts="only")
     assert session.following[foot, 0] == 1
     for leg in legs[1:]:
         feet = leg[mesh.vertices[leg, 1].argmin()]

@@ -128,7 +128,7 @@ def test_pivots_by_their_words(one):
 
 def test_a_chosen_pivot_goes_with_the_place(pair):
     session, count = pair
-    handle = session.add(count - 1, scale=1.3, instances="only")
+    handle = session.add(count - 1, scale=1.3, counterparts="only")
     assert session.handle(handle).pivot[0] < -1
     session.change(handle, at=2 * count - 1)
     assert session.handle(handle).transform.pivot_at == "base"
@@ -199,18 +199,18 @@ def test_a_look_alike_bends_along_its_own_axis(pair):
     np.testing.assert_array_equal(session.vertices[2 * count :], post)
 
 
-@pytest.mark.parametrize("instances", ["own_pivot", "shared_pivot"])
-def test_a_plane_of_symmetry_bends_mirrored(pair, instances):
+@pytest.mark.parametrize("counterparts", ["own_pivot", "shared_pivot"])
+def test_a_plane_of_symmetry_bends_mirrored(pair, counterparts):
     session, count = pair
     session.set_symmetry("x")
-    session.add(count - 1, bend=60, towards="up", twist=40, instances=instances)
+    session.add(count - 1, bend=60, towards="up", twist=40, counterparts=counterparts)
     left, right = session.vertices[:count], session.vertices[count : 2 * count]
     np.testing.assert_allclose(right * (-1, 1, 1), left, atol=0.02)
 
 
 def test_only_the_own_one_bends_where_look_alikes_do_not_follow(pair):
     session, count = pair
-    session.add(count - 1, bend=60, instances="only")
+    session.add(count - 1, bend=60, counterparts="only")
     np.testing.assert_array_equal(session.vertices[count:], session.mesh.vertices[count:])
     assert np.abs(session.vertices[:count] - session.mesh.vertices[:count]).max() > 0.3
 
@@ -284,7 +284,7 @@ def test_every_one_of_several_handles_arrives(seed):
     random = np.random.default_rng(seed)
     session = dfd.Deformer(CHAIR.mesh, field_of(CHAIR.mesh), features=CHAIR_FEATURES)
     first = session.add(int(random.integers(len(CHAIR_FEATURES))), translation=random.normal(size=3) * 0.05)
-    counterparts = [one.vertex for one, _ in session.instances(first)[1:]]
+    counterparts = [one.vertex for one, _ in session.counterparts(first)[1:]]
     for _ in range(3):
         near = counterparts and random.random() < 0.5
         at = int(random.choice(counterparts)) if near else int(random.integers(len(CHAIR_FEATURES)))

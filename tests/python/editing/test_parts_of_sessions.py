@@ -61,7 +61,7 @@ def test_a_reach_by_the_part_holds_it_with_a_seam_and_nothing_beyond(legged, tmp
     mesh, field = legged
     session = dfd.Deformer(mesh, field)
     at = int(mesh.vertices[:, 1].argmin())  # nothing hangs on its part
-    session.add(at, reach="part", instances="shared_pivot")
+    session.add(at, reach="part", counterparts="shared_pivot")
     weights = session.weights[:, 0]
     inside = np.isin(np.arange(len(weights)), session.part(at).indices)
     assert weights[at] == 1

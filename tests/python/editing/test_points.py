@@ -138,7 +138,7 @@ def test_face_groups_of_an_obj_file_are_known_by_name(grouped):
 def test_a_session_holds_a_face_group_and_remembers_it(grouped, tmp_path):
     features = np.eye(4, 16, dtype=np.float32)
     session = dfd.Deformer(grouped, made_field(16), features=features)
-    handle = session.add("group:floor", translation=(0, 0, 1), instances="shared_pivot", mask="group:floor")
+    handle = session.add("group:floor", translation=(0, 0, 1), counterparts="shared_pivot", mask="group:floor")
     np.testing.assert_allclose(session.vertices[:, 2], [1, 1, 1, 0])
     session.save(tmp_path / "edit.json")
     again = dfd.Deformer.load(tmp_path / "edit.json", grouped, session.field, features=features)

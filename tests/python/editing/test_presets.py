@@ -193,7 +193,7 @@ def test_a_preset_is_one_step_that_leaves_the_rest(deformer, mesh):
     before, shape = deformer.edit, deformer.vertices
     deformer.preset = "paper"
     controls = deformer.handle(held).controls
-    assert (controls.reach, controls.falloff, controls.instances, controls.locality) == (
+    assert (controls.reach, controls.falloff, controls.counterparts, controls.locality) == (
         1.0,
         "linear",
         "shared_pivot",

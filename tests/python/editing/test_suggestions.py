@@ -25,8 +25,8 @@ def test_there_is_one_handle_for_each_kind_of_part(sample) -> None:
     assert sorted(sample.labels[each.vertex] for each in found) == [0, 1, 2]
     assert sum(each.share for each in found) == pytest.approx(1)
     leg = next(each for each in found if sample.parts[sample.labels[each.vertex]] == "leg")
-    legs = {int(sample.instances[instance.vertex]) for instance in leg.instances}
-    assert leg.instances[0].vertex == leg.vertex
+    legs = {int(sample.instances[counterpart.vertex]) for counterpart in leg.counterparts}
+    assert leg.counterparts[0].vertex == leg.vertex
     assert legs == {0, 1, 2, 3}
 
 

@@ -75,7 +75,7 @@ def test_four_influences_are_off_as_reported(session, tmp_path):
 
 def test_parts_of_a_scene_follow_one_armature(tmp_path, make_session):
     session = make_session(dfd.load(scene_of_three(tmp_path)))
-    session.add(3, translation=(0, 0.1, 0), rotation=(0, 40, 0), instances="shared_pivot")
+    session.add(3, translation=(0, 0.1, 0), rotation=(0, 40, 0), counterparts="shared_pivot")
     dfd.export_rig(session, tmp_path / "rig.glb")
     found = blender(tmp_path / "rig.glb")
     assert apart(found["triangles"], session.vertices[session.mesh.faces]) < 1e-4 * session.mesh.diagonal
@@ -84,7 +84,7 @@ def test_parts_of_a_scene_follow_one_armature(tmp_path, make_session):
 
 def test_morph_targets_are_shape_keys(session, tmp_path):
     turned(session)
-    session.add("top", translation=(0, 0.3, 0), name="back", instances="shared_pivot")
+    session.add("top", translation=(0, 0.3, 0), name="back", counterparts="shared_pivot")
     dfd.export_rig(session, tmp_path / "morph.glb", form="morph")
     found = blender(tmp_path / "morph.glb")
     assert np.abs(found["triangles"] - session.vertices[session.mesh.faces]).max() < 1e-4 * session.mesh.diagonal
@@ -106,8 +106,8 @@ def test_real_shapes(name, tmp_path, make_session):
     if not (MESHES / name).is_file():
         pytest.skip(f"DFD_MESHES does not hold {name}")
     session = make_session(dfd.load(MESHES / name))
-    session.add("top", rotation=(0, 30, 20), instances="shared_pivot")
-    session.add("bottom", translation=(0, 0, 0.1 * session.mesh.diagonal), instances="shared_pivot")
+    session.add("top", rotation=(0, 30, 20), counterparts="shared_pivot")
+    session.add("bottom", translation=(0, 0, 0.1 * session.mesh.diagonal), counterparts="shared_pivot")
     dfd.export_rig(session, tmp_path / "rig.glb")
     found = blender(tmp_path / "rig.glb")
     assert apart(found["triangles"], session.vertices[session.mesh.faces]) < 1e-4 * session.mesh.diagonal

@@ -85,7 +85,7 @@ def test_the_khronos_validator_finds_no_error_and_no_warning(name, validated, tm
     session = make_session(dfd.load(SHAPES[name](tmp_path)))
     size = session.mesh.diagonal
     ends = session.mesh.vertices[:, 0].argmin(), session.mesh.vertices[:, 1].argmax()
-    one, _ = (session.add(int(end), translation=(0, 0.1 * size, 0), instances="shared_pivot") for end in ends)
+    one, _ = (session.add(int(end), translation=(0, 0.1 * size, 0), counterparts="shared_pivot") for end in ends)
     session.set_symmetry("x")
     poses = [dfd.KeyPose(0), dfd.KeyPose(1, {one: Transform(rotation=(0, 90, 10), scale=(1, 2, 1))})]
     for form in ("skin", "morph"):

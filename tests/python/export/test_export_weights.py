@@ -24,7 +24,7 @@ def read(path):
 @pytest.mark.parametrize("ending", ["npz", "safetensors"])
 def test_the_file_makes_the_shape_again(ending, session, tmp_path):
     session.add(40, translation=(0.1, 0.2, 0), rotation=(0, 60, 0), name="leg")
-    session.add(900, scale=1.5, instances="shared_pivot")
+    session.add(900, scale=1.5, counterparts="shared_pivot")
     session.set_symmetry("x", band=0.1)
     session.set_default(translation=(0, 0, 0.1))
     dfd.export_weights(session, tmp_path / f"weights.{ending}")

@@ -11,8 +11,8 @@ from dfd.posing.transforms import Transform
 
 def test_a_target_for_each_handle_adds_up_to_the_edit(session, tmp_path):
     session.add(40, translation=(0.1, 0.2, 0), rotation=(0, 60, 0), name="leg")
-    session.add(500, scale=2, instances="shared_pivot")
-    session.add(900, instances="shared_pivot")  # rests
+    session.add(500, scale=2, counterparts="shared_pivot")
+    session.add(900, counterparts="shared_pivot")  # rests
     session.set_default(translation=(0, 0, 0.1))
     report = dfd.export_rig(session, tmp_path / "morph.glb", form="morph")
     assert (report.targets, report.joints, report.form) == (3, 0, "morph")
@@ -48,7 +48,7 @@ def test_key_poses_are_targets_of_an_animation(session, tmp_path):
 def test_parts_stay_under_their_nodes_and_where_nothing_moves_costs_nothing(tmp_path, make_session):
     session = make_session(dfd.load(scene_of_three(tmp_path)))
     within = session.mesh.part_vertices("far")
-    session.add(within[0], translation=(0, 2, 0), rotation=(0, 30, 20), instances="shared_pivot", mask=within)
+    session.add(within[0], translation=(0, 2, 0), rotation=(0, 30, 20), counterparts="shared_pivot", mask=within)
     dfd.export_rig(session, tmp_path / "morph.glb", form="morph")
     glb, before = Glb(tmp_path / "morph.glb"), Glb(tmp_path / "three.glb")
     assert np.abs(glb.triangles() - session.vertices[session.mesh.faces]).max() < 2e-6 * session.mesh.diagonal

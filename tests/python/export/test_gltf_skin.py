@@ -55,7 +55,7 @@ def with_default(session):
 
 def weak(session):
     for vertex in (40, 300, 500):
-        session.add(vertex, **BEND, instances="shared_pivot", strength=0.3)
+        session.add(vertex, **BEND, counterparts="shared_pivot", strength=0.3)
 
 
 EDITS = (*(plain, along_axes, left_handed_axes, flattened_and_mirrored, mirrored, cut_at_a_plane, with_default), weak)
@@ -75,7 +75,7 @@ def test_a_skin_that_is_not_pruned_is_what_pose_makes(make, session, tmp_path):
     assert "as dfd.pose has it" in str(report)
 
 
-def test_instances_have_joints_of_their_own_in_their_own_frames(tmp_path, make_session):
+def test_counterparts_have_joints_of_their_own_in_their_own_frames(tmp_path, make_session):
     session = make_session(dfd.samples.quadruped(4000).mesh)
     session.add("bottom", rotation=(0, 0, 40), translation=(0.1, 0, 0), name="foot", pivot="point", reach=0.7)
     columns = session.bound.columns(session.edit)[1]
@@ -88,13 +88,13 @@ def test_instances_have_joints_of_their_own_in_their_own_frames(tmp_path, make_s
     assert [joint.name for joint in joints] == ["root", "foot", *(f"foot_{n}" for n in range(1, count))]
     binds = glb.read(glb.file.skins[0].inverseBindMatrices).reshape(-1, 4, 4).transpose(0, 2, 1)
     for column, bind in zip(columns, binds[1:], strict=True):
-        np.testing.assert_allclose(np.linalg.inv(bind)[:3, 3], column.instance.position, atol=1e-5)
+        np.testing.assert_allclose(np.linalg.inv(bind)[:3, 3], column.counterpart.position, atol=1e-5)
         assert np.linalg.det(bind) == pytest.approx(1)  # right-handed, mirror images too
 
 
 def test_four_influences_are_the_heaviest_and_sum_to_one(session, tmp_path):
     for vertex in (40, 300, 500, 700, 900, 1000):
-        session.add(vertex, translation=(0, 0.1, 0), instances="shared_pivot", reach=0.8)
+        session.add(vertex, translation=(0, 0.1, 0), counterparts="shared_pivot", reach=0.8)
     report = dfd.export_rig(session, tmp_path / "rig.glb")
     glb = Glb(tmp_path / "rig.glb")
     ((_, primitive),) = glb.primitives()
@@ -121,7 +121,7 @@ def test_four_influences_are_the_heaviest_and_sum_to_one(session, tmp_path):
 
 def test_what_no_skin_can_show_is_reported(session, tmp_path):
     for vertex in (40, 300, 500):
-        session.add(vertex, **BEND, instances="shared_pivot")
+        session.add(vertex, **BEND, counterparts="shared_pivot")
     session.preset = "paper"
     report = dfd.export_rig(session, tmp_path / "rig.glb", influences="all")
     distance = np.linalg.norm(shown(tmp_path / "rig.glb") - session.vertices[session.mesh.faces], axis=2)
@@ -164,8 +164,8 @@ def test_key_poses_become_an_animation(session, tmp_path):
 def test_parts_stand_at_the_root_without_a_transform(tmp_path, make_session):
     """A square, and a cube placed twice, once turned, shrunk and moved."""
     session = make_session(dfd.load(scene_of_three(tmp_path)))
-    session.add(3, **BEND, instances="shared_pivot")
-    session.add(session.mesh.part_vertices("far")[0], translation=(0, 2, 0), instances="shared_pivot", reach=0.7)
+    session.add(3, **BEND, counterparts="shared_pivot")
+    session.add(session.mesh.part_vertices("far")[0], translation=(0, 2, 0), counterparts="shared_pivot", reach=0.7)
     dfd.export_rig(session, tmp_path / "rig.glb")
     glb = Glb(tmp_path / "rig.glb")
     assert apart(glb.triangles(), session.vertices[session.mesh.faces]) <= 5e-6 * session.mesh.diagonal

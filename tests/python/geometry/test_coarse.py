@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from sheet import grid
 
 import dfd
-from dfd.editing.influence.instances import InstanceFinder
+from dfd.editing.influence.counterparts import CounterpartFinder
 from dfd.geometry import coarse
 from dfd.geometry.coarse import Nodes
 from dfd.geometry.surface_graph import surface_graph
@@ -42,11 +42,11 @@ def test_nodes_are_what_the_whole_graph_has_within_each_cell(small_runs, sample)
         np.testing.assert_allclose(gathered.center[node], mesh.vertices[members].mean(axis=0), atol=1e-12)
 
 
-def test_many_instances_on_a_fine_mesh_take_no_column_each():
+def test_many_counterparts_on_a_fine_mesh_take_no_column_each():
     mesh = grid(300)
     x, z = mesh.vertices[:, 0], mesh.vertices[:, 2]
     weights = (np.abs(np.sin(8 * np.pi * x) * np.sin(8 * np.pi * z)) ** 2).astype(np.float32)
-    finder = InstanceFinder(mesh)
+    finder = CounterpartFinder(mesh)
     finder.prepare()
     vertex = int(weights.argmax())
     tracemalloc.start()

@@ -25,8 +25,8 @@ the edit what it makes of them (`state`), so that reach, falloff and locality ac
 
     V' = V + Σ W_k (D_k V − V) + max(1 − Σ W_k, 0) (D₀ V − V)      Eq. 1 in its adding form; `compute` poses by any
 
-A column with instances acts through them instead: W_k D_k is the sum of min(gain · share · W_k, 1) times the instance's
-own transform M, with the handle's linear part L, translation t and the instance's `frame` F: M's linear part is F L Fᵀ,
-and M maps p to p + F t, where p is `position` + F (pivot − where the handle rests). An instance lies on the side of a
-plane of symmetry where its `position` does.
+A column with counterparts acts through them instead: W_k D_k is the sum of min(gain · share · W_k, 1) times the
+transform M of the counterpart. With the handle's linear part L and translation t, and the counterpart's `frame` F, the
+linear part of M is F L Fᵀ, and M maps p to p + F t, where p is `position` + F (pivot − where the handle rests). A
+counterpart is on the side of a plane of symmetry on which its `position` is.
 """

@@ -190,7 +190,7 @@ class SimilarPoint(Model):
 
 
 class SimilarMessage(Answer):
-    """Answer to `instances`: the handle's own place first, which always moves, then the most similar."""
+    """Answer to `counterparts`: the handle's own place first, which always moves, then the most similar."""
 
     type: Literal["similar"] = "similar"
     handle: int

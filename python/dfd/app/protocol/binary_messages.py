@@ -68,11 +68,11 @@ class MeshMessage(Binary):
     warnings: tuple[str, ...]  # of reading the file, sentences
 
 
-class InstanceEntry(Model):
+class CounterpartEntry(Model):
     """One of the places where a handle acts.
 
     `share` names the buffer uint16 (V,), how much of a vertex is its own; null where that is as it was sent before, of
-    the instance with the same number of the same column.
+    the counterpart with the same number of the same column.
     """
 
     frame: Frame  # rows of the matrix that turns or mirrors the handle's motion into its own
@@ -101,18 +101,18 @@ class ColumnsMessage(Binary):
     columns: tuple[ColumnEntry, ...]
 
 
-class InstancesEntry(Model):
-    """The instances of one column, that of its handle first; where there are none, the handle acts as it is."""
+class CounterpartsEntry(Model):
+    """The counterparts of one column, that of its handle first; where there are none, the handle acts as it is."""
 
     column: int
-    instances: tuple[InstanceEntry, ...]
+    counterparts: tuple[CounterpartEntry, ...]
 
 
-class InstancesMessage(Binary):
-    """Instances of columns that came before; until then such a column acts as one."""
+class CounterpartsMessage(Binary):
+    """Counterparts of columns that came before; until then such a column acts as one."""
 
-    type: Literal["instances"] = "instances"
-    columns: tuple[InstancesEntry, ...]
+    type: Literal["counterparts"] = "counterparts"
+    columns: tuple[CounterpartsEntry, ...]
 
 
 class HeatMessage(Binary):

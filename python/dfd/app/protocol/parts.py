@@ -92,12 +92,12 @@ class ControlEntry(Model):
 GIVEN: dict[str, Any] = {
     "radius": float | str,
     "mask": RegionPlace | Literal["everywhere", "part"],
-    "excluded_instances": Annotated[tuple[Index, ...], Field(max_length=1000)],  # vertices
+    "excluded_counterparts": Annotated[tuple[Index, ...], Field(max_length=1000)],  # vertices
 }
 SHOWN: dict[str, Any] = {
     "reach": float,  # what "part" found, if that is asked for
     "mask": int,  # how many vertices the region has beyond which nothing follows; 0 is everywhere
-    "excluded_instances": tuple[int, ...],  # vertices on those that are switched off
+    "excluded_counterparts": tuple[int, ...],  # vertices on those that are switched off
 }
 
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from dfd.app.protocol.binary_messages import (
     ColumnEntry,
     ColumnsMessage,
+    CounterpartEntry,
+    CounterpartsEntry,
+    CounterpartsMessage,
     HeatMessage,
-    InstanceEntry,
-    InstancesEntry,
-    InstancesMessage,
     pack,
 )
 from dfd.common.linear_algebra import Float32, Float64
@@ -26,7 +26,7 @@ from dfd.weights.bind import bind
 if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
     from dfd.editing.edit import Handle
-    from dfd.editing.influence.instances import Instance
+    from dfd.editing.influence.counterparts import Counterpart
     from dfd.editing.points import Place
 
 MAX_DISTANCE = 2.0  # between unit vectors
@@ -36,7 +36,7 @@ Arrays = dict[str, NDArray[Any]]
 
 
 class Whole(NamedTuple):
-    """All instances of a handle as one: `share` (V,) times its gain is what they have of its weight."""
+    """All counterparts of a handle as one: `share` (V,) times its gain is what they have of its weight."""
 
     position: Vector
     share: Share
@@ -44,14 +44,16 @@ class Whole(NamedTuple):
 
 
 class Columns:
-    """The numbered columns of one session, and which of them (and of their instances) the page has received."""
+    """The numbered columns of one session, and which of them (and of their counterparts) the page has received."""
 
     def __init__(self, deformer: Deformer) -> None:
         self._deformer = deformer
         self._numbers: dict[Hashable, int] = {}
         self._sent: set[int] = set()
-        self._shares: dict[int, list[NDArray[np.uint16]]] = {}  # of a column's instances, as last sent
-        self._complete: dict[int, Hashable] = {}  # columns whose instances were sent as well, and what they depend on
+        self._shares: dict[int, list[NDArray[np.uint16]]] = {}  # of a column's counterparts, as last sent
+        self._complete: dict[
+            int, Hashable
+        ] = {}  # columns whose counterparts were sent as well, and what they depend on
 
     def of_handle(self, handle: Handle) -> int:
         """The number of a handle's column."""
@@ -70,13 +72,13 @@ class Columns:
 
     @property
     def has_pending(self) -> bool:
-        """Whether there are columns of the present edit whose instances were not sent yet."""
+        """Whether there are columns of the present edit whose counterparts were not sent yet."""
         return bool(self._pending())
 
     def message(self) -> bytes | None:
         """The columns of the present edit that were not sent yet; None if all were.
 
-        Instances follow separately, because computing them would delay the heat map.
+        Counterparts follow separately, because computing them would delay the heat map.
         """
         deformer = self._deformer
         wanted: dict[int, int | None] = {self.of_handle(handle): i for i, handle in enumerate(deformer.handles)}
@@ -100,61 +102,61 @@ class Columns:
         self._complete = {number: key for number, key in self._complete.items() if number in self._sent - set(missing)}
         return message
 
-    def instances_message(self) -> bytes | None:
-        """The instances of one pending column; None if nothing is pending."""
+    def counterparts_message(self) -> bytes | None:
+        """The counterparts of one pending column; None if nothing is pending."""
         pending = self._pending()
         if not pending:
             return None
         number, index = next(iter(pending.items()))
         handle = self._deformer.handles[index]
-        self._complete[number] = self._instances_key(handle)  # before computing: a failure is not retried
+        self._complete[number] = self._counterparts_key(handle)  # before computing: a failure is not retried
         arrays: Arrays = {}
-        found: list[InstanceEntry] = []
+        found: list[CounterpartEntry] = []
         known, now = self._shares.get(number, []), list[NDArray[np.uint16]]()
-        for instance, gain in self._acting(handle, index):
+        for counterpart, gain in self._acting(handle, index):
             count = len(self._deformer.mesh.vertices)
-            own = np.ones(count, np.float32) if instance.share is None else instance.share.dense(count)
+            own = np.ones(count, np.float32) if counterpart.share is None else counterpart.share.dense(count)
             now.append(_packed(own, 1.0))
             share = None
             if len(now) > len(known) or not np.array_equal(now[-1], known[len(now) - 1]):
                 share = f"share{len(found)}"
                 arrays[share] = now[-1]
-            frame: Any = tuple(map(tuple, np.asarray(instance.frame).tolist()))
-            found.append(InstanceEntry(frame=frame, position=instance.position, gain=gain, share=share))
+            frame: Any = tuple(map(tuple, np.asarray(counterpart.frame).tolist()))
+            found.append(CounterpartEntry(frame=frame, position=counterpart.position, gain=gain, share=share))
         self._shares[number] = now
-        return pack(InstancesMessage, arrays, columns=(InstancesEntry(column=number, instances=tuple(found)),))
+        return pack(CounterpartsMessage, arrays, columns=(CounterpartsEntry(column=number, counterparts=tuple(found)),))
 
-    def _acting(self, handle: Handle, index: int) -> list[tuple[Instance | Whole, float]]:
-        """The instances through which the handle at `index` acts, and the gain of each."""
+    def _acting(self, handle: Handle, index: int) -> list[tuple[Counterpart | Whole, float]]:
+        """The counterparts through which the handle at `index` acts, and the gain of each."""
         bound, edit = self._deformer.bound, self._deformer.edit
         controls = handle.controls
-        if controls.instances == "shared_pivot":
-            # All instances turn about one pivot: together they are one, whose share is what they add up to.
-            share = bound.instance_share(edit, handle)
+        if controls.counterparts == "shared_pivot":
+            # All counterparts turn about one pivot: together they are one, whose share is what they add up to.
+            share = bound.counterpart_share(edit, handle)
             most = float(share.max(initial=0.0)) or 1.0
             return [(Whole(handle.place.position, Share(np.arange(len(share)), share / most)), most)]
-        if controls.instances == "own_pivot" and not edit.rules.equalize and not self._allocation():
+        if controls.counterparts == "own_pivot" and not edit.rules.equalize and not self._allocation():
             # Gains are 1, so the weights of all handles need not be computed.
-            return [(instance, 1.0) for instance, on in bound.instances(edit, handle) if on]
+            return [(counterpart, 1.0) for counterpart, on in bound.counterparts(edit, handle) if on]
         columns = bound.columns(edit)[1]
         return [
-            (column.instance, column.gain)
+            (column.counterpart, column.gain)
             for column in columns
-            if column.handle == index and column.instance is not None
+            if column.handle == index and column.counterpart is not None
         ]
 
     def _pending(self) -> dict[int, int]:
-        """Column number to handle index, for instances still to be sent."""
+        """Column number to handle index, for counterparts still to be sent."""
         handles = self._deformer.handles
-        numbers = {self.of_handle(handle): i for i, handle in enumerate(handles) if self._instanced(handle)}
+        numbers = {self.of_handle(handle): i for i, handle in enumerate(handles) if self._by_counterparts(handle)}
         return {
             number: i
             for number, i in numbers.items()
-            if number in self._sent and self._complete.get(number, self) != self._instances_key(handles[i])
+            if number in self._sent and self._complete.get(number, self) != self._counterparts_key(handles[i])
         }
 
-    def _instances_key(self, handle: Handle) -> Hashable:
-        """Everything that a handle's instances depend on besides its column: gains that level them follow weights."""
+    def _counterparts_key(self, handle: Handle) -> Hashable:
+        """Return what a handle's counterparts depend on besides its column: gains that level them follow weights."""
         edit = self._deformer.edit
         about = (handle.controls, edit.fixed) if edit.rules.equalize else ()
         return *about, *self._allocation()
@@ -173,7 +175,7 @@ class Columns:
         geodesic = None
         if kind == "weight":
             whole = deformer.weights[:, index]
-            if not self._instanced(handle):  # the sum over its instances
+            if not self._by_counterparts(handle):  # the sum over its counterparts
                 weights, columns = deformer.bound.columns(deformer.edit)
                 whole = weights[:, [column.handle for column in columns].index(index)]
             arrays[f"values{number}"] = _packed(whole, 1.0)
@@ -193,18 +195,18 @@ class Columns:
         kind = column_kind(handle)
         if kind == "distance":
             # Reach and falloff are the page's own, and change without a new column.
-            instances = None
-            if self._instanced(handle):
-                instances = (controls.instances, controls.excluded_instances, edit.symmetry)
-            return (kind, handle.place, sources, edit.preset, controls.radius, instances)
+            counterparts = None
+            if self._by_counterparts(handle):
+                counterparts = (controls.counterparts, controls.excluded_counterparts, edit.symmetry)
+            return (kind, handle.place, sources, edit.preset, controls.radius, counterparts)
         # Weights sent as such depend on every control.
         return (kind, handle.place, sources, edit.preset, controls, edit.fixed, edit.symmetry)
 
-    def _instanced(self, handle: Handle) -> bool:
-        """Whether the page has to know of the handle's instances, to make weights of its column."""
+    def _by_counterparts(self, handle: Handle) -> bool:
+        """Whether the page has to know of the handle's counterparts, to make weights of its column."""
         controls = handle.controls
-        told_apart = self._deformer.edit.rules.equalize or bool(controls.excluded_instances)
-        return controls.instances != "shared_pivot" or (told_apart and column_kind(handle) == "distance")
+        told_apart = self._deformer.edit.rules.equalize or bool(controls.excluded_counterparts)
+        return controls.counterparts != "shared_pivot" or (told_apart and column_kind(handle) == "distance")
 
     def _number(self, key: Hashable) -> int:
         return self._numbers.setdefault(key, len(self._numbers) + 1)

@@ -43,7 +43,7 @@ class ShapeParts:
         """
         region = handle.place.region if isinstance(handle.place.region, VertexSet) else None
         vertex = self._deformer.bound.rows.anchor(handle.place)
-        alike = handle.controls.instances != "only"
+        alike = handle.controls.counterparts != "only"
         if region is not None:
             vertex = self._origins.get(region, vertex)
         levels = list(dict.fromkeys(self.at(vertex, level, alike=alike) for level in LEVELS))

@@ -16,7 +16,7 @@ from dfd.app.session.distill_process import DistillProcess
 
 if TYPE_CHECKING:
     from dfd.common.preset import Preset
-    from dfd.editing.influence.instances import InstanceFinder
+    from dfd.editing.influence.counterparts import CounterpartFinder
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
     from dfd.segmentation.parts import Parts
@@ -33,7 +33,7 @@ class SharedShape:
     making: threading.Lock = field(default_factory=threading.Lock)
     features: Any = None
     planes: dict[Preset, list[SymmetryPlane]] = field(default_factory=dict)
-    found: tuple[InstanceFinder, Parts] | None = None
+    found: tuple[CounterpartFinder, Parts] | None = None
 
 
 _SHARED: WeakValueDictionary[str, SharedShape] = WeakValueDictionary()  # by the content of mesh and field

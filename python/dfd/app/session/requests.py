@@ -123,19 +123,19 @@ def suggest(session: Session, count: Annotated[int, Field(ge=1, le=64)] = 12) ->
     mesh, finder = deformer.mesh, deformer.bound.grips.finder
     found: list[answers.Suggestion] = []
     for each in suggest_handles(mesh, deformer.features, count=count, planes=planes, finder=finder):
-        similar = f", {len(each.instances)} alike" if len(each.instances) > 1 else ""
+        similar = f", {len(each.counterparts)} alike" if len(each.counterparts) > 1 else ""
         x, y, z = mesh.vertices[each.vertex].tolist()
         found.append(answers.Suggestion(vertex=each.vertex, position=(x, y, z), name=f"Part {len(found) + 1}{similar}"))
     return answers.SuggestionsMessage(suggestions=tuple(found))
 
 
 @request
-def instances(session: Session, handle: int) -> answers.Answer:
+def counterparts(session: Session, handle: int) -> answers.Answer:
     """The handle's similar points, and whether each follows the handle. Answer: `similar`."""
     places = []
-    for instance, on in session.require_deformer().instances(handle):
-        x, y, z = map(float, instance.position)
-        weight, vertex = float(instance.weight), int(instance.vertex)
+    for counterpart, on in session.require_deformer().counterparts(handle):
+        x, y, z = map(float, counterpart.position)
+        weight, vertex = float(counterpart.weight), int(counterpart.vertex)
         places.append(answers.SimilarPoint(vertex=vertex, position=(x, y, z), weight=weight, on=on))
     return answers.SimilarMessage(handle=handle, places=tuple(places))
 
@@ -299,7 +299,7 @@ def set_symmetry(
 
 @request
 def set_preset(session: Session, preset: Preset) -> None:
-    """Set how handles act together, and reach, falloff and instances of every handle, as one step."""
+    """Set how handles act together, and reach, falloff and counterparts of every handle, as one step."""
     session.change(lambda deformer: setattr(deformer, "preset", preset))
 
 

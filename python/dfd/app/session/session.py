@@ -56,7 +56,7 @@ class Session:
         self._uploads: list[Path] = []  # folders of the uploads that the open shape came from
         self.exports: dict[str, Path] = {}  # files to download, by number
         self._shown_edit: Edit | None = None  # as last sent to the page
-        self._ready = True  # whether instances can be found
+        self._ready = True  # whether counterparts can be found
         self._unreported = False  # whether a report is due
         self._pending_edit: OpenedFile | None = None  # opened once the field is ready
         self.source: Source | None = None
@@ -202,7 +202,7 @@ class Session:
             self.guarded(0, lambda: self.open_edit(pending_edit))
 
     def field_prepared(self, planes: Mapping[Preset, Sequence[SymmetryPlane]]) -> None:
-        """Store the symmetry planes, by preset; instances and parts can be found without delay from now on."""
+        """Store the symmetry planes, by preset; counterparts and parts can be found without delay from now on."""
         assert self.view_state.parts is not None
         self.view_state.planes, self.view_state.parts.ready = planes, True
         self._ready = True
@@ -305,14 +305,14 @@ class Session:
 
     @property
     def has_pending_columns(self) -> bool:
-        """Whether there are instances to send; they have lower priority than the columns themselves."""
+        """Whether there are counterparts to send; they have lower priority than the columns themselves."""
         return self._ready and self.columns is not None and self.columns.has_pending
 
     def send_pending_columns(self) -> None:
-        """Send the instances of one handle; only one, so that a request can be answered in between."""
-        instances = None if self.columns is None else self.columns.instances_message()
-        if instances is not None:
-            self._send(instances)
+        """Send the counterparts of one handle; only one, so that a request can be answered in between."""
+        counterparts = None if self.columns is None else self.columns.counterparts_message()
+        if counterparts is not None:
+            self._send(counterparts)
 
     def tell_all(self) -> None:
         """Send the present state and the report."""
@@ -320,7 +320,7 @@ class Session:
         self._report()
 
     def _report(self) -> None:
-        """Send the report, unless instances must be computed first."""
+        """Send the report, unless counterparts must be computed first."""
         if self.deformer is not None and self.columns is not None and not self.columns.has_pending:
             self._unreported = False
             self.send(report(self.deformer))

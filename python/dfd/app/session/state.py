@@ -81,7 +81,9 @@ def _handle(deformer: Deformer, columns: Columns, handle: Handle, parts: ShapePa
         **{name: getattr(transform, name) for name in MOTION},
         **{name: getattr(controls, name) for name in CONTROLS},
         "reach": bound.by_features.reach(handle),
-        "excluded_instances": tuple(place.vertex for place in controls.excluded_instances if place.vertex is not None),
+        "excluded_counterparts": tuple(
+            place.vertex for place in controls.excluded_counterparts if place.vertex is not None
+        ),
         "mask": _size(deformer.mesh, controls.mask),
     }
     return HandleState(

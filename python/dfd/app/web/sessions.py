@@ -25,7 +25,7 @@ MOST_UNATTENDED = 8  # sessions that no page shows; beyond, the one that was lef
 # Of these, only the newest request is answered: the pointer or the shape has changed since the older ones.
 NEWEST_ONLY = ("probe", "compute")
 REST_PAUSE = 0.5  # seconds without a request, after which the session does deferred work
-INSTANCES_PAUSE = 0.05  # seconds without a request, after which instances are computed
+COUNTERPARTS_PAUSE = 0.05  # seconds without a request, after which counterparts are computed
 
 Outbox = asyncio.Queue[str | bytes | int]  # messages for a page; a number is the code to close its WebSocket with
 
@@ -73,7 +73,7 @@ class SessionThread:
             with contextlib.suppress(Exception):  # the next request meets and tells it
                 pending = session.has_pending_columns
             try:
-                work = self._inbox.get(timeout=INSTANCES_PAUSE if pending else REST_PAUSE)
+                work = self._inbox.get(timeout=COUNTERPARTS_PAUSE if pending else REST_PAUSE)
             except queue.Empty:
                 work = session.send_pending_columns if pending else session.rest
             if work is None:

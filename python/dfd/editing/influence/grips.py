@@ -1,4 +1,4 @@
-"""What a handle at a place takes hold of, by features alone: the part there and its instances."""
+"""What a handle at a place takes hold of, by features alone: the part there and its counterparts."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 from dfd.common.linear_algebra import Float32
-from dfd.editing.influence.instances import Instance, InstanceFinder
+from dfd.editing.influence.counterparts import Counterpart, CounterpartFinder
 from dfd.editing.influence.recent import Recent
 from dfd.symmetry.search import symmetry_planes
 from dfd.weights.bind import bind
@@ -24,22 +24,22 @@ if TYPE_CHECKING:
 class Held(NamedTuple):
     """What is found at a place."""
 
-    instances: tuple[Instance, ...]  # the place's own first, then the most alike first
+    counterparts: tuple[Counterpart, ...]  # the place's own first, then the most alike first
     part: Float32 | None  # (V,) 1 on the part, equal on mirror images, falling to 0; None without a part
 
 
 class Grips:
-    """Find parts and instances at places of one mesh, and keep those of the last places."""
+    """Find parts and counterparts at places of one mesh, and keep those of the last places."""
 
     def __init__(self, mesh: Mesh, field: Field, rows: HandleFeatures) -> None:
         self._mesh, self._field, self._rows = mesh, field, rows
-        self.finder = InstanceFinder(mesh)
+        self.finder = CounterpartFinder(mesh)
         self._parts: Recent[Grip | None] = Recent(32)  # hovering asks for many
         self._held: Recent[Held] = Recent(16)
 
     def prepare(
-        self, planes: Sequence[SymmetryPlane], found: tuple[InstanceFinder, Parts] | None = None
-    ) -> tuple[InstanceFinder, Parts]:
+        self, planes: Sequence[SymmetryPlane], found: tuple[CounterpartFinder, Parts] | None = None
+    ) -> tuple[CounterpartFinder, Parts]:
         """Compute and return what does not depend on a place, seconds for a million faces.
 
         `planes` are those that `symmetry_planes` finds. It may run on another thread than the rest. With `found`, what
@@ -68,7 +68,7 @@ class Grips:
         return self._parts.get(place, lambda: self.parts.grip(self._rows.anchor(place)))
 
     def held(self, place: Place, *, by_part: bool, plane: SymmetryPlane | None = None) -> Held:
-        """Return the instances at a place: components of the part if `by_part`, else peaks of the features.
+        """Return the counterparts at a place: components of the part if `by_part`, else peaks of the features.
 
         They are mirrored across `plane`, or else across planes that are found.
         """

@@ -1,4 +1,4 @@
-"""The columns of weights by which a session poses: one for each handle, or one for each of its instances."""
+"""The columns of weights by which a session poses: one for each handle, or one for each of its counterparts."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import numpy as np
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.influence.allocation import HELD, carriers_of, following, shared
+from dfd.editing.influence.counterparts import LEAST_ALIKE, Column, Counterpart
 from dfd.editing.influence.feature_weights import FeatureWeights
 from dfd.editing.influence.grips import Grips
 from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.influence.held_parts import HeldPart, HeldParts
-from dfd.editing.influence.instances import LEAST_ALIKE, Column, Instance
 from dfd.editing.influence.recent import Recent
 from dfd.geometry.coarse import Share
 
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
 LEAST_COUNTED = 0.35  # counterparts below this share of the handle's peak weight are not counted
-LEAST_LEVELED = 0.1  # `equalize` leaves instances alone that have less than this share of the handle's own weight
+LEAST_LEVELED = 0.1  # `equalize` leaves counterparts alone that have less than this share of the handle's own weight
 
 
 class Portion(NamedTuple):
-    """A portion of a handle's weights: that of one instance, or of all of them."""
+    """A portion of a handle's weights: that of one counterpart, or of all of them."""
 
-    instance: Instance | None
-    gain: float  # the weights are the handle's times the instance's share times this gain
+    counterpart: Counterpart | None
+    gain: float  # the weights are the handle's times the counterpart's share times this gain
     weights: Share
 
 
@@ -51,7 +51,7 @@ class HandleWeights:
     rows
         The features of vertices and places.
     grips
-        The parts and instances at places.
+        The parts and counterparts at places.
     by_features
         The weights of Eq. 4 to 7, a column per handle.
 
@@ -67,7 +67,7 @@ class HandleWeights:
         self._made: Recent[tuple[Float32, tuple[Column, ...]]] = Recent(1)
 
     def columns(self, edit: Edit) -> tuple[Float32, tuple[Column, ...]]:
-        """Return (V, C) weights, one or more columns per handle, and the handle and instance of each column."""
+        """Return (V, C) weights, one or more columns per handle, and the handle and counterpart of each column."""
         weights, keys = self.by_features.of(edit)
         if not any(_told_apart(handle, edit) for handle in edit.handles):
             return weights, tuple(Column(i, None) for i in range(len(edit.handles)))
@@ -80,7 +80,7 @@ class HandleWeights:
         columns: list[Column] = []
         for i, handle in enumerate(edit.handles):
             found = self._portions(edit, handle, weights[:, i])
-            if found[0].instance is not None and _apart(handle):
+            if found[0].counterpart is not None and _apart(handle):
                 columns += [Column(i, one, gain) for one, gain, _ in found]
                 portions += [part for _, _, part in found]
             else:
@@ -94,7 +94,7 @@ class HandleWeights:
         return made.T, tuple(columns)
 
     def following(self, edit: Edit) -> Float32:
-        """Return (V, H) weights, each the sum over all instances of a handle."""
+        """Return (V, H) weights, each the sum over all counterparts of a handle."""
         weights, columns = self.columns(edit)
         followed = np.zeros((len(weights), len(edit.handles)), np.float32)
         for index, column in enumerate(columns):
@@ -117,24 +117,24 @@ class HandleWeights:
         bending = {i: self.held_parts(edit, handle) for i, handle in enumerate(edit.handles) if handle.transform.bends}
         return self._held_parts.bent(edit, bending) if bending else self.mesh.vertices
 
-    def instances(self, edit: Edit, handle: Handle) -> list[tuple[Instance, bool]]:
-        """Return the instances of a handle, its own first, and whether each moves with the handle."""
-        found = self._instances(edit, handle)
+    def counterparts(self, edit: Edit, handle: Handle) -> list[tuple[Counterpart, bool]]:
+        """Return the counterparts of a handle, its own first, and whether each moves with the handle."""
+        found = self._counterparts(edit, handle)
         return list(zip(found, self._switches(handle, found), strict=True))
 
-    def instance_share(self, edit: Edit, handle: Handle) -> Float32:
-        """Return (V,) the share of a handle's weight on instances that move with it; gains can make it exceed 1."""
+    def counterpart_share(self, edit: Edit, handle: Handle) -> Float32:
+        """Return (V,) the share of a handle's weight on counterparts that move with it; gains can make it exceed 1."""
         number = next(i for i, each in enumerate(edit.handles) if each.id == handle.id)
         total = np.zeros(len(self.mesh.vertices), np.float32)
-        for instance, gain, _ in self._portions(edit, handle, self.by_features.of(edit)[0][:, number]):
-            if instance is None or instance.share is None:
+        for counterpart, gain, _ in self._portions(edit, handle, self.by_features.of(edit)[0][:, number]):
+            if counterpart is None or counterpart.share is None:
                 total += np.float32(gain)
             else:
-                total[instance.share.vertices] += np.float32(gain) * instance.share.values
+                total[counterpart.share.vertices] += np.float32(gain) * counterpart.share.values
         return total
 
-    def instance_counts(self, edit: Edit) -> list[int]:
-        """Return (H,) the number of instances of each handle whose peak weight is at least `LEAST_COUNTED`."""
+    def counterpart_counts(self, edit: Edit) -> list[int]:
+        """Return (H,) the number of counterparts of each handle whose peak weight is at least `LEAST_COUNTED`."""
         weights, columns = self.columns(edit)
         peaks: list[list[float]] = [[] for _ in edit.handles]
         for column, peak in zip(columns, weights.max(axis=0, initial=0.0).tolist(), strict=True):
@@ -168,71 +168,71 @@ class HandleWeights:
         portions, columns = list(portions), list(columns)
         for k, i in enumerate(kept):
             column, (vertices, values) = columns[i], result[k]
-            if column.instance is not None and result[k] is not portions[i]:
+            if column.counterpart is not None and result[k] is not portions[i]:
                 whole = weights[vertices, column.handle] * np.float32(column.gain)
                 share = np.divide(values, whole, out=np.zeros_like(whole), where=whole > 0)
-                column = column._replace(instance=replace(column.instance, share=Share(vertices, share)))
+                column = column._replace(counterpart=replace(column.counterpart, share=Share(vertices, share)))
             carriers = tuple(order.index(kept[j]) for j in np.flatnonzero(nested[k]))
             columns[i], portions[i] = column._replace(carriers=carriers), result[k]
         return [portions[i] for i in order], [columns[i] for i in order]
 
-    def _instances(self, edit: Edit, handle: Handle) -> tuple[Instance, ...]:
+    def _counterparts(self, edit: Edit, handle: Handle) -> tuple[Counterpart, ...]:
         by_part = handle.controls.reach == "part"
-        return self.grips.held(handle.place, by_part=by_part, plane=edit.symmetry).instances
+        return self.grips.held(handle.place, by_part=by_part, plane=edit.symmetry).counterparts
 
-    def _switches(self, handle: Handle, instances: Sequence[Instance]) -> list[bool]:
-        """Return which of a handle's instances are on: off are those at the places of `excluded_instances`.
+    def _switches(self, handle: Handle, counterparts: Sequence[Counterpart]) -> list[bool]:
+        """Return which of a handle's counterparts are on: off are those at the places of `excluded_counterparts`.
 
-        An instance is at a place where it has the largest share, or where none has one, if it is the nearest. The
+        A counterpart is at a place where it has the largest share, or where none has one, if it is the nearest. The
         handle's own is always on.
         """
-        on = [True] * len(instances)
-        for place in handle.controls.excluded_instances:
+        on = [True] * len(counterparts)
+        for place in handle.controls.excluded_counterparts:
             here = self.rows.anchor(place)
-            shares = [one.share_at(here) for one in instances]
+            shares = [one.share_at(here) for one in counterparts]
             if not any(shares):
-                shares = [-math.dist(one.position, self.mesh.vertices[here]) for one in instances]
+                shares = [-math.dist(one.position, self.mesh.vertices[here]) for one in counterparts]
             most = int(np.argmax(shares))
             on[most] = most == 0
         return on
 
     def _portions(self, edit: Edit, handle: Handle, weights: Float32) -> list[Portion]:
-        """Return the portions of a handle's weights (V,) that move: all, or its instances that are on."""
+        """Return the portions of a handle's weights (V,) that move: all, or its counterparts that are on."""
         if not _told_apart(handle, edit):
             return [_portion(None, weights)]
-        instances = self._instances(edit, handle)
-        if handle.controls.instances == "only":
-            return [_portion(instances[0], weights)]
-        found = [_portion(one, weights) for one in instances]
+        counterparts = self._counterparts(edit, handle)
+        if handle.controls.counterparts == "only":
+            return [_portion(counterparts[0], weights)]
+        found = [_portion(one, weights) for one in counterparts]
         if edit.rules.equalize:
-            near = self.by_features.near(edit, handle, np.array([one.vertex for one in instances]))
+            near = self.by_features.near(edit, handle, np.array([one.vertex for one in counterparts]))
             found = _leveled(weights, found, near)
-        on = self._switches(handle, instances)
+        on = self._switches(handle, counterparts)
         return [portion for portion, is_on in zip(found, on, strict=True) if is_on]
 
 
 def _chosen(handle: Handle) -> tuple[Hashable, ...]:
     """Return what changes the columns of a handle, besides its weights."""
-    return handle.controls.instances, handle.controls.excluded_instances
+    return handle.controls.counterparts, handle.controls.excluded_counterparts
 
 
 def _apart(handle: Handle) -> bool:
-    """Return whether each instance of a handle has its own column."""
-    return handle.controls.instances != "shared_pivot"
+    """Return whether each counterpart of a handle has its own column."""
+    return handle.controls.counterparts != "shared_pivot"
 
 
 def _told_apart(handle: Handle, edit: Edit) -> bool:
-    """Return whether the instances of a handle change its columns."""
-    return _apart(handle) or edit.rules.equalize or handle.controls.excluded_instances != ()
+    """Return whether the counterparts of a handle change its columns."""
+    return _apart(handle) or edit.rules.equalize or handle.controls.excluded_counterparts != ()
 
 
-def _portion(instance: Instance | None, weights: Float32) -> Portion:
-    """Return the portion of an instance of the weights (V,) of a handle."""
-    if instance is None or instance.share is None:
+def _portion(counterpart: Counterpart | None, weights: Float32) -> Portion:
+    """Return the portion of a counterpart of the weights (V,) of a handle."""
+    if counterpart is None or counterpart.share is None:
         some = np.flatnonzero(weights)
-        return Portion(instance, 1.0, Share(some, weights[some]))
-    vertices, values = instance.share
-    return Portion(instance, 1.0, Share(vertices, weights[vertices] * values))
+        return Portion(counterpart, 1.0, Share(some, weights[some]))
+    vertices, values = counterpart.share
+    return Portion(counterpart, 1.0, Share(vertices, weights[vertices] * values))
 
 
 def _sum(portions: Sequence[Share], count: int) -> Share:
@@ -250,7 +250,7 @@ def _leveled(weights: Float32, portions: Sequence[Portion], near: Float64) -> li
     """Return portions with gains that raise their weights to the handle's own, apart from their falloff `near` (N,).
 
     Gains compensate for less similar features and not for distance, since locality is meant to exclude what is far.
-    Where the sum between two instances would exceed the maximum of `weights`, their shares are reduced.
+    Where the sum between two counterparts would exceed the maximum of `weights`, their shares are reduced.
     """
     found = []
     own = 0.0

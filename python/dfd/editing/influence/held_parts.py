@@ -11,7 +11,7 @@ import numpy as np
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, unit
-from dfd.editing.influence.instances import Column, shortest_turn
+from dfd.editing.influence.counterparts import Column, shortest_turn
 from dfd.editing.influence.recent import Recent
 from dfd.geometry.part_axis import PartAxes, PartAxis
 from dfd.posing.bend import Sections, bend_maps
@@ -77,7 +77,7 @@ class HeldParts:
         handle, anchor
             The handle, and the vertex that stands for it.
         columns
-            (V,) the weights of each instance, the handle's own first, with its column.
+            (V,) the weights of each counterpart, the handle's own first, with its column.
         plane
             The plane of the edit's symmetry. Handles act mirrored across it.
         """
@@ -86,7 +86,7 @@ class HeldParts:
     def _find(
         self, handle: Handle, anchor: int, columns: Sequence[tuple[Float32, Column]], plane: SymmetryPlane | None
     ) -> list[HeldPart]:
-        # Instances may share one part, as fingers share a hand: parts come from the sum of all instances.
+        # Counterparts may share one part, as fingers share a hand: parts come from the sum of all counterparts.
         whole = np.sum([weights for weights, _ in columns], axis=0)
         pieces: list[tuple[PartAxis, Column, float]] = []
         images = {column: image for _, column in columns if (image := column.image) is not None}
@@ -118,7 +118,7 @@ class HeldParts:
         self, piece: tuple[PartAxis, Column, float], own: PartAxis, handle: Handle, plane: SymmetryPlane | None
     ) -> HeldPart:
         axis, column, amount = piece
-        frame = np.eye(3) if column.instance is None else column.instance.frame
+        frame = np.eye(3) if column.counterpart is None else column.counterpart.frame
         flat, across = np.eye(3), False
         if plane is not None:
             sides = plane.signed_distance(self._mesh.vertices[axis.vertices])

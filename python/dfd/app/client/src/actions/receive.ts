@@ -3,7 +3,7 @@
 import type { Payload, Received } from "../protocol/binary_messages";
 import { weightLayer } from "../posing/columns";
 import { surfaceOf } from "../posing/held";
-import type { ColumnsMessage, InstancesMessage, StateMessage } from "../protocol/messages";
+import type { ColumnsMessage, CounterpartsMessage, StateMessage } from "../protocol/messages";
 import { CLOSED, serverPoses, store, type ColumnData, type State } from "../store/state";
 import { PROTOCOL } from "./connection";
 import { note, problem } from "./toasts";
@@ -38,8 +38,8 @@ export function receive({ message, payload }: Received): void {
     case "columns":
       store.set({ columns: new Map([...store.get().columns, ...columnsOf(message, payload)]) });
       break;
-    case "instances":
-      store.set({ columns: withInstances(message, payload) });
+    case "counterparts":
+      store.set({ columns: withCounterparts(message, payload) });
       break;
     case "heat": {
       if (message.vertex === null || store.get().hover?.vertex !== message.vertex) break;
@@ -111,21 +111,24 @@ function followed(message: StateMessage): Partial<State> {
 function columnsOf(message: ColumnsMessage, payload: Payload): [number, ColumnData][] {
   return message.columns.map(({ column, values, scale, kind, geodesic }) => {
     const along = geodesic === null ? null : payload.get(geodesic, "uint16");
-    return [column, { layer: { values: payload.get(values, "uint16"), scale, kind, geodesic: along }, instances: [] }];
+    return [
+      column,
+      { layer: { values: payload.get(values, "uint16"), scale, kind, geodesic: along }, counterparts: [] },
+    ];
   });
 }
 
-/** The columns, with the instances of some of them. */
-function withInstances(message: InstancesMessage, payload: Payload): Map<number, ColumnData> {
+/** The columns, with the counterparts of some of them. */
+function withCounterparts(message: CounterpartsMessage, payload: Payload): Map<number, ColumnData> {
   const columns = new Map(store.get().columns);
   for (const entry of message.columns) {
     const data = columns.get(entry.column);
     if (!data) continue;
-    const instances = entry.instances.map(({ share, ...rest }, i) => ({
+    const counterparts = entry.counterparts.map(({ share, ...rest }, i) => ({
       ...rest,
-      share: share === null ? data.instances[i].share : weightLayer(payload.get(share, "uint16")),
+      share: share === null ? data.counterparts[i].share : weightLayer(payload.get(share, "uint16")),
     }));
-    columns.set(entry.column, { ...data, instances });
+    columns.set(entry.column, { ...data, counterparts });
   }
   return columns;
 }

@@ -8,16 +8,16 @@ import { ask, send } from "./connection";
 function key(state: State): string | null {
   const handle = selectedHandle(state);
   const column = handle && state.columns.get(handle.column);
-  if (!column || state.dragging || handle.instances === "only") return null;
-  if (handle.instances === "own_pivot" && column.instances.length === 0) return null;
+  if (!column || state.dragging || handle.counterparts === "only") return null;
+  if (handle.counterparts === "own_pivot" && column.counterparts.length === 0) return null;
   const symmetry = JSON.stringify(state.edit?.symmetry?.normal ?? null);
-  return [handle.handle, handle.position, handle.excluded_instances, handle.instances, symmetry].join(" ");
+  return [handle.handle, handle.position, handle.excluded_counterparts, handle.counterparts, symmetry].join(" ");
 }
 
 export function followSimilar(): void {
   store.watch(key, (wanted) => {
     const { selected, similar } = store.get();
-    if (wanted !== null && selected !== null) send({ type: "instances", handle: selected });
+    if (wanted !== null && selected !== null) send({ type: "counterparts", handle: selected });
     else if (similar && similar.handle !== selected) store.set({ similar: null });
   });
 }
@@ -38,12 +38,12 @@ export function followAxis(): void {
 /** Those of the selected handle besides its own place. */
 export function otherPlaces(state: State): readonly SimilarPoint[] {
   const handle = selectedHandle(state);
-  return handle && state.similar?.handle === handle.handle && handle.instances !== "only"
+  return handle && state.similar?.handle === handle.handle && handle.counterparts !== "only"
     ? state.similar.places.slice(1)
     : [];
 }
 
-export function toggleInstance(handle: number, vertex: number): void {
+export function toggleCounterpart(handle: number, vertex: number): void {
   const off = otherPlaces(store.get()).filter((place) => place.on === (place.vertex === vertex));
-  void ask({ type: "change", handle, controls: { excluded_instances: off.map((place) => place.vertex) } });
+  void ask({ type: "change", handle, controls: { excluded_counterparts: off.map((place) => place.vertex) } });
 }

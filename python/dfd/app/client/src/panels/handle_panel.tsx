@@ -1,6 +1,6 @@
 import { send } from "../actions/connection";
 import { change, changePart, moveTo } from "../actions/edit";
-import { otherPlaces, toggleInstance } from "../actions/similar";
+import { otherPlaces, toggleCounterpart } from "../actions/similar";
 import { niceStep, type PivotAt, type Transform } from "../posing/affine";
 import { followed, LEAST_SEEN } from "../posing/held";
 import type { AxisMessage, HandleState } from "../protocol/messages";
@@ -216,7 +216,7 @@ function Bend({ handle, transform: { bend, twist, joint }, set }: BendProps) {
 
 /** Whether counterparts move along, and of each how much: gray where none of it is seen. */
 function Counterparts({ state, handle }: { readonly state: State; readonly handle: HandleState }) {
-  const { handle: id, instances } = handle;
+  const { handle: id, counterparts } = handle;
   const columns = columnsOf(state, id);
   const places = otherPlaces(state);
   const all = state.edit?.preset === "paper" ? "shared_pivot" : "own_pivot";
@@ -225,8 +225,8 @@ function Counterparts({ state, handle }: { readonly state: State; readonly handl
       <Toggle
         label="With its counterparts"
         hint="Off: this one only. Marks in the view switch single counterparts."
-        checked={instances !== "only"}
-        onChange={(on) => change(id, { instances: on ? all : "only" })}
+        checked={counterparts !== "only"}
+        onChange={(on) => change(id, { counterparts: on ? all : "only" })}
       />
       <ul class="rows" hidden={places.length === 0}>
         {places.map(({ vertex, on }, i) => {
@@ -237,7 +237,7 @@ function Counterparts({ state, handle }: { readonly state: State; readonly handl
                 label={`Counterpart ${i + 1} · ${percent(follows)}`}
                 hint="How much of it follows"
                 checked={on}
-                onChange={() => toggleInstance(id, vertex)}
+                onChange={() => toggleCounterpart(id, vertex)}
               />
             </li>
           );

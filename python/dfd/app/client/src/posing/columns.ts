@@ -1,5 +1,5 @@
 /**
- * What poses the shape: a column of weights per handle or instance, and what they do to single points, in float64. The
+ * What poses the shape: a column of weights per handle or counterpart, and what they do to single points, in float64. The
  * twin of `src/shaders/pose.glsl`: for marks and measures, and for tests to compare with.
  */
 
@@ -34,7 +34,7 @@ export interface Column {
   readonly layer: Layer;
   /** Weights of the fixed places; null where there are none. */
   readonly fixed: Layer | null;
-  /** Share of this instance in the handle's weight; null is all of it. */
+  /** Share of this counterpart in the handle's weight; null is all of it. */
   readonly share: Layer | null;
   readonly shareGain: number;
   readonly reach: number;
@@ -76,7 +76,7 @@ export const CURVES: Record<Falloff, (q: number) => number> = {
   constant: (q) => (q > 0 ? 1 : 0),
 };
 
-/** Weight of one vertex for a column: Eq. 4 to 7 with reach, falloff, gain and strength, and the instance's share. */
+/** Weight of one vertex for a column: Eq. 4 to 7 with reach, falloff, gain and strength, and the counterpart's share. */
 export function weightOf(column: Column, vertex: number): number {
   const { layer, fixed, share } = column;
   let weight = layer.values[vertex] * UNIT * layer.scale;

@@ -71,8 +71,8 @@ Posed posed(vec3 point, int at) {
   float positive = positiveShare(point);
 #endif
   for (int k = 0; k < columnCount; k++) {
-    vec4 layers = entry(7, k); // of distances, of fixed places, of the instance's share; side
-    vec4 role = entry(9, k);   // how it shows in the heat map, whether it acts; instance's gain
+    vec4 layers = entry(7, k); // of distances, of fixed places, of the counterpart's share; side
+    vec4 role = entry(9, k);   // how it shows in the heat map, whether it acts; counterpart's gain
     float weight = weightOf(k, layers, at);
 #ifdef SHARE
     if (layers.z >= 0.0) weight = min(role.z * float(stored(int(layers.z), at).r) * UNIT * weight, 1.0);

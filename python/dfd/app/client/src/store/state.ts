@@ -22,8 +22,8 @@ export type Tool = "hold" | "fix" | "paint" | "box" | "pivot";
 export type View = "usual" | "front" | "back" | "right" | "left" | "top" | "bottom";
 export type GizmoMode = "translate" | "rotate" | "scale" | "bend";
 
-export interface Instance {
-  /** Rows of the orthogonal matrix that turns or mirrors the handle's motion into the instance's. */
+export interface Counterpart {
+  /** Rows of the orthogonal matrix that turns or mirrors the handle's motion into the counterpart's. */
   readonly frame: Frame;
   /** Of the handle's counterpart. */
   readonly position: Vec3;
@@ -33,7 +33,7 @@ export interface Instance {
 
 export interface ColumnData {
   readonly layer: Layer;
-  readonly instances: readonly Instance[];
+  readonly counterparts: readonly Counterpart[];
 }
 
 /** What the page knows before the server does: a drag or a slider under way. It ends with a state that includes it. */

@@ -17,17 +17,17 @@ import {
 import { EMPTY_SCENE, type Column, type Layer, type Mirror, type Scene } from "../posing/columns";
 import { heldPart } from "../posing/held";
 import type { NewHandle, Plane } from "../protocol/messages";
-import { present, type Instance, type State } from "../store/state";
+import { present, type Counterpart, type State } from "../store/state";
 
-/** The handle's motion about the instance's own pivot, turned or mirrored into its frame. */
-export function instanceMatrix(matrix: Matrix4, pivot: Vec3, { frame }: Instance, own: Vec3): Matrix4 {
+/** The handle's motion about the counterpart's own pivot, turned or mirrored into its frame. */
+export function counterpartMatrix(matrix: Matrix4, pivot: Vec3, { frame }: Counterpart, own: Vec3): Matrix4 {
   const back = basisOf(frame);
   const turned = relative(matrix, pivot).premultiply(back.clone().transpose()).multiply(back);
   return relative(turned, subtract([0, 0, 0], own));
 }
 
-/** What an instance turns about: relative to its counterpart of the handle as the pivot relative to the handle. */
-export function instancePivot(transform: Transform, position: Vec3, { frame, position: own }: Instance): Vec3 {
+/** The pivot of a counterpart: it lies to the counterpart as the pivot of the handle lies to the handle. */
+export function counterpartPivot(transform: Transform, position: Vec3, { frame, position: own }: Counterpart): Vec3 {
   return add(own, apply(basisOf(frame).transpose(), subtract(transform.pivot ?? position, position)));
 }
 
@@ -67,17 +67,22 @@ export function sceneOf(state: State): Scene {
       transform: relative(matrix, center),
       acts: true,
     };
-    const ofInstance = (instance: Instance): Column => ({
+    const ofCounterpart = (counterpart: Counterpart): Column => ({
       ...column,
-      share: instance.share,
-      shareGain: instance.gain,
-      positive: isPositive(symmetry, instance.position),
+      share: counterpart.share,
+      shareGain: counterpart.gain,
+      positive: isPositive(symmetry, counterpart.position),
       transform: relative(
-        instanceMatrix(matrix, transform.pivot ?? position, instance, instancePivot(transform, position, instance)),
+        counterpartMatrix(
+          matrix,
+          transform.pivot ?? position,
+          counterpart,
+          counterpartPivot(transform, position, counterpart),
+        ),
         center,
       ),
     });
-    columns.push(...(data.instances.length > 0 ? data.instances.map(ofInstance) : [column]));
+    columns.push(...(data.counterparts.length > 0 ? data.counterparts.map(ofCounterpart) : [column]));
   }
   // What was painted, in a color of the ramp that stands out from pale shapes too.
   if (painted) columns.push(shownColumn(painted.layer, null, PAINTED, edit.new_handle));

@@ -80,9 +80,9 @@ step("a counterpart is switched off and on by itself", async () => {
   await until(page, (s) => s.similar !== null && s.similar.places.length > 1);
   const first = page.getByRole("switch", { name: /^Counterpart 1 / });
   await first.locator("xpath=..").click();
-  await until(page, (s) => s.edit.handles[0].excluded_instances.length === 1 && s.similar.places[1].on === false);
+  await until(page, (s) => s.edit.handles[0].excluded_counterparts.length === 1 && s.similar.places[1].on === false);
   await first.locator("xpath=..").click();
-  await until(page, (s) => s.edit.handles[0].excluded_instances.length === 0 && s.similar.places[1].on);
+  await until(page, (s) => s.edit.handles[0].excluded_counterparts.length === 0 && s.similar.places[1].on);
 });
 
 step("a drag moves the shape as the kernel does, and the wheel changes reach under way", async () => {
@@ -108,7 +108,7 @@ step("the paper's preset is one switch and one step", async () => {
   await until(page, (s) => s.edit.preset === "paper" && s.columns.has(s.edit.handles[0].column));
   assert.deepEqual(await state(page, told), { preset: "paper", reach: 1 });
   assert.deepEqual(await state(page, (s) => s.edit.new_handle), { reach: 1, falloff: "linear" });
-  assert.deepEqual([(await handles())[0].falloff, (await handles())[0].instances], ["linear", "shared_pivot"]);
+  assert.deepEqual([(await handles())[0].falloff, (await handles())[0].counterparts], ["linear", "shared_pivot"]);
   assert.ok((await farthest([before[0].vertex])) > 0.001, "the handle does not move any more");
   await page.getByLabel("Preset").scrollIntoViewIfNeeded();
   await shot(page, "paper");

@@ -36,7 +36,7 @@ describe("heldPart", () => {
     expect(heldPart([madeColumn(weights([0, 0, 0, 0.3, 0.3, 0.01]))], surface)).toBeCloseTo(0.6);
   });
 
-  it("adds the instances that follow, and says of one that it does not", () => {
+  it("adds the counterparts that follow, and says of one that it does not", () => {
     const [own, like] = [
       { share: weights([1, 1, 1, 0, 0, 0]), shareGain: 1 },
       { share: weights([0, 0, 0, 1, 1, 1]), shareGain: 1 },

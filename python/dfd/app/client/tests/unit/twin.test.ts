@@ -13,7 +13,7 @@ import {
   type Layer,
   type Scene,
 } from "../../src/posing/columns";
-import { instanceMatrix, instancePivot } from "../../src/viewer/scene";
+import { counterpartMatrix, counterpartPivot } from "../../src/viewer/scene";
 import { madeColumn } from "./made_column";
 
 const layer = (values: number[], scale = 2, geodesic: number[] | null = null): Layer => ({
@@ -57,7 +57,7 @@ describe("weightOf", () => {
     expect(weightOf(local, 1)).toBeCloseTo(0.25, 4);
   });
 
-  it("is shared among instances, and taken as it is where it is a weight", () => {
+  it("is shared among counterparts, and taken as it is where it is a weight", () => {
     expect(weightOf(column({ share: weights([0.5]) }), 0)).toBeCloseTo(0.5, 4);
     expect(weightOf(column({ share: weights([0.5]), shareGain: 4 }), 0)).toBe(1);
     expect(weightOf(column({ layer: weights([0.3]), reach: 0.1 }), 0)).toBeCloseTo(0.3, 4);
@@ -124,20 +124,20 @@ describe("transforms of places", () => {
     a.forEach((x, i) => expect(x).toBeCloseTo(b[i], 10));
   });
 
-  it("do at an instance, in its frame, what they do at the handle", () => {
+  it("do at a counterpart, in its frame, what they do at the handle", () => {
     const frame: Frame = [
       [-1, 0, 0],
       [0, 1, 0],
       [0, 0, 1],
     ];
-    const instance = { position: [-2, 0, 0] as Vec3, gain: 1, share: weights([1]), frame };
+    const counterpart = { position: [-2, 0, 0] as Vec3, gain: 1, share: weights([1]), frame };
     const turn = matrixOf({ ...REST, rotation: [0, 0, 90], translation: [1, 0, 0] }, [1, 0, 0]);
-    const other = instanceMatrix(turn, [1, 0, 0], instance, [-1, 0, 0]);
+    const other = counterpartMatrix(turn, [1, 0, 0], counterpart, [-1, 0, 0]);
     // The pivot's translation, mirrored, and the turn the other way round.
     [-2, 0, 0].forEach((x, i) => expect(apply(other, [-1, 0, 0])[i]).toBeCloseTo(x, 10));
     [-2, 1, 0].forEach((x, i) => expect(apply(other, [-2, 0, 0])[i]).toBeCloseTo(x, 10));
-    expect(instancePivot(REST, [2, 0, 0], instance)).toEqual([-2, 0, 0]);
-    expect(instancePivot({ ...REST, pivot: [3, 1, 0] }, [2, 0, 0], instance)).toEqual([-3, 1, 0]);
+    expect(counterpartPivot(REST, [2, 0, 0], counterpart)).toEqual([-2, 0, 0]);
+    expect(counterpartPivot({ ...REST, pivot: [3, 1, 0] }, [2, 0, 0], counterpart)).toEqual([-3, 1, 0]);
   });
 });
 

@@ -4,7 +4,7 @@ import type { Vec3 } from "../../posing/affine";
 
 export interface Mark {
   readonly key: string;
-  readonly kind: "handle" | "fixed" | "instance" | "suggestion" | "hover";
+  readonly kind: "handle" | "fixed" | "counterpart" | "suggestion" | "hover";
   readonly at: Vec3;
   readonly label: string;
   readonly selected?: boolean;

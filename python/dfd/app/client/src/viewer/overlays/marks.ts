@@ -2,7 +2,7 @@
 
 import { send } from "../../actions/connection";
 import { select, hold } from "../../actions/edit";
-import { otherPlaces, toggleInstance } from "../../actions/similar";
+import { otherPlaces, toggleCounterpart } from "../../actions/similar";
 import { apply, matrixOf, subtract, type Vec3 } from "../../posing/affine";
 import { posePoint, type Scene } from "../../posing/columns";
 import { followed, LEAST_SEEN } from "../../posing/held";
@@ -32,7 +32,7 @@ export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
   for (const known of edit.handles) {
     const handle = present(state, known);
     const selected = state.selected === handle.handle;
-    if (selected) marks.push(...instanceMarks(state, posed));
+    if (selected) marks.push(...counterpartMarks(state, posed));
     const at =
       handle.vertex === null
         ? subtract(apply(matrixOf(handle.transform, handle.position), handle.position), center)
@@ -62,17 +62,17 @@ export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
 }
 
 /** Ghosts of the selected handle: where else it acts, each a switch. */
-function instanceMarks(state: State, posed: (vertex: number | null, position: Vec3) => Vec3): Mark[] {
+function counterpartMarks(state: State, posed: (vertex: number | null, position: Vec3) => Vec3): Mark[] {
   const { selected } = state;
   if (selected === null) return [];
   const columns = columnsOf(state, selected);
   return otherPlaces(state).map(({ vertex, position, on }, i) => ({
-    key: `instance ${selected} ${vertex}`,
-    kind: "instance",
+    key: `counterpart ${selected} ${vertex}`,
+    kind: "counterpart",
     at: posed(vertex, position),
     label: `Counterpart ${i + 1}: press to ${on ? "leave it behind" : "take it along"}`,
     off: !on || followed(columns, vertex) < LEAST_SEEN,
     color: handleColor(selected),
-    press: () => toggleInstance(selected, vertex),
+    press: () => toggleCounterpart(selected, vertex),
   }));
 }

@@ -1,4 +1,4 @@
-"""Handles that move several instances, each about its own pivot."""
+"""Handles that move several counterparts, each about its own pivot."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 import dfd
 from dfd.editing.controls import Controls
 from dfd.editing.influence import grips, handle_weights
-from dfd.editing.influence.instances import Instance, InstanceFinder
+from dfd.editing.influence.counterparts import Counterpart, CounterpartFinder
 from dfd.geometry.coarse import Share
 from dfd.posing.transforms import affine, rotation_matrix
 
@@ -18,10 +18,10 @@ def sample():
 
 @pytest.fixture
 def asked(sample, mesh, monkeypatch):
-    """Instances that are the legs of a chair, by its labels: the calls of the finder are kept."""
+    """Counterparts that are the legs of a chair, by its labels: the calls of the finder are kept."""
     calls = []
 
-    class Labels(InstanceFinder):
+    class Labels(CounterpartFinder):
         def find(self, weights, vertex, position, *, held=None, grip=None, planes=()):
             calls.append((vertex, planes))
             found = []
@@ -30,10 +30,10 @@ def asked(sample, mesh, monkeypatch):
                 share = Share(members, np.ones(len(members), np.float32))
                 foot = int(members[mesh.vertices[members, 1].argmin()])
                 frame = np.diag([1.0 if leg % 2 == sample.instances[vertex] % 2 else -1.0, 1, 1])
-                found.append(Instance(foot, tuple(mesh.vertices[foot]), frame, float(weights[foot]), share))
+                found.append(Counterpart(foot, tuple(mesh.vertices[foot]), frame, float(weights[foot]), share))
             return tuple(found), None if grip is None else grip.weights
 
-    monkeypatch.setattr(grips, "InstanceFinder", Labels)
+    monkeypatch.setattr(grips, "CounterpartFinder", Labels)
     monkeypatch.setattr(grips, "symmetry_planes", lambda *_: ["found"])
     return calls
 
@@ -60,9 +60,9 @@ def leg(sample, number):
 
 
 @pytest.mark.usefixtures("paper_handles")
-def test_each_instance_turns_about_its_own_pivot_in_its_own_frame(session, sample, mesh, asked, foot):
+def test_each_counterpart_turns_about_its_own_pivot_in_its_own_frame(session, sample, mesh, asked, foot):
     rotation = (0, 40, 0)
-    session.add(foot, rotation=rotation, translation=(0.1, 0, 0), instances="own_pivot", pivot="point")
+    session.add(foot, rotation=rotation, translation=(0.1, 0, 0), counterparts="own_pivot", pivot="point")
     for number in (0, 1):
         members = leg(sample, number)
         turn, sign = rotation_matrix(rotation), 1.0 if number == 0 else -1.0
@@ -74,29 +74,29 @@ def test_each_instance_turns_about_its_own_pivot_in_its_own_frame(session, sampl
     np.testing.assert_allclose(session.vertices[others], mesh.vertices[others], atol=1e-12)
     assert asked == [(foot, ["found"])]
     assert session.weights.shape[1] == 1
-    assert session.report().handles[0].instances == 4
-    assert "each of 4 instances about its own pivot" in str(session.report())
+    assert session.report().handles[0].counterparts == 4
+    assert "each of 4 counterparts about its own pivot" in str(session.report())
 
 
 def test_a_pivot_that_is_given_lies_from_each_counterpart_as_from_the_handle(session, sample, mesh, asked, foot):
     offset = np.array([0.05, 0.1, 0.0])
-    session.add(foot, scale=2, pivot=mesh.vertices[foot] + offset, instances="own_pivot", reach=0.7)
+    session.add(foot, scale=2, pivot=mesh.vertices[foot] + offset, counterparts="own_pivot", reach=0.7)
     members = leg(sample, 1)
     pivot = mesh.vertices[members[mesh.vertices[members, 1].argmin()]] + offset * (-1, 1, 1)
     np.testing.assert_allclose(session.vertices[members], pivot + 2 * (mesh.vertices[members] - pivot), atol=1e-6)
 
 
 def test_only_moves_the_handle_s_own(session, sample, mesh, asked, foot):
-    session.add(foot, translation=(0, -0.2, 0), instances="only", reach=0.7)
+    session.add(foot, translation=(0, -0.2, 0), counterparts="only", reach=0.7)
     own, others = leg(sample, 0), np.concatenate([leg(sample, i) for i in (1, 2, 3)])
     np.testing.assert_allclose(session.vertices[own], mesh.vertices[own] - (0, 0.2, 0), atol=1e-6)
     np.testing.assert_allclose(session.vertices[others], mesh.vertices[others], atol=1e-12)
 
 
 @pytest.mark.usefixtures("paper_handles")
-@pytest.mark.parametrize("instances", ["own_pivot", "shared_pivot"])
-def test_level_brings_all_instances_to_full_weight(session, rules, sample, mesh, asked, foot, instances):
-    session.add(foot, translation=(0, -0.2, 0), instances=instances)
+@pytest.mark.parametrize("counterparts", ["own_pivot", "shared_pivot"])
+def test_level_brings_all_counterparts_to_full_weight(session, rules, sample, mesh, asked, foot, counterparts):
+    session.add(foot, translation=(0, -0.2, 0), counterparts=counterparts)
     back = leg(sample, 2)
     half = session.vertices[back] - mesh.vertices[back]
     assert 0.05 < -half[:, 1].mean() < 0.15
@@ -126,72 +126,72 @@ def test_level_leaves_what_is_hardly_alike_where_it_is(session, sample, mesh, as
     assert (session.vertices[back, 1] > mesh.vertices[back, 1] - 0.15).all()
 
 
-def test_instances_beyond_the_reach_are_not_told_of(session, asked, foot):
+def test_counterparts_beyond_the_reach_are_not_told_of(session, asked, foot):
     handle = session.add(foot, translation=(0, -0.2, 0), reach=1.0, falloff="linear")
-    assert session.report().handles[0].instances == 4
+    assert session.report().handles[0].counterparts == 4
     session.change(handle, reach=0.2)
-    assert session.report().handles[0].instances == 2
-    assert "each of 2 instances" in str(session.report())
-    assert len(session.instances(handle)) == 4
+    assert session.report().handles[0].counterparts == 2
+    assert "each of 2 counterparts" in str(session.report())
+    assert len(session.counterparts(handle)) == 4
 
 
 def test_level_lets_no_vertex_follow_more_than_the_handle(mesh, field, asked, foot, session, monkeypatch):
-    """Between two instances both have a share, and both are brought to full weight."""
+    """Between two counterparts both have a share, and both are brought to full weight."""
 
-    class Halves(InstanceFinder):
+    class Halves(CounterpartFinder):
         def find(self, weights, vertex, position, *, held=None, grip=None, planes=()):
             half = Share(np.arange(len(mesh.vertices)), np.full(len(mesh.vertices), 0.5, np.float32))
             low = int(weights.argmin())
             places = [tuple(mesh.vertices[one]) for one in (vertex, low)]
-            found = [Instance(one, at, np.eye(3), 1.0, half) for one, at in zip((vertex, low), places, strict=True)]
+            found = [Counterpart(one, at, np.eye(3), 1.0, half) for one, at in zip((vertex, low), places, strict=True)]
             return tuple(found), None if grip is None else grip.weights
 
-    monkeypatch.setattr(grips, "InstanceFinder", Halves)
+    monkeypatch.setattr(grips, "CounterpartFinder", Halves)
     session = dfd.Deformer(mesh, field, features=field.features(mesh))
-    session.add(foot, translation=(0, -0.2, 0), instances="own_pivot")
+    session.add(foot, translation=(0, -0.2, 0), counterparts="own_pivot")
     assert session.following.max() <= 1 + 1e-6
     assert (session.vertices[:, 1] >= mesh.vertices[:, 1] - 0.2 - 1e-6).all()
     for column in session.bound.columns(session.edit)[1]:
-        assert (column.instance.share.values >= 0).all()
-        assert (column.instance.share.values <= 1).all()
+        assert (column.counterpart.share.values >= 0).all()
+        assert (column.counterpart.share.values <= 1).all()
 
 
-@pytest.mark.parametrize("instances", ["own_pivot", "shared_pivot"])
-def test_single_instances_can_be_switched_off(session, sample, mesh, asked, foot, instances):
-    handle = session.add(foot, translation=(0, -0.2, 0), instances=instances)
-    places = [one.vertex for one, _ in session.instances(handle)]
+@pytest.mark.parametrize("counterparts", ["own_pivot", "shared_pivot"])
+def test_single_counterparts_can_be_switched_off(session, sample, mesh, asked, foot, counterparts):
+    handle = session.add(foot, translation=(0, -0.2, 0), counterparts=counterparts)
+    places = [one.vertex for one, _ in session.counterparts(handle)]
     assert places[0] == foot
     before = session.vertices
     on_leg = leg(sample, 1)
-    session.change(handle, excluded_instances=[places[1], tuple(mesh.vertices[places[3]])])
-    assert [on for _, on in session.instances(handle)] == [True, False, True, False]
+    session.change(handle, excluded_counterparts=[places[1], tuple(mesh.vertices[places[3]])])
+    assert [on for _, on in session.counterparts(handle)] == [True, False, True, False]
     for number, moves in enumerate([True, False, True, False]):
         members = leg(sample, number)
         wanted = before[members] if moves else mesh.vertices[members]
         np.testing.assert_allclose(session.vertices[members], wanted, atol=1e-9)
-    # any vertex of an instance stands for it, and so does one of a text
-    session.change(handle, excluded_instances=[str(on_leg[5])])
-    assert [on for _, on in session.instances(handle)] == [True, False, True, True]
+    # any vertex of a counterpart stands for it, and so does one of a text
+    session.change(handle, excluded_counterparts=[str(on_leg[5])])
+    assert [on for _, on in session.counterparts(handle)] == [True, False, True, True]
     session.change(handle, name="foot")
-    assert [on for _, on in session.instances(handle)] == [True, False, True, True]
-    session.change(handle, excluded_instances=[])
+    assert [on for _, on in session.counterparts(handle)] == [True, False, True, True]
+    session.change(handle, excluded_counterparts=[])
     np.testing.assert_allclose(session.vertices, before, atol=1e-12)
     session.undo()
-    assert [on for _, on in session.instances(handle)] == [True, False, True, True]
+    assert [on for _, on in session.counterparts(handle)] == [True, False, True, True]
 
 
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        (7, r"`excluded_instances` must be a list of vertices or points, got 7"),
-        ("top", r"`excluded_instances` must be a list of vertices or points, got 'top'"),
-        (["x>0"], r"`excluded_instances` must be a list of vertices or points, got a region"),
+        (7, r"`excluded_counterparts` must be a list of vertices or points, got 7"),
+        ("top", r"`excluded_counterparts` must be a list of vertices or points, got 'top'"),
+        (["x>0"], r"`excluded_counterparts` must be a list of vertices or points, got a region"),
         ([10**6], r"`at` must lie in 0"),
     ],
 )
 def test_what_is_no_list_of_places_is_refused(session, foot, given, message):
     with pytest.raises(ValueError, match=f"Deformer.add: {message}"):
-        session.add(foot, excluded_instances=given)
+        session.add(foot, excluded_counterparts=given)
 
 
 def test_a_second_handle_takes_its_leg_over(session, sample, mesh, asked):
@@ -208,28 +208,28 @@ def test_a_second_handle_takes_its_leg_over(session, sample, mesh, asked):
     np.testing.assert_allclose(session.vertices[members], mesh.vertices[members] - (0, 0.2, 0), atol=1e-6)
 
 
-def test_a_new_handle_has_instances_of_its_own(session, mesh, foot):
+def test_a_new_handle_has_counterparts_of_its_own(session, mesh, foot):
     handle = session.add(foot, scale=1.5)
-    assert session.handle(handle).controls == Controls(reach="part", falloff="smooth", instances="own_pivot")
+    assert session.handle(handle).controls == Controls(reach="part", falloff="smooth", counterparts="own_pivot")
     by_default = session.vertices
-    session.change(handle, instances="own_pivot")
+    session.change(handle, counterparts="own_pivot")
     np.testing.assert_array_equal(session.vertices, by_default)
-    session.change(handle, instances="shared_pivot")
+    session.change(handle, counterparts="shared_pivot")
     assert (session.vertices != by_default).any()
 
 
 def test_together_is_the_paper_and_asks_nobody(session, rules, mesh, asked, foot):
     rules(equalize=False)
-    session.add(foot, rotation=(0, 20, 0), instances="shared_pivot", pivot="point", reach=1)
+    session.add(foot, rotation=(0, 20, 0), counterparts="shared_pivot", pivot="point", reach=1)
     wanted = dfd.pose(mesh.vertices, session.weights, [affine(rotation=(0, 20, 0), pivot=mesh.vertices[foot])])
     np.testing.assert_allclose(session.vertices, wanted, atol=1e-12)
     assert asked == []
 
 
-def test_instances_are_found_once_for_a_drag(session, rules, mesh, field, asked, foot):
+def test_counterparts_are_found_once_for_a_drag(session, rules, mesh, field, asked, foot):
     rules(equalize=False)
-    handle = session.add(foot, instances="own_pivot")
-    together = {"instances": "shared_pivot", "reach": 1}
+    handle = session.add(foot, counterparts="own_pivot")
+    together = {"counterparts": "shared_pivot", "reach": 1}
     other = session.add(5, translation=(0, 0.01, 0), **together)
     session.add(6, **together)
     session.add(7, **together)
@@ -255,11 +255,11 @@ def test_the_four_legs_of_a_chair_are_found(mesh, field, sample, foot):
     features /= np.linalg.norm(features, axis=1, keepdims=True)
     session = dfd.Deformer(mesh, field, features=features)
     session.symmetry = "x"
-    session.add(foot, scale=1.5, instances="own_pivot", pivot="point")
-    assert session.report().handles[0].instances == 4
+    session.add(foot, scale=1.5, counterparts="own_pivot", pivot="point")
+    assert session.report().handles[0].counterparts == 4
     for number in range(4):
         members = leg(sample, number)
         lowest = members[mesh.vertices[members, 1].argmin()]
         assert np.linalg.norm(session.vertices[lowest] - mesh.vertices[lowest]) < 0.02
-    session.change(1, instances="shared_pivot")
+    session.change(1, counterparts="shared_pivot")
     assert np.abs(session.vertices - mesh.vertices).max() > 0.2

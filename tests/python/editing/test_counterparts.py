@@ -1,4 +1,4 @@
-"""Instances: what looks like the handle moves about its own counterpart of the pivot."""
+"""Counterparts: what looks like the handle moves about its own counterpart of the pivot."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from dfd import Mesh, SymmetryPlane
-from dfd.editing.influence import instances
-from dfd.editing.influence.instances import InstanceFinder
+from dfd.editing.influence import counterparts
+from dfd.editing.influence.counterparts import CounterpartFinder
 from dfd.geometry import coarse
 from dfd.posing.transforms import affine
 from dfd.segmentation.parts import Grip
@@ -39,15 +39,15 @@ def vertex_at(mesh: Mesh, x: float, z: float) -> int:
     return int(np.linalg.norm(mesh.vertices - (x, 0, z), axis=1).argmin())
 
 
-def find(mesh: Mesh, weights: np.ndarray, vertex: int, **planes: object) -> tuple[instances.Instance, ...]:
-    return InstanceFinder(mesh).find(weights, vertex, mesh.vertices[vertex], **planes)[0]  # type: ignore[arg-type]
+def find(mesh: Mesh, weights: np.ndarray, vertex: int, **planes: object) -> tuple[counterparts.Counterpart, ...]:
+    return CounterpartFinder(mesh).find(weights, vertex, mesh.vertices[vertex], **planes)[0]  # type: ignore[arg-type]
 
 
-def share(mesh: Mesh, one: instances.Instance) -> np.ndarray:
+def share(mesh: Mesh, one: counterparts.Counterpart) -> np.ndarray:
     return one.share.dense(len(mesh.vertices))
 
 
-def test_a_single_hill_is_one_instance_that_has_everything():
+def test_a_single_hill_is_one_counterpart_that_has_everything():
     mesh = sheet()
     (only,) = find(mesh, hill(mesh, -0.5, 0, 1), vertex_at(mesh, -0.5, 0))
     assert only.share is None
@@ -55,7 +55,7 @@ def test_a_single_hill_is_one_instance_that_has_everything():
     np.testing.assert_array_equal(only.frame, np.eye(3))
 
 
-def test_every_piece_of_a_part_is_one_instance_whatever_peaks_it_has():
+def test_every_piece_of_a_part_is_one_counterpart_whatever_peaks_it_has():
     mesh = sheet()
     weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, -0.5, 0.5, 0.9) + hill(mesh, 0.5, 0, 0.02)
     pieces = np.where(mesh.vertices[:, 0] < -0.2, 1, np.where(mesh.vertices[:, 0] > 0.2, 0, -1))
@@ -71,7 +71,7 @@ def test_every_piece_of_a_part_is_one_instance_whatever_peaks_it_has():
     )
 
 
-def test_every_hill_is_an_instance_with_its_own_counterpart():
+def test_every_hill_is_an_counterpart_with_its_own_counterpart():
     mesh = sheet()
     weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, 0.5, -0.5, 0.9) + hill(mesh, 0.5, 0.5, 0.6)
     own, second, third = find(mesh, weights, vertex_at(mesh, -0.5, -0.5))
@@ -81,7 +81,7 @@ def test_every_hill_is_an_instance_with_its_own_counterpart():
     assert (own.weight, second.weight, third.weight) == pytest.approx((1, 0.9, 0.6), abs=1e-3)
 
 
-def test_all_peaks_of_a_piece_of_a_region_that_is_held_are_one_instance():
+def test_all_peaks_of_a_piece_of_a_region_that_is_held_are_one_counterpart():
     mesh = sheet()
     weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, 0.5, -0.5, 1) + hill(mesh, 0.5, 0.5, 0.6)
     row = np.array([vertex_at(mesh, x, -0.5) for x in np.linspace(-0.5, 0.5, 21)])
@@ -127,7 +127,7 @@ def test_shares_add_up_to_one_and_each_has_its_counterpart_to_itself():
         assert shares[number, each.vertex] == 1
 
 
-def test_shares_pass_smoothly_from_one_instance_to_the_next():
+def test_shares_pass_smoothly_from_one_counterpart_to_the_next():
     mesh = sheet()
     own, _ = find(mesh, hill(mesh, -0.5, 0, 1) + hill(mesh, 0.5, 0, 0.9), vertex_at(mesh, -0.5, 0))
     along = share(mesh, own).reshape(SIDE, SIDE)
@@ -135,13 +135,13 @@ def test_shares_pass_smoothly_from_one_instance_to_the_next():
     assert np.abs(np.diff(along, axis=1)).max() < 0.2
 
 
-def test_ripples_on_a_hill_are_no_instances():
+def test_ripples_on_a_hill_are_no_counterparts():
     mesh = sheet()
     ripples = 0.01 * np.sin(60 * mesh.vertices[:, 0]).astype(np.float32)
     assert len(find(mesh, hill(mesh, 0, 0, 1) + ripples, vertex_at(mesh, 0, 0))) == 1
 
 
-def test_what_is_hardly_alike_goes_with_the_nearest_instance():
+def test_what_is_hardly_alike_goes_with_the_nearest_counterpart():
     mesh = sheet()
     assert len(find(mesh, hill(mesh, -0.5, 0, 1) + hill(mesh, 0.5, 0, 0.06), vertex_at(mesh, -0.5, 0))) == 1
 
@@ -171,7 +171,7 @@ def test_across_a_plane_of_symmetry_the_frame_is_mirrored():
     np.testing.assert_allclose(moved, affine(translation=(-0.1, 0.2, 0.3)), atol=1e-12)
 
 
-def test_an_instance_turns_about_its_counterpart_of_the_pivot():
+def test_an_counterpart_turns_about_its_counterpart_of_the_pivot():
     mesh = sheet()
     own, other = find(mesh, hill(mesh, -0.5, 0, 1) + hill(mesh, 0.5, 0, 0.9), vertex_at(mesh, -0.5, 0))
     pivot = np.asarray(own.position) + (0, 0.3, 0.1)
@@ -183,13 +183,13 @@ def test_an_instance_turns_about_its_counterpart_of_the_pivot():
     np.testing.assert_allclose(own.transform(matrix, own.position), matrix, atol=1e-12)
 
 
-def test_a_handle_at_rest_leaves_every_instance_at_rest():
+def test_a_handle_at_rest_leaves_every_counterpart_at_rest():
     mesh = sheet()
     for each in find(mesh, hill(mesh, -0.5, 0, 1) + hill(mesh, 0.5, 0, 0.9), vertex_at(mesh, -0.5, 0)):
         np.testing.assert_allclose(each.transform(np.eye(3, 4), (-0.5, 0.0, 0.0)), np.eye(3, 4), atol=1e-15)
 
 
-def test_components_far_apart_are_instances_too():
+def test_components_far_apart_are_counterparts_too():
     mesh = sheet(copies=2)
     weights = hill(mesh, 0, 0, 1) + hill(mesh, 100, 0, 1)
     own, other = find(mesh, weights, vertex_at(mesh, 0, 0))
@@ -199,13 +199,13 @@ def test_components_far_apart_are_instances_too():
     np.testing.assert_array_equal(share(mesh, other)[~on_the_first], 1)
 
 
-def test_a_fine_mesh_is_gathered_into_nodes_and_has_the_same_instances():
+def test_a_fine_mesh_is_gathered_into_nodes_and_has_the_same_counterparts():
     mesh = sheet()
     weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, 0.5, -0.5, 0.9) + hill(mesh, 0.5, 0.5, 0.6)
     vertex = vertex_at(mesh, -0.5, -0.5)
     exact = find(mesh, weights, vertex)
     with mock.patch.object(coarse, "MOST_NODES", 1000), mock.patch.object(coarse, "CELLS", 12):
-        finder = InstanceFinder(mesh)
+        finder = CounterpartFinder(mesh)
         gathered, _ = finder.find(weights, vertex, mesh.vertices[vertex])
         assert finder._nodes.graph.shape[0] < 200
     assert [each.vertex for each in gathered] == [each.vertex for each in exact]
@@ -220,7 +220,7 @@ def test_a_handle_that_holds_nothing_has_only_itself():
     assert (only.vertex, only.weight, only.share) == (7, 0.0, None)
 
 
-def test_many_instances_still_share_everything():
+def test_many_counterparts_still_share_everything():
     mesh = sheet()
     steps = np.linspace(-0.9, 0.9, 8)
     weights = np.max([hill(mesh, x, z, 1, 0.08) for x in steps for z in steps], axis=0)
@@ -238,16 +238,16 @@ def test_a_soup_of_triangles_is_searched_in_one_pass():
     weights = np.repeat(generator.uniform(0.1, 0.9, 12_000), 3).astype(np.float32)
     weights[:3] = 1
     found = find(mesh, weights, 0)
-    assert 1 < len(found) <= instances.MOST_INSTANCES
+    assert 1 < len(found) <= counterparts.MOST_COUNTERPARTS
     assert np.array_equal(found[0].position, mesh.vertices[0])
     held = find(mesh, weights, 0, held=np.arange(9_000))
-    assert len(held) == instances.MOST_INSTANCES
+    assert len(held) == counterparts.MOST_COUNTERPARTS
 
 
-def test_there_are_no_more_instances_than_columns_are_worth():
+def test_there_are_no_more_counterparts_than_columns_are_worth():
     mesh = sheet()
     weights = np.sum([hill(mesh, x, z, 1, 0.1) for x in (-0.8, 0, 0.8) for z in (-0.8, 0, 0.8)], axis=0)
-    with mock.patch.object(instances, "MOST_INSTANCES", 4):
+    with mock.patch.object(counterparts, "MOST_COUNTERPARTS", 4):
         found = find(mesh, weights, vertex_at(mesh, 0, 0))
     assert len(found) == 4
     np.testing.assert_allclose(sum(share(mesh, each) for each in found), 1, atol=1e-6)

@@ -1,11 +1,11 @@
-"""Instances of a handle: the places that look like the one that it holds, each with its own pivot and frame.
+"""Counterparts of a handle: the places that look like the one that it holds, each with its own pivot and frame.
 
 The weight of a handle has a peak at the handle and one on every other leg. It has low peaks wherever the surface
 resembles the handle a little. A peak counts by its persistence: how far the weight falls along the surface before it
 rises to a higher peak (Edelsbrunner, Letscher and Zomorodian, "Topological persistence and simplification", 2002).
-Ripples on one leg have a low persistence, so they are no instances.
+Ripples on one leg have a low persistence, so they are no counterparts.
 
-A rotation about the handle's pivot would move distant legs in wide arcs. So each instance moves about its own
+A rotation about the handle's pivot would move distant legs in wide arcs. So each counterpart moves about its own
 counterpart of the pivot, mirrored where a plane of symmetry relates it to the handle.
 """
 
@@ -36,28 +36,28 @@ if TYPE_CHECKING:
     from dfd.symmetry.plane import SymmetryPlane
 
 LEAST_PERSISTENCE = 0.05  # weight: noise of the field makes peaks of less persistence
-LEAST_WEIGHT = 0.075  # weight: a lower peak belongs to the nearest instance
-LEAST_ALIKE = 0.15  # weight: instances of less have their own pivots, but `equalize` does not raise their weights
-MOST_INSTANCES = 64  # the highest peaks count; each instance costs a column of weights
-SHARPNESS = 2  # shares fall with this power of the distance from an instance
+LEAST_WEIGHT = 0.075  # weight: a lower peak belongs to the nearest counterpart
+LEAST_ALIKE = 0.15  # weight: counterparts of less have their own pivots, but `equalize` does not raise their weights
+MOST_COUNTERPARTS = 64  # the highest peaks count; each counterpart costs a column of weights
+SHARPNESS = 2  # shares fall with this power of the distance from a counterpart
 CLEAR = 0.03  # smaller shares, relative to the largest one at a vertex, become 0
 BESIDE = 0.1  # the margin of a box, relative to its sides: a peak inside the margin counts as inside the box
 AS_ALIKE = 0.05  # weight: the mirror image of the handle is preferred to a peak that is higher by less
 
 
 @dataclass(frozen=True, eq=False)
-class Instance:
+class Counterpart:
     """One place that moves with a handle."""
 
     vertex: int  # the vertex that looks most like the handle
-    # position: (3,) of that vertex, mesh units. For the handle's own instance it is the handle's position; for a region
-    # in several pieces it is the center of one piece.
+    # position: (3,) of that vertex, mesh units. For the handle's own it is the handle's position, and for a region in
+    # several components the center of one of them.
     position: tuple[float, float, float]
     # frame: (3, 3) orthogonal: turns directions at the handle into those at the counterpart; a reflection where a
     # plane of symmetry lies between them
     frame: Float64
     weight: float  # the handle's weight at `vertex`
-    share: Share | None  # which part of the vertices' weights belongs to it; None means all: there is one instance
+    share: Share | None  # which part of the vertices' weights belongs to it; None means all: there is one counterpart
     # image: (3, 4) the isometry that maps the handle's own component onto this one, where they are mirror images
     image: Float64 | None = None
 
@@ -66,7 +66,7 @@ class Instance:
         return 1.0 if self.share is None else self.share.at(vertex)
 
     def transform(self, affine: Float64, position: Sequence[float]) -> Float64:
-        """Return the (3, 4) map that does at this instance what `affine` does at a handle at `position` (3,)."""
+        """Return the (3, 4) map that does at this counterpart what `affine` does at a handle at `position` (3,)."""
         if np.array_equal(affine, np.eye(3, 4)):  # exactly: rounding would move vertices of a handle at rest
             return np.eye(3, 4)
         here, there = np.asarray(self.position), np.asarray(position, np.float64)
@@ -76,35 +76,35 @@ class Instance:
 
 
 class Column(NamedTuple):
-    """The handle and the instance of a column of weights."""
+    """The handle and the counterpart of a column of weights."""
 
     handle: int  # the number of the handle in the edit
-    instance: Instance | None  # None if the handle's own transform applies
-    gain: float = 1.0  # the column is the handle's weights times the instance's share times this gain
+    counterpart: Counterpart | None  # None if the handle's own transform applies
+    gain: float = 1.0  # the column is the handle's weights times the counterpart's share times this gain
     carriers: tuple[int, ...] = ()  # the columns of other handles in whose components its own is nested
 
     def matrix(self, handle: Handle) -> Float64:
-        """Return the (3, 4) transform of the column, mesh units: the handle's own in the instance's frame."""
-        if self.instance is None:
+        """Return the (3, 4) transform of the column, mesh units: the handle's own in the counterpart's frame."""
+        if self.counterpart is None:
             return handle.matrix
-        return self.instance.transform(handle.matrix, handle.place.position)
+        return self.counterpart.transform(handle.matrix, handle.place.position)
 
     @property
     def image(self) -> Float64 | None:
         """(3, 4) the isometry from the handle's own component, if they are mirror images."""
-        return None if self.instance is None else self.instance.image
+        return None if self.counterpart is None else self.counterpart.image
 
     def vertex(self, anchor: int) -> int:
-        """Return the vertex of the instance, or `anchor`, the vertex of the handle."""
-        return anchor if self.instance is None else self.instance.vertex
+        """Return the vertex of the counterpart, or `anchor`, the vertex of the handle."""
+        return anchor if self.counterpart is None else self.counterpart.vertex
 
     def position(self, handle: Handle) -> Vector:
-        """Return the position (3,) of the instance or the handle, mesh units. It has a side of a mirror plane."""
-        return handle.place.position if self.instance is None else self.instance.position
+        """Return the position (3,) of the counterpart or the handle, mesh units. It has a side of a mirror plane."""
+        return handle.place.position if self.counterpart is None else self.counterpart.position
 
 
-class InstanceFinder:
-    """Find instances on one mesh. Data that does not depend on the handle is computed once, at the first use."""
+class CounterpartFinder:
+    """Find counterparts on one mesh. Data that does not depend on the handle is computed once, at the first use."""
 
     def __init__(self, mesh: Mesh) -> None:
         self._mesh = mesh
@@ -122,8 +122,8 @@ class InstanceFinder:
         held: NDArray[np.integer] | None = None,
         grip: Grip | None = None,
         planes: Sequence[SymmetryPlane] = (),
-    ) -> tuple[tuple[Instance, ...], Float32 | None]:
-        """Find the instances of a handle.
+    ) -> tuple[tuple[Counterpart, ...], Float32 | None]:
+        """Find the counterparts of a handle.
 
         Parameters
         ----------
@@ -132,17 +132,17 @@ class InstanceFinder:
         vertex, position
             The vertex nearest to the handle, and its position (3,), mesh units.
         held
-            (N,) all vertices of a handle that is a region. Each connected piece is one instance, and several pieces
+            (N,) all vertices of a handle that is a region. Each connected piece is one counterpart, and several pieces
             move about their own centers.
         grip
-            The part that the handle holds. Each of its components is one instance.
+            The part that the handle holds. Each of its components is one counterpart.
         planes
             Planes of symmetry of the shape. They make frames.
 
         Returns
         -------
-        instances
-            The handle's own instance first, then the others, the most alike first.
+        counterparts
+            The handle's own counterpart first, then the others, the most alike first.
         part
             (V,) the weights of `grip`, with those of the handle's own component at its mirror images; None without it.
         """
@@ -161,22 +161,22 @@ class InstanceFinder:
         own = int(basin[nodes.of_vertex[vertex]])
         highest = {int(root): float(of_node[root]) for root in saddle}
         others = sorted((root for root in highest if root != own), key=lambda root: (-highest[root], root))
-        roots = [own, *others[: MOST_INSTANCES - 1]]
+        roots = [own, *others[: MOST_COUNTERPARTS - 1]]
         if own < 0 or len(roots) == 1:
-            return (Instance(vertex, (x, y, z), np.eye(3), float(weights[vertex]), None),), part
+            return (Counterpart(vertex, (x, y, z), np.eye(3), float(weights[vertex]), None),), part
         x, y, z = centers[own].tolist() if own in centers else (x, y, z)
-        found = [Instance(vertex, (x, y, z), np.eye(3), float(weights[vertex]), None)]
+        found = [Counterpart(vertex, (x, y, z), np.eye(3), float(weights[vertex]), None)]
         surfaces = [] if grip is None else self._surfaces(basin, roots)
         for number, root in enumerate(roots[1:], 1):
             image = self._image(number, surfaces, found, planes)
             if image is not None:
                 x, y, z = (image[:, :3] @ np.asarray(position, np.float64) + image[:, 3]).tolist()
                 peak = int(nodes.nearest((x, y, z))[0])
-                found.append(Instance(peak, (x, y, z), image[:, :3], float(weights[peak]), None, image))
+                found.append(Counterpart(peak, (x, y, z), image[:, :3], float(weights[peak]), None, image))
                 continue
             peak, frame = self._counterpart(root, weights, basin, found, planes)
             x, y, z = centers.get(root, self._mesh.vertices[peak]).tolist()
-            found.append(Instance(peak, (x, y, z), frame, float(weights[peak]), None))
+            found.append(Counterpart(peak, (x, y, z), frame, float(weights[peak]), None))
         rows = self._closeness(of_node, basin, saddle, roots)
         if grip is not None:
             rows *= grip.of_node
@@ -207,7 +207,7 @@ class InstanceFinder:
 
     @staticmethod
     def _image(
-        number: int, surfaces: Sequence[Component | None], found: Sequence[Instance], planes: Sequence[SymmetryPlane]
+        number: int, surfaces: Sequence[Component | None], found: Sequence[Counterpart], planes: Sequence[SymmetryPlane]
     ) -> Float64 | None:
         """Return the isometry (3, 4) from the handle's own component to component `number`, if they are mirror images.
 
@@ -232,12 +232,12 @@ class InstanceFinder:
         root: int,
         weights: NDArray[np.floating],
         basin: Int64,
-        found: Sequence[Instance],
+        found: Sequence[Counterpart],
         planes: Sequence[SymmetryPlane],
     ) -> tuple[int, Float64]:
-        """Return the vertex of an instance that corresponds to the handle, and its frame.
+        """Return the vertex of a counterpart that corresponds to the handle, and its frame.
 
-        This is the mirror image of an instance that was found before, if its weight is as high: peaks are often flat,
+        This is the mirror image of one that was found before, if its weight is as high: peaks are often flat,
         so their highest vertex is arbitrary. Otherwise it is the highest vertex, with a frame that is mirrored once for
         each plane between it and the handle.
         """
@@ -308,7 +308,7 @@ class InstanceFinder:
         whole_of: dict[int, int] = {}
         boxes = 0
         for rank, root in enumerate(roots.tolist()):
-            if boxes == MOST_INSTANCES:  # lower peaks are no instances
+            if boxes == MOST_COUNTERPARTS:  # lower peaks are no counterparts
                 break
             if root in whole_of:
                 continue
@@ -334,7 +334,7 @@ class InstanceFinder:
         return int(members[weights[members].argmax()])
 
     def _closeness(self, weights: Float64, basin: Int64, saddle: dict[int, float], roots: Sequence[int]) -> Float64:
-        """Return (K, N) shares of the instances: 1 on the upper half of a peak, with smooth transitions in between."""
+        """Return (K, N) shares: 1 on the upper half of a peak, with smooth transitions in between."""
         closeness = np.empty((len(roots), len(weights)))
         for row, core in enumerate(self._cores(np.asarray(roots), weights, basin, saddle)):
             distance = dijkstra(self._nodes.graph, indices=core, min_only=True)
@@ -344,7 +344,7 @@ class InstanceFinder:
                 distance[apart] = straight + self._mesh.diagonal
             closeness[row] = (distance / self._mesh.diagonal + 1e-4) ** -SHARPNESS
         closeness[0, ~self._nodes.used] = 1.0
-        closeness /= closeness.max(axis=0)  # the nearest instance has 1
+        closeness /= closeness.max(axis=0)  # the nearest counterpart has 1
         closeness -= CLEAR
         np.maximum(closeness, 0.0, out=closeness)
         closeness /= closeness.sum(axis=0)
