@@ -47,12 +47,12 @@ LEGEND = {
     "threshold": "IoU with the label of all vertices above the best threshold of a handle's weights",
     "part": "IoU with the label of the part at a click, with its counterparts",
     "best of three": "of that part, the smaller one in it and the larger one around it, the best",
-    "counterpart": "IoU of the connected component of the part with that of the label",
+    "component": "IoU of the connected component of the part with that of the label",
     "grip": "Σ min(w, t) / Σ max(w, t) over the surface, for a session's weights w and the label t",
     "coverage": "weight that the label has, of all that it could have",
     "leak": "weight beyond the label, of all weight",
-    "counterparts": "counterparts of landmarks within 5 % of the diagonal of a counterpart of the landmark's handle",
-    "too many": "counterparts of such a handle that are at no counterpart",
+    "counterparts": "counterparts of landmarks within 5 % of the diagonal of one of the landmark's handle",
+    "too many": "counterparts of such a handle that are at no landmark",
     "at random": "precision of the shape turned by a random rotation",
     "by axes": "precision of the shape turned to lie along other axes of the file",
     "loss": "what a turn takes away from the precision as it stands",
@@ -123,13 +123,13 @@ def _judged(on: LabelledShape, field: dfd.Field, *, paper: bool) -> Judged:
     parts = Parts(mesh, field.on(mesh).rows)
     overlaps, masks = [], []
     for handle in handles.tolist():
-        truth, counterpart = on.labels == on.labels[handle], on.instances == on.instances[handle]
+        truth, component = on.labels == on.labels[handle], on.components == on.components[handle]
         levels = [parts.part(handle, level).mask for level in ("part", "smaller", "larger")]
         first, *others = (soft_iou(on, mask, truth) for mask in levels)
-        alone = soft_iou(on, parts.part(handle, alike=False).mask, counterpart)
+        alone = soft_iou(on, parts.part(handle, alike=False).mask, component)
         overlaps.append((first, max(first, *others), alone))
         masks.append(levels[0])
-    for name, values in zip(("part", "best of three", "counterpart"), np.transpose(overlaps), strict=True):
+    for name, values in zip(("part", "best of three", "component"), np.transpose(overlaps), strict=True):
         verdict[name] = _mean(on, handles, values)
     verdict |= {**_grip(on, field, features, handles, {}), **_counterparts(on, field, features)}
     at = int(np.argmin([first for first, *_ in overlaps]))

@@ -45,7 +45,7 @@ class LabelledShape:
         return area_fractions(self.shape.mesh)
 
     @cached_property
-    def instances(self) -> Int32:
+    def components(self) -> Int32:
         """(V,) the connected component of its part that each vertex is on: one leg of all legs."""
         sides = self.shape.mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
         return components_of(sides[self.labels[sides[:, 0]] == self.labels[sides[:, 1]]], len(self.labels))

@@ -53,7 +53,7 @@ def test_a_folder_is_read_by_category_and_half_of_it_judges(folder):
     assert first.shape.parts == sample.parts
     assert (first.labels == sample.labels).mean() > 0.9
     assert first.counterparts == ((0, 1),)
-    assert len(np.unique(first.counterparts[first.labels == sample.parts.index("leg")])) == 4
+    assert len(np.unique(first.components[first.labels == sample.parts.index("leg")])) == 4
     assert [each.shape.name for each in labelled_shapes(folder, quick=True)] == ["Chair 10"]
     assert [each.shape.name for each in labelled_shapes(None, quick=True)] == ["chair", "quadruped", "robot"]
 

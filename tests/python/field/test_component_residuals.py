@@ -60,7 +60,7 @@ def test_a_handle_moves_its_own_piece_alone_and_itself_by_exactly_1() -> None:
     field, _ = kept(mesh)
     half = len(mesh.vertices) // 2
     session = dfd.Deformer(mesh, field)
-    session.add(5, translation=(0, 0.2, 0), reach=1.0, falloff="linear", instances="shared_pivot")
+    session.add(5, translation=(0, 0.2, 0), reach=1.0, falloff="linear", counterparts="shared_pivot")
     assert session.weights[5, 0] == 1
     assert session.weights[:half].min() > 0.6
     assert session.weights[half:].max() < 0.2

@@ -367,7 +367,7 @@ def test_vertices_that_no_face_uses_change_no_part(chair):
     assert overlap(found[1].mask[:count], found[0].mask) > 0.95
     assert found[1].pieces == found[0].pieces == 4
     deformer = dfd.Deformer(whole, field_of(whole))
-    handle = deformer.add(foot_of(chair), instances="own_pivot")
+    handle = deformer.add(foot_of(chair), counterparts="own_pivot")
     deformer.move(handle, translation=(0, 0.1, 0))
     assert np.isfinite(deformer.vertices).all()
 
