@@ -1,4 +1,4 @@
-"""How a handle's weights are shaped: the choices, by the field's names."""
+"""The controls of a handle, which shape its weights."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ DEFAULTS = PRESETS["default"]
 
 @dataclass(frozen=True, repr=False)
 class Controls(Brief):
-    """What a handle takes hold of besides where it is, each field as `dfd.editing.presets.CONTROLS` says.
+    """The controls of a handle; `dfd.editing.presets.CONTROLS` describes each field.
 
     What is left out is as the preset "default" has it. Lengths are in mesh units; of `radius` and `locality` only one
     may be given.
@@ -57,11 +57,11 @@ class Controls(Brief):
 
     @cached_property
     def of_column(self) -> Controls:
-        """Those that shape the column of weights, and the defaults of all others."""
+        """The controls that shape the column of weights, with defaults in place of all others."""
         return Controls(**{name: getattr(self, name) for name, said in CONTROLS.items() if said.affects == "weights"})
 
     def changed(self, **given: Any) -> Controls:
-        """The controls with some of them exchanged; None leaves one, and of `radius` and `locality` one ends the other.
+        """Return other controls. None keeps a value; of `radius` and `locality`, giving one resets the other.
 
         Raises ValueError as `Controls` does.
         """
@@ -76,7 +76,7 @@ class Controls(Brief):
 
 
 def controls_of(preset: Preset) -> Controls:
-    """Those of a new handle."""
+    """Return the controls of a new handle."""
     return Controls(**PRESETS[preset].handle)
 
 
@@ -105,7 +105,7 @@ def controls_on(mesh: Mesh, given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _points_on(mesh: Mesh, places: Any) -> tuple[Place, ...]:
-    """The places of a list of them, once each."""
+    """Return the places of a list, once each."""
     if isinstance(places, str) or not isinstance(places, Iterable) or getattr(places, "ndim", 1) == 0:
         raise ArgumentError("excluded_counterparts", f"must be a list of vertices or points, got {places!r}")
     found = tuple(dict.fromkeys(place_on(mesh, at) for at in places))
@@ -115,7 +115,7 @@ def _points_on(mesh: Mesh, places: Any) -> tuple[Place, ...]:
 
 
 def length_on(mesh: Mesh, name: str, value: Any) -> float:
-    """A length in mesh units, from a number or from a text such as "20%", of the diagonal of the mesh's box.
+    """Return a length in mesh units, from a number or a text such as "20%" of the diagonal of the mesh's box.
 
     Raises ValueError if it is neither, or out of the bounds of the control of that `name`.
     """

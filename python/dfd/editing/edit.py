@@ -1,4 +1,4 @@
-"""An edit of a shape, as one immutable value: handles, fixed points, symmetry, and how they are put together.
+"""An edit of a shape as one immutable value: handles, fixed points, symmetry, default transform and preset.
 
 It is what `Deformer` steps through, and by pydantic what it keeps in a file (`dfd.editing.edit_file`).
 """
@@ -37,7 +37,7 @@ CONTROLS = Controls()
 
 @dataclass(frozen=True, repr=False)
 class Handle(Brief):
-    """What is held of the shape, and what is done to it.
+    """A place on the shape, the transform of that place, and what follows it.
 
     Raises ValueError if `id` is below 1, `name` is no text, or the numbers are so large that the matrix is not finite.
     """
@@ -72,7 +72,7 @@ class Handle(Brief):
 
 @dataclass(frozen=True, repr=False)
 class Fixed(Brief):
-    """A point or a region that stays, and with it all that looks like it (Eq. 6)."""
+    """A point or a region that stays, with everything that looks like it (Eq. 6)."""
 
     place: Place
     strength: Annotated[float, About("How much of the weight there it takes away; 1 is Eq. 6.", 0.0, 1.0)] = 1.0
@@ -82,18 +82,18 @@ class Fixed(Brief):
 
     @property
     def position(self) -> Vector:
-        """Where it is, (3,) in mesh units."""
+        """The position, (3,) in mesh units."""
         return self.place.position
 
     @property
     def vertex(self) -> int | None:
-        """The vertex that it is, or None."""
+        """The vertex at the position, or None."""
         return self.place.vertex
 
 
 @dataclass(frozen=True, repr=False)
 class Edit(Brief):
-    """Everything that a session has done to a shape; never changed, only replaced.
+    """All changes that a session has made to a shape.
 
     Raises ValueError if two handles share an id, or any two handles or fixed points share a place, or a name is
     unknown.
@@ -130,7 +130,7 @@ class Edit(Brief):
 
     @property
     def rules(self) -> Rules:
-        """What the preset says."""
+        """The values of the preset."""
         return PRESETS[self.preset]
 
     @property
@@ -141,7 +141,7 @@ class Edit(Brief):
         return "dual_quaternion" if far else "linear"
 
     def handle(self, id: int) -> Handle:  # noqa: A002  # the handle's own word for it
-        """The handle of that id; ValueError if there is none."""
+        """Return the handle of an id; ValueError if there is none."""
         for handle in self.handles:
             if handle.id == id:
                 return handle
@@ -149,24 +149,24 @@ class Edit(Brief):
         raise ArgumentError("handle", f"must be the id of a handle ({known}), got {id!r}", "Edit")
 
     def released(self, place: Place) -> Edit:
-        """The edit without the fixed point or region at `place`; ValueError if there is none."""
+        """Return the edit without the fixed point or region at `place`; ValueError if there is none."""
         kept = tuple(fixed for fixed in self.fixed if fixed.place.key != place.key)
         if len(kept) == len(self.fixed):
             raise ArgumentError("at", f"must be a fixed point, got {place}", "Edit")
         return replace(self, fixed=kept)
 
     def removed(self, handle: int) -> Edit:
-        """The edit without the handle of that id; ValueError if there is none."""
+        """Return the edit without the handle of an id; ValueError if there is none."""
         held = self.handle(handle)
         return replace(self, handles=tuple(other for other in self.handles if other is not held))
 
     def replaced(self, changed: Handle) -> Edit:
-        """The edit with `changed` in place of the handle of its id."""
+        """Return the edit with `changed` in place of the handle with the same id."""
         return replace(self, handles=tuple(changed if handle.id == changed.id else handle for handle in self.handles))
 
 
 def edit_on(mesh: Mesh, edit: Edit, place: Callable[[str, Place], Place] | None = None) -> Edit:
-    """`edit` with its vertices and regions where those of `mesh` lie; `place` finds one by its name in the edit.
+    """Return `edit` with its vertices and regions placed on `mesh`; `place` finds one by its name in the edit.
 
     Raises ValueError if one of them is none of `mesh`.
     """
@@ -205,7 +205,7 @@ def with_preset(edit: Edit, preset: Preset, mesh: Mesh) -> Edit:
 
 
 def band_on(mesh: Mesh, preset: Preset) -> float:
-    """The half width, mesh units, of the zone in which the sides of a mirror plane blend."""
+    """Return half the width, mesh units, of the band in which the sides of a mirror plane blend."""
     return PRESETS[preset].band * float(np.max(mesh.extents))
 
 
@@ -219,7 +219,7 @@ def symmetry_on(
     candidates: SymmetryCandidates | None = None,
     threshold: float | Literal["relative"] | None = None,
 ) -> SymmetryPlane:
-    """The plane that a person means: a plane, or a text as `dfd.symmetry.plane.plane_from_text` reads it.
+    """Return the plane for a `SymmetryPlane` or a text that `dfd.symmetry.plane.plane_from_text` reads.
 
     With a `field`, "auto" is the plane across which the shape looks most alike, of `candidates` and by a `threshold` as
     `symmetry_planes` takes them; the preset's if left out. `band`, in mesh units, replaces the plane's own, which for a
@@ -268,5 +268,5 @@ def _plane_in(text: str, mesh: Mesh) -> SymmetryPlane:
 
 
 def box_center(mesh: Mesh) -> Vector:
-    """Center of the bounding box, the pivot of a default transform without one, (3,) in mesh units."""
+    """Return the center of the bounding box (3,), mesh units: the pivot of a default transform without one."""
     return vector("mesh", np.asarray(mesh.bounds, np.float64).mean(axis=0))

@@ -89,7 +89,7 @@ SAME_BOX = 0.05
 
 @dataclass(frozen=True)
 class Units:
-    """What lengths and angles are in; no other units are read."""
+    """The units of lengths and angles; no others are read."""
 
     length: Literal["mesh"] = "mesh"
     angle: Literal["degree"] = "degree"
@@ -97,7 +97,7 @@ class Units:
 
 @dataclass(frozen=True)
 class MadeFor:
-    """The shape that the edit was made on, for which its vertex indices count."""
+    """The shape that the edit was made on, to which its vertex indices refer."""
 
     vertices: Annotated[int, About("How many vertices it has.", 1.0)]
     hash: Annotated[str | None, About("Its `Mesh.content_hash`.")] = None
@@ -111,7 +111,7 @@ class MadeFor:
 
 @dataclass(frozen=True)
 class MadeOn:
-    """The files that the edit was made on: from its own folder where they are inside, else from the root."""
+    """The files that the edit was made on: relative if they are in its folder, else absolute."""
 
     mesh: Annotated[str, StringConstraints(min_length=1)] | None = None
     field: Annotated[str, StringConstraints(min_length=1)] | None = None
@@ -120,7 +120,7 @@ class MadeOn:
 
 @dataclass(frozen=True)
 class EditFile(Edit):
-    """An edit of a shape, with what a file says besides."""
+    """An edit of a shape, with the other keys of a file."""
 
     format: Literal["dfd-edit"] = "dfd-edit"
     version: Literal[1] = 1
@@ -148,7 +148,7 @@ FIRST = ("format", "version", "preset", "units", "mesh", "made_on")  # keys of a
 
 
 def edit_schema() -> dict[str, Any]:
-    """The JSON Schema of the edit document, of the version that is written."""
+    """Return the JSON Schema of the edit document."""
     schema = _model().json_schema()
     definitions = schema["$defs"]
     for owner in ("Handle", "Fixed"):
@@ -190,7 +190,7 @@ def read_edit(path: str | os.PathLike[str], mesh: Mesh, *, other_shape: bool = F
 
 
 def read_made_on(path: str | os.PathLike[str]) -> tuple[Path | None, Path | None, str | None]:
-    """The mesh and the field that the edit in `path` says it was made on, and the SHA-256 of the field's file.
+    """Return the mesh and the field that the edit in `path` was made on, and the SHA-256 of the field's file.
 
     Raises what `read_edit` raises of a document; the files may be gone.
     """
@@ -221,7 +221,7 @@ def _parsed(path: str | os.PathLike[str]) -> Any:
 
 
 def _made_on(path: Path, mesh: Mesh, field: Field | None) -> dict[str, str | None] | None:
-    """Where the files of a mesh and its field are, as the edit in `path` names them; None where the field has none."""
+    """Return the files of a mesh and its field as the edit in `path` names them; None if the field has no file."""
     source = None if field is None else field.source
     if source is None:
         return None
@@ -231,7 +231,7 @@ def _made_on(path: Path, mesh: Mesh, field: Field | None) -> dict[str, str | Non
 
 
 def _from(folder: Path, file: Path | None) -> str | None:
-    """A file inside `folder` from there, so that both can be moved together; any other from the root.
+    """Return a relative path for a file inside `folder`, so that both can be moved together, else an absolute one.
 
     None stands for a name that is not UTF-8, which a JSON file cannot hold.
     """
@@ -243,7 +243,7 @@ def _from(folder: Path, file: Path | None) -> str | None:
 
 
 def to_document(edit: Edit, mesh: Mesh) -> dict[str, Any]:
-    """`edit` of `mesh` as a JSON document."""
+    """Return `edit` of `mesh` as a JSON document."""
     low, high = mesh.bounds.tolist()
     made_for = MadeFor(len(mesh.vertices), mesh.content_hash, (tuple(low), tuple(high)))
     written = _model().dump_python(EditFile(**_values(edit), mesh=made_for), mode="json")
@@ -265,14 +265,14 @@ def _values(edit: Edit) -> dict[str, Any]:
 
 
 def _spread(entry: dict[str, Any]) -> dict[str, Any]:
-    """An entry with its place, transform and controls on its own level."""
+    """Return an entry with the keys of its place, transform and controls on its own level."""
     parts = [entry.pop(part) for part in SPREAD if part in entry]
     named = {key: entry.pop(key) for key in ("id", "name") if key in entry}
     return {**named, **{key: value for part in parts for key, value in part.items()}, **entry}
 
 
 def from_document(document: Any, mesh: Mesh, *, name: str = "edit", other_shape: bool = False) -> Edit:
-    """The edit of `mesh`, or with `other_shape` of any, in a parsed JSON document; `name` begins every message.
+    """Return the edit in a parsed JSON document of `mesh`, or with `other_shape` of any; `name` begins each message.
 
     Raises ValueError if it is no such document, or one of another shape; the message names the key and what was found
     there. Warns if a vertex of the edit is no longer where it was, and counts as a point of space.
@@ -305,7 +305,7 @@ def _checked(document: Any, name: str) -> dict[str, Any]:
 
 
 def _completed(document: dict[str, Any], mesh: Mesh | None = None) -> dict[str, Any]:
-    """A document as pydantic takes one: with nothing left out or side by side."""
+    """Return a document for pydantic: with defaults, and with places, transforms and controls grouped."""
     known: Preset = document["preset"] if document.get("preset") in tuple(PRESETS) else "default"
     whole = dict(document)
     handles, fixed, plane = (whole.get(key) for key in ("handles", "fixed", "symmetry"))
@@ -328,7 +328,7 @@ def _completed(document: dict[str, Any], mesh: Mesh | None = None) -> dict[str, 
 def _grouped(
     entry: Any, parts: Mapping[str, type], meant: Mapping[str, Any] | None = None, free: Iterable[int] | None = None
 ) -> Any:
-    """An entry whose keys of `parts` are in those, with what is `meant` where it says nothing, and a `free` id."""
+    """Return an entry with the keys of `parts` grouped, the defaults `meant`, and a `free` id if it has none."""
     if not isinstance(entry, dict):
         return entry
     given = {**(meant or {}), **entry}
@@ -339,7 +339,7 @@ def _grouped(
 
 
 def _validated(document: dict[str, Any], name: str) -> EditFile:
-    """The edit in a completed document, its places as they are said."""
+    """Return the edit in a completed document, with its places as they are written."""
     try:
         return _model().validate_json(json.dumps(document))
     except ValidationError as error:
@@ -348,14 +348,14 @@ def _validated(document: dict[str, Any], name: str) -> EditFile:
 
 
 class _Places:
-    """Where the places of an edit that was made for a shape lie on a mesh."""
+    """Find the places of an edit that was made for another mesh."""
 
     def __init__(self, mesh: Mesh, made_for: MadeFor | None) -> None:
         self.mesh, self.made_for = mesh, made_for
         self.lost = 0  # vertices that are not where they were
 
     def place(self, path: str, said: Place) -> Place:
-        """Where one of them lies."""
+        """Return the place on the mesh."""
         if said.region is not None:
             if isinstance(said.region, VertexSet) and not said.region.lies_on(self.mesh):
                 self.lost += 1
@@ -396,7 +396,7 @@ class _Places:
             )
 
     def warn_of_lost(self, name: str) -> None:
-        """Say so where an edit of another resolution goes by positions."""
+        """Warn if places of an edit of another resolution are taken by their positions."""
         made = self.made_for
         if made is not None and made.hash != self.mesh.content_hash and self.lost:
             warnings.warn(
@@ -432,7 +432,7 @@ KNOWN_KEYS: dict[str, tuple[str, ...]] = {
 
 
 def _complaint(error: ValidationError) -> tuple[str, str]:
-    """The key and the reason of the first thing that is wrong, in the words of this package."""
+    """Return the key and the reason of the first error, in the words of this package."""
     errors = error.errors(include_url=False)
     # Of a union, the member that was followed farthest, and of words and others the words where one was given.
     owner = _path(errors[0]["loc"])

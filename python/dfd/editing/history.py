@@ -1,4 +1,4 @@
-"""Undo without limit: the states of an edit, one after the other. They are small and share what did not change."""
+"""Undo without limit: the states of an edit, which are small and share everything that did not change."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dfd.editing.edit import Edit
 
 
 class History:
-    """A list of states with a place in it."""
+    """A list of states with a current one."""
 
     def __init__(self, start: Edit) -> None:
         self._states = [start]

@@ -1,4 +1,4 @@
-"""Where a handle or a fixed point is, and how a person says so."""
+"""Places of handles and fixed points, and the texts that name them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ NOWHERE: Vector = (math.nan, math.nan, math.nan)
 
 @dataclass(frozen=True, repr=False)
 class Place(Brief):
-    """Where a handle or a fixed point is on the resting shape: at a vertex, in a region, or at any point of space.
+    """The place of a handle or a fixed point on the resting shape: a vertex, a region, or any point of space.
 
     Raises ValueError if it says nothing, or a number is out of its bounds.
     """
@@ -58,30 +58,30 @@ class Place(Brief):
 
     @property
     def known(self) -> bool:
-        """Whether it says where it lies."""
+        """Whether the position is known."""
         return not math.isnan(self.position[0])
 
     @property
     def key(self) -> Hashable:
-        """What tells it from other places: a vertex and a point in the same position are one."""
+        """The identity of the place: a vertex and a point at the same position are equal."""
         return (self.position, self.region) if self.known else self
 
     def __str__(self) -> str:
-        """Name it for a message, and a point as the command line takes it."""
+        """Return the name for messages; a point as the command line takes it."""
         if self.region is not None:
             return str(self.region)
         return ",".join(f"{x:g}" for x in self.position) if self.vertex is None else str(self.vertex)
 
 
 class Found(NamedTuple):
-    """What a text meant on a mesh."""
+    """The place that a text names on a mesh."""
 
     place: Place
     note: str  # one line for people: which vertex, and how far away, or how many vertices
 
 
 def place_on(mesh: Mesh, at: Any) -> Place:
-    """The place that a person means by `at`.
+    """Return the place that `at` names on a mesh.
 
     That is a vertex index; three coordinates in mesh units, which stay where they are, on the surface or off it; an
     array of vertex indices or a mask of (V,) truth values; a region; a text, see `find`; or a `Place`, whose vertex and
@@ -110,7 +110,7 @@ def place_on(mesh: Mesh, at: Any) -> Place:
 
 
 def find(mesh: Mesh, text: str) -> Found:
-    """What `text` names on `mesh`, and a line that says so.
+    """Return the place that `text` names on `mesh`, with a line that describes it.
 
     `812` is a vertex. `0.1,0.2,0.3` is the vertex nearest to that point. `top`, `bottom`, `left`, `right`, `front` and
     `back` are the outermost vertices (y is up, the front looks along +z). `part:NAME` is a part of the scene,
@@ -168,7 +168,7 @@ def find(mesh: Mesh, text: str) -> Found:
 
 
 def nearest_vertex(mesh: Mesh, point: Vector) -> tuple[int, float]:
-    """The vertex nearest to `point`, and how far it is, mesh units.
+    """Return the vertex nearest to `point`, and its distance in mesh units.
 
     Raises ValueError if it is farther away than the diagonal of the mesh's box: that is no point of this shape.
     """

@@ -1,4 +1,4 @@
-"""What an edit does to a shape, in numbers and in one sentence."""
+"""A report of what an edit does to a shape, in numbers and in one sentence."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ UNSEEN = 1e-3
 
 @dataclass(frozen=True)
 class HandleReport:
-    """What became of one handle."""
+    """The result of one handle."""
 
     # id, name: those of the handle
     id: int
@@ -37,7 +37,7 @@ class HandleReport:
     along_with: tuple[int, ...] = ()  # the ids of handles that move it as well: its part lies in theirs
 
     def __str__(self) -> str:
-        """Say it in a few words."""
+        """Return the result in a few words."""
         named = f"handle {self.id}" + (f" ({self.name})" if self.name else "")
         words = f"{named} arrived" if self.arrived else f"{named} is {self.missing:.3g} from where it was sent"
         if self.counterparts > 1:
@@ -51,7 +51,7 @@ class HandleReport:
 
 @dataclass(frozen=True)
 class Report:
-    """What an edit does to a shape."""
+    """The result of an edit."""
 
     moved: float  # the part of the vertices, in [0, 1], that moved by more than 0.1 % of the diagonal of the box
     farthest: float  # how far the vertex moved that moved farthest, mesh units
@@ -79,7 +79,7 @@ class Report:
 
 
 def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: Float64) -> Report:
-    """What `edit` does to `mesh`, whose vertices (V, 3) are at `posed`."""
+    """Return the report of `edit` on `mesh`, whose vertices (V, 3) are at `posed`."""
     distances = np.linalg.norm(posed - mesh.vertices, axis=1)
     farthest = float(distances.max())
     moved = float(np.mean(distances > UNSEEN * mesh.diagonal))
@@ -131,12 +131,12 @@ def _handle_report(
 
 
 def _sent(matrix: Float64, point: Float64) -> Float64:
-    """Where an affine `matrix` (3, 4) sends a point (3,)."""
+    """Return the image of a point (3,) under an affine `matrix` (3, 4)."""
     return np.asarray(matrix[:, :3] @ point + matrix[:, 3])
 
 
 def _advice(edit: Edit) -> str | None:
-    """Which scales flatten or mirror the shape; None where none does."""
+    """Return a sentence about scales that flatten or mirror the shape; None without any."""
     flat = [f"handle {handle.id}" for handle in edit.handles if 0.0 in handle.transform.scale]
     if flat:
         return (
@@ -150,7 +150,7 @@ def _advice(edit: Edit) -> str | None:
 
 
 def _warning(edit: Edit) -> str:
-    """Why nothing moved."""
+    """Return why nothing moved."""
     if not edit.handles and edit.default is None:
         return "nothing moved: nothing is held"
     if all(handle.transform.rests for handle in edit.handles):

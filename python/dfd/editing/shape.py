@@ -1,4 +1,4 @@
-"""The shape that an edit makes of the resting one: posed whole, and from frame to frame of a drag only what moves."""
+"""The posed shape of an edit. During a drag, only the handles that move are computed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ IDENTITY = np.eye(3, 4)
 
 
 class PosedShape:
-    """The vertices of the newest edit that was asked for.
+    """The posed vertices of the last edit.
 
     While edits differ in the transforms of a few handles alone, all others stay folded into one base (`dfd.Drag`): a
     frame then costs what those few cost.
@@ -35,7 +35,7 @@ class PosedShape:
         self._moving: dict[int, list[Column]] = {}  # the columns that `_drag` can move, by handle
 
     def of(self, edit: Edit) -> Float64:
-        """(V, 3) vertices in mesh units, read-only, moved by `edit` from where they rest."""
+        """Return (V, 3) the posed vertices of `edit` in mesh units, read-only."""
         if edit is not self._edit:
             vertices = self._posed(edit)
             vertices.flags.writeable = False
@@ -70,7 +70,7 @@ class PosedShape:
         return pose(bent, weights, **self._arguments(edit, columns))
 
     def _arguments(self, edit: Edit, columns: tuple[Column, ...]) -> dict[str, Any]:
-        """What `pose` and `Drag` take for `edit`, besides vertices and weights."""
+        """Return the arguments of `pose` and `Drag` for `edit`, besides vertices and weights."""
         positions = [column.position(edit.handles[column.handle]) for column in columns]
         return {
             "transforms": np.reshape([self._matrix(edit, column) for column in columns], (-1, 3, 4)),
@@ -87,7 +87,7 @@ class PosedShape:
 
 
 def _moved(before: Edit, after: Edit) -> list[int] | None:
-    """Which handles' transforms tell two edits apart; None where other things do."""
+    """Return the handles by whose transforms alone two edits differ; None if they differ otherwise."""
     if len(before.handles) != len(after.handles) or _whole_shape(before) != _whole_shape(after):
         return None
     if HandleWeights.allocating(before) != HandleWeights.allocating(after):
@@ -104,7 +104,7 @@ def _moved(before: Edit, after: Edit) -> list[int] | None:
 
 
 def _bend(handle: Handle) -> tuple[Any, ...] | None:
-    """What of a transform moves the vertices before all transforms do."""
+    """Return the parts of a transform that move vertices before all transforms do; None without any."""
     transform = handle.transform
     return (transform.bend, transform.twist, transform.joint) if transform.bends else None
 
@@ -114,7 +114,7 @@ def _whole_shape(edit: Edit) -> tuple[Any, ...]:
 
 
 def _acting(edit: Edit) -> tuple[Any, ...]:
-    """What of an edit tells in the shape.
+    """Cache key: everything that changes the posed vertices.
 
     Handles that rest do not where displacements add, unless they keep a D₀ from what they hold.
     """

@@ -1,4 +1,4 @@
-"""Handles worth taking: a few vertices, one for each kind of part."""
+"""Suggested handles: a few vertices, one for each kind of part."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ALIKE = 0.35  # feature distance: what is nearer to a handle than this goes with
 
 @dataclass(frozen=True)
 class Suggestion:
-    """A handle worth taking."""
+    """A suggested handle."""
 
     vertex: int  # where to hold
     share: float  # part of the shape, by area, that looks more like it than like any other suggested one
@@ -90,6 +90,6 @@ def suggest_handles(
 
 
 def _areas(mesh: Mesh) -> Float64:
-    """(V,) a third of the area of the faces around each vertex."""
+    """Return (V,) a third of the area of the faces around each vertex."""
     areas = np.repeat(face_areas(mesh.vertices, mesh.faces) / 3, 3)
     return np.bincount(mesh.faces.ravel(), areas, minlength=len(mesh.vertices)).astype(np.float64)

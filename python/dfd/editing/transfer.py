@@ -1,4 +1,4 @@
-"""An edit carried from one shape to another of its class: handles go to what looks most like what they held."""
+"""Transfer of an edit from one shape to another of its class: handles go to the places that look most alike."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ Points = Float64
 
 @dataclass(frozen=True)
 class Transferred:
-    """An edit on another shape, and how sure it is."""
+    """An edit on another shape, with its confidence."""
 
     edit: Edit  # on the other mesh
     # confidence: by handle id, in [0, 1]; with the learned metric how often a handle whose old and new place look as
@@ -122,11 +122,11 @@ class Carrier:
         return Transferred(carried, confidence, tuple(sure for _, sure in fixed))
 
     def point(self, position: Vector) -> Vector:
-        """Where a point lies in the box around the other shape."""
+        """Return the position of a point in the box around the other shape."""
         return vector("position", self.center_to + self.ratio * (np.asarray(position) - self.center_from))
 
     def place(self, place: Place) -> tuple[Place, float]:
-        """Where a place is on the other shape, and how sure that is."""
+        """Return a place on the other shape, and the confidence."""
         if place.region is None:
             vertices, cosines = self.nearest(np.array([place.position]))
             return place_on(self.mesh, int(vertices[0])), self.sure(cosines)
@@ -141,11 +141,11 @@ class Carrier:
         )
 
     def sure(self, cosines: NDArray[np.floating]) -> float:
-        """The confidence that cosines give, between what sets old and new places apart from their shapes."""
+        """Return the confidence for cosines between the deviations of old and new places from their shapes."""
         return float((np.interp(cosines, COSINES, RIGHT) if self.learned else np.clip(cosines, 0.0, 1.0)).mean())
 
     def region(self, region: Region) -> Region:
-        """A region of the other shape."""
+        """Return a region of the other shape."""
         match region:
             case Ball():
                 return Ball(self.point(region.center), self.ratio * region.radius)
@@ -160,7 +160,7 @@ class Carrier:
                 return VertexSet.of(self.mesh, np.unique(self.nearest(region.positions)[0]))
 
     def handle(self, handle: Handle, place: Place) -> Handle:
-        """The handle at its new place; its pivot lies from it as before, in units of the other shape."""
+        """Return the handle at its new place, with its pivot at the same offset in units of the other shape."""
 
         def beside(pivot: Vector) -> Vector:
             offset = np.subtract(pivot, handle.place.position)
@@ -176,11 +176,11 @@ class Carrier:
         return replace(handle, place=place, transform=self.transform(handle.transform, beside), controls=carried)
 
     def transform(self, transform: Transform, move: Callable[[Vector], Vector]) -> Transform:
-        """The transform in units of the other shape."""
+        """Return the transform in units of the other shape."""
         return replace(transform, **self.scaled(transform, move))
 
     def scaled(self, value: Controls | Transform, move: Callable[[Vector], Vector]) -> dict[str, Any]:
-        """The lengths and the positions among the fields, in units of the other shape."""
+        """Return the lengths and positions among the fields, in units of the other shape."""
         found: dict[str, Any] = {}
         owner: type = type(value)
         for name, (_, said) in about(owner).items():
@@ -194,13 +194,13 @@ class Carrier:
         return found
 
     def plane(self, plane: SymmetryPlane) -> SymmetryPlane:
-        """The plane in the box around the other shape."""
+        """Return the plane in the box around the other shape."""
         on_plane = self.point(vector("normal", plane.offset * np.asarray(plane.normal)))
         offset = float(np.dot(on_plane, plane.normal))
         return SymmetryPlane(plane.normal, offset, band=self.ratio * plane.band)
 
     def nearest(self, positions: Points) -> tuple[Int64, Points]:
-        """(N,) the vertices that look most like points of the first shape, and the cosines between the two."""
+        """Return (N,) the vertices most similar to points of the first shape, and the cosines between both."""
         chosen = positions[:: -(-len(positions) // MOST_POSITIONS)]
         wanted = unit(self.field_from(chosen) - self.mean_from, least=TOO_SHORT)
         meant = self.center_to + self.ratio * (chosen - self.center_from)
@@ -216,7 +216,7 @@ class Carrier:
 
     @cached_property
     def lengths(self) -> Points:
-        """(V,) how far vertices' features are from the mean of their shape; infinite where they are the mean itself."""
+        """(V,) the distances of the vertices' features from the mean of their shape; infinite where it is 0."""
         offset = self.mean_to
         long = float(np.linalg.norm(offset))
         along = long * self.products(offset / long) if long > 0 else 0.0
@@ -224,14 +224,14 @@ class Carrier:
         return np.where(squares > TOO_SHORT**2, np.sqrt(np.maximum(squares, 0.0)), np.inf)
 
     def products(self, row: Points) -> Points:
-        """(V,) products of the vertices' features with a unit row, from the distances that `bind` knows."""
+        """Return (V,) products of the vertices' features with a unit row, from the distances of `bind`."""
         # With twice the paper's reach, no distance of unit features is cut off.
         distances = 2.0 * (1.0 - bind(self.rows.features, row[None].astype(np.float32), reach=2.0)[:, 0])
         return 1.0 - np.square(distances, dtype=np.float64) / 2.0
 
 
 def _mean(mesh: Mesh, field: Field) -> Points:
-    """(D,) the mean of the features of a surface."""
+    """Return (D,) the mean of the features of a surface."""
     if not face_areas(mesh.vertices, mesh.faces).sum() > 0:
         return np.zeros(field.dimension)
     points, _ = sample_surface(mesh.vertices, mesh.faces, SAMPLE, np.random.default_rng(0))

@@ -1,4 +1,4 @@
-"""What the verbs of a session make of an edit: another edit, with what a person gave in terms of the mesh.
+"""The changes of a session: each returns the edit that follows from an edit and the arguments of a caller.
 
 `weights` are those of the session: they know the mesh, its parts, and which way its surface runs.
 """
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def add(edit: Edit, weights: HandleWeights, handle: int, at: Any, *, name: str | None, **given: Any) -> Edit:
-    """`edit` with a new handle of that id, behind the others."""
+    """Return `edit` with a new handle of that id at the end."""
     place = place_of(weights, at)
     parts: Any = {part: value for part, value in given.items() if part in MOTIONS}
     others: Any = {control: value for control, value in given.items() if control not in parts}
@@ -38,7 +38,7 @@ def add(edit: Edit, weights: HandleWeights, handle: int, at: Any, *, name: str |
 
 
 def move(edit: Edit, weights: HandleWeights, handle: int, given: Mapping[str, Any]) -> Edit:
-    """`edit` with parts of a handle's transform exchanged."""
+    """Return `edit` with other parts of a handle's transform."""
     held = edit.handle(handle)
     moved = edit.replaced(replace(held, transform=_transform(held.transform, weights, held.place, given)))
     return _on_part(moved, weights, handle, given, held.transform)
@@ -47,7 +47,7 @@ def move(edit: Edit, weights: HandleWeights, handle: int, given: Mapping[str, An
 def change(
     edit: Edit, weights: HandleWeights, handle: int, at: Any, name: str | None, controls: Mapping[str, Any]
 ) -> Edit:
-    """`edit` with a handle's place, controls or name exchanged."""
+    """Return `edit` with another place, other controls or another name of a handle."""
     held = edit.handle(handle)
     place = held.place if at is None else place_of(weights, at)
     transform = held.transform
@@ -64,14 +64,14 @@ def change(
 def set_symmetry(
     edit: Edit, weights: HandleWeights, plane: SymmetryPlane | str | None, band: float | None, **how: Any
 ) -> Edit:
-    """`edit` with that plane, as `symmetry_on` finds it."""
+    """Return `edit` with the plane that `symmetry_on` finds."""
     if plane is not None:
         plane = symmetry_on(weights.mesh, plane, band, preset=edit.preset, field=weights.field, **how)
     return replace(edit, symmetry=plane)
 
 
 def set_default(edit: Edit, weights: HandleWeights, given: Mapping[str, Any]) -> Edit:
-    """`edit` with D₀ from what is given; None where that is nothing."""
+    """Return `edit` with the default transform D₀ that is given; None if it moves nothing."""
     if unknown := given.keys() - {name for name, said in MOTIONS.items() if not said.of_part}:
         raise TypeError(f"{unknown.pop()!r} is for what a handle holds, and the default transform has no handle")
     transform = Transform().changed(**given)
@@ -80,24 +80,24 @@ def set_default(edit: Edit, weights: HandleWeights, given: Mapping[str, Any]) ->
 
 
 def part_at(weights: HandleWeights, at: Any, level: Level = "part", *, alike: bool = True) -> VertexSet:
-    """The part of the shape that holds a place, as `dfd.Parts.part` finds it."""
+    """Return the part of the shape at a place, as `dfd.Parts.part` finds it."""
     vertex = weights.rows.anchor(place_on(weights.mesh, at))
     return VertexSet.of(weights.mesh, weights.grips.parts.part(vertex, level, alike=alike).mask)
 
 
 def place_of(weights: HandleWeights, at: Any) -> Place:
-    """The place that a person means, the part that a text names among them."""
+    """Return the place for a vertex, point, region or text, which may also name a part."""
     return place_on(weights.mesh, _part_named(weights, at))
 
 
 def _controls(weights: HandleWeights, place: Place, given: Mapping[str, Any]) -> dict[str, Any]:
-    """The controls of a handle at `place`, as `Controls.changed` takes them."""
+    """Return the controls of a handle at `place`, as `Controls.changed` takes them."""
     mask = _part_named(weights, given.get("mask"), place)
     return controls_on(weights.mesh, {**given, "mask": mask})
 
 
 def _part_named(weights: HandleWeights, at: Any, own: Place | None = None) -> Any:
-    """`at`, or the part that it names: "part@1,2,3", "piece@812" without counterparts, "part" for that of `own`."""
+    """Return `at`, or the part that it names: "part@1,2,3", "piece@812" without counterparts, "part" at `own`."""
     if not isinstance(at, str):
         return at
     if at == "part" and own is not None:
@@ -107,7 +107,7 @@ def _part_named(weights: HandleWeights, at: Any, own: Place | None = None) -> An
 
 
 def _transform(transform: Transform, weights: HandleWeights, place: Place, given: Mapping[str, Any]) -> Transform:
-    """`transform` with what is given exchanged, `axes` in numbers; what `_on_part` finds stays as it is."""
+    """Return `transform` with the given parts, `axes` as numbers, and without those that `_on_part` finds."""
     given = {name: value for name, value in given.items() if not _of_part(name, value)}
     axes: Any = given.get("axes")
     if not isinstance(axes, str) or axes == "auto":
@@ -122,7 +122,7 @@ def _transform(transform: Transform, weights: HandleWeights, place: Place, given
 
 
 def _of_part(name: str, value: Any) -> bool:
-    """Whether what is given of a transform is found on the part that the handle holds."""
+    """Return whether a given part of a transform depends on the part of the shape that the handle holds."""
     word = isinstance(value, str) and value not in ("auto" if name == "pivot" else "", "spread")
     return (
         name in ("towards", "open") or (name in ("pivot", "joint") and word) or (name == "bend" and np.ndim(value) == 0)
@@ -130,7 +130,7 @@ def _of_part(name: str, value: Any) -> bool:
 
 
 def _on_part(edit: Edit, weights: HandleWeights, handle: int, given: Mapping[str, Any], before: Transform) -> Edit:
-    """`edit` with what is given of a handle's transform in terms of the part that it holds, and with its pivot.
+    """Return `edit` with the parts of a handle's transform that depend on the held part, and with its pivot.
 
     A pivot of which nothing was said is found when the handle turns or scales and did not `before`.
     """
