@@ -14,10 +14,10 @@
 namespace dfd {
 namespace {
 
-constexpr std::size_t grain_entries = std::size_t{1} << 19;   // of features, compared: less is not worth a thread
-constexpr std::size_t streamed_bytes = std::size_t{1} << 22;  // results beyond this would only wash out the caches
+constexpr std::size_t grain_entries = std::size_t{1} << 19;   // of features per thread: fewer cost less than a thread
+constexpr std::size_t streamed_bytes = std::size_t{1} << 22;  // larger results are written past the caches
 constexpr std::size_t streamed_columns = 64;
-constexpr std::size_t most_byte_dimensions = 33'000;          // beyond, 32 bits may not hold a squared distance
+constexpr std::size_t most_byte_dimensions = 33'000;          // with more, a squared distance may exceed 32 bits
 
 double value_of(std::uint16_t half)
 {
@@ -28,7 +28,7 @@ double value_of(std::uint16_t half)
     return (half & 0x8000) == 0 ? magnitude : -magnitude;
 }
 
-// The features (D) of a vertex, in steps for bytes.
+// The features (D) of a vertex; steps of the scale for bytes.
 void read_row(const Features& features, std::size_t vertex, std::span<float> row)
 {
     const std::size_t dimension = row.size(), block = vertex / block_size, lane = vertex % block_size;
@@ -45,7 +45,7 @@ void read_row(const Features& features, std::size_t vertex, std::span<float> row
     }
 }
 
-// Fixed points and handles, in this order, rearranged in groups of 16.
+// Fixed points, then handles, in groups of 16.
 class PackedPoints {
 public:
     PackedPoints(const Points& fixed, std::span<const float> strengths, const Points& handles, const Features& features)
@@ -76,7 +76,7 @@ public:
             }
         }
         for (std::size_t p = 0; p < strengths.size(); ++p)
-            if (strengths[p] == 0) offsets_[p] = std::numeric_limits<float>::max();  // holds nothing: far from everything
+            if (strengths[p] == 0) offsets_[p] = std::numeric_limits<float>::max();  // strength 0: at infinity
         rows = {rows_.data(),   squares_.data(),      quads_.data(),   pairs_.data(),
                 products_fit_.data(), quad_squares_.data(), offsets_.data(), count};
     }
@@ -113,7 +113,7 @@ private:
             put(quads_[quad * group_size + lane], entry & 0xff, k % 4 * 8);
             put(pairs_[(2 * quad + k % 2) * group_size + lane], entry & 0xffff, k % 4 / 2 * 16);
         }
-        quad_squares_[j] = square + 256 * sum;  // the vertices' entries carry an offset of 128
+        quad_squares_[j] = square + 256 * sum;  // because the entries of vertices are stored with an offset of 128
     }
 
     static void put(std::int32_t& word, std::int32_t bits, std::size_t shift)
@@ -121,7 +121,7 @@ private:
         word = static_cast<std::int32_t>(static_cast<std::uint32_t>(word) | static_cast<std::uint32_t>(bits) << shift);
     }
 
-    // Of two neighbors: their products with bytes, up to 255 of each, add up within 16 bits.
+    // For two neighbors, the sum of their products with bytes up to 255 fits into 16 bits.
     static constexpr std::int32_t most_together = 128;
 
     std::size_t dimension_;
@@ -132,7 +132,7 @@ private:
 
 std::vector<Power> powers_of(std::span<const float> locality)
 {
-    constexpr float most_products = 8;  // beyond, a logarithm takes no longer
+    constexpr float most_products = 8;  // above this exponent, exp(λ log x) takes no longer than products
     std::vector<Power> powers;
     for (const float exponent : locality) {
         const bool whole = exponent <= most_products && exponent == std::floor(exponent);
@@ -141,7 +141,7 @@ std::vector<Power> powers_of(std::span<const float> locality)
     return powers;
 }
 
-// What handles and fixed points have beside their features, as long as it is not what the paper gives all of them.
+// Reach, falloff and strength of handles and fixed points, if they differ from those of the paper.
 struct Shapes {
     std::vector<float> strengths;
     std::vector<Reach> reaches;
@@ -152,7 +152,7 @@ struct Shapes {
         : strengths(constraints.strengths.begin(), constraints.strengths.end()),
           members(handles.members.begin(), handles.members.end())
     {
-        constexpr float most = 1e30f;  // whose products with 0 and with the largest distances are what they should be
+        constexpr float most = 1e30f;  // products with 0 and with the largest distances stay finite
         const std::size_t handle_count = handles.handle_count();
         strengths.resize(constraints.fixed.count(), 1);
         members.resize(handle_count, 1);
@@ -162,7 +162,7 @@ struct Shapes {
         }
         reaches.resize(handle_count, {1, Falloff::linear});
         const auto differs = [](auto value) { return value != 1; };
-        std::replace(strengths.begin(), strengths.end(), 0.0f, 1.0f);  // they lie far from everything
+        std::replace(strengths.begin(), strengths.end(), 0.0f, 1.0f);  // their points are at infinity
         shaped |= std::any_of(strengths.begin(), strengths.end(), differs);
         shaped |= std::any_of(members.begin(), members.end(), differs);
     }
@@ -220,8 +220,7 @@ BindRange range_of(const Kernels& kernels, Features::Layout layout)
     }
 }
 
-// Past the caches go rows that follow one another, and columns that are more than can be written to at a time else:
-// only whole lines go there, so those of columns must start with one.
+// Return whether results are written past the caches: large contiguous rows, or many columns aligned to cache lines.
 bool can_stream(const StridedMatrix<float>& weights)
 {
     if (weights.rows * weights.columns * sizeof(float) < streamed_bytes) return false;
@@ -230,7 +229,7 @@ bool can_stream(const StridedMatrix<float>& weights)
            reinterpret_cast<std::uintptr_t>(weights.data) % 64 == 0;
 }
 
-// The kernels let pass what rounding may have added, and suspect -0.
+// The kernels accept values that rounding may have produced, and report -0 although it is valid.
 void require_shares(const Matrix<const float>& geodesic)
 {
     const std::span<const float> all{geodesic.data, geodesic.rows * geodesic.columns};
@@ -294,7 +293,7 @@ void bind(const Features& features, const Points& handles, const Constraints& co
     parallel_ranges(features.vertex_count, grain, threads, [&](std::size_t worker, std::size_t begin, std::size_t end) {
         faults |= bind_range(job, begin, end, scratch.of(worker));
     }, poll);
-    // Finite features whose length overflows are only far from everything; the slow check tells them apart.
+    // Finite features may have a length that overflows. They are valid, and the slow check accepts them.
     if ((faults & features_suspect) != 0 && features.layout == Features::Layout::rows)
         require_finite(Matrix<const float>{static_cast<const float*>(features.data), features.vertex_count,
                                            features.dimension},

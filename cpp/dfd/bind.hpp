@@ -29,35 +29,34 @@ struct Points {
     Matrix<const float> rows = {};                // (N, D); for bytes whole numbers of steps within ±127
     std::span<const float> offsets = {};          // (N) squared distance >= 0 that the stored dimensions miss, or empty
     std::span<const std::int64_t> vertices = {};  // (N) in place of rows
-    std::span<const std::uint32_t> members = {};  // (H) how many of them, one after another, are a handle that is a
-                                                  // region and weighs by the nearest; empty where each is a handle
+    std::span<const std::uint32_t> members = {};  // (H) the number of consecutive points of each handle; a handle of
+                                                  // several is a region. Empty if every point is a handle
 
     std::size_t count() const { return vertices.empty() ? rows.rows : vertices.size(); }
     std::size_t handle_count() const { return members.empty() ? count() : members.size(); }
 };
 
-/// How far a handle reaches in feature space, and how it falls off until there.
+/// The reach of a handle in feature space, and its falloff.
 struct Extent {
     float reach = 1;  // > 0
     Falloff falloff = Falloff::linear;
 };
 
-/// What shapes the weights of Eq. (4-5): fixed points of Eq. (6), the geodesic falloff of Eq. (7), and reach.
+/// Fixed points of Eq. (6), the geodesic falloff of Eq. (7), and reach and falloff of the handles.
 struct Constraints {
     Points fixed = {};                       // (P) or empty
     Matrix<const float> geodesic = {};       // (H, V) in [0, 1], or empty
     std::span<const float> locality = {};    // (H) exponents >= 0; empty without `geodesic`
-    std::span<const float> strengths = {};   // (P) how much each fixed point holds, in [0, 1]; empty for 1
-    std::span<const Extent> extents = {};    // (H); empty for the paper's
+    std::span<const float> strengths = {};   // (P) of the fixed points, in [0, 1]; empty for 1
+    std::span<const Extent> extents = {};    // (H); empty for reach 1 and a linear falloff, as in the paper
 };
 
 /// Weights of every vertex for every handle by Eq. (4-7), in one pass over the features.
 ///
-/// A handle of reach r weighs f(max(1 - d / r, 0)) at distance d, f being its falloff; fixed points then take away the
-/// largest of their weights times their strengths, and the geodesic falloff comes last.
+/// The weight at distance d is f(max(1 - d / r, 0)) for reach r and falloff f. Then the largest product of weight and
+/// strength of the fixed points is subtracted, and the geodesic falloff is multiplied last.
 ///
-/// The same bits come out for every number of threads, for equal rows wherever they stand, and for a handle alone or
-/// among others.
+/// The bits do not depend on the number of threads, on the index of a row, or on other handles.
 ///
 /// @param weights  (V, H) result, overwritten
 /// @throws std::invalid_argument if shapes disagree, a value is not finite, a distance, exponent, strength, reach or

@@ -1,5 +1,5 @@
-// Eq. (4-7) for blocks of vertices, one vertex per lane: every vertex sees the same operations in the same order,
-// wherever it stands and whatever handles it is bound to beside.
+// Eq. (4-7) for blocks of vertices, one vertex per lane. Every vertex gets the same operations in the same order,
+// whatever its index and whichever other handles are bound.
 
 #include "dfd/kernels/distances.hpp"
 #include "dfd/kernels/falloff.hpp"
@@ -12,7 +12,7 @@ constexpr std::size_t blocks_ahead = 4;       // of features to prefetch
 constexpr std::size_t geodesic_ahead = 1024;  // bytes of each handle's distances to prefetch
 constexpr std::size_t column_ahead = 512;     // bytes of each column to prefetch
 
-// Points whose sums stay in registers together.
+// The number of points whose sums fit into registers.
 #if defined(__AVX512F__)
 constexpr std::size_t tile = 16;
 #elif defined(__AVX2__) || defined(__ARM_NEON)
@@ -22,7 +22,7 @@ constexpr std::size_t tile = 2;
 #endif
 static_assert(group_size % tile == 0);
 
-// Squared distances to `wanted` points from `first` on, or to one more: a group of them ends with zeroes.
+// Squared distances to `wanted` points from `first` on. It may compute one more, since groups are padded with zeros.
 template <std::size_t Count, class Panel>
 DFD_INLINE void measure(const Panel& panel, const PackedRows& points, std::size_t first, std::size_t wanted,
                         Block* squares)
@@ -33,12 +33,12 @@ DFD_INLINE void measure(const Panel& panel, const PackedRows& points, std::size_
     panel.template squared_distances<Count>(points, first, squares);
 }
 
-// The vertices of a block.
+// The vertices of one block.
 struct Place {
     std::size_t begin, count;
 };
 
-// Weights of a block for one handle, to its column.
+// Write the weights of a block for one handle to its column.
 DFD_INLINE void put_column(const BindJob& job, std::size_t handle, const Place& place, const Block& weights)
 {
     float* column = job.weights + handle * job.column_stride + place.begin;
@@ -54,7 +54,7 @@ DFD_INLINE void put_column(const BindJob& job, std::size_t handle, const Place& 
     }
 }
 
-// Rows that follow one another, on their way past the caches: what does not fill a line waits for the next block.
+// Writes contiguous rows past the caches. Entries that do not fill a cache line wait for the next block.
 class LineStream {
 public:
     LineStream(float* to, float* buffer)
@@ -63,14 +63,14 @@ public:
     {
     }
 
-    // Where the next entries belong before they are pushed.
+    // The address of the next entries before they are pushed.
     float* place() const { return buffer_ + pending_; }
 
     DFD_INLINE void push(std::size_t count)
     {
         const std::size_t filled = pending_ + count;
         std::size_t k = 0;
-        if (skip_ != 0 && filled >= block_size) {  // the first line belongs in part to others
+        if (skip_ != 0 && filled >= block_size) {  // the first line is shared with another range
             copy(buffer_ + skip_, block_size - skip_, line_ + skip_);
             skip_ = 0;
             k = block_size;
@@ -87,11 +87,11 @@ public:
     void finish() const { copy(buffer_ + skip_, pending_ - skip_, line_ + skip_); }
 
 private:
-    std::size_t skip_, pending_;  // entries of the line that are another's, and that are taken
+    std::size_t skip_, pending_;  // entries of the line that another range has, and that are filled
     float *line_, *buffer_;
 };
 
-// Weights (H, 16) of a block, to the rows of its vertices.
+// Write the weights (H, 16) of a block to the rows of its vertices.
 DFD_INLINE void put_rows(const BindJob& job, const Place& place, const float* weights, LineStream& lines)
 {
     float* rows = job.weights + place.begin * job.row_stride;
@@ -107,7 +107,7 @@ DFD_INLINE void put_rows(const BindJob& job, const Place& place, const float* we
     }
 }
 
-// What is wrong with a range.
+// The invalid values of a range.
 struct Faults {
     bool suspect = false;
     Bits largest[parts] = {};  // bits of geodesic distances
@@ -129,7 +129,7 @@ struct Faults {
 DFD_INLINE void narrow(const BindJob& job, std::size_t handle, const Place& place, Block& weights, Faults& faults)
 {
     const float* distances = job.geodesic + handle * job.vertex_count + place.begin;
-    prefetch(distances, geodesic_ahead, 1);  // more streams than the machine follows by itself
+    prefetch(distances, geodesic_ahead, 1);  // more streams than the hardware prefetches
     float padded[block_size];
     if (place.count < block_size) {
         for (std::size_t lane = 0; lane < block_size; ++lane) padded[lane] = lane < place.count ? distances[lane] : 0;
@@ -138,7 +138,7 @@ DFD_INLINE void narrow(const BindJob& job, std::size_t handle, const Place& plac
     const auto [exponent, products] = job.powers[handle];
     for (std::size_t part = 0; part < parts; ++part) {
         const Float g = load<Float>(distances + part * width);
-        // As whole numbers, the bits of negative numbers and of NaN are beyond those of every valid distance.
+        // Compared as integers, the bits of negative numbers and NaN exceed those of every valid distance.
         faults.largest[part] = (Bits)g > faults.largest[part] ? (Bits)g : faults.largest[part];
         const Float x = minimum(maximum(1.0f - g, splat(0.0f)), splat(1.0f));
         if (products < 0) {
@@ -150,7 +150,7 @@ DFD_INLINE void narrow(const BindJob& job, std::size_t handle, const Place& plac
     }
 }
 
-// The weights of one handle, to its column or to the scratch that holds rows.
+// Write the weights of one handle to its column, or to the scratch memory of rows.
 template <bool Columns>
 DFD_INLINE void put(const BindJob& job, std::size_t handle, const Place& place, const Block& weights, float* scratch)
 {
@@ -169,18 +169,18 @@ DFD_INLINE Block ones()
     return block;
 }
 
-// `Columns` and `Local`, whether there are geodesic distances, are known to the compiler: what they decide would be
-// decided again for every handle of every block.
+// `Columns`, and `Local` for geodesic distances, are template parameters. Otherwise every handle of every block would
+// branch on them.
 template <bool Columns, bool Local, class Panel>
 DFD_INLINE void bind_block(const BindJob& job, const Panel& panel, const Place& place, float* scratch, Faults& faults)
 {
-    Block room = ones();  // what the fixed points leave: 1 less their largest weight
+    Block room = ones();  // 1 minus the largest weight of the fixed points
     for (std::size_t first = 0; first < job.points.count; first += tile) {
         const std::size_t count = job.points.count - first < tile ? job.points.count - first : tile;
         Block squares[tile];
         measure<1>(panel, job.points, first, count, squares);
         std::size_t j = 0;
-        if (first < job.fixed_count) {  // the nearest one weighs most, so one square root serves all
+        if (first < job.fixed_count) {  // the nearest has the largest weight, so one square root suffices
             for (; j < count && first + j < job.fixed_count; ++j)
                 for (std::size_t part = 0; part < parts; ++part)
                     room.part[part] = minimum(room.part[part], squares[j].part[part]);
@@ -191,7 +191,7 @@ DFD_INLINE void bind_block(const BindJob& job, const Panel& panel, const Place& 
             const std::size_t handle = first + j - job.fixed_count;
             Block weights;
             for (std::size_t part = 0; part < parts; ++part) {
-                // The unit that takes square roots would hold up all others, so they do every second one.
+                // Square roots have a low throughput, so other instructions compute every second one.
                 const Float square = squares[j].part[part];
                 const Float distance = j % 2 == 0 ? sqrt(square) : sqrt_by_products(square);
                 weights.part[part] = maximum(room.part[part] - distance, splat(0.0f));  // Equations (4-6)
@@ -202,14 +202,14 @@ DFD_INLINE void bind_block(const BindJob& job, const Panel& panel, const Place& 
     }
 }
 
-// The same for handles that reach farther or less far, fall off otherwise or are regions, and for fixed points that hold
-// in part. What is 1 here and there gives the same bits as above.
+// The same for handles with another reach or falloff, for regions, and for fixed points with a strength below 1. Where
+// reach and strength are 1, the bits are those of the function above.
 template <bool Columns, class Panel>
 DFD_INLINE void bind_shaped_block(const BindJob& job, const Panel& panel, const Place& place, float* scratch,
                                   Faults& faults)
 {
     Block room = ones();
-    Block nearest;  // squared distance to the members of a handle so far
+    Block nearest;  // smallest squared distance to the members of a handle so far
     std::size_t handle = 0, member = 0;
     for (std::size_t first = 0; first < job.points.count; first += tile) {
         const std::size_t count = job.points.count - first < tile ? job.points.count - first : tile;
@@ -247,7 +247,7 @@ template <bool Columns, bool Local, bool Shaped, class Read>
 DFD_INLINE unsigned bind_blocks(const BindJob& shared_job, std::size_t begin, std::size_t end, float* scratch,
                                 const Read& read)
 {
-    const BindJob job = shared_job;  // which no store can touch
+    const BindJob job = shared_job;  // a local copy, so that stores cannot alias it
     float* weights = scratch + job.dimension * block_size;
     const bool by_lines = !Columns && job.stream;
     LineStream lines(by_lines ? job.weights + begin * job.row_stride : nullptr, weights + job.handle_count * block_size);
@@ -273,7 +273,7 @@ DFD_INLINE unsigned bind_lines(const BindJob& job, std::size_t begin, std::size_
     return bind_blocks<Columns, true, false>(job, begin, end, scratch, read);
 }
 
-// Binds block after block; read(job, first vertex, their number, where to) gives a block's features as a panel.
+// Binds block after block; read(job, first vertex, count, target) reads the features of a block as a panel.
 template <class Read>
 DFD_INLINE unsigned bind_range(const BindJob& job, std::size_t begin, std::size_t end, float* scratch, const Read& read)
 {
