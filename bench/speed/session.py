@@ -82,8 +82,6 @@ def _resident(*, peak: bool = False) -> float:
 
 def main() -> None:
     """Measure, print and draw."""
-    import matplotlib.pyplot as plt  # an extra, which asv and the tests do without
-
     parser = argparse.ArgumentParser(prog="python -m bench.speed.session", description=__doc__)
     parser.add_argument("--vertices", type=int, nargs="+", default=SIZES, help="default: %(default)s")
     options = parser.parse_args()
@@ -96,6 +94,8 @@ def main() -> None:
         )
     Console(width=140).print(table)
     OUTPUT.mkdir(parents=True, exist_ok=True)
+    import matplotlib.pyplot as plt  # of the extra `bench`, which asv and the tests do without
+
     _, axes = plt.subplots(figsize=(7, 5))
     for step in STEPS[:-1]:
         axes.loglog([row["vertices"] for row in rows], [row[step] for row in rows], "o-", label=step)

@@ -1,4 +1,4 @@
-"""Where a part ends among the nodes of the surface: its border snaps to the crease near it, by a minimal cut."""
+"""The borders of parts among the nodes of the surface: they snap to nearby creases by a minimal cut."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, dijk
 from dfd.common.linear_algebra import Bool, Int64
 from dfd.segmentation.patches import Patches
 
-NECK = 1.5  # in the spacing of patches: pieces that meet only within that of the border are pieces of their own
-SMALL_COMPONENT = 0.1  # of the largest piece: what is smaller goes with another
-BAND = 1.5  # so far from the border of patches, in their spacing, a crease is looked for
-CREASE = 0.1  # concavity over which a border costs e times less
-KEEP = 0.1  # what a node that changes sides costs, as a part of the border around a patch for one of its area
-STEEPEST = 10.0  # of nodes so many times nearer to one another than patches, concavity is not scaled up further
-UNITS, MOST = 1e6, 2**28  # flows are whole numbers: what a border as long as the diagonal costs, and the most
+NECK = 1.5  # in the spacing of patches: components that meet only this near to the border are separate
+SMALL_COMPONENT = 0.1  # of the largest component: smaller ones join their neighbor
+BAND = 1.5  # distance from the border of patches, in their spacing, within which it may move
+CREASE = 0.1  # concavity that lowers the cost of a border by a factor of e
+KEEP = 0.1  # cost of a node that changes sides, relative to the girth of a patch of its area
+STEEPEST = 10.0  # largest factor by which concavity is scaled up for nodes nearer to each other than patches
+UNITS, MOST = 1e6, 2**28  # flows are integers: the cost of a border as long as the diagonal, and the largest cost
 
 Mask = Bool
 
 
 def snapped(patches: Patches, inside: Mask, held: int | None = None) -> Mask:
-    """(N,) which nodes belong to the part of the patches `inside` (P,), after the cheapest cut near its border.
+    """Return (N,) which nodes belong to the part of patches `inside` (P,), after the cheapest cut near its border.
 
-    What borders cost is their length, less where the surface creases inwards. What lies deeper than `BAND`, or half as
-    deep as its connected piece goes, stays where it is, and so does the node `held`, which is a part's own.
+    The cost of a border is its length, lowered where the surface creases inwards. Nodes deeper than `BAND`, or than
+    half of the depth of their component, keep their side. The node `held` belongs to the part.
     """
     borders, start = patches.node_borders, inside[patches.of_node]
     one, other = borders.pairs.T
@@ -63,7 +63,7 @@ def snapped(patches: Patches, inside: Mask, held: int | None = None) -> Mask:
 
 
 def closed(patches: Patches, inside: Mask) -> Mask:
-    """Return a part of patches (P,) with everything that it separates from the body: a leg's hoof, an eagle's wing tip.
+    """Return a part (P,) with everything that it separates from the body, such as the hoof of a leg.
 
     The body is the largest component that remains without the part. Where it has less than half of what remains, as
     around a trunk, the part stays as it is.
@@ -79,8 +79,8 @@ def closed(patches: Patches, inside: Mask) -> Mask:
     return whole
 
 
-def pieces_of(patches: Patches, inside: Mask) -> Int64:
-    """(P,) the piece of a part `inside` (P,) that each patch is on, counted from 0; −1 beyond the part.
+def components_of(patches: Patches, inside: Mask) -> Int64:
+    """Return (P,) the component of a part `inside` (P,) that each patch is on, counted from 0; −1 outside the part.
 
     Legs that meet in a narrow web are pieces all the same: what lies deep in the part tells them apart, and what does
     not belongs to the piece nearest to it along the surface.

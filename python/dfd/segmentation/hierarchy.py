@@ -1,7 +1,7 @@
-"""The tree of a shape's parts: patches joined by likeness of features that are smooth over the surface but at creases.
+"""The tree of a shape's parts: patches merged by the similarity of features, smoothed except across creases.
 
-Each node of the tree is a part with its counterparts. Which of those that hold a place a person would call a part shows
-at their borders: they run along creases, and the next larger part differs much from it.
+Each node of the tree is a part with its counterparts. The borders of a node tell whether people would call it a part:
+they run along creases, and the next larger node differs much from it.
 """
 
 from __future__ import annotations
@@ -20,19 +20,21 @@ from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.segmentation.border import SMALL_COMPONENT, closed
 from dfd.segmentation.patches import BRIDGE, Distal, Patches
 
-DIMENSIONS = 24  # main directions of the features that are kept: the others hold noise
-DIFFUSION = 0.005  # area over which features are smoothed, as a part of the surface
-CREASE = 0.1  # concavity across which e times less is passed on: about six degrees a patch
-STEP = 0.15  # difference of features likewise
-ROUNDS = 3  # of smoothing: what one round evens out lets the next tell borders better
-LEAST_AREA, MOST_AREA = 0.002, 0.95  # of the whole surface: of other sizes nothing is a part
-LEAST_COMPONENT = 0.005  # likewise, of the mean component of a part: a crease has less
-LEAST_SHOWN = 0.005  # likewise, for a part of the whole cut
-ALIKE = 1.4  # times as large, at most: pieces of a size
-# Pieces of such a size as those of the likeliest part, so equal, belong to it where the part of all is as likely.
+DIMENSIONS = 24  # principal directions of the features that are kept; the others hold noise
+DIFFUSION = 0.005  # area over which features are smoothed, relative to the surface
+CREASE = 0.1  # concavity that lowers the conductance of smoothing by a factor of e: about six degrees per patch
+STEP = 0.15  # feature distance with the same effect
+ROUNDS = 3  # of smoothing; each round finds borders better in the result of the one before
+LEAST_AREA, MOST_AREA = 0.002, 0.95  # of the whole surface: the areas of parts
+LEAST_COMPONENT = 0.005  # likewise, of the mean component of a part; a crease has less
+LEAST_SHOWN = 0.005  # likewise, of the parts in a cut of the whole shape
+ALIKE = 1.4  # largest ratio between components of similar size
+# A larger node replaces the best one if its smallest component has at least EQUAL of the area of its largest, and its
+# saliency is at least STILL_LIKELY of that of the best.
 EQUAL, STILL_LIKELY = 0.8, 0.15
-CUT = 1.35  # times its likelihood, for a branch of the clearest cut: parts that people name lie side by side
-# Of the surface: a larger part gives way to a smaller one that scores at least half as much, and LEAST_WITHIN.
+CUT = 1.35  # factor of the saliency of nodes in the clearest cut, since parts that people name lie side by side
+# If the best node covers more than MOST_MEANT of the surface, prefer a smaller one with at least half of its saliency,
+# and at least LEAST_WITHIN.
 MOST_MEANT, LEAST_WITHIN = 0.8, 0.15
 # Power of a part's area relative to its own and that of what it leaves behind. On 45 rigs, 1 leaves 0.018 more of limbs
 # behind and loses 0.014 of the IoU; on 38 labelled meshes, 3 loses 0.012.
@@ -40,43 +42,43 @@ WHOLE = 2.0
 # Weight in it of area that is not beyond the handle, such as counterparts: on the rigs, 1 leaves 0.007 more behind, and
 # on the labelled meshes, 0 loses 0.006 of the IoU.
 ELSEWHERE = 0.25
-SHORT = 0.2  # diagonals: a border that is not much longer has to crease more, since chance creases short ones
-ROUNDING = 1e-12  # of the length of all borders: what is shorter is none
-LEAST_CONCAVITY = 0.02  # counts for every border: some parts end without a crease
-SURE = 0.1  # likelihood, at least, of each of two parts that are told to be one or two
-# Two parts of several pieces each are one if pieces and borders are of a size, and if they differ from each other by
-# less than so many times what each differs from its surroundings. Joined pairs may be pairs again, so often.
+SHORT = 0.2  # diagonals: short borders need stronger creases, since they crease by chance
+ROUNDING = 1e-12  # of the length of all borders: shorter ones count as 0
+LEAST_CONCAVITY = 0.02  # added to every border, since some parts end without a crease
+SURE = 0.1  # least saliency of two parts that may be joined
+# Two parts of several components each are joined if their components and borders have similar sizes, and their features
+# differ by less than LESS_APART times the difference from their surroundings. This is repeated TWIN_ROUNDS times.
 LESS_APART, TWIN_ROUNDS = 2.0, 3
-EVEN = 0.05  # of height: what differs by less is alike, and steps from there to the next larger branch tell nothing
+EVEN = 0.05  # merge distance below which steps to the parent are noise
 
 
 @dataclass(frozen=True, eq=False)
-class Branch:
-    """A part with its counterparts."""
+class Node:
+    """A node of the tree: a part with its counterparts."""
 
     inside: Bool  # (P,) which patches belong to it
-    area: float  # as a part of the whole surface
+    area: float  # relative to the whole surface
     border: float  # length of its borders, in diagonals of the box
     concavity: float  # how much the surface creases along them
-    step: float  # how much more the next larger branch differs within itself, in [0, 1]
+    step: float  # increase of the merge distance to the parent, in [0, 1]
 
 
 class Hierarchy:
-    """Every part of one shape, from single patches to the whole.
+    """The tree of all parts of one shape, from single patches to the whole.
 
     Attributes
     ----------
     branches
-        (N,) the nodes of the tree: patches first, then what joins two earlier ones.
+        (N,) the nodes: patches first, then nodes that merge two earlier ones.
     cut
-        Nodes that share out all patches: of all such cuts the one with the most clarity over the whole surface.
+        The nodes of the cut of the tree with the largest sum of clarity times area.
     clear
-        (N,) which nodes end more clearly than any cut of them.
+        (N,) whether a node has more clarity than any cut of its subtree.
 
     Parameters
     ----------
     patches
-        Of the shape.
+        The patches of the shape.
     features
         (P, D) of the patches.
     """
@@ -84,10 +86,10 @@ class Hierarchy:
     def __init__(self, patches: Patches, features: NDArray[np.floating]) -> None:
         self._patches = patches
         self._distal = Distal(patches)
-        self._pieces_by_patches: dict[bytes, tuple[Float64, int]] = {}  # most nodes of one tree are in the next
+        self._components_by_patches: dict[bytes, tuple[Float64, int]] = {}  # most nodes of one tree are in the next
         values = smoothed(patches, features.astype(np.float64))
         self._join(values)
-        # Features know where on a body a thing is: front legs and hind legs may join it before they join each other.
+        # Features also depend on the place on a body, so front legs and hind legs may merge with it before each other.
         for _ in range(TWIN_ROUNDS):
             if not (twins := self._twins(values)):
                 break
@@ -98,7 +100,7 @@ class Hierarchy:
             self._join(values)
 
     def _join(self, values: Float64) -> None:
-        """Make the tree that joins patches with the least different `values` (P, D) first."""
+        """Build the tree that merges patches with the most similar `values` (P, D) first."""
         count = len(values)
         merges = linkage(values, "average") if count > 1 else np.zeros((0, 4))
         self._height = np.concatenate([np.zeros(count), merges[:, 2]])
@@ -114,15 +116,15 @@ class Hierarchy:
             first[other] = first[one] + self._size[one]
         self._first, self._order = first, np.argsort(first[:count], kind="stable")
         self._children = children
-        self._known_pieces: dict[int, tuple[Float64, int]] = {}
+        self._known_components: dict[int, tuple[Float64, int]] = {}
         self._carrying: dict[int, tuple[Bool, Bool]] = {}
         self.branches = self._described()
         self.cut, self.clear = self._clearest_cut()
 
     def _twins(self, values: Float64) -> list[Bool]:
-        """Pairs (2, P) of parts of the clearest cut that are one, the most alike first; each part is in one at most."""
-        nodes = [node for node in self.cut if self._may_be_held(node) and self.holdable(node) >= SURE]
-        nodes = [node for node in nodes if len(self._pieces(node)[0]) > 1]
+        """Return pairs (2, P) of parts of the clearest cut to join, the most similar first, each part at most once."""
+        nodes = [node for node in self.cut if self._may_be_part(node) and self.saliency(node) >= SURE]
+        nodes = [node for node in nodes if len(self._components(node)[0]) > 1]
         if len(nodes) < 2:
             return []
         inside = np.array([self.branches[node].inside for node in nodes])
@@ -132,7 +134,7 @@ class Hierarchy:
         mean = self._mean(values, inside)
         step = np.maximum(np.linalg.norm(mean - self._mean(values, around), axis=1), 1e-9)
         apart = cdist(mean, mean) / np.minimum(step[:, None], step)
-        size = np.log([[self._pieces(node)[0].mean(), self.around(node)] for node in nodes])
+        size = np.log([[self._components(node)[0].mean(), self.around(node)] for node in nodes])
         alike = (apart < LESS_APART) & (cdist(size, size, "chebyshev") < np.log(ALIKE)) & ~(around @ inside.T)
         one, other = np.nonzero(np.triu(alike, 1))
         twins: list[Bool] = []
@@ -145,35 +147,35 @@ class Hierarchy:
         return twins
 
     def _mean(self, values: Float64, inside: Bool) -> Float64:
-        """(N, D) means of `values` (P, D) over parts (N, P), by area."""
+        """Return (N, D) means of `values` (P, D) over parts (N, P), weighted by area."""
         area = inside * self._patches.area
         return np.asarray(area @ values / area.sum(axis=1, keepdims=True), np.float64)
 
     def holding(self, patch: int) -> list[int]:
-        """Nodes that hold a patch and that a person may hold, from the smallest on; at least one."""
+        """Return the nodes that contain a patch and may be parts, the smallest first; at least one."""
         path = [patch]
         while self._parent[path[-1]] >= 0:
             path.append(int(self._parent[path[-1]]))
-        return [node for node in path if self._may_be_held(node)] or path[-1:]
+        return [node for node in path if self._may_be_part(node)] or path[-1:]
 
-    def _may_be_held(self, node: int) -> bool:
-        """Whether a node and its mean component have the area of a part."""
+    def _may_be_part(self, node: int) -> bool:
+        """Return whether a node and its mean component have the area of a part."""
         return bool(
-            LEAST_AREA < self.branches[node].area < MOST_AREA and self._pieces(node)[0].mean() > LEAST_COMPONENT
+            LEAST_AREA < self.branches[node].area < MOST_AREA and self._components(node)[0].mean() > LEAST_COMPONENT
         )
 
-    def holdable(self, node: int) -> float:
-        """How likely a person who takes hold of the shape in a node means that node, compared with the others there.
+    def saliency(self, node: int) -> float:
+        """Return the saliency of a node, comparable among the ancestors of one patch.
 
-        People name what creases off, differs from what is around it, and has short borders: limbs, heads, handles. The
-        length that counts is that of one border, so that four legs with four borders do as well as one leg with one.
+        Salient nodes end at creases, differ from their surroundings, and have short borders: limbs, heads, handles. The
+        mean length of one border counts, so that four legs are as salient as one.
         """
         branch = self.branches[node]
         likely = (branch.concavity + LEAST_CONCAVITY) * branch.step / (self.around(node) + SHORT)
         return float(likely * (CUT if node in self.cut else 1.0))
 
     def clarity(self, node: int) -> float:
-        """How clearly a node ends where it does; compared with that of others alone."""
+        """Return the clarity of a node's borders, comparable among all nodes."""
         branch = self.branches[node]
         clarity = (branch.concavity + LEAST_CONCAVITY) * branch.step**0.75
         return float(clarity / np.sqrt(self.around(node) + SHORT))
@@ -186,15 +188,15 @@ class Hierarchy:
         return self._carrying[node]
 
     def meant(self, patch: int) -> int:
-        """Return the node that a person means who grabs the shape at a patch.
+        """Return the node that a handle at a patch holds.
 
-        It is the likeliest that is not most of the shape, or one above it that joins it with as many equal pieces
-        again: hind wheels follow front ones. A node that leaves much of the distal side behind is less likely: a ring
-        around a leg, or its front alone. Only what the shortest paths from the middle reach through the node counts,
-        so that a nose need not carry the head.
+        It is the most salient one that is not most of the shape, or an ancestor that joins it with as many components
+        of equal size: hind wheels follow front ones. Nodes that leave much of the distal side behind, such as a ring
+        around a leg or its front alone, are less likely. Only the area that the shortest paths from the middle reach
+        through the node counts, so that a nose need not carry the head.
         """
         nodes, area = self.holding(patch), self._patches.area
-        alone = [self.holdable(node) for node in nodes]
+        alone = [self.saliency(node) for node in nodes]
         side, likely = self._distal.side(patch), []
         for node, value in zip(nodes, alone, strict=True):
             whole, reached = self.carried(node)
@@ -208,48 +210,48 @@ class Hierarchy:
             best = max(within, key=lambda i: likely[i], default=best)
         chosen = best
         for above in range(best + 1, len(nodes)):
-            own, all_of_it = self._pieces(nodes[chosen])[0], self._pieces(nodes[above])[0]
+            own, all_of_it = self._components(nodes[chosen])[0], self._components(nodes[above])[0]
             equal = all_of_it.min() >= EQUAL * all_of_it.max()
-            alike = self._of_a_size(nodes[above], nodes[chosen])
+            alike = self._similar_size(nodes[above], nodes[chosen])
             if len(all_of_it) >= 2 * len(own) and equal and alike and likely[above] >= STILL_LIKELY * likely[best]:
                 chosen = above
         return nodes[chosen]
 
     def around(self, node: int) -> float:
-        """Mean length of the borders of a node, in diagonals of the box: the way around a limb where it begins."""
+        """Return the mean length of a node's borders, in diagonals of the box: the girth of a limb at its base."""
         branch = self.branches[node]
-        # Of what ends at a gap, as if it were square.
+        # A node without borders counts as a square of its area.
         length = branch.border or np.sqrt(branch.area * self._patches.node_area.sum())
-        return float(length) / self._pieces(node)[1]
+        return float(length) / self._components(node)[1]
 
-    def _of_a_size(self, one: int, other: int) -> bool:
-        """Whether the mean pieces of two nodes are."""
-        ratio = self._pieces(one)[0].mean() / self._pieces(other)[0].mean()
+    def _similar_size(self, one: int, other: int) -> bool:
+        """Return whether the mean components of two nodes have similar sizes."""
+        ratio = self._components(one)[0].mean() / self._components(other)[0].mean()
         return bool(1 / ALIKE <= ratio <= ALIKE)
 
-    def _pieces(self, node: int) -> tuple[Float64, int]:
-        if node not in self._known_pieces:
+    def _components(self, node: int) -> tuple[Float64, int]:
+        if node not in self._known_components:
             inside = self.branches[node].inside
             key = np.packbits(inside).tobytes()
-            if key not in self._pieces_by_patches:
-                self._pieces_by_patches[key] = pieces_and_borders(self._patches, inside)
-            self._known_pieces[node] = self._pieces_by_patches[key]
-        return self._known_pieces[node]
+            if key not in self._components_by_patches:
+                self._components_by_patches[key] = components_and_borders(self._patches, inside)
+            self._known_components[node] = self._components_by_patches[key]
+        return self._known_components[node]
 
     def _clearest_cut(self) -> tuple[list[int], Bool]:
-        """Return `cut` and `clear`. The best cut of a node is the node itself, or the best cuts of what it joins."""
+        """Return `cut` and `clear`. The best cut of a node is the node itself, or the best cuts of its children."""
         count = self._patches.borders.count
         worth, clear = np.zeros(len(self._height)), np.zeros(len(self._height), bool)
         cuts = [[node] for node in range(count)]
         for node, (one, other) in enumerate(self._children, start=count):
-            own = self.branches[node].area * self.clarity(node) if self._may_be_held(node) else 0.0
+            own = self.branches[node].area * self.clarity(node) if self._may_be_part(node) else 0.0
             below = worth[one] + worth[other]
             worth[node], clear[node] = max(own, below), own > 0 and own >= below
             cuts.append([node] if clear[node] else cuts[one] + cuts[other])
         return cuts[-1], clear
 
     def shown(self) -> Int64:
-        """(P,) the part of each patch in `cut`; what is too small for one goes where its border is the longest."""
+        """Return (P,) the part of each patch in `cut`; small parts join the neighbor with the longest common border."""
         borders, area = self._patches.borders, self._patches.area
         part: Int64 = np.argmax([self.branches[node].inside for node in self.cut], axis=0)
         for small in sorted(set(part.tolist()), key=lambda number: area[part == number].sum()):
@@ -262,8 +264,8 @@ class Hierarchy:
                 part[part == small] = np.bincount(beside, borders.length[between] + 1e-9).argmax()
         return part
 
-    def _described(self) -> list[Branch]:
-        """The nodes of the tree as parts."""
+    def _described(self) -> list[Node]:
+        """Return the nodes of the tree."""
         patches, borders = self._patches, self._patches.borders
         creased = borders.length * borders.concavity.clip(0)
         area, length, crease = self._sums(patches.area), self._crossing(borders.length), self._crossing(creased)
@@ -274,10 +276,10 @@ class Hierarchy:
         for row, first, size in zip(inside, self._first, self._size, strict=True):
             row[self._order[first : first + size]] = True
         described = zip(inside, area.tolist(), length.tolist(), concavity.tolist(), step.tolist(), strict=True)
-        return [Branch(*each) for each in described]
+        return [Node(*each) for each in described]
 
     def _sums(self, of_node: Float64) -> Float64:
-        """(N,) sums over the nodes below each and itself, of a number of each, or of each patch."""
+        """Return (N,) sums over the subtree of each node, of a number per node or per patch."""
         sums = np.zeros(len(self._height))
         sums[: len(of_node)] = of_node
         for node, (one, other) in enumerate(self._children, start=self._patches.borders.count):
@@ -285,7 +287,7 @@ class Hierarchy:
         return sums
 
     def _crossing(self, of_border: Float64) -> Float64:
-        """(N,) sums over the borders of a node with what is around it: those of its patches, but for inner ones."""
+        """Return (N,) sums over the outer borders of each node, of a number per border of patches."""
         borders = self._patches.borders
         ends = borders.pairs.copy()
         apart = np.arange(len(ends))
@@ -300,8 +302,8 @@ class Hierarchy:
         return np.where(sums > ROUNDING * outer.sum(), sums, 0.0)
 
 
-def pieces_and_borders(patches: Patches, inside: Bool) -> tuple[Float64, int]:
-    """Areas of the components of a part of patches `inside` (P,), but for small ones, and how many borders it has."""
+def components_and_borders(patches: Patches, inside: Bool) -> tuple[Float64, int]:
+    """Return the areas of the components of a part `inside` (P,), without small ones, and its number of borders."""
     pairs = patches.borders.pairs.astype(np.int32)
     same = inside[pairs[:, 0]] == inside[pairs[:, 1]]
     piece = _core.components(len(inside), np.zeros((0, 3), np.int32), pairs[same])
@@ -309,12 +311,12 @@ def pieces_and_borders(patches: Patches, inside: Bool) -> tuple[Float64, int]:
     own = np.zeros(len(areas), bool)
     own[piece[inside]] = True
     large = areas > SMALL_COMPONENT * areas[own].max()
-    # Pieces and what is around them are a tree, with a border for each of its edges.
+    # Components and their surroundings form a tree with one border per edge.
     return areas[large & own], max(int(large.sum()) - 1, 1)
 
 
 def smoothed(patches: Patches, features: Float64) -> Float64:
-    """(P, ≤ 24) main directions of features, evened out over the surface by diffusion that creases and steps hold back.
+    """Return (P, ≤ 24) principal components of features, smoothed by diffusion that creases and steps hold back.
 
     Source: Perona and Malik, "Scale-space and edge detection using anisotropic diffusion", 1990, on a surface and with
     the crease as a second edge stopper; each round is one implicit step.

@@ -17,13 +17,13 @@ from dfd.common.linear_algebra import Bool, Float32, Int64
 from dfd.field.field import Field
 from dfd.geometry.topology import face_areas
 from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
-from dfd.segmentation.border import SMALL_COMPONENT, pieces_of, snapped
-from dfd.segmentation.hierarchy import Hierarchy, pieces_and_borders
+from dfd.segmentation.border import SMALL_COMPONENT, components_of, snapped
+from dfd.segmentation.hierarchy import Hierarchy, components_and_borders
 from dfd.segmentation.patches import Patches
 
 Level = Literal["smaller", "part", "larger"]
 LARGER = 1.25  # the areas of two levels differ at least by this factor
-LEAST_HOLDABLE = 0.033  # parts found by chance on a ball have up to 0.031, parts that people name 0.08 to 2
+LEAST_SALIENCY = 0.033  # parts found by chance on a ball have up to 0.031, parts that people name 0.08 to 2
 # The seam is the band in which the weights of a grip fall to 0. Its width is SEAM diagonals of the box, or THICKNESS
 # of the length around the limb if that is less. BEYOND is the share of its width outside the part.
 SEAM, THICKNESS, BEYOND = 0.05, 0.25, 0.3
@@ -103,7 +103,7 @@ class Parts:
         patch = int(self._patches.of_vertex[vertex])
         inside = self._hierarchy.branches[self._chosen(patch, level)].inside
         if not alike:
-            piece = pieces_of(self._patches, inside)
+            piece = components_of(self._patches, inside)
             inside = piece == piece[patch]
         nodes = self._snapped(inside, vertex)
         return self._part(inside, self._carried([~nodes, nodes]) == 1, vertex)
@@ -120,7 +120,7 @@ class Parts:
         patch = int(patches.of_vertex[vertex])
         chosen = self._chosen(patch, "part")
         inside, _ = tree.carried(chosen)
-        if inside.all() or max(map(tree.holdable, tree.holding(patch))) < LEAST_HOLDABLE:
+        if inside.all() or max(map(tree.saliency, tree.holding(patch))) < LEAST_SALIENCY:
             return None
         side = self._snapped(inside, vertex)
         width = patches.size * self._seam(chosen, inside)
@@ -141,7 +141,7 @@ class Parts:
         # A handle on the band itself has weight 1 there.
         held = patches.nodes.interpolated(within.astype(np.float32))
         whole = max(held[vertex], np.float32(0.01))
-        pieces = pieces_of(patches, inside)
+        pieces = components_of(patches, inside)
         area = np.bincount(pieces[inside], patches.area[inside])
         large = (area > SMALL_COMPONENT * area.max()) | (np.arange(len(area)) == pieces[patches.of_vertex[vertex]])
         component = np.where(side, np.where(large[pieces] & inside, pieces, -1)[patches.of_node], -1)
@@ -175,7 +175,7 @@ class Parts:
 
     def _seam(self, chosen: int, inside: Bool) -> float:
         """Return the width of the seam around a part, in diagonals of the box."""
-        pieces, borders = pieces_and_borders(self._patches, inside)
+        pieces, borders = components_and_borders(self._patches, inside)
         wider = TRUNK if borders > MOST_OF_LIMBS * len(pieces) else 1.0
         return wider * min(SEAM, self._hierarchy.around(chosen) * THICKNESS)
 
@@ -209,7 +209,7 @@ class Parts:
         return label
 
     def _part(self, inside: Bool, mask: Bool, vertex: int) -> Part:
-        piece, area = pieces_of(self._patches, inside)[inside], self._patches.area[inside]
+        piece, area = components_of(self._patches, inside)[inside], self._patches.area[inside]
         sizes = np.bincount(piece, area)
         return Part(mask, float(area.sum()), int((sizes > SMALL_COMPONENT * sizes.max()).sum()), vertex)
 

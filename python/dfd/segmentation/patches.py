@@ -1,4 +1,4 @@
-"""A surface as about two thousand patches: what parts are put together from, and how patches border on one another."""
+"""The surface as about two thousand patches, of which parts consist, and the borders between them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Indices = Int64
 
 
 class Borders:
-    """A graph of pieces of surface, each with a center and a normal, and what lies between two that touch.
+    """A graph of surface patches, each with a center and a normal, and the borders between neighbors.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ class Patches:
         self.borders = Borders(*_contracted(self.of_node, pairs, length, count), middle, turned)
 
     def means(self, features: Callable[[Indices], NDArray[np.floating]]) -> Float64:
-        """(P, D) of what `features` gives for vertices (N,): means over at most `SAMPLES` of each patch."""
+        """Return (P, D) means of `features` of vertices (N,) over at most `SAMPLES` vertices of each patch."""
         used = np.flatnonzero(self.nodes.used[self.nodes.of_vertex])
         order = used[np.argsort(self.of_vertex[used], kind="stable")]
         size = np.bincount(self.of_vertex[used], minlength=len(self.area))
@@ -125,7 +125,7 @@ class Patches:
         return np.asarray(mean @ features(vertices).astype(np.float64))
 
     def _even(self, normal: Float64, pairs: Indices) -> Float64:
-        """(N, 3) unit normals of nodes, evened out over about a patch, so that they turn as surfaces do."""
+        """Return (N, 3) unit normals of nodes, smoothed over about a patch."""
         count = len(normal)
         ends = np.concatenate([pairs, pairs[:, ::-1], np.repeat(np.arange(count), 2).reshape(-1, 2)])
         near = csr_array((np.ones(len(ends)), tuple(ends.T)), shape=(count, count))
@@ -169,7 +169,7 @@ class Distal:
 
 
 def _surface(mesh: Mesh, nodes: Nodes, size: float) -> tuple[Float64, Float64, Indices, Float64]:
-    """Area (N,), normal (N, 3) times area, pairs (E, 2) of nodes that share edges of faces, and the borders (E,)."""
+    """Return areas (N,), normals times areas (N, 3), pairs (E, 2) of neighboring nodes, and lengths of borders (E,)."""
     count = len(nodes.center)
     first = first_at_place(mesh)
     areas, normals = np.zeros(count), np.zeros((count, 3))
@@ -198,7 +198,7 @@ def _surface(mesh: Mesh, nodes: Nodes, size: float) -> tuple[Float64, Float64, I
 def _contracted(
     of: NDArray[np.integer], pairs: NDArray[np.integer], length: Float64, count: int
 ) -> tuple[Indices, Float64]:
-    """Pairs (E, 2) of what nodes belong to, once each, with the sums of the borders."""
+    """Return pairs (E, 2) of the groups `of` nodes, once each, with the sums of their borders."""
     ends = np.sort(of[pairs].astype(np.int64), axis=1)
     apart = ends[:, 0] != ends[:, 1]
     key, which = np.unique(ends[apart] @ [count, 1], return_inverse=True)
@@ -207,7 +207,7 @@ def _contracted(
 
 
 def _links(graph: csr_array, pairs: Indices) -> Indices:
-    """Pairs (L, 2) of nodes that `graph` joins though no face does: across small gaps, and at one position."""
+    """Return pairs (L, 2) of nodes that only `graph` joins: across small gaps, and at one position."""
     count = graph.shape[0]
     row = np.repeat(np.arange(count, dtype=np.int64), np.diff(graph.indptr))
     key = np.setdiff1d((row * count + graph.indices)[row < graph.indices], pairs @ [count, 1])
@@ -215,7 +215,7 @@ def _links(graph: csr_array, pairs: Indices) -> Indices:
 
 
 def _spread(points: Float64, near: float) -> Indices:
-    """Indices of `points` (N, 6) at random, none nearer to another than `near`, or than makes at most `MOST`."""
+    """Return random indices of `points` (N, 6), at least `near` apart, or farther, so that they are at most `MOST`."""
     tree = cKDTree(points)
     order = np.random.default_rng(0).permutation(len(points)).tolist()
     while True:
@@ -233,7 +233,7 @@ def _spread(points: Float64, near: float) -> Indices:
 
 
 def _nearest(graph: csr_array, seeds: Indices, center: Float64) -> Indices:
-    """(N,) the number of the seed nearest to each node along the surface, or in space where no way leads to one."""
+    """Return (N,) the seed nearest to each node along the surface, or in space if none is connected."""
     _, _, source = dijkstra(graph, indices=seeds, min_only=True, return_predecessors=True)
     number = np.full(len(center) + 1, -1)
     number[seeds] = np.arange(len(seeds))
@@ -245,7 +245,7 @@ def _nearest(graph: csr_array, seeds: Indices, center: Float64) -> Indices:
 
 
 def _summed(group: NDArray[np.integer], values: Float64, count: int) -> Float64:
-    """(count, 3) sums of `values` (N, 3) over those of equal `group` (N,)."""
+    """Return (count, 3) the sums of `values` (N, 3) by `group` (N,)."""
     return np.stack([np.bincount(group, axis, minlength=count) for axis in values.T], axis=1)
 
 

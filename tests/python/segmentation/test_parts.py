@@ -7,7 +7,7 @@ from made_field import field_of
 
 import dfd
 from dfd.geometry.topology import face_areas
-from dfd.segmentation.border import closed, pieces_of, snapped
+from dfd.segmentation.border import closed, components_of, snapped
 from dfd.segmentation.parts import Parts
 from dfd.segmentation.patches import Patches
 
@@ -131,7 +131,7 @@ def test_pieces_that_meet_in_a_narrow_web_are_told_apart(chair):
     patches = Patches(chair.mesh)
     legs = chair.labels == chair.parts.index("leg")
     inside = np.bincount(patches.of_vertex, legs) > np.bincount(patches.of_vertex) / 2
-    pieces = pieces_of(patches, inside)
+    pieces = components_of(patches, inside)
     assert len(np.unique(pieces[inside])) == 4
     assert (pieces[~inside] == -1).all()
 
