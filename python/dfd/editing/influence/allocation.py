@@ -67,9 +67,10 @@ def shared(
     """
     result = list(columns)
 
-    def squared(column: int, vertices: NDArray[np.integer]) -> Float64:
-        """(N,) squared distances of `vertices` (N,) from the handle that stands on a column."""
-        return np.square(points[vertices] - points[standing[column]]).sum(axis=1)
+    def squared(vertices: NDArray[np.integer], *on: int) -> list[Float64]:
+        """Return (N,) squared distances of `vertices` (N,) from the handle on each of some columns."""
+        here = points.take(vertices, axis=0)
+        return [np.einsum("nk,nk->n", apart, apart) for apart in (here - points[standing[column]] for column in on)]
 
     def scale(column: int, factor: Float64 | Float32) -> None:
         vertices, values = result[column]
@@ -78,8 +79,8 @@ def shared(
     for one, other in combinations(standing, 2):
         if same[one, other]:  # both stand on it: each moves what is nearer to it
             for own, rival in ((one, other), (other, one)):
-                far = squared(rival, result[own].vertices)
-                scale(own, far / np.maximum(far + squared(own, result[own].vertices), 1e-300))
+                near, far = squared(result[own].vertices, own, rival)
+                scale(own, far / np.maximum(near + far, 1e-300))
     for i, here in standing.items():
         beside = [j for j in range(len(result)) if j != i and not nested[i, j] and result[j].at(here) > 0]
         others = [points[vertex] for j, vertex in standing.items() if j != i]
@@ -89,7 +90,7 @@ def shared(
         whole = columns[i].dense(len(points))
         for j in beside:
             vertices = result[j].vertices
-            near = np.square(1.0 - np.minimum(squared(i, vertices) / radius**2, 1.0))
+            near = np.square(1.0 - np.minimum(squared(vertices, i)[0] / radius**2, 1.0))
             scale(j, 1.0 - near * whole[vertices])
     depth = nested.sum(axis=1)
     for level in np.unique(depth):
