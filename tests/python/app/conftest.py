@@ -110,10 +110,10 @@ def app(options: SessionOptions, static: Path) -> Iterator[RunningApp]:
 
 @pytest.fixture(scope="module")
 def tab(app: RunningApp) -> Iterator[Page]:
-    """A tab, its shape alive, that the tests of a module share: a session takes seconds to begin."""
+    """A tab, its parts found, that the tests of a module share: a session takes seconds to begin."""
     shared = Page(app)
     shared.open()
-    shared.alive()
+    shared.until(lambda message: message["type"] == "state" and message["field"]["parts"])
     yield shared
     shared.close()
 
@@ -122,6 +122,7 @@ def tab(app: RunningApp) -> Iterator[Page]:
 def page(tab: Page) -> Page:
     """The shared tab, nothing in hand."""
     tab.ask("clear")
+    tab.ask("set_symmetry", plane=None)
     tab.heard[:] = [message for message in tab.heard if message["type"] in ("mesh", "state", "columns")]
     return tab
 

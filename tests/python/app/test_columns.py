@@ -10,11 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 from dfd.app.protocol.binary_messages import unpack
-from dfd.app.session.columns import Columns, heat_message
+from dfd.app.session.columns import Columns, heat_message, probed
 from dfd.app.session.state import ViewState, state_message
 from dfd.editing.deformer import Deformer
 from dfd.editing.points import place_on
-from dfd.editing.presets import PARTLESS_REACH
 
 
 class Client:
@@ -204,19 +203,17 @@ def test_a_column_travels_once(client: Client) -> None:
 
 def test_the_heat_of_a_probe_is_the_column_of_a_handle_there(client: Client) -> None:
     deformer = client.deformer
-    header, arrays = unpack(heat_message(deformer, place_on(deformer.mesh, 3), request=9))
+    header, arrays = unpack(heat_message(probed(deformer, place_on(deformer.mesh, 3)), request=9, vertex=3))
     assert (header["id"], header["vertex"]) == (9, 3)
     deformer.add(3)
-    left = np.clip(1 - arrays["values"] * (header["scale"] / 65535) / PARTLESS_REACH, 0, 1)
-    # The part itself: the page does not know how much the far end of it follows less.
-    np.testing.assert_allclose(left * left * (3 - 2 * left), deformer.weights[:, 0], atol=0.2)
-    assert arrays["values"][3] == 0
+    # The part itself: its far end follows less.
+    np.testing.assert_allclose(arrays["values"] / 65535, deformer.weights[:, 0], atol=0.2)
+    assert arrays["values"][3] == 65535
 
 
 def test_the_heat_of_a_probe_is_of_distances_where_the_preset_has_a_number(client: Client) -> None:
     deformer = client.deformer
     deformer.preset = "paper"
-    header, arrays = unpack(heat_message(deformer, place_on(deformer.mesh, 3), request=9))
+    deformer.fix(900)
     deformer.add(3)
-    weights = np.maximum(1 - arrays["values"] * (header["scale"] / 65535), 0)
-    np.testing.assert_allclose(weights, deformer.weights[:, 0], atol=5e-5)
+    np.testing.assert_allclose(probed(deformer, place_on(deformer.mesh, 3)).clip(0), deformer.weights[:, 0], atol=5e-5)

@@ -92,7 +92,7 @@ def test_what_is_packed_comes_back(given: list[NDArray[Any]]) -> None:
 
 def test_everything_lies_at_multiples_of_eight() -> None:
     values = {"values": np.arange(3, dtype=np.uint16), "b": np.ones(1, np.float32)}
-    message = pack(HeatMessage, values, vertex=1, scale=2.0)
+    message = pack(HeatMessage, values, vertex=1)
     length = int.from_bytes(message[:4], "little")
     assert (4 + length) % 8 == len(message) % 8 == 0
     assert [each["offset"] for each in json.loads(message[4 : 4 + length])["buffers"]] == [0, 8]

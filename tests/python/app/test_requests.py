@@ -13,7 +13,10 @@ import pytest
 from app_page import Page
 
 import dfd
+from dfd.app.options import SessionOptions
+from dfd.app.session.parts import ShapeParts
 from dfd.editing.deformer import Deformer
+from dfd.field.field import Field
 
 REST = {"rotation": [0, 0, 0], "scale": [1, 1, 1], "pivot": None, "axes": None}
 
@@ -73,6 +76,16 @@ def test_a_part_is_held_resized_combined_and_what_a_handle_is_limited_to(page: P
     page.ask("take_part", handle=handle, how="smaller")
     assert held() == len(part), "back again"
 
+    state = page.last("state")
+    heat = page.ask("take_part", handle=handle, how="larger", preview=True)
+    assert heat["type"] == "heat"
+    assert page.last("state")["handles"] == state["handles"], "a preview changes nothing"
+    page.ask("take_part", handle=handle, how="larger")
+    deformer.add(vertex)
+    deformer.change(1, at=deformer.part(vertex, level="larger"))
+    np.testing.assert_allclose(heat["arrays"]["values"] / 65535, deformer.weights[:, 0], atol=1e-4)
+    page.ask("undo")
+
     other = int(np.setdiff1d(np.arange(count), part)[0])
     added = np.union1d(part, deformer.part(other).indices)
     page.ask("take_part", vertex=other, handle=handle, how="add")
@@ -106,13 +119,45 @@ def test_a_part_is_held_resized_combined_and_what_a_handle_is_limited_to(page: P
     page.ask("remove", handle=point)
 
 
+def test_what_a_file_makes_one_thing_is_taken_as_the_part(options: SessionOptions, tmp_path: Path) -> None:
+    import trimesh
+
+    scene, materials = trimesh.Scene(), [trimesh.visual.material.PBRMaterial(name=name) for name in ("wood", "steel")]
+    for number in range(3):
+        ball = trimesh.creation.icosphere(subdivisions=2)
+        ball.visual = trimesh.visual.TextureVisuals(
+            uv=np.zeros((len(ball.vertices), 2)), material=materials[number % 2]
+        )
+        scene.add_geometry(
+            ball, node_name=f"ball {number}", transform=trimesh.transformations.translation_matrix((3 * number, 0, 0))
+        )
+    scene.export(tmp_path / "balls.glb")
+    deformer = Deformer(dfd.load(tmp_path / "balls.glb"), Field.load(options.field.path), other_shape=True)
+    parts, count = ShapeParts(deformer), len(deformer.mesh.vertices) // 3
+    assert set(parts.ways) == {"smaller", "larger", "add", "remove", "scene_part", "material", "component"}
+    handle = deformer.handle(deformer.add(5))
+    sizes = {how: len(parts.taken(handle, how).indices) for how in ("scene_part", "material", "component")}
+    assert sizes == {"scene_part": count, "material": 2 * count, "component": count}
+
+
+def test_a_mirror_plane_that_is_found_is_on_until_it_is_switched_off(new_page: Page) -> None:
+    state = new_page.last("state")
+    if not state["field"]["parts"]:
+        state = new_page.until(lambda message: message["type"] == "state" and message["field"]["parts"])
+    assert state["symmetry"]["normal"] == state["planes"][0]["normal"]
+    new_page.ask("add", at={"vertex": 5})
+    new_page.ask("clear")
+    assert new_page.last("state")["symmetry"]
+    new_page.ask("set_symmetry", plane=None)
+    assert new_page.last("state")["symmetry"] is None
+
+
 def test_a_preset_is_one_step_and_stays_when_all_is_cleared(new_page: Page) -> None:
     page = new_page
     page.ask("add", at={"vertex": 5}, controls={"reach": 0.4})
     page.ask("set_preset", preset="paper")
     state = page.last("state")
-    assert (state["preset"], state["new_handle"]) == ("paper", {"reach": 1, "falloff": "linear"})
-    assert state["handles"][0]["reach"] == 1
+    assert (state["preset"], state["handles"][0]["reach"]) == ("paper", 1)
     page.ask("undo")
     assert (page.last("state")["preset"], page.last("state")["handles"][0]["reach"]) == ("default", 0.4)
     page.ask("redo")
@@ -251,7 +296,7 @@ def test_radius_and_limits_are_set_and_taken_away(page: Page, deformer: Deformer
 def test_the_newest_probe_is_answered(page: Page) -> None:
     numbers = [page.say("probe", at={"vertex": vertex}) for vertex in range(30)]
     answer = page.until(lambda message: message["type"] == "heat" and message["id"] == numbers[-1])
-    assert answer["arrays"]["values"][29] == 0
+    assert answer["arrays"]["values"][29] == 65535
     answered = [message["id"] for message in page.heard if message["type"] == "heat"]
     assert answered == sorted(answered)
 

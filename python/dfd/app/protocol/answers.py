@@ -12,6 +12,7 @@ from dfd.app.protocol.parts import (
     Identifier,
     KeyPose,
     Model,
+    PartChange,
     Plane,
     PoseTransform,
     Vector,
@@ -19,7 +20,6 @@ from dfd.app.protocol.parts import (
     control_types,
 )
 from dfd.common.preset import Preset
-from dfd.editing.controls import Falloff
 from dfd.posing.transforms import PivotAt
 
 VERSION = 1
@@ -88,13 +88,6 @@ else:
     )
 
 
-class NewHandle(Model):
-    """What a new handle of the session's preset has, by which the page shows what one would hold."""
-
-    reach: float
-    falloff: Falloff
-
-
 class FixedState(Model):
     """A fixed place."""
 
@@ -109,7 +102,7 @@ class FieldState(Model):
 
     status: Literal["none", "distilling", "preparing", "ready"]
     origin: str | None  # "file", "cache", "distilled"
-    parts: bool = False  # whether parts are found without delay
+    parts: tuple[PartChange, ...] = ()  # ways to hold another part that are possible on this shape without delay
 
 
 class StateMessage(Answer):
@@ -124,7 +117,6 @@ class StateMessage(Answer):
     planes: tuple[Plane, ...] = ()  # that were found
     default: PoseTransform | None = None  # D₀, with handle 0 … and its pivot
     preset: Preset  # "paper" is its equations to the letter
-    new_handle: NewHandle
     can_undo: bool = False
     can_redo: bool = False
     field: FieldState

@@ -116,11 +116,10 @@ class CounterpartsMessage(Binary):
 
 
 class HeatMessage(Binary):
-    """Answer to `probe`: buffer `values` uint16 (V,), distances as in a column."""
+    """Answer to `probe` and `take_part`: buffer `values` uint16 (V,), weights times 65535."""
 
     type: Literal["heat"] = "heat"
     vertex: int | None
-    scale: float
 
 
 class PositionsMessage(Binary):

@@ -219,20 +219,21 @@ def column_kind(handle: Handle) -> Literal["distance", "weight"]:
     return "weight" if handle.place.region is not None or limited else "distance"
 
 
-def heat_message(deformer: Deformer, place: Place, *, request: int) -> bytes:
-    """The answer to `probe`."""
-    values = _packed(_probed(deformer, place), MAX_DISTANCE)
-    return pack(HeatMessage, {"values": values}, id=request, vertex=place.vertex, scale=MAX_DISTANCE)
+def heat_message(weights: Float32, *, request: int, vertex: int | None = None) -> bytes:
+    """The message that shows `weights` (V,) as a heat map."""
+    return pack(HeatMessage, {"values": _packed(weights, 1.0)}, id=request, vertex=vertex)
 
 
-def _probed(deformer: Deformer, place: Place) -> Float32:
-    """(V,) distances of which the page makes, by the preset's falloff, what a new handle at a place would hold."""
-    grip = deformer.bound.grips.grip(place) if PRESETS[deformer.preset].reach == "part" else None
+def probed(deformer: Deformer, place: Place) -> Float32:
+    """(V,) about the weights that a new handle at a place would have: without its counterparts' falloff."""
+    rules, bound = PRESETS[deformer.preset], deformer.bound
+    grip = bound.grips.grip(place) if rules.reach == "part" else None
     if grip is None:
-        return feature_distances(deformer, place)
-    # The curve x² (3 − 2x) turned round: where it has the part's weights.
-    within = 0.5 - np.sin(np.arcsin(1.0 - 2.0 * grip.weights) / 3.0)
-    return np.asarray(PARTLESS_REACH * (1.0 - within), np.float32)
+        reach = PARTLESS_REACH if rules.reach == "part" else rules.reach
+        weights: Float32 = bind(deformer.features, bound.rows.points([place]), reach=reach, falloff=rules.falloff)[:, 0]
+    else:
+        weights = grip.weights
+    return weights - bound.by_features.held(deformer.edit) if deformer.fixed else weights
 
 
 def feature_distances(deformer: Deformer, place: Place) -> Float32:

@@ -9,7 +9,7 @@ import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -20,6 +20,7 @@ from dfd.app.protocol.parts import (
     Controls,
     Index,
     KeyPoses,
+    PartChange,
     PartPlace,
     Place,
     Plane,
@@ -33,18 +34,20 @@ from dfd.app.protocol.parts import (
 )
 from dfd.app.protocol.requests import Request, call, request
 from dfd.app.session import exports
-from dfd.app.session.columns import heat_message
-from dfd.app.session.parts import Change
+from dfd.app.session.columns import heat_message, probed
 from dfd.app.session.session import Session
 from dfd.app.session.state import feature_colors_message, positions_message
 from dfd.common.preset import Preset
-from dfd.editing.edit import Edit, Fixed
+from dfd.editing.edit import Fixed
 from dfd.editing.influence.held_parts import pivot_on
 from dfd.editing.points import place_on
 from dfd.editing.presets import PRESETS
 from dfd.editing.suggestions import suggest_handles
 from dfd.posing.transforms import PivotAt, Vector, vector
 from dfd.symmetry.plane import SymmetryPlane
+
+if TYPE_CHECKING:
+    from dfd.editing.deformer import Deformer
 
 NO_TRANSFORM, NO_CONTROLS = Transform(), Controls()
 
@@ -95,9 +98,10 @@ def cancel(session: Session) -> None:
 
 @request
 def probe(session: Session, at: VertexPlace | PointPlace) -> bytes:
-    """The column that a handle at `at` would have; a newer request replaces it unanswered. Answer: `heat`."""
+    """About what a new handle at `at` would hold; a newer request replaces it unanswered. Answer: `heat`."""
     deformer = session.require_deformer()
-    return heat_message(deformer, place_on(deformer.mesh, _at(session, at)), request=session.after)
+    place = place_on(deformer.mesh, _at(session, at))
+    return heat_message(probed(deformer, place), request=session.after, vertex=place.vertex)
 
 
 @request
@@ -173,16 +177,24 @@ def add(
 
 
 @request
-def take_part(session: Session, handle: int, how: Change, vertex: Index | None = None) -> None:
-    """Hold another part: one "smaller" or "larger", or with the part at `vertex` in "add" or "remove".
+def take_part(
+    session: Session, handle: int, how: PartChange, vertex: Index | None = None, preview: bool = False
+) -> bytes | None:
+    """Hold another part; `vertex` is where the part of "add" and "remove" is. A limit to the part goes along.
 
-    A limit to the part goes along.
+    With `preview` the edit stays, and the answer is `heat`: what the handle would hold.
     """
-    parts = session.require_parts()
-    held = session.require_deformer().edit.handle(handle)
-    chosen = parts.resized(held, how) if vertex is None else parts.combined(held, how, vertex)
+    parts, deformer = session.require_parts(), session.require_deformer()
+    held = deformer.edit.handle(handle)
+    chosen = parts.taken(held, how, vertex)
     mask = chosen if parts.limits(held) else None
-    session.change(lambda deformer: deformer.change(handle, at=chosen, mask=mask))
+    if not preview:
+        session.change(lambda deformer: deformer.change(handle, at=chosen, mask=mask))
+        return None
+    with _tried(deformer):
+        deformer.change(handle, at=chosen, mask=mask)
+        weights = deformer.bound.following(deformer.edit)[:, deformer.handles.index(deformer.handle(handle))]
+        return heat_message(weights, request=session.after)
 
 
 @request
@@ -326,8 +338,8 @@ def redo(session: Session) -> None:
 
 @request
 def clear(session: Session) -> None:
-    """Remove all handles and fixed places, as one step."""
-    session.change(lambda deformer: deformer.apply(Edit(preset=deformer.preset)))
+    """Remove all handles and fixed places, as one step; the mirror plane stays."""
+    session.change(lambda deformer: deformer.apply(replace(deformer.edit, handles=(), fixed=())))
 
 
 @request
@@ -374,8 +386,15 @@ def _posed_by(session: Session, transforms: Sequence[PoseTransform] | None) -> I
         yield
         return
     deformer = session.require_deformer()
-    with suppress(_TakenBackError), deformer.step():
+    with _tried(deformer):
         _move_all(deformer, transforms)
+        yield
+
+
+@contextmanager
+def _tried(deformer: Deformer) -> Iterator[None]:
+    """Take back all that is changed inside."""
+    with suppress(_TakenBackError), deformer.step():
         yield
         raise _TakenBackError
 

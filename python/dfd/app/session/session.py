@@ -16,13 +16,13 @@ from dfd.app.session.parts import ShapeParts
 from dfd.app.session.preparation import Preparation
 from dfd.app.session.state import ViewState, check_drawable, report, state_message
 from dfd.app.session.surface import mesh_message
+from dfd.editing.edit import Edit, band_on
 from dfd.editing.edit_file import read_edit
 
 if TYPE_CHECKING:
     from dfd.app.protocol.parts import KeyPose
     from dfd.common.preset import Preset
     from dfd.editing.deformer import Deformer
-    from dfd.editing.edit import Edit
     from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
 
@@ -190,9 +190,9 @@ class Session:
     def field_ready(self, deformer: Deformer, path: Path | None, origin: str, warnings: list[str]) -> None:
         """The shape can be edited."""
         self.deformer, self.columns = deformer, Columns(deformer)
-        self.view_state.parts = ShapeParts(deformer)
+        self.view_state.parts = parts = ShapeParts(deformer)
         self._ready = path is None
-        self.view_state.field = FieldState(status="ready", origin=origin, parts=path is None)
+        self.view_state.field = FieldState(status="ready", origin=origin, parts=parts.ways if path is None else ())
         self._tell_progress("prepare", "done")
         for warning in warnings:
             self.fail(0, warning)
@@ -202,11 +202,15 @@ class Session:
             self.guarded(0, lambda: self.open_edit(pending_edit))
 
     def field_prepared(self, planes: Mapping[Preset, Sequence[SymmetryPlane]]) -> None:
-        """Store the symmetry planes, by preset; counterparts and parts can be found without delay from now on."""
-        assert self.view_state.parts is not None
-        self.view_state.planes, self.view_state.parts.ready = planes, True
-        self._ready = True
-        self.view_state.field = self.view_state.field.model_copy(update={"parts": True})
+        """Store the symmetry planes, by preset; counterparts and parts can be found without delay from now on.
+
+        The best plane is on from the start, unless something was edited meanwhile.
+        """
+        parts, deformer = self.require_parts(), self.require_deformer()
+        self.view_state.planes, parts.ready, self._ready = planes, True, True
+        self.view_state.field = self.view_state.field.model_copy(update={"parts": parts.ways})
+        if (found := planes.get(deformer.preset)) and deformer.edit == Edit(preset=deformer.preset):
+            deformer.set_symmetry(found[0], band=band_on(deformer.mesh, deformer.preset))
         self.tell_state()
 
     def field_failed(self, task: str, error: Exception) -> None:

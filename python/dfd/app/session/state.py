@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dfd.app.protocol import parts
-from dfd.app.protocol.answers import FieldState, FixedState, HandleState, NewHandle, ReportMessage, StateMessage
+from dfd.app.protocol.answers import FieldState, FixedState, HandleState, ReportMessage, StateMessage
 from dfd.app.protocol.binary_messages import ColorsMessage, PositionsMessage, pack
 from dfd.app.protocol.parts import KeyPose, Plane, PoseTransform
 from dfd.app.session.columns import Columns
@@ -19,7 +19,7 @@ from dfd.app.session.surface import center_of, packed_normals
 from dfd.common.preset import Preset
 from dfd.editing.edit import band_on, box_center
 from dfd.editing.influence.regions import Region, members
-from dfd.editing.presets import CONTROLS, PARTLESS_REACH, PRESETS
+from dfd.editing.presets import CONTROLS
 from dfd.mesh.normals import updated_normals
 from dfd.pictures.colors import feature_colors
 from dfd.symmetry.plane import axis_name
@@ -52,7 +52,7 @@ def state_message(
     """The state of an editing session, or of a shape without a field, which cannot be edited yet."""
     common: dict[str, Any] = {"after": after, "field": view_state.field, "poses": view_state.poses}
     if deformer is None or columns is None:
-        return StateMessage(preset="default", new_handle=_new_handle("default"), **common)
+        return StateMessage(preset="default", **common)
     mesh, preset = deformer.mesh, deformer.preset
     return StateMessage(
         handles=tuple(_handle(deformer, columns, handle, view_state.parts) for handle in deformer.handles),
@@ -62,16 +62,10 @@ def state_message(
         planes=tuple(_plane(replace(plane, band=band_on(mesh, preset))) for plane in view_state.planes.get(preset, ())),
         default=None if deformer.default is None else _default(deformer.default, box_center(mesh)),
         preset=preset,
-        new_handle=_new_handle(preset),
         can_undo=deformer.can_undo,
         can_redo=deformer.can_redo,
         **common,
     )
-
-
-def _new_handle(preset: Preset) -> NewHandle:
-    reach, falloff = PRESETS[preset].reach, PRESETS[preset].falloff
-    return NewHandle(reach=PARTLESS_REACH if isinstance(reach, str) else reach, falloff=falloff)
 
 
 def _handle(deformer: Deformer, columns: Columns, handle: Handle, parts: ShapeParts | None) -> HandleState:

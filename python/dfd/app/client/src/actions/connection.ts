@@ -24,8 +24,8 @@ let receive: (received: Received) => void = () => undefined;
 let next = 1;
 let wait = FIRST_WAIT;
 let timer = 0;
-/** Those who wait for an answer; it is null where the request failed. */
-const waiting = new Map<number, (received: Received | null) => void>();
+/** Those who wait for an answer; it is null where the request failed, which a `quiet` one keeps to itself. */
+const waiting = new Map<number, { readonly resolve: (received: Received | null) => void; readonly quiet: boolean }>();
 
 export function start(receiver: (received: Received) => void): void {
   receive = receiver;
@@ -49,9 +49,9 @@ export function send(request: Request): number {
 }
 
 /** Send and wait for the answer; null where it is refused, which the person is told, or the connection was lost. */
-export function ask(request: Request): Promise<Received | null> {
+export function ask(request: Request, quiet = false): Promise<Received | null> {
   const id = send(request);
-  return id === 0 ? Promise.resolve(null) : new Promise((resolve) => waiting.set(id, resolve));
+  return id === 0 ? Promise.resolve(null) : new Promise((resolve) => waiting.set(id, { resolve, quiet }));
 }
 
 export function congested(): boolean {
@@ -84,7 +84,7 @@ function connect(): void {
   };
   own.onclose = ({ code }) => {
     if (socket !== own) return;
-    for (const resolve of waiting.values()) resolve(null);
+    for (const { resolve } of waiting.values()) resolve(null);
     waiting.clear();
     if (code in DISMISSALS) {
       store.set({ link: "closed", ended: DISMISSALS[code] });
@@ -100,7 +100,9 @@ function connect(): void {
 function received(answer: Received): void {
   const { message } = answer;
   if (message.type === "session") sessionStorage.setItem(SESSION_KEY, message.session);
-  receive(answer);
-  waiting.get(message.id)?.(message.type === "failure" ? null : answer);
+  const failed = message.type === "failure";
+  const asker = waiting.get(message.id);
+  if (!failed || !asker?.quiet) receive(answer);
+  asker?.resolve(failed ? null : answer);
   waiting.delete(message.id);
 }

@@ -1,10 +1,13 @@
 /** What a person does to the shape, where that is more than one request. */
 
 import type { Transform } from "../posing/affine";
+import { weightLayer } from "../posing/columns";
 import type { Controls, PoseTransform, TakePart } from "../protocol/messages";
 import { present, ready, serverPoses, store, type Ahead } from "../store/state";
-import { congested, send } from "./connection";
+import { ask, congested, send } from "./connection";
 import { note } from "./toasts";
+
+export type PartChange = TakePart["how"];
 
 export function hold(vertex: number): void {
   const there = store.get().edit?.handles.find((handle) => handle.vertex === vertex);
@@ -22,12 +25,26 @@ export function toggleFixed(vertex: number): void {
   else send({ type: "fix", at: { vertex } });
 }
 
-/** Have the selected handle hold a smaller or larger part, or add the part at a vertex to it or remove it. */
-export function changePart(how: TakePart["how"], vertex: number | null = null): void {
+/** Have the selected handle hold another part, or add the part at a vertex to it or remove it. */
+export function changePart(how: PartChange, vertex: number | null = null): void {
   const { edit, selected } = store.get();
   if (selected === null) return;
-  if (edit?.field.parts) send({ type: "take_part", handle: selected, how, vertex });
+  if (edit?.field.parts.includes(how)) send({ type: "take_part", handle: selected, how, vertex });
   else note("Parts are being found: try again in a moment.");
+}
+
+let previewed: PartChange | null = null;
+
+/** Light up what the selected handle would hold, until the next call; returns false if there is no such part. */
+export async function previewPart(how: PartChange | null): Promise<boolean> {
+  const { selected } = store.get();
+  if (previewed) store.set({ probe: null });
+  previewed = how;
+  if (how === null || selected === null) return true;
+  const answer = await ask({ type: "take_part", handle: selected, how, preview: true }, true);
+  if (answer && previewed === how && store.get().selected === selected)
+    store.set({ probe: { vertex: null, layer: weightLayer(answer.payload.get("values", "uint16")) } });
+  return answer !== null;
 }
 
 /** What was painted, a bit per vertex, lowest first, as requests have it. */

@@ -43,8 +43,7 @@ export function receive({ message, payload }: Received): void {
       break;
     case "heat": {
       if (message.vertex === null || store.get().hover?.vertex !== message.vertex) break;
-      const layer = { values: payload.get("values", "uint16"), scale: message.scale, kind: "distance" } as const;
-      store.set({ probe: { vertex: message.vertex, layer: { ...layer, geodesic: null } } });
+      store.set({ probe: { vertex: message.vertex, layer: weightLayer(payload.get("values", "uint16")) } });
       break;
     }
     case "progress": {

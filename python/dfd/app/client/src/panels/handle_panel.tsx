@@ -1,5 +1,7 @@
+import { useEffect, useState } from "preact/hooks";
+
 import { send } from "../actions/connection";
-import { change, changePart, moveTo } from "../actions/edit";
+import { change, changePart, moveTo, previewPart, type PartChange } from "../actions/edit";
 import { otherPlaces, toggleCounterpart } from "../actions/similar";
 import { niceStep, type PivotAt, type Transform } from "../posing/affine";
 import { followed, LEAST_SEEN } from "../posing/held";
@@ -43,6 +45,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
     ...motionFields(transform, step, set),
     bend: <Bend key="bend" handle={id} transform={transform} set={set} />,
   };
+  const all = state.edit?.preset === "paper" ? "shared_pivot" : "own_pivot";
   const others = (Object.keys(verb) as GizmoMode[]).filter((name) => name !== state.gizmo);
   const reset = (
     <IconButton
@@ -55,22 +58,13 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
   );
   return (
     <Panel title={handleName(handle)} action={reset}>
-      <div class="buttons">
-        {(["smaller", "larger"] as const).map((how) => (
-          <Button
-            key={how}
-            text={titled(how)}
-            style="small"
-            title={`Hold a ${how} part (${how === "larger" ? "]" : "["})`}
-            disabled={!state.edit?.field.parts}
-            onPress={() => changePart(how)}
-          />
-        ))}
-      </div>
-      {verb[state.gizmo]}
-      {state.gizmo !== "translate" && <PivotChoice handle={handle} axis={state.axis} />}
-      {SHOWN.map(field)}
-      <Counterparts state={state} handle={handle} />
+      <PartButtons ways={state.edit?.field.parts ?? []} handle={known} />
+      <Toggle
+        label="With its counterparts"
+        hint="Off: this one only. Marks in the view switch single counterparts."
+        checked={handle.counterparts !== "only"}
+        onChange={(on) => change(id, { counterparts: on ? all : "only" })}
+      />
       <Toggle
         label={
           handle.mask === 0 || handle.mask_part ? "Limit to part" : `Limit to ${count.format(handle.mask)} vertices`
@@ -79,8 +73,12 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
         checked={handle.mask > 0}
         onChange={(on) => change(id, { mask: on ? "part" : "everywhere" })}
       />
+      {SHOWN.map(field)}
+      {verb[state.gizmo]}
       <More>
+        <Counterparts state={state} handle={id} />
         {others.map((name) => verb[name])}
+        <PivotChoice handle={handle} axis={state.axis} />
         <Triple
           label="Pivot"
           hint="The point about which it turns and scales"
@@ -214,35 +212,66 @@ function Bend({ handle, transform: { bend, twist, joint }, set }: BendProps) {
   );
 }
 
-/** Whether counterparts move along, and of each how much: gray where none of it is seen. */
-function Counterparts({ state, handle }: { readonly state: State; readonly handle: HandleState }) {
-  const { handle: id, counterparts } = handle;
-  const columns = columnsOf(state, id);
+/** A switch for each counterpart, and how much it follows: gray where nothing of it is seen to move. */
+function Counterparts({ state, handle }: { readonly state: State; readonly handle: number }) {
+  const columns = columnsOf(state, handle);
   const places = otherPlaces(state);
-  const all = state.edit?.preset === "paper" ? "shared_pivot" : "own_pivot";
   return (
-    <>
-      <Toggle
-        label="With its counterparts"
-        hint="Off: this one only. Marks in the view switch single counterparts."
-        checked={counterparts !== "only"}
-        onChange={(on) => change(id, { counterparts: on ? all : "only" })}
-      />
-      <ul class="rows" hidden={places.length === 0}>
-        {places.map(({ vertex, on }, i) => {
-          const follows = followed(columns, vertex);
-          return (
-            <li key={vertex} class={on && follows < LEAST_SEEN ? "stays" : undefined}>
-              <Toggle
-                label={`Counterpart ${i + 1} · ${percent(follows)}`}
-                hint="How much of it follows"
-                checked={on}
-                onChange={() => toggleCounterpart(id, vertex)}
-              />
-            </li>
-          );
-        })}
-      </ul>
-    </>
+    <ul class="rows" hidden={places.length === 0}>
+      {places.map(({ vertex, on }, i) => {
+        const follows = followed(columns, vertex);
+        return (
+          <li key={vertex} class={on && follows < LEAST_SEEN ? "stays" : undefined}>
+            <Toggle
+              label={`Counterpart ${i + 1} · ${percent(follows)}`}
+              hint="How much of it follows"
+              checked={on}
+              onChange={() => toggleCounterpart(handle, vertex)}
+            />
+          </li>
+        );
+      })}
+    </ul>
+  );
+}
+
+const WAYS: readonly (readonly [way: PartChange, hint: string])[] = [
+  ["smaller", "Hold the next smaller part ([)"],
+  ["larger", "Hold the next larger part (])"],
+  ["scene_part", "Hold all of this part of the scene"],
+  ["material", "Hold all that has this material"],
+  ["component", "Hold all that is connected with it"],
+];
+
+interface PartButtonsProps {
+  readonly ways: readonly PartChange[];
+  readonly handle: HandleState;
+}
+
+/** What else the handle can hold: it lights up before it is taken. */
+function PartButtons({ ways, handle: { handle, column } }: PartButtonsProps) {
+  const [pointed, setPointed] = useState<PartChange | null>(null);
+  const [missing, setMissing] = useState<readonly PartChange[]>([]);
+  useEffect(() => setMissing([]), [handle, column]);
+  useEffect(() => {
+    void previewPart(pointed).then((found) => {
+      if (!found && pointed) setMissing((others) => [...others, pointed]);
+    });
+  }, [pointed, handle, column]);
+  const leave = () => setPointed(null);
+  return (
+    <div class="buttons" role="group" aria-label="Held part" onPointerLeave={leave} onFocusOut={leave}>
+      {WAYS.filter(([way], i) => i < 2 || ways.includes(way)).map(([way, hint]) => (
+        <Button
+          key={way}
+          text={titled(way)}
+          style="small"
+          title={missing.includes(way) ? "There is none here" : hint}
+          disabled={ways.length === 0 || missing.includes(way)}
+          onPoint={() => setPointed(way)}
+          onPress={() => changePart(way)}
+        />
+      ))}
+    </div>
   );
 }

@@ -49,8 +49,9 @@ export interface Hover {
   readonly row: number;
 }
 
+/** What a handle would hold: a new one at a vertex, or the selected one with another part. */
 export interface Probe {
-  readonly vertex: number;
+  readonly vertex: number | null;
   readonly layer: Layer;
 }
 

@@ -16,7 +16,7 @@ import {
 } from "../posing/affine";
 import { EMPTY_SCENE, type Column, type Layer, type Mirror, type Scene } from "../posing/columns";
 import { heldPart } from "../posing/held";
-import type { NewHandle, Plane } from "../protocol/messages";
+import type { Plane } from "../protocol/messages";
 import { present, type Counterpart, type State } from "../store/state";
 
 /** The handle's motion about the counterpart's own pivot, turned or mirrored into its frame. */
@@ -85,8 +85,8 @@ export function sceneOf(state: State): Scene {
     columns.push(...(data.counterparts.length > 0 ? data.counterparts.map(ofCounterpart) : [column]));
   }
   // What was painted, in a color of the ramp that stands out from pale shapes too.
-  if (painted) columns.push(shownColumn(painted.layer, null, PAINTED, edit.new_handle));
-  else if (probe) columns.push(shownColumn(probe.layer, fixed, 1, edit.new_handle));
+  if (painted) columns.push(shownColumn(painted.layer, PAINTED));
+  else if (probe) columns.push(shownColumn(probe.layer, 1));
   const d0 = state.comparing ? null : edit.default;
   const rest = d0 && matrixOf({ ...REST, ...d0 }, center);
   return {
@@ -108,16 +108,16 @@ export function held(state: State, handle: number): number {
 
 const PAINTED = 0.66;
 
-/** A column that only the heat map shows: what a new handle would hold. */
-function shownColumn(layer: Layer, fixed: Layer | null, heat: number, { reach, falloff }: NewHandle): Column {
+/** A column of weights that only the heat map shows. */
+function shownColumn(layer: Layer, heat: number): Column {
   return {
     handle: 0,
     layer,
-    fixed,
+    fixed: null,
     share: null,
     shareGain: 1,
-    reach,
-    falloff,
+    reach: 1,
+    falloff: "linear",
     exponent: 0,
     gain: 1,
     strength: 1,

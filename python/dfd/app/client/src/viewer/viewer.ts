@@ -1,6 +1,6 @@
 /** The view: it follows the store, and tells what a person does on the canvas. */
 
-import { Box3, Color, Group, MOUSE, Plane, PlaneHelper, Sphere, Vector3 } from "three";
+import { Box3, BufferGeometry, Color, LineBasicMaterial, LineLoop, MOUSE, Sphere, Vector3 } from "three";
 
 import { send } from "../actions/connection";
 import { changePart, hold, select, toggleFixed, wheelReach } from "../actions/edit";
@@ -28,7 +28,17 @@ export class Viewer {
   private framed: MeshMessage | null = null;
   private readonly gizmo: Gizmo;
   private readonly markers: Markers;
-  private readonly plane = new Group();
+  private readonly plane = new LineLoop(
+    new BufferGeometry().setFromPoints(
+      [
+        [-1, -1],
+        [1, -1],
+        [1, 1],
+        [-1, 1],
+      ].map(([x, y]) => new Vector3(x, y)),
+    ),
+    new LineBasicMaterial(),
+  );
   private readonly box = document.createElement("div");
 
   constructor(canvas: HTMLCanvasElement, overlay: HTMLElement) {
@@ -213,12 +223,14 @@ export class Viewer {
 
   private drawPlane({ edit, mesh }: State, color: Color): void {
     const used = mesh && edit?.symmetry;
-    for (const shown of this.plane.children) if (shown instanceof PlaneHelper) shown.dispose();
-    this.plane.clear();
+    const { plane } = this;
+    plane.visible = Boolean(used);
+    plane.material.color = color;
     if (!used || !this.shape) return;
     const { normal, offset } = mirrorOf(used, mesh.center);
-    const helper = new PlaneHelper(new Plane(new Vector3(...normal), -offset), 1.3 * this.shape.radius, color.getHex());
-    this.plane.add(helper);
+    plane.position.set(...normal).multiplyScalar(offset);
+    plane.lookAt(plane.position.clone().add(new Vector3(...normal)));
+    plane.scale.setScalar(0.65 * this.shape.radius);
   }
 
   /** Look at what the selected handle holds, and where it holds nothing at all of the shape. */

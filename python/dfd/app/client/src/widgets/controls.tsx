@@ -64,12 +64,22 @@ interface ButtonProps {
   readonly style?: "primary" | "small" | "primary small";
   readonly title?: string;
   readonly disabled?: boolean;
+  /** Called when the pointer or the focus comes. */
+  readonly onPoint?: () => void;
   readonly onPress: () => void;
 }
 
-export function Button({ text, style, title, disabled, onPress }: ButtonProps) {
+export function Button({ text, style, title, disabled, onPoint, onPress }: ButtonProps) {
   return (
-    <button type="button" class={`button ${style ?? ""}`} title={title} disabled={disabled} onClick={onPress}>
+    <button
+      type="button"
+      class={`button ${style ?? ""}`}
+      title={title}
+      disabled={disabled}
+      onPointerEnter={onPoint}
+      onFocus={onPoint}
+      onClick={onPress}
+    >
       {text}
     </button>
   );

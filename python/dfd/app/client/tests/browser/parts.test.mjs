@@ -8,7 +8,7 @@ before(async () => {
   browser = await launch();
   ({ page, problems } = await openTab(browser));
   await openShape(page);
-  await until(page, (s) => s.edit.field.parts);
+  await until(page, (s) => s.edit.field.parts.length > 0);
 });
 after(() => browser.close());
 
@@ -30,7 +30,12 @@ test("a part is held, resized, combined and moved alone", async (t) => {
     await page.keyboard.press("]");
     await until(page, (s) => s.edit.handles[0].region > 0);
     const larger = await region();
-    await page.getByRole("button", { name: "Smaller" }).click();
+    const smaller = page.getByRole("button", { name: "Smaller" });
+    await smaller.hover();
+    await until(page, (s) => s.probe !== null);
+    assert.equal(await region(), larger, "it lights up before it is taken");
+    await shot(page, "part_preview");
+    await smaller.click();
     await until(page, (s, before) => s.edit.handles[0].region < before, larger);
     count = await region();
     assert.equal(await state(page, (s) => s.edit.handles.length), 1);

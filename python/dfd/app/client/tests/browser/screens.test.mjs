@@ -5,7 +5,7 @@ import { after, before, test } from "node:test";
 import { drawn, hold, launch, openShape, openTab, PATIENCE, shot, until } from "./page.mjs";
 
 const SIZES = [
-  { width: 1440, height: 900 },
+  { width: 1280, height: 800 },
   { width: 800, height: 600 },
 ];
 let browser;

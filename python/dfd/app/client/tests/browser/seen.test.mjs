@@ -112,6 +112,7 @@ test("a moment of the timeline is seen and exported as it is, bent halfway", { t
 
 test("what turns turns about what the session finds, or about what is chosen", { timeout: PATIENCE }, async () => {
   await page.keyboard.press("e");
+  await page.evaluate(() => window.dfd.store.set({ more: true }));
   await until(page, (s) => s.axis?.handle === s.selected);
   await page.getByLabel("Rotate ° z").fill("20");
   await page.getByLabel("Rotate ° z").press("Enter");
