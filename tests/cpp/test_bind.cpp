@@ -8,7 +8,6 @@
 #include <bit>
 #include <cstdint>
 #include <cstring>
-#include <limits>
 #include <random>
 #include <vector>
 
@@ -110,32 +109,6 @@ CASE("distance and clamp, Equations (4) and (5)")
     }
 END
 
-CASE("fixed points, Equation (6)")
-    Problem problem(50, 20, 3);
-    const float* fixed = &problem.features[10 * 20];  // the rows of vertices 10 and 11
-    problem.bind({.fixed = {{fixed, 2, 20}, {}}, .geodesic = {}, .locality = {}});
-    for (std::size_t i = 0; i < 50; ++i) {
-        const double held = std::max(problem.expected(i, fixed), problem.expected(i, fixed + 20));
-        for (std::size_t j = 0; j < 3; ++j)
-            CHECK_NEAR(problem.weights[i * 3 + j], std::max(problem.expected(i, &problem.rows[j * 20]) - held, 0.0), 1e-6);
-    }
-    for (std::size_t j = 0; j < 6; ++j) CHECK(problem.weights[10 * 3 + j] == 0.0f);
-END
-
-CASE("geodesic falloff, Equation (7)")
-    Problem problem(64, 8, 3);
-    std::vector<float> geodesic, locality{0.0f, 1.0f, 2.5f};
-    for (std::size_t k = 0; k < 3 * 64; ++k) geodesic.push_back(static_cast<float>(k % 64) / 63.0f);
-    problem.bind({.fixed = {}, .geodesic = dfd::Matrix<const float>{geodesic.data(), 3, 64}, .locality = locality});
-    for (std::size_t i = 0; i < 64; ++i) {
-        for (std::size_t j = 0; j < 3; ++j) {
-            const double wanted = problem.expected(i, &problem.rows[j * 8]) *
-                                  std::pow(1.0 - double(geodesic[j * 64 + i]), double(locality[j]));
-            CHECK_NEAR(problem.weights[i * 3 + j], wanted, 1e-6);
-        }
-    }
-END
-
 CASE("handles may be vertices, in every layout")
     Problem problem(40, 8, 3);
     const std::array<std::int64_t, 3> vertices{39, 0, 17};
@@ -233,44 +206,4 @@ END
 
 CASE("an instruction set that is not there is refused")
     CHECK_THROWS(dfd::kernels("avx1024"), "DFD_ISA must be one of the instruction sets of this machine (baseline");
-END
-
-CASE("empty shapes")
-    CHECK(Problem(0, 5, 0).bind().empty());
-    CHECK(Problem(9, 5, 0).bind().empty());
-END
-
-CASE("bad input is named")
-    Problem problem(40, 6, 2);
-    std::vector<float> geodesic(80, 0.5f), locality{1.0f, 1.0f};
-    const dfd::Matrix<const float> distances{geodesic.data(), 2, 40};
-    CHECK_THROWS(problem.bind({.fixed = {{problem.rows.data(), 2, 5}, {}}, .geodesic = {}, .locality = {}}), "`fixed`");
-    CHECK_THROWS(problem.bind({.fixed = {}, .geodesic = {}, .locality = locality}), "`geodesic` must be (H, V)");
-    geodesic[77] = 1.5f;
-    CHECK_THROWS(problem.bind({.fixed = {}, .geodesic = distances, .locality = locality}), "`geodesic` must lie in [0, 1]");
-    geodesic[77] = std::numeric_limits<float>::quiet_NaN();
-    CHECK_THROWS(problem.bind({.fixed = {}, .geodesic = distances, .locality = locality}), "`geodesic` must lie in [0, 1]");
-    geodesic[77] = 0.5f;
-    locality[1] = -1;
-    CHECK_THROWS(problem.bind({.fixed = {}, .geodesic = distances, .locality = locality}), "`locality` must be");
-    const std::array<std::int64_t, 2> outside{3, 40}, twice{5, 5};
-    const auto bind_vertices = [&](const dfd::Points& handles, const dfd::Points& fixed) {
-        dfd::bind(problem.source(), handles, {fixed, {}, {}}, {problem.weights.data(), 40, 2}, 1, dfd::kernels());
-    };
-    CHECK_THROWS(bind_vertices({.vertices = outside}, {}), "`handles` must lie in 0 … 39, got 40");
-    CHECK_THROWS(bind_vertices({.vertices = twice}, {}), "`handles` names vertex 5 more than once");
-    CHECK_THROWS(bind_vertices({.rows = {problem.rows.data(), 2, 6}}, {.vertices = outside}), "`fixed` must lie in 0 … 39");
-    const std::array<float, 2> offsets{0, -1};
-    CHECK_THROWS(bind_vertices({.rows = {problem.rows.data(), 2, 6}, .offsets = offsets}, {}), "must be at least 0");
-    const dfd::Features many{dfd::Features::Layout::bytes, nullptr, 40, 33004};
-    CHECK_THROWS(dfd::bind(many, {}, {}, {problem.weights.data(), 40, 0}, 1, dfd::kernels()), "at most 33,000 dimensions");
-    problem.rows[8] = std::numeric_limits<float>::infinity();
-    CHECK_THROWS(problem.bind(), "`handles` must be finite, got inf at [1, 2]");
-    problem.rows[8] = 0;
-    problem.features[39 * 6 + 5] = std::numeric_limits<float>::quiet_NaN();
-    CHECK_THROWS(problem.bind(), "`features` must be finite, got nan at [39, 5]");
-    problem.dimension = 5;
-    const dfd::Features wider{dfd::Features::Layout::rows, problem.features.data(), 40, 6};
-    CHECK_THROWS(dfd::bind(wider, {{problem.rows.data(), 2, 5}, {}}, {}, {problem.weights.data(), 40, 2}, 1, dfd::kernels()),
-                 "`handles` and `features` differ");
 END

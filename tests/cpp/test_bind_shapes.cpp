@@ -76,22 +76,6 @@ CASE("regions, reaches, falloffs and strengths, on every instruction set")
     }
 END
 
-CASE("what is the paper's has the paper's bits, alone and beside what is not")
-    const std::vector<float> features = made_features();
-    const std::vector<std::int64_t> points{3, 9, 27}, held{90};
-    const std::vector<dfd::Extent> extents{{}, {0.5f, dfd::Falloff::smooth}, {}};
-    const dfd::Features source{dfd::Features::Layout::rows, features.data(), count, dimension};
-    for (const std::string& name : dfd::instruction_sets()) {
-        std::vector<float> plain(count * 3), shaped(count * 3);
-        const dfd::Points handles{.vertices = points};
-        dfd::bind(source, handles, {.fixed = {.vertices = held}}, {plain.data(), count, 3}, 2, dfd::kernels(name));
-        dfd::bind(source, handles, {.fixed = {.vertices = held}, .extents = extents}, {shaped.data(), count, 3}, 2,
-                  dfd::kernels(name));
-        for (std::size_t i = 0; i < count; ++i)
-            for (const std::size_t j : {0u, 2u}) CHECK(shaped[i * 3 + j] == plain[i * 3 + j]);
-    }
-END
-
 CASE("distances and lengths that are none are refused or harmless")
     const std::vector<float> features = made_features();
     const std::vector<std::int64_t> points{3};
@@ -114,30 +98,4 @@ CASE("distances and lengths that are none are refused or harmless")
                   dfd::kernels(name));
         for (std::size_t i = 0; i < 16; ++i) CHECK(weights[i] >= 0 && weights[i] <= 1);
     }
-END
-
-CASE("bad input is named")
-    const std::vector<float> features = made_features();
-    std::vector<float> weights(count * 2);
-    const dfd::Features source{dfd::Features::Layout::rows, features.data(), count, dimension};
-    const std::vector<std::int64_t> points{3, 4, 5};
-    const auto bind = [&](const dfd::Points& handles, const dfd::Constraints& constraints) {
-        dfd::bind(source, handles, constraints, {weights.data(), count, 2}, 1, dfd::kernels());
-    };
-    const std::vector<std::uint32_t> none{3, 0}, few{1, 1};
-    CHECK_THROWS(bind({.vertices = points, .members = none}, {}), "must have at least one point");
-    CHECK_THROWS(bind({.vertices = points, .members = few}, {}), "as many points as members");
-    const dfd::Points two{.vertices = std::span(points).first(2)};
-    for (const float reach : {0.0f, -1.0f, std::numeric_limits<float>::infinity()}) {
-        const std::vector<dfd::Extent> extents{{reach}, {}};
-        CHECK_THROWS(bind(two, {.extents = extents}), "`reach` must be finite and above 0");
-    }
-    for (const float strength : {-0.5f, 1.5f, std::numeric_limits<float>::quiet_NaN()}) {
-        const std::vector<float> strengths{strength, 1, 1};
-        CHECK_THROWS(bind(two, {.fixed = {.vertices = points}, .strengths = strengths}), "`strength` must lie in [0, 1]");
-    }
-    const std::vector<float> one{1};
-    CHECK_THROWS(bind(two, {.fixed = {.vertices = points}, .strengths = one}), "`strength` must be (P)");
-    const dfd::Features thin{dfd::Features::Layout::rows, features.data(), count, 0};
-    CHECK_THROWS(dfd::bind(thin, {}, {}, {weights.data(), count, 0}, 1, dfd::kernels()), "at least one dimension");
 END

@@ -92,14 +92,3 @@ CASE("unit features as in double, for every remainder of points and outputs, on 
         }
     }
 END
-
-CASE("layers that do not follow each other are refused")
-    Network network(4);
-    const auto make = [&] { return dfd::Field(network.layers, octaves, center, scale); };
-    CHECK_THROWS(dfd::Field({}, octaves, center, scale), "at least one layer");
-    CHECK_THROWS(dfd::Field(network.layers, 1, center, scale), "each layer must take what the one before gives");
-    network.layers[1].gain = {};
-    CHECK_THROWS(make(), "every layer but the last must have a LayerNorm");
-    network.layers[1].bias = {};
-    CHECK_THROWS(make(), "`bias` must have an entry for every output");
-END

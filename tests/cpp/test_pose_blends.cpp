@@ -44,37 +44,7 @@ struct Scene {
     }
 };
 
-// A vertex of weight w turns by the angle of the quaternion (1 - w) 1 + w q, about the handle's axis.
-template <class T>
-void turns_about_the_handle()
-{
-    const double angle = 2.6, x = 0.3, y = -0.4, along = 1.5;
-    const std::array<dfd::Affine, 1> transforms{turn(angle, x, y, along)};
-    const std::array<std::array<double, 3>, 1> places{{{x, y, 0}}};
-    for (const std::string& name : dfd::instruction_sets()) {
-        Scene<T> scene(77, 1);
-        for (float& weight : scene.weights) weight /= 2;
-        scene.pose({transforms, identity, {}, dfd::Overlap::add, dfd::Blend::dual_quaternion, places, {}},
-                   dfd::kernels(name));
-        for (std::size_t i = 0; i < scene.count; ++i) {
-            const double w = double(scene.weights[i]);
-            const double blended = 2 * std::atan2(w * std::sin(angle / 2), 1 - w + w * std::cos(angle / 2));
-            const dfd::Affine own = turn(blended, x, y, 1 + w * (along - 1));
-            for (std::size_t row = 0; row < 3; ++row) {
-                double wanted = own[4 * row + 3];
-                for (std::size_t k = 0; k < 3; ++k) wanted += own[4 * row + k] * double(scene.vertices[3 * i + k]);
-                CHECK_NEAR(scene.posed[3 * i + row], wanted, 5e-6);
-            }
-        }
-    }
-}
-
 }  // namespace
-
-CASE("a handle turns by the angle of the blended quaternion, about its place")
-    turns_about_the_handle<float>();
-    turns_about_the_handle<double>();
-END
 
 CASE("identity transforms keep every bit, whatever the weights sum to")
     const std::array<bool, 4> sides{true, false, true, false};
@@ -122,15 +92,4 @@ CASE("every instruction set and number of threads poses alike")
             }
         }
     }
-END
-
-CASE("bad input is named")
-    Scene<float> scene(20, 2);
-    const std::vector<dfd::Affine> transforms(2, identity);
-    const std::vector<double> mixing(3);
-    CHECK_THROWS(scene.pose({transforms, identity, {}, dfd::Overlap::add, dfd::Blend::dual_quaternion}, dfd::kernels()),
-                 "`handles` must say where each handle stands");
-    dfd::Motion motion{transforms, identity, {}};
-    motion.mixing = mixing;
-    CHECK_THROWS(scene.pose(motion, dfd::kernels()), "`mixing` must be (H, H)");
 END
