@@ -31,6 +31,14 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         yield
 
 
+@pytest.fixture(autouse=True)
+def _own_thread_count() -> Iterator[None]:
+    """Restore the number of threads after each test."""
+    before = dfd.get_num_threads()
+    yield
+    dfd.set_num_threads(before)
+
+
 @pytest.fixture(scope="module")
 def one_thread() -> Iterator[None]:
     """One thread for torch: networks as small as those of the tests only wait for one another's threads."""

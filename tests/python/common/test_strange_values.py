@@ -9,7 +9,6 @@ from made_field import made_field
 from mesh_files import CORNERS, CUBE
 
 import dfd
-from dfd import samples
 from dfd.editing.controls import Controls
 
 FEATURES = np.eye(4, dtype=np.float32)
@@ -50,18 +49,6 @@ def test_tensors_with_a_negative_bit_count_as_what_they_are():
     np.testing.assert_array_equal(dfd.pose(negative, WEIGHTS, MOVE), np.full((4, 3), -2.0))
     field = made_field(4, width=8, layers=1)
     np.testing.assert_allclose(field(negative), field(np.full((4, 3), -2.0)), atol=1e-5)
-
-
-@pytest.mark.parametrize("points", [torch.ones(4, 3).to_sparse(), torch.ones(4, 3, dtype=torch.complex64)])
-def test_fields_take_dense_real_tensors(points):
-    with pytest.raises(ValueError, match=r"^Field: `points` must be a dense tensor of real numbers"):
-        made_field(4, width=8, layers=1)(points)
-
-
-@pytest.mark.parametrize("faces", [5000.0, 5000.5, True, 3999, 10**15, "many"])
-def test_samples_have_a_whole_number_of_faces_that_ends(faces):
-    with pytest.raises(ValueError, match=r"^samples\.chair: `faces` must be a whole number"):
-        samples.chair(faces)
 
 
 @pytest.mark.parametrize("name", ["locality", "reach"])

@@ -32,13 +32,6 @@ def points(count: int = 100) -> np.ndarray:
     return np.random.default_rng(0).normal(size=(count, 3)) * 3
 
 
-def test_rows_are_unit_float32(field: Field) -> None:
-    features = field(points())
-    assert features.shape == (100, 12)
-    assert features.dtype == np.float32
-    np.testing.assert_allclose(np.linalg.norm(features, axis=1), 1, atol=1e-6)
-
-
 def test_array_and_tensor_agree_and_only_tensors_carry_gradients(field: Field) -> None:
     tensor = torch.from_numpy(points()).requires_grad_()
     features = field(tensor)
@@ -54,23 +47,6 @@ def test_center_and_scale_undo_the_units_of_the_mesh(field: Field) -> None:
     np.testing.assert_allclose(
         far(normalized * 1e3 + np.array([1e7, 2e7, -1e7])), field(normalized * 2 + np.array([1, 2, 3])), atol=1e-5
     )
-
-
-def test_sines_are_of_the_normalized_coordinates() -> None:
-    def passing_on(entry: int, octaves: int) -> dict[str, np.ndarray]:
-        """The first layer gives one of its inputs, plus one; the last one that and nothing else."""
-        first = np.zeros((4, 3 + 6 * octaves), np.float32)
-        first[0, entry] = 1.0
-        norm = {"network.2.weight": np.ones(4, np.float32), "network.2.bias": np.zeros(4, np.float32)}
-        last = {"network.3.weight": np.eye(3, 4, dtype=np.float32), "network.3.bias": np.zeros(3, np.float32)}
-        return {"network.0.weight": first, "network.0.bias": np.ones(4, np.float32), **norm, **last}
-
-    # Of x at half of the longest wavelength, which is the second octave.
-    plain, waved = Field(passing_on(0, 0)), Field(passing_on(3 + 6, 2), octaves=2, center=(1, 0, 0), scale=2.0)
-    x = np.linspace(0.55, 0.95, 9)
-    normalized = (x - 1) * 2
-    at = np.column_stack([x, x * 0, x * 0])
-    np.testing.assert_allclose(waved(at), plain(np.column_stack([np.sin(np.pi * normalized), at[:, 1:]])), atol=1e-6)
 
 
 @pytest.mark.parametrize("octaves", [0, 1, 5, 16])
@@ -126,6 +102,7 @@ def test_no_points_give_no_rows(field: Field) -> None:
         (np.zeros((4, 2)), r"Field: `points` must have shape \(N, 3\), got \(4, 2\)"),
         (np.full((2, 3), np.nan), r"Field: `points` must be finite, got nan at \[0, 0\]"),
         ("somewhere", "Field: `points` must be a numeric array, got str"),
+        (torch.ones(4, 3).to_sparse(), "^Field: `points` must be a dense tensor of real numbers"),
         (torch.zeros(3), r"Field: `points` must have shape \(N, 3\), got \(3,\)"),
         (np.full((2, 3), 1e36), "`points` must lie near the shape, got one 5e.35 times as far as its box"),
         (np.full((2, 3), 1e308), "`points` must lie near the shape"),

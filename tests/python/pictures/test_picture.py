@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from PIL import Image
 
 import dfd.pictures.picture
-from dfd.common.threads import get_num_threads, set_num_threads
 from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.mesh import Mesh
 from dfd.pictures.colors import CLAY, weight_colors
-from dfd.pictures.picture import picture, save_png
+from dfd.pictures.picture import picture
 
 FRONT = {"azimuth": 0.0, "elevation": 0.0}
 
@@ -174,17 +170,13 @@ def test_size_and_place_do_not_matter() -> None:
 
 def test_threads_and_bands_change_nothing_visible(monkeypatch: pytest.MonkeyPatch) -> None:
     mesh = Mesh(*box())
-    before = get_num_threads()
-    try:
-        set_num_threads(1)
-        one = picture(mesh, resolution=80)
-        set_num_threads(3)
-        monkeypatch.setattr(dfd.pictures.picture, "BAND", 2 * 2 * 80 * 20)
-        several = picture(mesh, resolution=80)
-        set_num_threads(1)
-        np.testing.assert_array_equal(picture(mesh, resolution=80), several)
-    finally:
-        set_num_threads(before)
+    dfd.set_num_threads(1)
+    one = picture(mesh, resolution=80)
+    dfd.set_num_threads(3)
+    monkeypatch.setattr(dfd.pictures.picture, "BAND", 2 * 2 * 80 * 20)
+    several = picture(mesh, resolution=80)
+    dfd.set_num_threads(1)
+    np.testing.assert_array_equal(picture(mesh, resolution=80), several)
     assert np.abs(one.astype(int) - several).max() <= 1
 
 
@@ -221,18 +213,3 @@ def test_one_pixel_and_faces_without_area() -> None:
 def test_refusals(options: dict, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         picture(Mesh(*box()), **options)
-
-
-def test_a_picture_that_cannot_be_saved_leaves_the_old_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    target = tmp_path / "old.png"
-    save_png(target, np.zeros((4, 4, 3), np.uint8))
-    old = target.read_bytes()
-
-    def full(*_: object, **__: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Image.Image, "save", full)
-    with pytest.raises(OSError, match=r"old\.png could not be written: No space left"):
-        save_png(target, np.ones((4, 4, 3), np.uint8))
-    assert target.read_bytes() == old
-    assert list(tmp_path.iterdir()) == [target]

