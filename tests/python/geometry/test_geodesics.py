@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 import reference
@@ -13,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mesh_files import CORNERS, CUBE
 
+import dfd
 from dfd import _core
-from dfd.common.threads import get_num_threads, set_num_threads
 from dfd.geometry.geodesics import Geodesics
 from dfd.geometry.refine import split_long_edges
-from dfd.mesh.mesh import Mesh, load
+from dfd.mesh.mesh import Mesh
 
 
 def sphere_of(subdivisions: int) -> Mesh:
@@ -71,16 +68,12 @@ def test_the_kernel_agrees_with_its_twin(seed: int, count: int, face_count: int,
     assert np.allclose(out[0, joined] * solver.extent, wanted[joined], atol=1e-5)
 
 
-def test_one_thread_equals_many(sphere: Mesh) -> None:
-    before = get_num_threads()
-    try:
-        found = []
-        for threads in (1, 4):
-            set_num_threads(threads)
-            geodesics = Geodesics(sphere_of(6))
-            found.append(np.vstack([geodesics.distances([7]), geodesics.distances([7, 9, 11])]))
-    finally:
-        set_num_threads(before)
+def test_one_thread_equals_many() -> None:
+    found = []
+    for threads in (1, 4):
+        dfd.set_num_threads(threads)
+        geodesics = Geodesics(sphere_of(6))
+        found.append(np.vstack([geodesics.distances([7]), geodesics.distances([7, 9, 11])]))
     assert np.array_equal(found[0], found[1])
     assert np.array_equal(found[0][0], found[0][1])
 
@@ -153,17 +146,3 @@ def test_size_and_place_do_not_matter(sphere: Mesh, scale: float, offset: float)
 def test_bad_handles_are_refused(handles: object, message: str, sphere: Mesh) -> None:
     with pytest.raises(ValueError, match="Geodesics.distances: " + message):
         Geodesics(sphere).distances(handles)
-
-
-@pytest.mark.skipif("DFD_MESHES" not in os.environ, reason="DFD_MESHES names no folder of meshes")
-@pytest.mark.filterwarnings("ignore:load")
-@pytest.mark.parametrize("name", ["chair_nonmanifold.obj", "truck_defects.obj", "knight.glb", "human_neutral.obj"])
-def test_real_broken_meshes(name: str) -> None:
-    mesh = load(Path(os.environ["DFD_MESHES"]) / name)
-    before = mesh.vertices.copy()
-    handles = np.random.default_rng(0).integers(0, len(mesh.vertices), 5)
-    found = Geodesics(mesh).distances(handles)
-    assert np.isfinite(found).all()
-    assert np.array_equal(found[np.arange(5), handles], np.zeros(5))
-    assert np.all(found.max(axis=1) > 0.4)
-    assert np.array_equal(mesh.vertices, before)

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 import trimesh
 from mesh_files import CORNERS, CUBE
 
 from dfd.geometry.topology import inspect
-from dfd.mesh.mesh import Mesh, load
+from dfd.mesh.mesh import Mesh
 
 
 def test_a_cube_is_one_closed_component() -> None:
@@ -21,14 +18,6 @@ def test_a_cube_is_one_closed_component() -> None:
     assert (found.degenerate_faces, found.duplicate_faces, found.unreferenced_vertices) == (0, 0, 0)
     assert found.extents == (2, 2, 2)
     assert (found.parts, found.materials, found.textures) == (1, 0, 0)
-
-
-def test_a_fin_makes_an_edge_of_three_faces() -> None:
-    vertices = np.vstack([CORNERS, [(0.5, 0.5, 5)]])
-    found = inspect(Mesh(vertices, np.vstack([CUBE, [(0, 1, 8)]])))
-    assert found.non_manifold_edges == 1
-    assert found.boundary_edges == 2
-    assert found.components == 1
 
 
 def test_positions_that_coincide_count_as_one_vertex_of_the_surface() -> None:
@@ -63,14 +52,3 @@ def test_counts_agree_with_trimesh_on_a_torn_sphere() -> None:
     assert found.boundary_edges == (counts == 1).sum()
     links = trimesh.graph.connected_component_labels(torn.edges, node_count=len(torn.vertices))
     assert found.components == len(np.unique(links[torn.faces]))
-
-
-@pytest.mark.skipif("DFD_MESHES" not in os.environ, reason="DFD_MESHES names no folder of meshes")
-@pytest.mark.filterwarnings("ignore:load")
-def test_real_meshes_have_the_defects_that_are_known_of_them() -> None:
-    folder = Path(os.environ["DFD_MESHES"])
-    truck = inspect(load(folder / "truck_defects.obj"))
-    assert (truck.components, truck.boundary_edges, truck.non_manifold_edges) == (50, 1388, 54)
-    assert inspect(load(folder / "chair_nonmanifold.obj")).non_manifold_edges == 9518
-    knight = inspect(load(folder / "knight.glb"))
-    assert (knight.components, knight.non_manifold_edges, knight.textures) == (36, 128, 1)

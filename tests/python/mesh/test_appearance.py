@@ -106,14 +106,6 @@ def test_transparency(mode: str | None, expected: list[float], tmp_path: Path) -
     assert np.allclose(at(mesh, [(0.0, 0.0), (1.0, 1.0)])[:, 3], expected, atol=0.01)
 
 
-def test_each_face_has_its_own_material(tmp_path: Path) -> None:
-    write(tmp_path / "two.mtl", "newmtl a\nKd 1 0 0\nnewmtl b\nKd 0 0.5 0\n")
-    lines = ["mtllib two.mtl", "v 0 0 0", "v 1 0 0", "v 1 1 0", "v 0 1 0", "usemtl a", "f 1 2 3", "usemtl b", "f 1 3 4"]
-    mesh = load(write(tmp_path / "two.obj", "\n".join(lines)))
-    found = albedo(mesh, np.array([0, 1]), np.full((2, 3), 1 / 3))
-    assert np.allclose(found, [RED, (0, 0.5, 0, 1)], atol=0.005)
-
-
 def test_vertex_and_face_colors_of_ply(tmp_path: Path) -> None:
     cube = trimesh.Trimesh(CORNERS, CUBE, process=False)
     cube.visual.vertex_colors = np.tile([(255, 0, 0, 255), (0, 0, 255, 255)], (4, 1))

@@ -166,14 +166,6 @@ def stranger(folder: Path, library: str, content: str) -> Mesh:
     return load(write(folder / "chair.obj", f"mtllib {library}\n" + obj_cube().replace("f ", "usemtl wood\nf ", 1)))
 
 
-@pytest.mark.parametrize("library", ["json.py", "Makefile", "notes.txt"])
-def test_a_library_plants_no_file_and_carries_no_text_away(library: str, tmp_path: Path) -> None:
-    mesh = stranger(tmp_path / "in", library, TEXT + "newmtl other\nKd 1 0 0\n")
-    (tmp_path / "out").mkdir()
-    mesh.save(tmp_path / "out" / "chair.obj", mesh.vertices + 1)
-    assert [each.name for each in (tmp_path / "out").iterdir()] == ["chair.obj"]
-
-
 def test_only_used_materials_are_written_under_the_name_of_the_file(tmp_path: Path) -> None:
     mesh = stranger(tmp_path / "in", "json.py", TEXT + "newmtl wood\nKd 1 0 0\nnewmtl other\nKd 0 1 0\n")
     (tmp_path / "out").mkdir()

@@ -60,17 +60,6 @@ def test_obj_vertices_keep_the_files_numbers_across_parts_seams_and_unused_ones(
     assert mesh.part_vertices("later").tolist() == [1, 3, 4]
 
 
-def test_scene_transforms_and_instances_are_applied(tmp_path: Path) -> None:
-    gltf = Gltf()
-    cube = gltf.mesh("cube", CORNERS, CUBE)
-    gltf.node(name="here", mesh=cube)
-    gltf.node(name="there", mesh=cube, translation=[5, 0, 0], scale=[2, 2, 2])
-    mesh = load(write(tmp_path / "two.glb", gltf.glb()))
-    assert mesh.bounds.tolist() == [[0, 0, 0], [7, 2, 2]]
-    assert len(mesh.vertices) == 16
-    assert mesh.part_count == 2
-
-
 def test_parts_that_touch_share_their_vertices(tmp_path: Path) -> None:
     gltf = Gltf()
     for name, offset in (("left", 0), ("right", 1)):

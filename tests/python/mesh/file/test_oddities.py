@@ -25,17 +25,6 @@ def cube(**node: object) -> Gltf:
     return gltf
 
 
-def test_an_accessor_without_data_is_zeros(tmp_path: Path) -> None:
-    gltf = cube()
-    flat = {"count": 8, "componentType": 5126, "type": "VEC3"}
-    gltf.header["accessors"].append(flat)
-    primitive = gltf.header["meshes"][0]["primitives"][0]
-    primitive["targets"] = [{"POSITION": primitive["attributes"]["POSITION"]}]
-    primitive["attributes"]["POSITION"] = 2
-    gltf.header["meshes"][0]["weights"] = [1]
-    assert same_shape(load(write(tmp_path / "flat.glb", gltf.glb())), Mesh(CORNERS, CUBE))
-
-
 PLY = "ply\nformat {}\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\n"
 
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 import trimesh
-from mesh_files import CORNERS, CUBE, Gltf, checkered, header_and_data, same_shape, textured_quad, view_bytes, write
+from mesh_files import CORNERS, CUBE, Gltf, header_and_data, same_shape, textured_quad, view_bytes, write
 
 from dfd.mesh.mesh import Mesh, load
 
@@ -57,24 +56,6 @@ def test_primitives_that_share_positions_move_together(tmp_path: Path) -> None:
     assert same_shape(again, Mesh(mesh.vertices[::-1], mesh.faces))
     primitives = header_and_data(tmp_path / "out.glb")[0]["meshes"][0]["primitives"]
     assert primitives[0]["attributes"] == primitives[1]["attributes"]
-
-
-def test_data_and_pictures_in_files_of_their_own_are_taken_along(tmp_path: Path) -> None:
-    source = tmp_path / "source"
-    source.mkdir()
-    gltf = textured_quad(tmp_path)
-    gltf.header["images"] = [{"uri": "paint.png"}]
-    checkered(source / "paint.png")
-    write(source / "data.bin", gltf.data)
-    gltf.header["buffers"] = [{"uri": "data.bin", "byteLength": len(gltf.data)}]
-    path = write(source / "quad.gltf", json.dumps(gltf.header))
-    mesh = load(path)
-    assert mesh.appearance is not None
-    for ending in ("glb", "gltf"):
-        mesh.save(tmp_path / f"out.{ending}", mesh.vertices + 1)
-        look = load(tmp_path / f"out.{ending}").appearance
-        assert look is not None
-        assert np.array_equal(look.materials[0].texture, mesh.appearance.materials[0].texture)
 
 
 def test_a_scene_without_normals_gets_smooth_ones(tmp_path: Path) -> None:

@@ -14,17 +14,12 @@ from dfd.mesh.file.obj.read import face_groups
 from dfd.mesh.mesh import Mesh, load
 
 
-def test_vertices_are_those_that_faces_name(tmp_path: Path) -> None:
-    """Of several at one position the first is, and relative numbers count back."""
-    mesh = load(write(tmp_path / "twice.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 0\nv 1 1 0\ng some\nf -2 2 -1\n"))
-    assert mesh.group_vertices("some").tolist() == [0, 1, 4] == sorted(set(mesh.faces.ravel().tolist()))
-
-
 def test_a_name_that_is_not_there_gets_those_that_are(tmp_path: Path) -> None:
     groups = "o house\ng wall door\nf 1 2 3\n" + "".join(f"g n{i}\nf 1 2 3\n" for i in range(30))
     mesh = load(write(tmp_path / "many.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n" + groups))
     assert mesh.group_names[:4] == ("wall door", "wall", "door", "n0")
     assert mesh.group_names[-1] == "house"
+    assert mesh.group_vertices("wall").tolist() == [0, 1, 2]
     for name in ("nothing", "", "WALL"):
         with pytest.raises(ValueError, match=r"`name` must be a face group of the file \(wall door, .*, n16, …\), got"):
             mesh.group_vertices(name)
