@@ -91,16 +91,6 @@ def test_few_pictures_are_enough_where_they_leave_no_doubt(encoder, monkeypatch,
     assert (found.source == "averaged") == (then == "doubtful")
 
 
-def test_the_axis_is_decided_before_its_end():
-    """Two likely ends of one axis outweigh a direction that is likelier than each."""
-    frames = np.stack(axis_frames(np.eye(3)))
-    found = decide(frames, np.log([0.45, 0.45, 0.01, 0.01, 0.07, 0.01]))
-    assert (str(found), found.source) == ("+x", "found")
-    assert found.confidence == pytest.approx(0.9)
-    assert str(decide(frames, np.log([0.44, 0.46, 0.01, 0.01, 0.07, 0.01]))) == "-x"
-    assert decide(frames, np.log([0.01, 0.01, 0.9, 0.06, 0.01, 0.01])).source == "file"
-
-
 def test_without_a_clear_axis_the_two_likeliest_stand_side_by_side():
     frames = np.stack(axis_frames(np.eye(3)))
     found = decide(frames, np.log([0.05, 0.05, 0.3, 0.2, 0.1, 0.3]))

@@ -13,8 +13,6 @@ from dfd.views.cameras import Camera, camera_towards, place_cameras
 from dfd.views.raycast import Scene
 from dfd.views.shading import Shading
 
-TRIANGLE = np.array([[0, 1, 2]], np.int32)
-
 
 def made(seed: int, faces: int = 30, size: float = 0.3) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
     """Triangles here and there within the box of normalized coordinates, thin ones and some without area."""
@@ -60,14 +58,3 @@ def test_pictures_are_those_of_all_rays(monkeypatch: pytest.MonkeyPatch) -> None
         np.testing.assert_array_equal(image, whole)
         for name in ("ray", "face", "barycentric", "distance"):
             np.testing.assert_array_equal(getattr(hits, name), getattr(all_hits, name))
-
-
-# At distance 2 with a half width of 1 at distance 1, the picture is 4 wide: of 64 pixels, 16 a unit.
-CAMERA = Camera(np.array([0.0, 0, 2]), *np.eye(3), field_of_view=90.0)
-
-
-def shown(vertices: NDArray[np.float32], faces: NDArray[np.int32], resolution: int) -> NDArray[np.bool_]:
-    """Which pixels may show the faces, (resolution, resolution)."""
-    image = np.zeros(resolution * resolution, bool)
-    image[CAMERA.may_show(vertices, faces, resolution)] = True
-    return image.reshape(resolution, resolution)

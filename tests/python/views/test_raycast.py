@@ -31,13 +31,6 @@ def test_both_sides_are_hit_and_rays_keep_their_numbers(triangle: Scene) -> None
     assert (hits.barycentric.dtype, hits.face.dtype, hits.distance.dtype) == (np.float32, np.int32, np.float32)
 
 
-def test_the_closest_of_several_faces_is_hit() -> None:
-    corners = np.array([[-1.0, -1, 0], [1, -1, 0], [0, 1, 0]])
-    scene = Scene(np.concatenate([corners + [0, 0, z] for z in (0.0, 0.5, -0.5)]), np.arange(9).reshape(3, 3))
-    assert scene.cast(np.array([0, 0, 2.0]), DOWN[None]).face.tolist() == [1]
-    assert scene.cast(np.array([0, 0, -2.0]), -DOWN[None]).face.tolist() == [2]
-
-
 def test_rays_hardly_slip_through_common_edges() -> None:
     n = 40
     grid = np.stack(np.meshgrid(np.linspace(-1, 1, n), np.linspace(-1, 1, n), indexing="ij"), -1).reshape(-1, 2)
