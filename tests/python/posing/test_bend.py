@@ -60,11 +60,6 @@ def test_the_tip_turns_by_the_angle(z, joint):
     )
 
 
-def test_the_length_of_the_middle_line_is_kept():
-    line = rings(moved((0, 0, 120), 0))[20:].mean(axis=1)
-    assert np.linalg.norm(np.diff(line, axis=0), axis=1).sum() == pytest.approx(3.0, rel=0.01)
-
-
 @given(st.floats(-360, 360), st.sampled_from([None, 0.5]))
 def test_a_twist_and_its_reverse_return(twist, joint):
     there = moved(twist=twist, joint=joint)
@@ -104,16 +99,3 @@ def test_a_curved_tube_keeps_its_volume_when_it_is_straightened():
         ConvexHull(ring_pair.reshape(-1, 3)).volume for ring_pair in (rings(bent.vertices)[40:42], rings(points)[40:42])
     ]
     assert volumes[1] == pytest.approx(volumes[0], rel=0.1)
-
-
-def test_two_bends_chain():
-    """A bend of the outer half goes along with one of the whole."""
-    outer = SECTIONS, AXIS
-    axis, sections = held(STANDING, 3.0)
-    points = np.array(STANDING.vertices)
-    sections.move(points, bend_maps(axis.nodes, axis.radius, (0, 0, 60), 0.0))
-    alone = points.copy()
-    outer[0].move(points, bend_maps(outer[1].nodes, outer[1].radius, (0, 0, 30), 0.0, 0.3))
-    top = STANDING.vertices[:, 1] > 3.05
-    one, other = (each[top] - each[top].mean(axis=0) for each in (alone, points))
-    np.testing.assert_allclose(other @ other.T, one @ one.T, atol=1e-4)

@@ -53,22 +53,6 @@ def test_gradients_are_those_of_finite_differences(overlap, symmetry, default):
         assert float((tensor.grad.numpy() * taken).sum()) == pytest.approx(wanted, rel=2e-3, abs=1e-8)
 
 
-def test_an_optimizer_finds_a_translation():
-    vertices, weights, _ = (array for array in scene(40, 1))
-    aim = torch.tensor([1.0, -2.0, 3.0])
-    shift = torch.zeros(3, requires_grad=True)
-    optimizer = torch.optim.Adam([shift], lr=0.3)
-    target = torch.from_numpy(vertices) + torch.from_numpy(weights) * aim
-    for _ in range(150):
-        optimizer.zero_grad()
-        transforms = torch.cat([torch.eye(3), shift[:, None]], dim=1)[None]
-        posed = dfd.pose(torch.from_numpy(vertices), torch.from_numpy(weights), transforms, overlap="add")
-        loss = (posed - target).square().mean()
-        loss.backward()
-        optimizer.step()
-    np.testing.assert_allclose(shift.detach(), aim, atol=0.02)
-
-
 def test_without_recording_tensors_are_taken_as_they_are():
     vertices, weights, transforms = tensors()
     with torch.no_grad():

@@ -6,8 +6,6 @@ import trimesh
 from made_field import field_of
 
 import dfd
-from dfd.geometry.topology import face_areas
-from dfd.segmentation.border import closed, components_of, snapped
 from dfd.segmentation.parts import Parts
 from dfd.segmentation.patches import Patches
 
@@ -113,27 +111,6 @@ def test_vertices_at_one_position_belong_to_one_part(chair):
     assert overlap(found, (chair.labels == chair.labels[vertex])[corners]) > 0.85
     for position in range(0, len(rows), 97):
         assert len(set(found[corners == position].tolist())) == 1
-
-
-def test_a_border_snaps_to_the_crease_beside_it(chair):
-    """Two patches too many or too few around the legs: the crease under the seat says where they end."""
-    patches = Patches(chair.mesh)
-    legs = chair.labels == chair.parts.index("leg")
-    inside = np.bincount(patches.of_vertex, legs) > np.bincount(patches.of_vertex) / 2
-    one, other = patches.borders.pairs.T
-    grown = inside.copy()
-    grown[one[inside[other]]] = grown[other[inside[one]]] = True
-    before, after = grown[patches.of_vertex], snapped(patches, grown)[patches.nodes.of_vertex]
-    assert overlap(after, legs) > overlap(before, legs) + 0.05
-
-
-def test_pieces_that_meet_in_a_narrow_web_are_told_apart(chair):
-    patches = Patches(chair.mesh)
-    legs = chair.labels == chair.parts.index("leg")
-    inside = np.bincount(patches.of_vertex, legs) > np.bincount(patches.of_vertex) / 2
-    pieces = components_of(patches, inside)
-    assert len(np.unique(pieces[inside])) == 4
-    assert (pieces[~inside] == -1).all()
 
 
 def test_a_grip_holds_the_part_whole_and_fades_over_a_narrow_seam(chair, chair_parts):
@@ -242,21 +219,6 @@ def test_who_takes_hold_of_an_arm_does_not_mean_the_whole_body_below_the_head():
     assert parts.part(low, level="larger").share > 0.7
 
 
-def test_a_part_carries_what_hangs_on_the_rest_through_it(chair):
-    """The upper half of the legs is held: the feet go with it, and the seat stays."""
-    patches = Patches(chair.mesh)
-    height = np.bincount(patches.of_vertex, chair.mesh.vertices[:, 1]) / np.bincount(patches.of_vertex)
-    legs = np.bincount(patches.of_vertex, chair.labels == chair.parts.index("leg")) > 0.5 * np.bincount(
-        patches.of_vertex
-    )
-    low, high = height[legs].min(), height[legs].max()
-    upper = legs & (height > low + 0.4 * (high - low))
-    carried = closed(patches, upper)
-    assert (carried == legs).mean() > 0.98
-    assert carried[legs].all()
-    assert np.array_equal(closed(patches, ~legs), ~legs)  # of legs around a seat none is the shape
-
-
 def test_who_takes_hold_of_a_neck_in_its_middle_takes_the_head_along():
     """A bib on the sides of the neck differs much from it and creases off; alone it would leave the head behind."""
     animal, random = dfd.samples.quadruped(4_000), np.random.default_rng(0)
@@ -298,14 +260,6 @@ def test_there_is_no_grip_where_nothing_ends():
     assert flat.grip(0) is None
 
 
-def ball_of(rings):
-    """Vertices and faces of a ball."""
-    import trimesh
-
-    made = trimesh.creation.uv_sphere(count=[rings, 2 * rings])
-    return made.vertices, made.faces
-
-
 def test_loose_shapes_of_few_faces_have_parts():
     triangle = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
     mesh = dfd.Mesh(np.concatenate([triangle, triangle + 5]), np.arange(6).reshape(2, 3))
@@ -319,13 +273,6 @@ def test_a_field_gives_the_features(chair):
     rows = field.features(chair.mesh)
     by_field = dfd.parts(field, chair.mesh).part(0)
     assert np.array_equal(by_field.mask, Parts(chair.mesh, lambda some: rows[some]).part(0).mask)
-
-
-def test_share_is_of_the_surface(chair, chair_parts):
-    found = chair_parts.part(0)
-    areas = face_areas(chair.mesh.vertices, chair.mesh.faces)
-    own = found.mask[chair.mesh.faces].mean(axis=1)
-    assert found.share == pytest.approx(own @ areas / areas.sum(), abs=0.03)
 
 
 @pytest.mark.parametrize(

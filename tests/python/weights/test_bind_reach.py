@@ -70,17 +70,6 @@ def test_the_papers_settings_give_the_papers_bits(handle_count):
     np.testing.assert_array_equal(dfd.bind(features, np.arange(handle_count), fixed=fixed, reach=1), plain)
 
 
-def test_strength_scales_what_fixed_points_hold():
-    features = unit_rows(200, 16)
-    free, held = dfd.bind(features, [3]), dfd.bind(features, [3], fixed=[7, 8])
-    np.testing.assert_array_equal(dfd.bind(features, [3], fixed=[7, 8], strength=0), free)
-    np.testing.assert_array_equal(dfd.bind(features, [3], fixed=[7, 8], strength=1), held)
-    np.testing.assert_array_equal(dfd.bind(features, [3], fixed=[7, 9, 8], strength=[1, 0, 1]), held)
-    half = dfd.bind(features, [3], fixed=[7], strength=0.5)
-    taken = reference.feature_weights(features, features[[7]])
-    np.testing.assert_allclose(half, np.maximum(free - 0.5 * taken, 0), atol=1e-5)
-
-
 @pytest.mark.parametrize("tolerance", [0.05, 0.002])
 def test_compact_features_take_them_too(tolerance):
     features = unit_rows(500, 48, spread=0.2)
