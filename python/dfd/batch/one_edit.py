@@ -7,7 +7,9 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict
 
 from dfd.common import check
 from dfd.common.linear_algebra import UInt8
@@ -120,25 +122,26 @@ def field_path(mesh: Path, folder: Path | None = None) -> Path:
     return (mesh.parent if folder is None else folder) / f"{mesh.stem}.field.safetensors"
 
 
-class EditFiles(NamedTuple):
-    """An edit, and the mesh and the field that it was made on."""
+class EditSource(BaseModel):
+    """An edit that is carried to every shape, with the mesh and the field that it was made on."""
 
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: str
+    # edit, mesh, field: absolute paths
     edit: Path
     mesh: Path
     field: Path
+    sha256: str  # of the three files together
 
     def original(self) -> Original:
         """Read all three; raises as `Original.read` and `Field.load`."""
         mesh = load(self.mesh)
         return Original.read(self.edit, mesh, Field.load(self.field, mesh=mesh))
 
-    def hash(self) -> str:
-        """The SHA-256 of their bytes, 64 hexadecimal digits."""
-        return hashlib.sha256(b"".join(path.read_bytes() for path in self)).hexdigest()
 
-
-def find_files(edit: Path, made_on: Path | None = None) -> EditFiles:
-    """The files of an edit: the given mesh or the one it names, and the field it names or the one next to the mesh.
+def find_files(edit: Path, made_on: Path | None = None) -> EditSource:
+    """Find the files of an edit: the given mesh or the one it names; the field it names or the one next to the mesh.
 
     Raises ValueError if it is no edit, or says no mesh and none is named; OSError if it or the mesh that it says cannot
     be read, or there is no field.
@@ -153,9 +156,11 @@ def find_files(edit: Path, made_on: Path | None = None) -> EditFiles:
     beside = field_path(mesh)
     if named is None or not (named.is_file() and named.samefile(mesh)):
         field = None  # it is of another mesh
-    if field is not None and field.is_file() and sha256 in (None, FieldSource.of(field).sha256):
-        return EditFiles(edit, mesh, field)
-    if beside.is_file():
-        return EditFiles(edit, mesh, beside)
-    changed = "" if field is None else f", and {field} is {'another one' if field.is_file() else 'gone'}"
-    raise FileNotFoundError(f"{beside}, the field of {mesh}, does not exist{changed}: `dfd distill` makes it")
+    own = field if field is not None and field.is_file() and sha256 in (None, FieldSource.of(field).sha256) else beside
+    if not own.is_file():
+        changed = "" if field is None else f", and {field} is {'another one' if field.is_file() else 'gone'}"
+        raise FileNotFoundError(f"{own}, the field of {mesh}, does not exist{changed}: `dfd distill` makes it")
+    name = edit.name.removesuffix(".json").removesuffix(".edit")
+    files = {"edit": edit.absolute(), "mesh": mesh.absolute(), "field": own.absolute()}
+    content = b"".join(path.read_bytes() for path in files.values())
+    return EditSource(name=name, **files, sha256=hashlib.sha256(content).hexdigest())

@@ -7,25 +7,13 @@ from typing import Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
+from dfd.batch.one_edit import EditSource
 from dfd.common.files import atomic_write
 from dfd.encoders.known import DEFAULT_ENCODER
 
 Step = Literal["inspect", "distill", "features", "symmetry", "parts", "pictures", "edits", "exports"]
 STEPS: tuple[Step, ...] = get_args(Step)
 EXPORTS = ("glb", "obj", "ply", "stl", "off", "rig.glb", "weights.npz", "weights.safetensors")  # endings of files
-
-
-class EditSource(BaseModel):
-    """An edit that is carried to every shape, with the mesh and the field that it was made on."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    name: str
-    # edit, mesh, field: absolute paths
-    edit: str
-    mesh: str
-    field: str
-    sha256: str  # of the three files together
 
 
 class BatchSettings(BaseModel):
@@ -85,7 +73,7 @@ def begin_folder(root: Path, settings: BatchSettings) -> None:
             first = error.errors()[0]
             where = ".".join(map(str, first["loc"]))
             raise ValueError(f"`--output`: {file} is no batch of this version: {where}: {first['msg']}") from None
-        was, now = before.model_dump(), settings.model_dump()
+        was, now = before.model_dump(mode="json"), settings.model_dump(mode="json")
         differ = ", ".join(f"{key} {was[key]}, now {now[key]}" for key in was if was[key] != now[key])
         if differ:
             raise ValueError(f"`--output`: {root} was begun with other settings ({differ})")

@@ -17,9 +17,10 @@ import numpy as np
 
 import dfd
 from dfd.batch.inputs import Shape
-from dfd.batch.one_edit import EditFiles, Original, UnlikeError, before_and_after, carry
+from dfd.batch.one_edit import EditSource, Original, UnlikeError, before_and_after, carry
 from dfd.batch.record import FAILED_EXPORT, Cause, Figure, Record, modified, shape_folder, write_record
-from dfd.batch.settings import BatchSettings, EditSource
+from dfd.batch.settings import BatchSettings
+from dfd.common.errors import one_line
 from dfd.common.files import atomic_write, plain
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillSettings
@@ -61,15 +62,15 @@ def process(root: Path, shape: Shape, settings: BatchSettings) -> Record:
                 with clock.stage(step):
                     getattr(work, step)()  # the method of its name
         except MemoryError as error:
-            cause, message = "memory", _one_line(error) or "memory ran out"
+            cause, message = "memory", one_line(error) or "memory ran out"
         except (OSError, ValueError) as error:
             if isinstance(error, OSError) and error.errno in FULL:
                 raise
-            cause, message = "input", _one_line(error)
+            cause, message = "input", one_line(error)
         except Exception as error:
             frame = traceback.extract_tb(error.__traceback__)[-1]
             cause = "error"
-            message = f"{type(error).__name__}: {_one_line(error)} ({Path(frame.filename).name}, line {frame.lineno})"
+            message = f"{type(error).__name__}: {one_line(error)} ({Path(frame.filename).name}, line {frame.lineno})"
     if cause is not None:
         shutil.rmtree(folder)
         folder.mkdir()
@@ -84,14 +85,10 @@ def process(root: Path, shape: Shape, settings: BatchSettings) -> Record:
         timings=clock.seconds,
         figures=work.figures,
         files=sorted(path.name for path in folder.iterdir()),
-        warnings=sorted({_one_line(each.message) for each in shown if issubclass(each.category, UserWarning)}),
+        warnings=sorted({one_line(each.message) for each in shown if issubclass(each.category, UserWarning)}),
     )
     write_record(root, record)
     return record
-
-
-def _one_line(error: object) -> str:
-    return " ".join(str(error).split())
 
 
 class _Work:
@@ -195,7 +192,7 @@ class _Work:
                     _export(self.folder / f"{name}.{ending}", deformer)
                     self.figures[failed] = None
                 except ValueError as error:
-                    self.figures[failed] = f"{name}.{ending}: {_one_line(error)}"
+                    self.figures[failed] = f"{name}.{ending}: {one_line(error)}"
 
     def parts(self) -> None:
         """The parts of the shape, the part of every vertex, and with the step pictures a drawing of them, numbered."""
@@ -222,7 +219,7 @@ def loaded_encoder(name: str, device: str, **options: Any) -> Any:
 @lru_cache(maxsize=16)
 def loaded_original(source: EditSource) -> Original:
     """Return an edit of the batch with its mesh and field, loaded once in a worker's life."""
-    return EditFiles(Path(source.edit), Path(source.mesh), Path(source.field)).original()
+    return source.original()
 
 
 def _export(path: Path, deformer: Deformer) -> None:

@@ -8,17 +8,16 @@ from __future__ import annotations
 import atexit
 import gc
 from collections.abc import Sequence
-from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
+from importlib.metadata import version
 from typing import Annotated
 
 import typer
 from typer import Option
 
 from dfd.cli.app import app as app_command
-from dfd.cli.arguments import PresetOption, chosen_preset
 from dfd.cli.batch import batch
 from dfd.cli.deform import deform
+from dfd.cli.demo import demo
 from dfd.cli.distill import distill
 from dfd.cli.errors import CommandGroup
 from dfd.cli.export import export
@@ -38,10 +37,7 @@ app = typer.Typer(
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        try:
-            typer.echo(f"dfd {version('dfd')}")
-        except PackageNotFoundError:
-            typer.echo("dfd (not installed)")
+        typer.echo(f"dfd {version('dfd')}")
         raise typer.Exit()
 
 
@@ -54,25 +50,8 @@ def root(
     """Deep Feature Deformation: grab a point of a mesh, and everything that looks alike follows."""
 
 
-@app.command()
-def demo(
-    output: Annotated[Path, Option("--output", "-o", help="Folder for meshes and pictures.")] = Path("demo"),
-    preset: PresetOption = None,
-) -> None:
-    """Make shapes, distill them, deform them, and draw the story."""
-    from dfd.cli.demo import run
-
-    run(output, preset=chosen_preset(preset) or "default")
-
-
-app.command()(distill)
-app.command(cls=HandlesCommand)(deform)
-app.command()(show)
-app.command()(inspect)
-app.command()(parts)
-app.command()(export)
-app.command()(batch)
-app.command("app")(app_command)
+for command in (demo, distill, deform, show, inspect, parts, export, batch, app_command):
+    app.command(cls=HandlesCommand if command is deform else None)(command)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

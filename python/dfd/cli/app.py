@@ -8,7 +8,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from dfd.cli.arguments import EncoderOption, MadeFieldOption, PresetOption, chosen_preset
+from dfd.cli import options
 from dfd.cli.errors import say
 from dfd.encoders.known import DEFAULT_ENCODER
 
@@ -17,11 +17,11 @@ def app(
     mesh: Annotated[
         Path | None, Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file; none is the start page.")
     ] = None,
-    field: MadeFieldOption = None,
+    field: options.MadeField = None,
     edit: Annotated[Path | None, Option(metavar="JSON", help="Begin with this edit.")] = None,
     sample: Annotated[str | None, Option(metavar="NAME", help="Open a made shape: quadruped, chair or robot.")] = None,
-    preset: PresetOption = None,
-    encoder: EncoderOption = DEFAULT_ENCODER,
+    preset: options.Preset = None,
+    encoder: options.Encoder = DEFAULT_ENCODER,
     port: Annotated[
         int | None, Option(min=0, max=65535, help="Where to listen; by default 8765 or a free one.")
     ] = None,
@@ -42,16 +42,14 @@ def app(
         from dfd.app.web.safety import loopback
     except ImportError as error:
         raise ValueError(f"the app needs more packages ({error.name}): pip install 'dfd[app]'") from None
-    source = None
+    source = None if sample is None else sample_source(sample)
     if mesh is not None:
         source = Source(name=mesh.name, path=mesh.resolve())
-    elif sample is not None:
-        source = sample_source(sample)
-    options = SessionOptions(
+    start = SessionOptions(
         mesh=source,
         field=None if field is None else OpenedFile(name=field.name, path=field.resolve()),
         edit=None if edit is None else OpenedFile(name=edit.name, path=edit.resolve()),
-        preset=chosen_preset(preset) or "default",
+        preset=preset or "default",
         encoder=encoder,
     )
     if not loopback(host):
@@ -59,4 +57,4 @@ def app(
             f"dfd: {host} lets other machines in, without encryption: who sees the address can open and change "
             "everything in the app; an SSH tunnel to the default is safer"
         )
-    serve(options, host=host, port=port, browser=browser, tell=partial(say, result=True))
+    serve(start, host=host, port=port, browser=browser, tell=partial(say, result=True))

@@ -1,16 +1,13 @@
-"""What several commands take: the mesh, the field, points on the shape, its controls, and files to write."""
+"""What the arguments of several commands name: shapes, fields, sessions, places, and files to write."""
 
 from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
-from inspect import Parameter, signature
+from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
-from typer import Argument, Option
+from typing import TYPE_CHECKING, Any
 
 from dfd.cli.errors import say
 from dfd.common import check
@@ -25,51 +22,6 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-Command = Callable[..., None]
-
-# What a handle or a fixed point may be, in the help of every command.
-PLACE = "VERTEX|X,Y,Z|top|part:NAME|group:NAME|part@X,Y,Z|component@X,Y,Z|…"
-
-MeshArgument = Annotated[Path, Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file.")]
-FieldOption = Annotated[
-    Path,
-    Option(
-        "--field",
-        metavar="FIELD",
-        help="The shape's field, as `dfd distill` wrote it, or an .npy or .pt with another network's rows of vertices.",
-    ),
-]
-ForceOption = Annotated[bool, Option("--force", help="Take a field or an edit of another shape all the same.")]
-PresetOption = Annotated[
-    str | None,
-    Option(
-        metavar="default|paper",
-        help="What nothing else says: dfd's own, or the paper's equations to the letter; by default as --edit has it.",
-    ),
-]
-FixOption = Annotated[
-    list[str] | None,
-    Option(metavar="PLACE[:S]", help="Hold this, and what looks like it, by a strength S from 0 to 1; repeatable."),
-]
-
-MadeFieldOption = Annotated[
-    Path | None, Option("--field", metavar="FIELD", help="The shape's field; without it, it is found or made.")
-]
-EncoderOption = Annotated[
-    str, Option(metavar="NAME", help="What makes fields: a known name, a folder with weights, or a hub name.")
-]
-ThresholdOption = Annotated[
-    float | None,
-    Option(min=0.0, max=1.0, help="The least confidence of an edit; by default 0.39 of a learned metric, else 0.45."),
-]
-AzimuthOption = Annotated[
-    float | None, Option(help="The first side, degrees from the front (+z) to +x; by default where the handles show.")
-]
-ElevationOption = Annotated[float, Option(min=-90.0, max=90.0, help="From how high up, degrees.")]
-ZoomOption = Annotated[float, Option(min=0.01, help="Above 1 nearer, at the handles.")]
-ViewsOption = Annotated[int, Option(min=1, max=36, help="From how many sides, all around.")]
-ResolutionOption = Annotated[int, Option(min=16, max=8192, help="Pixels along the side of each picture.")]
-
 
 def open_shape(mesh: Path, field: Path | None, stages: Stages, *, force: bool = False) -> tuple[Mesh, Field | None]:
     """Load a mesh, and its field if one is given; raises as `dfd.load` and `Field.load`."""
@@ -77,26 +29,47 @@ def open_shape(mesh: Path, field: Path | None, stages: Stages, *, force: bool = 
 
     with stages.stage("read"):
         shape = dfd.load(mesh)
-        return shape, None if field is None else dfd.Field.load(field, mesh=shape, other_shape=force)
+        return shape, None if field is None else open_field(shape, field, force=force)
 
 
-def open_or_distill(
-    mesh: Path,
+def open_or_distill(mesh: Path, field: Path | None, stages: Stages, **how: Any) -> tuple[Mesh, Field]:
+    """Load a mesh and its field; without `field`, distill one. `how` is as in `open_field`."""
+    shape, _ = open_shape(mesh, None, stages)
+    return shape, open_field(shape, field, progress=stages, **how)
+
+
+def open_field(
+    mesh: Mesh,
     field: Path | None,
-    stages: Stages,
     *,
     force: bool = False,
     encoder: str = DEFAULT_ENCODER,
     preset: Preset | None = None,
-) -> tuple[Mesh, Field]:
-    """Load a mesh and its field; without `field`, distill one. Raises also as `dfd.distill`."""
+    progress: bool | Stages = True,
+) -> Field:
+    """Load the field of `mesh`, or distill one; `force` takes that of another shape.
+
+    Raises as `Field.load` and `dfd.distill`.
+    """
     import dfd
 
-    shape, opened = open_shape(mesh, field, stages, force=force)
-    if opened is None:
-        how: dict[str, Any] = {} if preset is None else {"preset": preset}
-        opened = dfd.distill(shape, encoder, progress=stages, **how)
-    return shape, opened
+    if field is None:
+        return dfd.distill(mesh, encoder, progress=progress, preset=preset or "default")
+    return dfd.Field.load(field, mesh=mesh, other_shape=force)
+
+
+def open_session(
+    mesh: Path, field: Path | None, stages: Stages, edit: Path | None, preset: Preset | None, **how: Any
+) -> Deformer:
+    """Open a session of a mesh with an edit, if one is given; `how` is as in `open_or_distill`."""
+    from dfd import Deformer
+
+    shape, opened = open_or_distill(mesh, field, stages, preset=preset, **how)
+    start = partial(Deformer.load, edit) if edit else Deformer
+    session = start(shape, opened, other_shape=how.get("force", False))
+    if preset is not None:
+        session.preset = preset
+    return session
 
 
 class Places:
@@ -107,45 +80,43 @@ class Places:
         self.notes: list[str] = []  # lines for people: what a text that is no vertex index meant
 
     def find(self, option: str, text: str) -> Place:
-        """What of the shape `text` names, as `dfd.editing.points.find` reads it, or with a session a part.
+        """Return the place that `text` names, as `dfd.editing.points.find` reads it, or with a session a part.
 
         Raises ValueError in the name of `option`, if it names nothing there.
         """
-        from dfd.editing.points import find, place_on
+        from dfd.editing.points import find
+        from dfd.editing.verbs import place_of
 
-        kind, _, where = text.strip().partition("@")
-        if where and kind in ("part", "piece"):
-            if self._session is None:
-                raise ValueError(f"`{option}` cannot be {text!r} without `--field`: features tell parts")
-            part = self._session.part(self.find(option, where), alike=kind == "part")
-            self.notes.append(f"{option} {text} is {part}")
-            return place_on(self._mesh, part)
         try:
-            found = find(self._mesh, text)
+            if not re.match(r"\s*(part|piece)@.", text):
+                place, note = find(self._mesh, text)
+            elif self._session is not None:
+                place = place_of(self._session.bound, text)
+                note = f"{text} is {place}"
+            else:
+                raise ArgumentError(option, f"cannot be {text!r} without `--field`: features tell parts")
         except ArgumentError as error:
             raise ArgumentError(option, error.reason) from None
         if not re.fullmatch(r"\s*[-+]?\d+\s*", text):
-            self.notes.append(f"{option} {found.note}")
-        return found.place
+            self.notes.append(f"{option} {note}")
+        return place
 
-    def fixed(self, option: str, text: str) -> tuple[Place, float]:
-        """A place and the strength with which it is held, 1 if `text` does not end in `:NUMBER`."""
-        named, _, last = text.rpartition(":")
-        if named in ("", "part", "group", "material", "ball", "box") or not is_number(last):
-            return self.find(option, text), 1.0
-        strength = check.number(None, option, float(last), minimum=0.0, maximum=1.0)
-        return self.find(option, named), strength
+    def hold(self, handles: Iterable[tuple[str, dict[str, Any]]], fix: Iterable[str] | None) -> None:
+        """Add handles and fixed points to the session; the strength of a fixed one is 1 unless `:NUMBER` ends it."""
+        assert self._session is not None
+        for text, given in handles:
+            self._session.add(self.find("--handle", text), **given)
+        for text in fix or ():
+            named, _, last = text.rpartition(":")
+            strength = 1.0
+            if named not in ("", "part", "group", "material", "ball", "box") and is_number(last):
+                text, strength = named, check.number(None, "--fix", float(last), minimum=0.0, maximum=1.0)
+            self._session.fix(self.find("--fix", text), strength=strength)
 
     def tell(self) -> None:
         """Print the notes on standard error."""
         for note in self.notes:
             say(note)
-
-
-def plane_text(text: str) -> str:
-    """A plane as `dfd.symmetry.plane.plane_from_text` reads it, for which people may write nx,ny,nz,offset."""
-    direction, _, offset = text.rpartition(",")
-    return f"{direction}={offset}" if direction.count(",") == 2 and "=" not in text else text
 
 
 def check_output(option: str, path: Path | None, endings: Sequence[str] = ()) -> None:
@@ -174,46 +145,12 @@ def file_in(output: Path, source: Path) -> Path:
 
     Raises ValueError if that is `source` itself.
     """
-    written = output / source.name if output.is_dir() else output
-    if output.is_dir() and written.resolve() == source.resolve():
+    if not output.is_dir():
+        return output
+    written = output / source.name
+    if written.resolve() == source.resolve():
         raise ValueError(f"`--output` must be another folder than that of {source}, which stays as it is")
     return written
-
-
-def given_besides(context: typer.Context, names: Sequence[str]) -> list[str]:
-    """The options that a command line gives besides those of these `names`, as they are spelled."""
-    given = (each for each in context.command.params if each.name not in names and each.name is not None)
-    sources = ((each, context.get_parameter_source(each.name or "")) for each in given)
-    return [each.opts[0] for each, source in sources if source is not None and source.name == "COMMANDLINE"]
-
-
-def add_options(command: Command, options: Mapping[str, Any], *, after: str | None = None) -> Command:
-    """Let `command`, which takes `**` keywords, have these options, by their annotations; None is not given.
-
-    They come behind the parameter `after`, by default behind all others.
-    """
-    own = [
-        each for each in signature(command, eval_str=True).parameters.values() if each.kind is not Parameter.VAR_KEYWORD
-    ]
-    added = [Parameter(name, Parameter.KEYWORD_ONLY, default=None, annotation=kind) for name, kind in options.items()]
-    index = len(own) if after is None else [each.name for each in own].index(after) + 1
-    keywords = [each.replace(kind=Parameter.KEYWORD_ONLY) for each in own[index:]]
-    parameters = [*own[:index], *added, *keywords]
-    command.__signature__ = signature(command).replace(parameters=parameters)  # type: ignore[attr-defined]
-    command.__annotations__ = {each.name: each.annotation for each in parameters}
-    return command
-
-
-def shown(value: Any) -> str:
-    """A default as the help of a command says it."""
-    if isinstance(value, bool) or value is None:
-        return {None: "none", True: "yes", False: "no"}[value]
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def chosen_preset(preset: str | None) -> Preset | None:
-    """The preset of that name, or None where none was named; ValueError if there is none of that name."""
-    return None if preset is None else check.choice(None, "--preset", preset, Preset)
 
 
 def is_number(text: str) -> bool:

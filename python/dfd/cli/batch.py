@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import json
 from contextlib import suppress
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer import Argument, Option
 
-from dfd.cli.arguments import EncoderOption, ThresholdOption
+from dfd.cli import options
 from dfd.cli.errors import say
 from dfd.common import check
 from dfd.encoders.known import DEFAULT_ENCODER
 
 if TYPE_CHECKING:
+    from dfd.batch.one_edit import EditSource
     from dfd.batch.record import Record
-    from dfd.batch.settings import EditSource
 
 SOME_FAILED = 1  # exit code
 
@@ -31,7 +32,7 @@ def batch(
             metavar="STEPS", help="inspect, distill, features, symmetry, parts, pictures, edits, exports; repeatable."
         ),
     ] = ["inspect", "distill", "pictures"],  # noqa: B006  # Typer copies it
-    encoder: EncoderOption = DEFAULT_ENCODER,
+    encoder: options.Encoder = DEFAULT_ENCODER,
     preset: Annotated[str | None, Option(metavar="default|paper", help="How fields are distilled, not edits.")] = None,
     distill: Annotated[
         list[str] | None, Option(metavar="NAME=VALUE", help="A setting of `dfd distill`, such as views=12; repeatable.")
@@ -45,7 +46,7 @@ def batch(
             " name.",
         ),
     ] = None,
-    threshold: ThresholdOption = None,
+    threshold: options.Threshold = None,
     export: Annotated[
         list[str] | None,
         Option(
@@ -125,18 +126,13 @@ def _edit_sources(edits: list[Path], made_on: list[Path]) -> tuple[EditSource, .
     Raises ValueError if an edit does not belong to its mesh, or two have one name; OSError if a file cannot be read.
     """
     from dfd.batch.one_edit import find_files
-    from dfd.batch.settings import EditSource
 
-    sources: dict[str, EditSource] = {}
-    for number, edit in enumerate(edits):
-        files = find_files(edit, made_on[number] if made_on else None)
-        files.original()
-        name = edit.name.removesuffix(".json").removesuffix(".edit")
-        if name in sources:
-            raise ValueError(f"`--edit` must have distinct names, got {name} twice")
-        paths = {key: str(path.absolute()) for key, path in files._asdict().items()}
-        sources[name] = EditSource(name=name, **paths, sha256=files.hash())
-    return tuple(sources.values())
+    sources = [find_files(edit, mesh) for edit, mesh in zip_longest(edits, made_on)]
+    for source in sources:
+        source.original()
+        if [each.name for each in sources].count(source.name) > 1:
+            raise ValueError(f"`--edit` must have distinct names, got {source.name} twice")
+    return tuple(sources)
 
 
 def _listed(texts: list[str]) -> list[str]:
@@ -162,4 +158,4 @@ def _distill_settings(texts: list[str], wanted: bool) -> dict[str, Any]:
         with suppress(ValueError):
             value = json.loads(value)
         given[name] = value
-    return dict(json.loads(json.dumps(DistillSettings(**given).as_dict()))) if wanted else {}
+    return DistillSettings(**given).model_dump(mode="json") if wanted else {}

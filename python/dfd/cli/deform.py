@@ -2,41 +2,26 @@
 
 from __future__ import annotations
 
-from functools import partial
+import re
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from typer import Argument, Option
 
-from dfd.cli.arguments import (
-    PLACE,
-    AzimuthOption,
-    ElevationOption,
-    EncoderOption,
-    FixOption,
-    Places,
-    PresetOption,
-    ThresholdOption,
-    ZoomOption,
-    check_output,
-    chosen_preset,
-    file_in,
-    given_besides,
-    open_or_distill,
-    plane_text,
-)
-from dfd.cli.deform_many import ManyOptions, deform_many, is_many
+from dfd.cli import options
+from dfd.cli.arguments import Places, check_output, file_in, open_session
+from dfd.cli.deform_many import deform_many, is_many
 from dfd.cli.errors import say
-from dfd.cli.handles import handles, value_of, with_controls, with_handle_options
+from dfd.cli.handles import handles, value_of
+from dfd.editing.presets import CONTROLS
 from dfd.encoders.known import DEFAULT_ENCODER
+from dfd.posing.transforms import MOTIONS
 
-KEPT = ("output", "picture")
+OF_SEVERAL = ("meshes", "field", "edit", "made_on", "threshold", "force", "encoder", "preset", "output", "picture")
 NOTHING_MOVED = 1  # exit code
 
 
-@with_handle_options
-@with_controls
 def deform(
     context: typer.Context,
     meshes: Annotated[
@@ -46,20 +31,19 @@ def deform(
     field: Annotated[
         Path | None,
         Option(
-            "--field",
             metavar="FIELD",
             help="The shape's field, as `dfd distill` wrote it, or an .npy or .pt with another network's rows of"
             " vertices; for several shapes a folder with NAME.field.safetensors"
             " (by default their own). What is not there is found or made.",
         ),
     ] = None,
+    preset: options.Preset = None,
     handle: Annotated[
         str | None,
-        Option(metavar=PLACE, help="What to take hold of; repeatable, each with the options that follow it."),
+        Option(metavar=options.PLACE, help="What to take hold of; repeatable, each with the options that follow it."),
     ] = None,
-    preset: PresetOption = None,
     name: Annotated[str | None, Option(metavar="TEXT", help="What the edit calls the handle.")] = None,
-    fix: FixOption = None,
+    fix: options.Fix = None,
     symmetry: Annotated[
         str | None,
         Option(metavar="auto|x|x=0.1|NX,NY,NZ,OFFSET", help="Act mirrored on the other side of this plane as well."),
@@ -79,7 +63,7 @@ def deform(
     made_on: Annotated[
         Path | None, Option(metavar="MESH", help="The shape that --edit was made on, if it is none of several shapes.")
     ] = None,
-    threshold: ThresholdOption = None,
+    threshold: options.Threshold = None,
     force: Annotated[
         bool,
         Option(
@@ -88,15 +72,15 @@ def deform(
             " that look less alike too, which the sheet marks as unsure.",
         ),
     ] = False,
-    encoder: EncoderOption = DEFAULT_ENCODER,
+    encoder: options.Encoder = DEFAULT_ENCODER,
     output: Annotated[
         Path | None,
         Option("--output", "-o", metavar="MESH|FOLDER", help="The mesh to write; of several shapes the folder."),
     ] = None,
     picture: Annotated[Path | None, Option(metavar="PNG", help="Draw before and after; several on one sheet.")] = None,
-    azimuth: AzimuthOption = None,
-    elevation: ElevationOption = 18.0,
-    zoom: ZoomOption = 1.0,
+    azimuth: options.Azimuth = None,
+    elevation: options.Elevation = 18.0,
+    zoom: options.Zoom = 1.0,
     save_edit: Annotated[Path | None, Option(metavar="JSON", help="Keep the edit, for --edit.")] = None,
     **described: Any,
 ) -> None:
@@ -104,17 +88,18 @@ def deform(
 
     On several shapes each handle goes to what looks most like what it held; a shape without such is left out.
     """
-    held = handles(context.params, context.meta)
+    held = handles(context)
     if is_many(meshes, made_on):
-        of_several = "meshes", "field", "edit", "made_on", "threshold", "force", "encoder", "preset"
-        others = given_besides(context, (*of_several, *KEPT))
-        if others:
-            raise ValueError(f"`{others[0]}` is for one MESH: several shapes are deformed by `--edit` alone")
+        given = (each for each in context.command.params if each.name and each.name not in OF_SEVERAL)
+        others = [
+            each.opts[0] for each in given if str(context.get_parameter_source(each.name)).endswith("COMMANDLINE")
+        ]
+        if held or others:
+            raise ValueError(f"`{'--handle' if held else others[0]}` is for one MESH: several are deformed by `--edit`")
         if edit is None or output is None:
             raise ValueError(f"`--{'edit' if edit is None else 'output'}` must be given for several shapes")
-        deform_many(
-            meshes, ManyOptions(edit, output, field, made_on, encoder, chosen_preset(preset), threshold, force, picture)
-        )
+        chosen: dict[str, Any] = {"preset": preset, "encoder": encoder, "threshold": threshold, "force": force}
+        deform_many(meshes, edit, output, fields=field, made_on=made_on, sheet=picture, **chosen)
         return
     mesh = Path(meshes[0])
     if not held and edit is None:
@@ -129,24 +114,16 @@ def deform(
     check_output("--picture", picture, (".png",))
     check_output("--save-edit", save_edit)
 
-    from dfd import Deformer
     from dfd.common.progress import Stages
 
     stages = Stages()
-    chosen = chosen_preset(preset)
-    shape, opened = open_or_distill(mesh, field, stages, force=force, encoder=encoder, preset=chosen)
-    start = partial(Deformer.load, edit) if edit else Deformer
-    deformer: Deformer = start(shape, opened, other_shape=force)
+    deformer = open_session(mesh, field, stages, edit, preset, force=force, encoder=encoder)
+    shape = deformer.mesh
     places = Places(shape, deformer)
-    if chosen is not None:
-        deformer.preset = chosen
-    for place, options in held:
-        deformer.add(places.find("--handle", place), **options)
-    for text in fix or ():
-        at, held_by = places.fixed("--fix", text)
-        deformer.fix(at, strength=held_by)
+    places.hold(held, fix)
     if symmetry is not None:
-        deformer.set_symmetry(plane_text(symmetry), **{name: value_of(value) for name, value in auto.items()})
+        plane = re.sub("^([^=]*,[^=]*,[^=]*),([^=]*)$", r"\1=\2", symmetry)  # nx,ny,nz,offset
+        deformer.set_symmetry(plane, **{name: value_of(value) for name, value in auto.items()})
     with stages.stage("features", len(shape.vertices)) as advance:
         deformer.prepare(advance)
     with stages.stage("deform"):
@@ -167,3 +144,6 @@ def deform(
     say(f"{written}: {report}")
     if output is not None and report.warning is not None:
         raise typer.Exit(NOTHING_MOVED)
+
+
+options.add_options(deform, options.from_table({**MOTIONS, **CONTROLS}), after="handle")

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
 from dfd.batch.inputs import MESH_ENDINGS, has_magic, matches
-from dfd.cli.arguments import check_output, file_in
+from dfd.cli.arguments import check_output, file_in, open_field
 from dfd.cli.errors import say
+from dfd.common.errors import one_line
 
 if TYPE_CHECKING:
     from dfd.batch.one_edit import Original
@@ -21,24 +22,11 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
+    FieldOf = Callable[[Path, Mesh], Field]  # finds or makes the field of a file's shape
+
 CELL = 280  # pixels along a picture of the sheet
-SHAPES_BESIDE, SHAPES_ON_A_SHEET = 3, 60
+BESIDE, SHAPES_ON_A_SHEET = 6, 60  # pictures in a row, two of each shape
 SOME_LEFT_OUT = 1  # exit code
-
-
-@dataclass(frozen=True)
-class ManyOptions:
-    """The options of a command for several shapes."""
-
-    edit: Path
-    output: Path
-    fields: Path | None  # a folder
-    made_on: Path | None
-    encoder: str
-    preset: Preset | None  # replaces the edit's own, and that of fields that are made
-    threshold: float | None  # None goes by the field
-    force: bool  # whether less sure handles are carried as well
-    sheet: Path | None
 
 
 def is_many(meshes: Sequence[str], made_on: Path | None) -> bool:
@@ -46,59 +34,78 @@ def is_many(meshes: Sequence[str], made_on: Path | None) -> bool:
     return len(meshes) > 1 or made_on is not None or has_magic(meshes[0])
 
 
-def deform_many(meshes: Sequence[str], options: ManyOptions) -> None:
-    """Carry the edit to every shape and write each that it fits; exit with code 1 if some were left out."""
+def deform_many(
+    meshes: Sequence[str],
+    edit: Path,
+    output: Path,
+    *,
+    fields: Path | None,
+    made_on: Path | None,
+    preset: Preset | None,
+    threshold: float | None,
+    force: bool,
+    sheet: Path | None,
+    **how: Any,
+) -> None:
+    """Carry the edit to every shape and write each that it fits; exit with code 1 if some were left out.
+
+    `fields` is a folder; `preset` replaces the edit's own, and is that of fields that are made, by `how` of
+    `open_field`.
+    """
     files = list(dict.fromkeys(path for pattern in meshes for path in matches(pattern)))
-    _check(files, options)
+    _check(files, output, fields, sheet)
 
     import dfd
-    from dfd.batch.one_edit import UnlikeError, before_and_after, carry
+    from dfd.batch.one_edit import UnlikeError, before_and_after, carry, field_path
     from dfd.editing.edit import with_preset
     from dfd.pictures.contact_sheet import contact_sheet
     from dfd.pictures.picture import picture, save_png
 
-    original = _original(files, options)
-    if options.preset is not None:
-        original = replace(original, edit=with_preset(original.edit, options.preset, original.mesh))
-    options.output.mkdir(exist_ok=True)
-    cells: list[tuple[tuple[Any, str], tuple[Any, str]]] = []
+    def field_of(file: Path, shape: Mesh) -> Field:
+        """From a file beside the shape or in `--field`, from the cache, or made now."""
+        path = field_path(file, fields)
+        return open_field(shape, path if path.is_file() else None, preset=preset, force=force, **how)
+
+    original = _original(edit, files, made_on, field_of)
+    if preset is not None:
+        original = replace(original, edit=with_preset(original.edit, preset, original.mesh))
+    output.mkdir(exist_ok=True)
+    cells: list[tuple[Any, str]] = []  # two of each shape: pictures and captions
     left_out = 0
     for file in files:
         shape = None
         try:
             shape = dfd.load(file)
-            field = _field(file, shape, options)
-            carried = carry(original, shape, field, threshold=options.threshold, force=options.force)
-            output = file_in(options.output, file)
-            shape.save(output, carried.deformer.vertices)
-            carried.deformer.save(options.output / f"{file.stem}.edit.json")
+            carried = carry(original, shape, field_of(file, shape), threshold=threshold, force=force)
+            written = file_in(output, file)
+            shape.save(written, carried.deformer.vertices)
+            carried.deformer.save(output / f"{file.stem}.edit.json")
             sure = _listed(carried.confidence, carried.unsure)
-            say(f"{output}: {sure}; {carried.deformer.report()}", result=True)
-            if len(cells) < SHAPES_ON_A_SHEET:
+            say(f"{written}: {sure}; {carried.deformer.report()}", result=True)
+            if len(cells) < 2 * SHAPES_ON_A_SHEET:
                 before, after = before_and_after(carried.deformer, resolution=CELL)
-                cells.append(((before, file.name), (after, sure)))
+                cells += [(before, file.name), (after, sure)]
         except (ValueError, OSError, MemoryError) as error:
             left_out += 1
-            why = " ".join(str(error).split())
+            why = one_line(error)
             if isinstance(error, UnlikeError) and len(error.confidence) > 1:
                 why = f"{why} ({_listed(error.confidence)})"
             say(f"dfd: {file} is left out: {why}")
-            if shape is not None and len(cells) < SHAPES_ON_A_SHEET:
+            if shape is not None and len(cells) < 2 * SHAPES_ON_A_SHEET:
                 drawn = picture(shape, resolution=CELL)
-                cells.append(((drawn, file.name), (drawn * 0 + 255, f"left out: {why}")))
+                cells += [(drawn, file.name), (drawn * 0 + 255, f"left out: {why}")]
     told = f"{len(files) - left_out} of {len(files)} shapes{f', {left_out} left out' if left_out else ''}"
     if cells:
-        sheet = options.sheet or options.output / "sheet.png"
-        rows = [cells[start : start + SHAPES_BESIDE] for start in range(0, len(cells), SHAPES_BESIDE)]
-        pictures = [("", [each for cell in row for each in cell]) for row in rows]
-        save_png(sheet, contact_sheet(pictures, title=options.edit.name, cell=CELL))
-        told += f"; {sheet}{f' shows {len(cells)} of them' if len(files) > SHAPES_ON_A_SHEET else ''}"
+        sheet = sheet or output / "sheet.png"
+        rows = [("", cells[start : start + BESIDE]) for start in range(0, len(cells), BESIDE)]
+        save_png(sheet, contact_sheet(rows, title=edit.name, cell=CELL))
+        told += f"; {sheet}{f' shows {len(cells) // 2} of them' if len(files) > SHAPES_ON_A_SHEET else ''}"
     say(told)
     if left_out:
         raise typer.Exit(SOME_LEFT_OUT)
 
 
-def _check(files: Sequence[Path], options: ManyOptions) -> None:
+def _check(files: Sequence[Path], output: Path, fields: Path | None, sheet: Path | None) -> None:
     """Refuse, before the work, what could not be written after it."""
     taken: dict[str, Path] = {}
     for file in files:
@@ -106,46 +113,34 @@ def _check(files: Sequence[Path], options: ManyOptions) -> None:
             raise ValueError(f"`MESH` must end in {', '.join(MESH_ENDINGS)}, got {file}")
         before = taken.setdefault(file.stem.lower(), file)
         if before is not file:
-            raise ValueError(f"`MESH`: {before} and {file} would have one name in {options.output}")
-        file_in(options.output, file)
-    if options.output.exists() and not options.output.is_dir():
-        raise NotADirectoryError(f"`--output` must be a folder for several shapes, got {options.output}")
-    check_output("--output", options.output / "probe" if options.output.is_dir() else options.output)
-    if options.sheet is not None:
-        inside = options.sheet.parent == options.output and not options.output.exists()
-        check_output("--picture", Path(options.sheet.name) if inside else options.sheet, (".png",))
-    if options.fields is not None and not options.fields.is_dir():
-        raise NotADirectoryError(f"`--field` must be a folder for several shapes, got {options.fields}")
+            raise ValueError(f"`MESH`: {before} and {file} would have one name in {output}")
+        file_in(output, file)
+    if output.exists() and not output.is_dir():
+        raise NotADirectoryError(f"`--output` must be a folder for several shapes, got {output}")
+    if fields is not None and not fields.is_dir():
+        raise NotADirectoryError(f"`--field` must be a folder for several shapes, got {fields}")
+    check_output("--output", output / "probe" if output.is_dir() else output)
+    if sheet is not None:
+        inside = sheet.parent == output and not output.exists()
+        check_output("--picture", Path(sheet.name) if inside else sheet, (".png",))
 
 
-def _original(files: Sequence[Path], options: ManyOptions) -> Original:
+def _original(edit: Path, files: Sequence[Path], made_on: Path | None, field_of: FieldOf) -> Original:
     """The edit with its shape: the given one, that of the files whose hash it records, or the one it names."""
     import dfd
     from dfd.batch.one_edit import Original, find_files
 
-    if options.made_on is not None:
-        shape = dfd.load(options.made_on)
-        return Original.read(options.edit, shape, _field(options.made_on, shape, options))
+    if made_on is not None:
+        shape = dfd.load(made_on)
+        return Original.read(edit, shape, field_of(made_on, shape))
     with suppress(KeyError, TypeError, ValueError):  # an edit without the hash of its mesh; `find_files` refuses others
-        recorded = json.loads(options.edit.read_text("utf-8-sig"))["mesh"]["hash"]
+        recorded = json.loads(edit.read_text("utf-8-sig"))["mesh"]["hash"]
         for file in files:
             with suppress(ValueError, OSError):  # a file that cannot be read is told when its turn comes
                 shape = dfd.load(file)
                 if shape.content_hash == recorded:
-                    return Original.read(options.edit, shape, _field(file, shape, options))
-    return find_files(options.edit).original()
-
-
-def _field(file: Path, shape: Mesh, options: ManyOptions) -> Field:
-    """The field of a shape: from a file beside it or in `--field`, from the cache, or made now."""
-    import dfd
-    from dfd.batch.one_edit import field_path
-
-    path = field_path(file, options.fields)
-    if path.is_file():
-        return dfd.Field.load(path, mesh=shape, other_shape=options.force)
-    chosen: dict[str, Any] = {} if options.preset is None else {"preset": options.preset}
-    return dfd.distill(shape, options.encoder, **chosen)
+                    return Original.read(edit, shape, field_of(file, shape))
+    return find_files(edit).original()
 
 
 def _listed(confidence: Mapping[str, float], unsure: Sequence[str] = ()) -> str:

@@ -1,110 +1,99 @@
-"""The demo: two made shapes, their features, a few edits of each, and one sheet that shows all of it."""
+"""`dfd demo`: two made shapes, their features, a few edits of each, and one sheet that shows all of it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from rich.console import Console
-from rich.table import Table
+from typer import Option
 
-from dfd import samples
-from dfd.common.linear_algebra import Float64, Int64, UInt8
-from dfd.common.preset import Preset
-from dfd.common.progress import Stages
-from dfd.distillation.distill import distill
-from dfd.distillation.settings import DistillSettings
-from dfd.editing.deformer import Deformer
-from dfd.encoders.encode import load_encoder
+from dfd.cli import options
+from dfd.cli.errors import say
 from dfd.encoders.known import DEFAULT_ENCODER
-from dfd.pictures.colors import feature_colors
-from dfd.pictures.contact_sheet import contact_sheet, heat_bar
-from dfd.pictures.picture import picture, save_png
-from dfd.pictures.sheet import session_views
-from dfd.samples import Sample
-from dfd.symmetry.plane import axis_name
-from dfd.symmetry.search import symmetry_planes
-from dfd.views.render import render
 
-Picture = tuple[UInt8, str]
-Session = Callable[[], Deformer]
-Edit = tuple[str, str, Deformer, str]  # title, name of its files, session, what its handle is on if it opens the story
+if TYPE_CHECKING:
+    from dfd.common.linear_algebra import Float64, Int64, UInt8
+    from dfd.editing.deformer import Deformer
+    from dfd.samples import Sample
+
+    Picture = tuple[UInt8, str]
+    Session = Callable[[], Deformer]
+    # Title, name of its files, session, what its handle is on if it opens the story.
+    Edits = list[tuple[str, str, Deformer, str]]
+
 ASIDE, BEHIND = 35.0, 215.0  # azimuths, degrees
+FACES = 20_000
 
 
-def run(
-    output: Path,
-    *,
-    preset: Preset = "default",
-    encoder: str = DEFAULT_ENCODER,
-    faces: int = 20_000,
-    console: Console | None = None,
+def demo(
+    output: Annotated[Path, Option("--output", "-o", help="Folder for meshes and pictures.")] = Path("demo"),
+    preset: options.Preset = None,
 ) -> None:
-    """Make a chair and a quadruped, distill them, deform them, and write meshes and pictures into `output`.
+    """Make shapes, distill them, deform them, and draw the story."""
+    from dfd import samples
+    from dfd.common.progress import Stages
+    from dfd.distillation.distill import distill
+    from dfd.distillation.settings import DistillSettings
+    from dfd.editing.deformer import Deformer
+    from dfd.encoders.encode import load_encoder
+    from dfd.pictures.colors import feature_colors
+    from dfd.pictures.contact_sheet import contact_sheet, heat_bar
+    from dfd.pictures.picture import picture, save_png
+    from dfd.symmetry.plane import axis_name
+    from dfd.symmetry.search import symmetry_planes
+    from dfd.views.render import render
 
-    `story.png` shows everything from the views to the moved shapes, `opening.png` the first edits. Each shape has about
-    `faces` faces.
-
-    Raises OSError if the folder cannot be written, or the encoder's weights cannot be found.
-    """
-    console = console or Console()
+    chosen = preset or "default"
     output.mkdir(parents=True, exist_ok=True)
-    rows: list[tuple[str, Sequence[Picture]]] = []
+    rows: list[tuple[str, list[Picture]]] = []
     opening: list[Picture] = []
-    table = Table("stage", title="Seconds")
-    seconds: list[dict[str, float]] = []
-    model = load_encoder(encoder, **DistillSettings(preset=preset).of_encoder())
-    shapes = (("chair", samples.chair(faces), _chair), ("quadruped", samples.quadruped(faces), _quadruped))
+    encoder = load_encoder(DEFAULT_ENCODER, **DistillSettings(preset=chosen).of_encoder())
+    shapes = (("chair", samples.chair(FACES), _chair), ("quadruped", samples.quadruped(FACES), _quadruped))
     for name, sample, edits in shapes:
         mesh, stages = sample.mesh, Stages()
-        console.print(f"[bold]{name}[/bold]: {len(mesh.faces):,} faces")
-        field = distill(mesh, model, progress=stages, cache=False, preset=preset)
+        say(f"{name}: {len(mesh.faces):,} faces", result=True)
+        field = distill(mesh, encoder, progress=stages, cache=False, preset=chosen)
         field.save(output / f"{name}.field.safetensors")
         mesh.save(output / f"{name}.glb")
         with stages.stage("symmetry"):
             planes = symmetry_planes(field, mesh)
         mirrors = ", ".join(f"{axis_name(plane.normal)} ({plane.score:.2f})" for plane in planes) or "none"
         images, features = render(mesh, views=24, resolution=320).images, field.features(mesh)
-        colors = feature_colors(features)
+        draw = partial(picture, mesh, colors=feature_colors(features))
         seen = [(images[index], f"view {index + 1} of 24") for index in (6, 9, 16)]
-        seen += [(picture(mesh, colors=colors, azimuth=ASIDE), "features")]
-        behind = f"features, behind; mirror plane found: {mirrors}"
-        seen += [(picture(mesh, colors=colors, azimuth=BEHIND), behind)]
+        seen += [(draw(azimuth=ASIDE), "features")]
+        seen += [(draw(azimuth=BEHIND), f"features, behind; mirror plane found: {mirrors}")]
         rows.append((f"The {name}: what the encoder sees, and its features by color", seen))
         with stages.stage("deform and draw"):
-            session = partial(Deformer, mesh, field, preset=preset, features=features)
+            session = partial(Deformer, mesh, field, preset=chosen, features=features)
             for title, file, deformer, held in edits(sample, session):
                 mesh.save(output / f"{file}.glb", deformer.vertices)
                 deformer.save(output / f"{file}.json")
-                weights, *rest = _drawn(deformer)
-                rows.append((title, [*weights, (heat_bar(512), ""), *rest[0], *rest[1]]))
+                drawn = _drawn(deformer)
+                rows.append((title, [*drawn[:2], (heat_bar(512), ""), *drawn[2:]]))
                 if held:
-                    opening += [(weights[0][0], f"{held} held: weights"), (rest[1][0][0], "")]
-        table.add_column(name, justify="right")
-        seconds.append(stages.seconds)
+                    opening += [(drawn[0][0], f"{held} held: weights"), (drawn[3][0], "")]
+        say(f"{name}: {stages}", result=True)
     save_png(output / "story.png", contact_sheet(rows, title="Deep feature deformation: grab one, move all alike"))
     save_png(output / "opening.png", contact_sheet([("", opening)], cell=260))
-    for stage in seconds[0]:
-        table.add_row(stage, *(f"{times[stage]:.1f}" for times in seconds))
-    console.print(table)
-    console.print(f"Pictures: {output / 'story.png'}, {output / 'opening.png'}\nMeshes:   {output}")
+    say(f"Pictures: {output / 'story.png'}, {output / 'opening.png'}\nMeshes:   {output}", result=True)
 
 
-def _drawn(deformer: Deformer) -> tuple[list[Picture], list[Picture], list[Picture]]:
-    """Weights from both sides, the shape before, and the shape after from both sides."""
+def _drawn(deformer: Deformer) -> list[Picture]:
+    """Draw weights, the shape before, and after: from the front and from behind, but before only from the front."""
+    from dfd.pictures.picture import picture
+    from dfd.pictures.sheet import session_views
+
     views = session_views(deformer, ASIDE)
-
-    def draw(name: str, azimuth: float = ASIDE) -> UInt8:
-        options: dict[str, Any] = {**views[name], "azimuth": azimuth}
-        return picture(deformer.mesh, **options)
-
-    weights = [(draw("weights"), "weights"), (draw("weights", BEHIND), "weights, behind")]
-    return weights, [(draw("before"), "before")], [(draw("after"), "after"), (draw("after", BEHIND), "after, behind")]
+    sides = ("weights", ASIDE), ("weights", BEHIND), ("before", ASIDE), ("after", ASIDE), ("after", BEHIND)
+    looks: list[dict[str, Any]] = [{**views[name], "azimuth": azimuth} for name, azimuth in sides]
+    captions = [name if azimuth == ASIDE else f"{name}, behind" for name, azimuth in sides]
+    return [(picture(deformer.mesh, **look), caption) for look, caption in zip(looks, captions, strict=True)]
 
 
-def _chair(sample: Sample, session: Session) -> list[Edit]:
+def _chair(sample: Sample, session: Session) -> Edits:
     vertices = sample.mesh.vertices
     legs, tall = session(), session()
     legs.add(_lowest(vertices, sample.vertices_of("leg", 0)), translation=(0.0, -0.35, 0.0), name="foot")
@@ -116,7 +105,7 @@ def _chair(sample: Sample, session: Session) -> list[Edit]:
     ]
 
 
-def _quadruped(sample: Sample, session: Session) -> list[Edit]:
+def _quadruped(sample: Sample, session: Session) -> Edits:
     vertices = sample.mesh.vertices
     horn, head = sample.vertices_of("horn", 0), sample.vertices_of("head")
     tip, root = _lowest(-vertices, horn), vertices[_lowest(vertices, horn)]

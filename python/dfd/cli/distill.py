@@ -8,7 +8,8 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 from typer import Option
 
 import dfd
-from dfd.cli.arguments import EncoderOption, MeshArgument, add_options, check_output, shown
+from dfd.cli import options
+from dfd.cli.arguments import check_output
 from dfd.cli.errors import say
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillSettings
@@ -18,22 +19,10 @@ from dfd.field.given_features import read_features, rows_of_vertices
 FEATURES = "`--features`"
 
 
-def _option(name: str) -> Any:
-    """The option of a setting: its type as a word of the command line, its description and what it is by itself."""
-    field = DistillSettings.model_fields[name]
-    kinds = [kind for kind in get_args(field.annotation) or (field.annotation,) if kind is not type(None)]
-    kind = kinds[0] if kinds[0] in (bool, int, float) else str
-    default, paper = (shown(getattr(DistillSettings(preset=preset), name)) for preset in ("default", "paper"))
-    by_itself = default if default == paper or name == "preset" else f"{default}; paper: {paper}"
-    choices = "|".join(get_args(field.annotation)) if get_origin(field.annotation) is Literal else None
-    return Annotated[kind | None, Option(metavar=choices, help=field.description, show_default=by_itself)]
-
-
-@lambda command: add_options(command, {name: _option(name) for name in DistillSettings.model_fields})
 def distill(
-    mesh: MeshArgument,
+    mesh: options.Mesh,
     output: Annotated[Path, Option("--output", "-o", metavar="FIELD", help="The .safetensors file to write.")],
-    encoder: EncoderOption = DEFAULT_ENCODER,
+    encoder: options.Encoder = DEFAULT_ENCODER,
     device: Annotated[str | None, Option(help="Where torch computes: cpu, cuda, …; CUDA if there is one.")] = None,
     features: Annotated[
         Path | None,
@@ -55,10 +44,23 @@ def distill(
             rows = rows_of_vertices(features, rows, shape, FEATURES)
     field = dfd.distill(shape, encoder, features=rows, device=device, progress=stages, cache=cache, **given)
     field.save(output)
-    times = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in stages.seconds.items())
     origin = "" if "fit" in stages.seconds else ", from the cache"
     from dfd.upright.candidates import up_sentence
 
     if up := up_sentence(field.settings):
         say(f"up: {up}")
-    say(f"{output}: a field of {field.dimension} dimensions{origin} ({times})")
+    say(f"{output}: a field of {field.dimension} dimensions{origin} ({stages})")
+
+
+def _option(name: str) -> Any:
+    """The annotation of a setting: its type as a word of the command line, its description and its values."""
+    field = DistillSettings.model_fields[name]
+    kinds = [kind for kind in get_args(field.annotation) or (field.annotation,) if kind is not type(None)]
+    kind = kinds[0] if kinds[0] in (bool, int, float) else str
+    values = [getattr(DistillSettings(preset=preset), name) for preset in ("default", "paper")]
+    said = options.by_preset(*values[: 1 if name == "preset" else 2])
+    choices = "|".join(get_args(field.annotation)) if get_origin(field.annotation) is Literal else None
+    return Annotated[kind | None, Option(metavar=choices, help=field.description, show_default=said)]
+
+
+options.add_options(distill, {name: _option(name) for name in DistillSettings.model_fields}, after="cache")

@@ -12,7 +12,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from dfd.common.errors import ArgumentError
+from dfd.common.errors import ArgumentError, one_line
 
 BAD_INPUT = 2
 INTERRUPTED = 130
@@ -51,14 +51,15 @@ class CommandGroup(TyperGroup):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
                 code = 1
             except OSError as error:
-                code = _fail(_os_reason(error), BAD_INPUT)
+                said = [str(each) for each in (error.filename, error.strerror) if each is not None]
+                code = _fail(": ".join(said) or str(error), BAD_INPUT)
             except ValueError as error:
                 code = _fail(str(error), BAD_INPUT)
             except Exception as error:
                 # Typer's own usage errors. Their class moved between its versions, their method did not.
                 if not hasattr(error, "format_message"):
                     raise
-                usage = " ".join(error.format_message().split())
+                usage = one_line(error.format_message()).replace("Value error, ", "")
                 code = _fail(f"{usage} (see dfd --help)" if usage else "give a command (see dfd --help)", BAD_INPUT)
         sys.exit(code if isinstance(code, int) else 0)
 
@@ -73,10 +74,8 @@ class CommandGroup(TyperGroup):
             raise _Interrupted(*stop.args) from None
 
 
-# What Python's names are called on the command line, where the option is not called by its parameter.
-OPTIONS = {"path": "output", "translation": "translate", "rotation": "rotate", "features": "field", "plane": "symmetry"}
-
-# What Python's remedies are called there.
+# The parameters of commands for arguments and remedies of Python that have another name there.
+PARAMETERS = {"path": "output", "features": "field", "plane": "symmetry"}
 PHRASES = {"dfd.editing.transfer": "`dfd deform --made-on`", "other_shape=True": "`--force`"}
 
 
@@ -87,7 +86,7 @@ def _in_options(error: ArgumentError, parameters: Sequence[Any]) -> str:
     def option(name: str) -> str:
         if error.function is not None and error.function.endswith("set_symmetry"):
             name = f"symmetry_{name}" if f"symmetry_{name}" in known else name
-        return str(known.get(OPTIONS.get(name, name)) or known.get(name) or name)
+        return str(known.get(PARAMETERS.get(name, name)) or known.get(name) or name)
 
     said = re.sub(r"`(\w+)", lambda found: f"`{option(found[1])}", f"`{error.argument}` {error.reason}")
     for theirs, ours in PHRASES.items():
@@ -100,18 +99,12 @@ class _Interrupted(Exception):  # noqa: N818  # no error: somebody pressed Ctrl-
 
 
 def _fail(message: str, code: int) -> int:
-    say(f"dfd: {' '.join(message.split())}")
+    say(f"dfd: {one_line(message)}")
     return code
-
-
-def _os_reason(error: OSError) -> str:
-    if error.strerror is None or error.filename is None:
-        return error.strerror or str(error)
-    return f"{error.filename}: {error.strerror}"
 
 
 def _show_warning(
     message: Warning | str, category: type[Warning], filename: str, lineno: int, file: Any = None, line: Any = None
 ) -> None:
     if not issubclass(category, DeprecationWarning | PendingDeprecationWarning | ResourceWarning):
-        say(f"dfd: {' '.join(str(message).split())}")
+        say(f"dfd: {one_line(message)}")

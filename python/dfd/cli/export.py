@@ -3,26 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from typer import Option
 
-from dfd.cli.arguments import (
-    FieldOption,
-    ForceOption,
-    MeshArgument,
-    PresetOption,
-    check_output,
-    chosen_preset,
-    file_in,
-    open_or_distill,
-)
+from dfd.cli import options
+from dfd.cli.arguments import check_output, file_in, open_session
 from dfd.cli.errors import say
 
 
 def export(
-    mesh: MeshArgument,
-    field: FieldOption,
+    mesh: options.Mesh,
+    field: options.Field,
     edit: Annotated[Path, Option(metavar="JSON", help="The edit whose handles become joints.")],
     output: Annotated[
         Path | None,
@@ -34,7 +26,7 @@ def export(
         ),
     ] = None,
     form: Annotated[
-        str | None,
+        Literal["skin", "morph", "baked"] | None,
         Option(
             "--as",
             metavar="FORM",
@@ -48,16 +40,13 @@ def export(
     weights: Annotated[
         Path | None, Option(metavar="FILE", help="Write the weights as arrays, to an .npz or .safetensors file.")
     ] = None,
-    preset: PresetOption = None,
-    force: ForceOption = False,
+    preset: options.Preset = None,
+    force: options.Force = False,
 ) -> None:
     """Write MESH with the handles of an edit as joints, for Blender, game engines and other programs."""
     if output is None and weights is None:
         raise ValueError("`--output` or `--weights` must be given: otherwise nothing is kept")
-    if form not in (None, "skin", "morph", "baked"):
-        raise ValueError(f"`--as` must be skin, morph or baked, got {form}")
     output = None if output is None else file_in(output, mesh.with_suffix(".glb"))
-    chosen = chosen_preset(preset)
     most: int | str | None = influences
     if influences is not None and influences != "all":
         if not influences.isdecimal() or int(influences) < 1:
@@ -67,24 +56,21 @@ def export(
     check_output("--output", output, (".glb", ".gltf", *plain))
     check_output("--weights", weights, (".npz", ".safetensors"))
 
-    from dfd import Deformer, export_rig, export_weights
+    from dfd import export_rig, export_weights
     from dfd.common.progress import Stages
     from dfd.export.export_rig import form_for
     from dfd.export.key_poses import read_key_poses
 
     stages = Stages()
     moments = () if poses is None else read_key_poses(poses)
-    shape, opened = open_or_distill(mesh, field, stages, force=force)
+    session = open_session(mesh, field, stages, edit, preset, force=force)
     if output is not None:
-        form_for(shape, output, form)  # type: ignore[arg-type]  # refuses it before the work begins
-    session = Deformer.load(edit, shape, opened, other_shape=force)
-    if chosen is not None:
-        session.preset = chosen
-    with stages.stage("features", len(shape.vertices)) as advance:
+        form_for(session.mesh, output, form)  # refuses it before the work begins
+    with stages.stage("features", len(session.mesh.vertices)) as advance:
         session.prepare(advance)
     if output is not None:
         with stages.stage("export"):
-            report = export_rig(session, output, form=form, influences=most, poses=moments)  # type: ignore[arg-type]
+            report = export_rig(session, output, form=form, influences=most, poses=moments)
         say(f"{report.path}: {report}")
     if weights is not None:
         export_weights(session, weights)

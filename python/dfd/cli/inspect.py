@@ -3,42 +3,32 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
-from dfd.cli.arguments import (
-    ForceOption,
-    MadeFieldOption,
-    MeshArgument,
-    ResolutionOption,
-    ViewsOption,
-    check_output,
-    open_or_distill,
-    open_shape,
-)
+from dfd.cli import options
+from dfd.cli.arguments import check_output, open_or_distill, open_shape
 from dfd.cli.errors import say
 
 if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
-    from dfd.symmetry.plane import SymmetryPlane
     from dfd.upright.candidates import Up
+    from dfd.views.visibility import Unseen
 
-Row = tuple[str, dict[str, Any]]  # of a sheet: its title, and the arguments of `picture`
+# A topic: its part of the report, lines for people, and a row of a sheet, its title and the arguments of `picture`.
+Topic = tuple[dict[str, Any], list[str], tuple[str, dict[str, Any]]]
 
 
 def inspect(
-    mesh: MeshArgument,
+    mesh: options.Mesh,
     field: Annotated[
-        Path | None, Option("--field", metavar="FIELD", help="Also find symmetry planes and suggest handles.")
+        Path | None, Option(metavar="FIELD", help="Also find symmetry planes and suggest handles.")
     ] = None,
-    against: Annotated[
-        Path | None, Option("--against", metavar="MESH", help="Also measure how this deformed the surface.")
-    ] = None,
+    against: Annotated[Path | None, Option(metavar="MESH", help="Also measure how this deformed the surface.")] = None,
     suggestions: Annotated[int, Option(min=1, max=50, help="With --field: at most so many handles are suggested.")] = 8,
     picture: Annotated[
         Path | None, Option(metavar="PNG", help="With --field, --against: draw suggested handles, how areas changed.")
@@ -47,7 +37,7 @@ def inspect(
         str, Option(metavar="DIRECTION", help="Which way is up: auto, file, +y, -z, …, or numbers such as 0,0,1.")
     ] = "auto",
     as_json: Annotated[bool, Option("--json", help="Print everything as JSON.")] = False,
-    force: ForceOption = False,
+    force: options.Force = False,
 ) -> None:
     """Say what MESH is made of, what is odd about it, which way is up, and how much of it pictures do not show.
 
@@ -57,7 +47,7 @@ def inspect(
         raise ValueError("`--field` or `--against` must be given: `--picture` draws what comes of them")
     check_output("--picture", picture, (".png",))
 
-    from dfd import load, symmetry_planes
+    from dfd import load
     from dfd.common.files import plain
     from dfd.common.progress import Stages
     from dfd.geometry import topology
@@ -69,30 +59,34 @@ def inspect(
     counts = topology.inspect(shape)
     said = check_up(up)
     found = _found_up(shape) if said == "auto" else explicit_up(shape, said)
+    hidden = unseen(shape, frame=found.frame)
+    odd = findings(shape, counts)
     report: dict[str, Any] = {
         "file": str(mesh),
         **asdict(counts),
         "up": {"axis": str(found), "sentence": found.sentence, **found.settings},
-        "unseen": asdict(unseen(shape, frame=found.frame)),
-        "findings": [asdict(finding) for finding in findings(shape, counts)],
+        "unseen": asdict(hidden),
+        "findings": [asdict(finding) for finding in odd],
     }
-    rows: list[Row] = []
-    if opened is not None:
-        settings = {name: value for name, value in opened.settings.items() if name != "losses"}
-        report["field"] = {"file": str(field), "dimension": opened.dimension, "settings": settings}
-        planes = symmetry_planes(opened, shape)
-        report["symmetry_planes"] = [asdict(plane) for plane in planes]
-        report["suggestions"], row = _suggested(shape, opened, suggestions, planes, force)
-        rows.append(row)
-    if against is not None:
-        measured, row = _compared(shape, load(against))
-        report["against"] = {"file": str(against), **measured}
-        rows.append(row)
+    size = " × ".join(f"{length:g}" for length in counts.extents)
+    border = f"{counts.boundary_edges:,} boundary edges" if counts.boundary_edges else "closed"
+    components = f"{counts.components:,} component{'' if counts.components == 1 else 's'}"
+    lines = [
+        f"{mesh}: {counts.vertex_count:,} vertices, {counts.face_count:,} faces, {components}, {border}, {size}",
+        f"up: {found.sentence}",
+        *_unseen(hidden),
+        *(f"odd: {finding.what} {finding.means}" for finding in odd),
+    ]
+    topics = [] if field is None or opened is None else [_of_field(field, opened, shape, suggestions, force)]
+    topics += [] if against is None else [_of_deformed(against, load(against), shape)]
+    for told, more, _ in topics:
+        report |= told
+        lines += more
     if picture is not None:
         from dfd.pictures.sheet import save_sheet
 
-        save_sheet(picture, shape, rows, views=2, azimuth=25.0, resolution=640)
-    say(json.dumps(report, indent=2, default=plain) if as_json else "\n".join(_lines(report)), result=True)
+        save_sheet(picture, shape, [row for *_, row in topics], views=2, azimuth=25.0, resolution=640)
+    say(json.dumps(report, indent=2, default=plain) if as_json else "\n".join(lines), result=True)
 
 
 def _found_up(shape: Mesh) -> Up:
@@ -108,31 +102,29 @@ def _found_up(shape: Mesh) -> Up:
     return find_up(shape, encoder)
 
 
-def _compared(shape: Mesh, other: Mesh) -> tuple[dict[str, Any], Row]:
-    """The metrics of `other` against `shape`, which it is a deformation of, and a row that draws its areas."""
-    import numpy as np
-
-    from dfd.geometry.metrics import area_ratios, surface_metrics
-    from dfd.pictures.colors import ratio_colors
-
-    moved = other.vertices
-    if not np.array_equal(other.faces, shape.faces) or len(moved) != len(shape.vertices):
-        raise ValueError(f"`--against` must have the faces of MESH, got {other!r} against {shape!r}")
-    drawn = {"vertices": moved, "colors": ratio_colors(area_ratios(shape, moved))}
-    return asdict(surface_metrics(shape, moved)), ("areas: halved blue, doubled red", drawn)
+def _unseen(found: Unseen) -> list[str]:
+    """Say how much of the surface no camera sees."""
+    if found.component_count == 0:
+        return ["unseen: all of it, for no face has an area"]
+    if found.area == 0:
+        return []
+    fraction = f"{found.area:.1%}" if found.area >= 0.001 else "less than 0.1%"
+    wholly = f", {found.components:,} of {found.component_count:,} components wholly" if found.components else ""
+    return [f"unseen: {fraction} of the surface{wholly}, in {found.views} views: it takes the nearest seen features"]
 
 
-def _suggested(
-    shape: Mesh, field: Field, count: int, planes: list[SymmetryPlane], other_shape: bool
-) -> tuple[list[dict[str, Any]], Row]:
-    """Handles worth taking, for the report, and a row that draws them with their numbers."""
-    from dfd import Deformer
+def _of_field(path: Path, field: Field, shape: Mesh, count: int, other_shape: bool) -> Topic:
+    """Tell the field, the symmetry planes and suggested handles; draw these with their numbers."""
+    from dfd import Deformer, symmetry_planes
     from dfd.editing.suggestions import suggest_handles
     from dfd.pictures.colors import feature_colors
+    from dfd.symmetry.plane import plane_text
 
+    settings = {name: value for name, value in field.settings.items() if name != "losses"}
+    planes = symmetry_planes(field, shape)
     features = Deformer(shape, field, other_shape=other_shape).features
     found = suggest_handles(shape, features, count=count, planes=planes)
-    listed = [
+    handles = [
         {
             "vertex": each.vertex,
             "position": shape.vertices[each.vertex],
@@ -141,76 +133,56 @@ def _suggested(
         }
         for each in found
     ]
+    report = {
+        "field": {"file": str(path), "dimension": field.dimension, "settings": settings},
+        "symmetry_planes": [asdict(plane) for plane in planes],
+        "suggestions": handles,
+    }
+    made = "".join(f", {settings[name]}" for name in ("encoder", "preset") if name in settings)
+    scores = [(plane_text(each), f"score {each.score:.3f}, {each.relative_score:.0%} of chance") for each in planes]
+    alike = [f", alike {' '.join(map(str, each['alike']))}" if each["alike"] else "" for each in handles]
+    shares = [f"vertex {each.vertex} ({each.share:.0%}{others})" for each, others in zip(found, alike, strict=True)]
+    lines = [
+        f"field: {path}, {field.dimension} dimensions{made}",
+        f"symmetry planes: {', '.join(f'{plane} ({score})' for plane, score in scores) or 'none'}",
+        f"handles: {', '.join(shares)}",
+    ]
     marks = {
         "colors": feature_colors(features),
-        "handles": [shape.vertices[each.vertex] for each in found],
+        "handles": [each["position"] for each in handles],
         "labels": [str(number) for number in range(1, len(found) + 1)],
     }
-    return listed, ("suggested handles", marks)
+    return report, lines, ("suggested handles", marks)
 
 
-def _lines(report: dict[str, Any]) -> Iterator[str]:
-    """The report for people: one line a topic."""
-    from dfd.symmetry.plane import SymmetryPlane, plane_text
+def _of_deformed(path: Path, other: Mesh, shape: Mesh) -> Topic:
+    """Tell the metrics of `other`, a deformation of `shape`; draw its areas."""
+    import numpy as np
 
-    size = " × ".join(f"{length:g}" for length in report["extents"])
-    border = f"{report['boundary_edges']:,} boundary edges" if report["boundary_edges"] else "closed"
-    components = f"{report['components']:,} component{'' if report['components'] == 1 else 's'}"
-    counts = f"{report['vertex_count']:,} vertices, {report['face_count']:,} faces, {components}"
-    yield f"{report['file']}: {counts}, {border}, {size}"
-    yield f"up: {report['up']['sentence']}"
-    if hidden := _unseen(**report["unseen"]):
-        yield f"unseen: {hidden}"
-    for each in report["findings"]:
-        yield f"odd: {each['what']} {each['means']}"
-    if "field" in report:
-        settings = report["field"]["settings"]
-        made = "".join(f", {settings[name]}" for name in ("encoder", "preset") if name in settings)
-        yield f"field: {report['field']['file']}, {report['field']['dimension']} dimensions{made}"
-        planes = [
-            f"{plane_text(SymmetryPlane(**each))} (score {each['score']:.3f}, {each['relative_score']:.0%} of chance)"
-            for each in report["symmetry_planes"]
-        ]
-        yield f"symmetry planes: {', '.join(planes) or 'none'}"
-        handles = [
-            f"vertex {each['vertex']} ({each['share']:.0%}"
-            + (f", alike {' '.join(map(str, each['alike']))})" if each["alike"] else ")")
-            for each in report["suggestions"]
-        ]
-        yield f"handles: {', '.join(handles)}"
-    if "against" in report:
-        yield f"against {report['against']['file']}: {_measures(report['against'])}"
+    from dfd.geometry.metrics import area_ratios, surface_metrics
+    from dfd.pictures.colors import ratio_colors
 
-
-def _measures(found: dict[str, Any]) -> str:
-    """The surface metrics in words."""
-    volume, crossing = found["volume"], found["self_intersecting_faces"]
-    return (
-        f"area {found['area']:.1%} off, angles {found['angle']:.2f}° off, edge lengths {found['edge_length']:.1%} off, "
-        + ("no volume, the surface is not closed, " if volume is None else f"volume {volume:+.1%}, ")
-        + f"flipped faces {found['flipped_faces']:,}, self-intersecting faces "
-        + (
-            "not counted: that needs libigl (the extra dfd[metrics]) and at most 200,000 faces"
-            if crossing is None
-            else f"{crossing:,}, {found['self_intersecting_before']:,} before"
-        )
+    moved = other.vertices
+    if not np.array_equal(other.faces, shape.faces) or len(moved) != len(shape.vertices):
+        raise ValueError(f"`--against` must have the faces of MESH, got {other!r} against {shape!r}")
+    found = surface_metrics(shape, moved)
+    volume = "no volume, the surface is not closed" if found.volume is None else f"volume {found.volume:+.1%}"
+    crossing = "not counted: that needs libigl (the extra dfd[metrics]) and at most 200,000 faces"
+    if found.self_intersecting_faces is not None:
+        crossing = f"{found.self_intersecting_faces:,}, {found.self_intersecting_before:,} before"
+    line = (
+        f"against {path}: area {found.area:.1%} off, angles {found.angle:.2f}° off, "
+        f"edge lengths {found.edge_length:.1%} off, {volume}, "
+        f"flipped faces {found.flipped_faces:,}, self-intersecting faces {crossing}"
     )
-
-
-def _unseen(views: int, area: float, components: int, component_count: int) -> str:
-    """How much of the surface no camera sees, in words; empty if all of it is seen."""
-    if component_count == 0:
-        return "all of it, for no face has an area"
-    if area == 0:
-        return ""
-    fraction = f"{area:.1%}" if area >= 0.001 else "less than 0.1%"
-    wholly = f", {components:,} of {component_count:,} components wholly" if components else ""
-    return f"{fraction} of the surface{wholly}, in {views} views: it takes the nearest seen features"
+    drawn = {"vertices": moved, "colors": ratio_colors(area_ratios(shape, moved))}
+    report = {"against": {"file": str(path), **asdict(found)}}
+    return report, [line], ("areas: halved blue, doubled red", drawn)
 
 
 def parts(
-    mesh: MeshArgument,
-    field: MadeFieldOption = None,
+    mesh: options.Mesh,
+    field: options.MadeField = None,
     output: Annotated[
         Path | None,
         Option(
@@ -222,9 +194,9 @@ def parts(
         ),
     ] = None,
     picture: Annotated[Path | None, Option(metavar="PNG", help="Draw them, numbered.")] = None,
-    views: ViewsOption = 2,
-    resolution: ResolutionOption = 768,
-    force: ForceOption = False,
+    views: options.Views = 2,
+    resolution: options.Resolution = 768,
+    force: options.Force = False,
 ) -> None:
     """Cut MESH into its parts: what looks alike, ends at creases, and would move as one."""
     check_output("--output", output, (".json", ".obj", ".glb", ".gltf"))

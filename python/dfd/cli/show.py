@@ -5,53 +5,40 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
 from typer import Option
 
-from dfd.cli.arguments import (
-    PLACE,
-    AzimuthOption,
-    ElevationOption,
-    FixOption,
-    ForceOption,
-    MeshArgument,
-    Places,
-    PresetOption,
-    ResolutionOption,
-    ViewsOption,
-    ZoomOption,
-    check_output,
-    chosen_preset,
-    open_shape,
-)
+from dfd.cli import options
+from dfd.cli.arguments import Places, check_output, open_shape
 from dfd.cli.errors import say
-from dfd.cli.handles import controls, with_controls
+from dfd.cli.handles import value_of
+from dfd.editing.presets import CONTROLS
 
 
-@with_controls
 def show(
-    context: typer.Context,
-    mesh: MeshArgument,
+    mesh: options.Mesh,
     output: Annotated[Path, Option("--output", "-o", metavar="PNG", help="The picture to write.")],
     field: Annotated[Path | None, Option(metavar="FIELD", help="Its field: colors what looks alike alike.")] = None,
+    preset: options.Preset = None,
     handle: Annotated[
         list[str] | None,
-        Option(metavar=PLACE, help="Show what follows a handle here, as heat; without --field, mark it; repeatable."),
+        Option(
+            metavar=options.PLACE,
+            help="Show what follows a handle here, as heat; without --field, mark it; repeatable.",
+        ),
     ] = None,
-    preset: PresetOption = None,
-    fix: FixOption = None,
-    views: ViewsOption = 1,
-    azimuth: AzimuthOption = None,
-    elevation: ElevationOption = 15.0,
-    zoom: ZoomOption = 1.0,
+    fix: options.Fix = None,
+    views: options.Views = 1,
+    azimuth: options.Azimuth = None,
+    elevation: options.Elevation = 15.0,
+    zoom: options.Zoom = 1.0,
     axes: Annotated[bool, Option("--axes", help="Draw the directions of the axes.")] = False,
     legend: Annotated[bool, Option("--legend", help="Draw the scale of the heat beside it.")] = False,
-    resolution: ResolutionOption = 768,
-    force: ForceOption = False,
-    **described: Any,
+    resolution: options.Resolution = 768,
+    force: options.Force = False,
+    **controls: Any,
 ) -> None:
     """Draw MESH: by itself, in the colors of its features, or the weights of handles as heat."""
-    given = controls(context.params)
+    given = {name: value_of(value) for name, value in controls.items() if value not in (None, [])}
     if field is None and (given or fix):
         raise ValueError("`--field` must be given: weights come from it")
     if (given or fix) and not handle:
@@ -73,13 +60,9 @@ def show(
         marked = [places.find("--handle", text).position for text in handle or ()]
         rows = [("the mesh", {"handles": marked} if marked else {})]
     else:
-        deformer = Deformer(shape, opened, preset=chosen_preset(preset) or "default", other_shape=force)
+        deformer = Deformer(shape, opened, preset=preset or "default", other_shape=force)
         places = Places(shape, deformer)
-        for text in handle or ():
-            deformer.add(places.find("--handle", text), **given)
-        for text in fix or ():
-            at, strength = places.fixed("--fix", text)
-            deformer.fix(at, strength=strength)
+        places.hold([(text, given) for text in handle or ()], fix)
         with stages.stage("features", len(shape.vertices)) as advance:
             deformer.prepare(advance)
         if handle:
@@ -92,19 +75,11 @@ def show(
             legend = legend or len(rows) * views > 1
         else:
             rows = [("features", {"colors": feature_colors(deformer.features)})]
+    look: dict[str, Any] = {"azimuth": azimuth, "elevation": elevation, "zoom": zoom, "axes": axes}
     with stages.stage("draw", len(rows) * views) as advance:
-        save_sheet(
-            output,
-            shape,
-            rows,
-            views=views,
-            azimuth=azimuth,
-            legend=legend,
-            advance=advance,
-            elevation=elevation,
-            zoom=zoom,
-            axes=axes,
-            resolution=resolution,
-        )
+        save_sheet(output, shape, rows, views=views, legend=legend, advance=advance, resolution=resolution, **look)
     places.tell()
     say(f"{output}: {'; '.join(title for title, _ in rows)}")
+
+
+options.add_options(show, options.from_table(CONTROLS), after="handle")

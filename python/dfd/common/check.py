@@ -155,6 +155,8 @@ def vertex_indices(function: str | None, name: str, value: Any, vertex_count: in
 
 
 def _kind(value: Any) -> str:
+    if isinstance(value, str):
+        return repr(value)
     dtype = getattr(value, "dtype", None)
     return f"{type(value).__name__} of {dtype}" if dtype is not None else type(value).__name__
 

@@ -24,7 +24,7 @@ class ArgumentError(ValueError):
 
     def __init__(self, argument: str, reason: str, function: str | None = None) -> None:
         if "\n" in reason:
-            reason = " ".join(reason.split())
+            reason = one_line(reason)
         if len(reason) > LONGEST_REASON:
             reason = f"{reason[: LONGEST_REASON - 1]}…"
         super().__init__(argument, reason, function)
@@ -33,6 +33,11 @@ class ArgumentError(ValueError):
     def __str__(self) -> str:
         said = f"`{self.argument}` {self.reason}"
         return f"{self.function}: {said}" if self.function else said
+
+
+def one_line(text: object) -> str:
+    """Return a text, or the message of an error, on one line."""
+    return " ".join(str(text).split())
 
 
 @contextmanager

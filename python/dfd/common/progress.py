@@ -30,6 +30,10 @@ class Stages:
         self.latest: str | None = None
         self._show = show
 
+    def __str__(self) -> str:
+        """Return the time of each stage."""
+        return ", ".join(f"{name} {seconds:.1f} s" for name, seconds in self.seconds.items())
+
     @contextmanager
     def stage(self, name: str, total: int | None = None) -> Iterator[Advance]:
         """Time the block under `name`; `total` items make the bar full."""

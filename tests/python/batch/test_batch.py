@@ -19,7 +19,7 @@ from dfd.batch.inputs import find_shapes
 from dfd.batch.one_edit import find_files
 from dfd.batch.record import read_record
 from dfd.batch.run import Resources, run_batch
-from dfd.batch.settings import BatchSettings, EditSource, begin_folder
+from dfd.batch.settings import BatchSettings, begin_folder
 
 GOOD = ("chair", "large", "wide")
 
@@ -47,8 +47,7 @@ def shapes(tmp_path_factory, chair_mesh):
 
 
 def all_steps(shapes):
-    files = find_files(shapes / "leg.json", shapes / "chair.ply")
-    edit = EditSource(name="leg", **{key: str(path) for key, path in files._asdict().items()}, sha256=files.hash())
+    edit = find_files(shapes / "leg.json", shapes / "chair.ply")
     steps = ("inspect", "features", "symmetry", "pictures", "edits", "exports")
     return BatchSettings(steps=steps, edits=(edit,), exports=("ply", "rig.glb"))
 

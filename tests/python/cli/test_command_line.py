@@ -5,18 +5,12 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
+import warnings
 from unittest import mock
 
 import pytest
 from command_runs import failed, worked
 from heeding import HEED
-
-
-def test_demo_writes_where_it_is_told(run):
-    with mock.patch("dfd.cli.demo.run") as demo:
-        assert worked(run("demo", "-o", "story"))
-        demo.assert_called_once_with(Path("story"), preset="default")
 
 
 @pytest.mark.parametrize(
@@ -32,26 +26,25 @@ def test_demo_writes_where_it_is_told(run):
     ],
 )
 def test_whatever_goes_wrong_is_one_line_and_a_code(run, error, message, code):
-    with mock.patch("dfd.cli.demo.run", side_effect=error):
-        assert failed(run("demo"), message, code)
+    with mock.patch("dfd.load", side_effect=error):
+        assert failed(run("inspect", "MESH"), message, code)
 
 
 def test_a_mistake_of_ours_is_not_hidden(run):
-    with mock.patch("dfd.cli.demo.run", side_effect=ZeroDivisionError):
-        assert isinstance(run("demo").exception, ZeroDivisionError)
+    with mock.patch("dfd.load", side_effect=ZeroDivisionError):
+        assert isinstance(run("inspect", "MESH").exception, ZeroDivisionError)
 
 
-def test_a_warning_is_one_line(run, folder):
-    def warns(*_, **__):
-        import warnings
-
+def test_a_warning_is_one_line(run, chair):
+    def warns(_):
         with warnings.catch_warnings():
             warnings.simplefilter("always")
             warnings.warn("the texture cannot be read:\nit is shown gray", UserWarning, stacklevel=1)
             warnings.warn("old", DeprecationWarning, stacklevel=1)
+        return chair
 
-    with mock.patch("dfd.cli.demo.run", warns):
-        result = run("demo")
+    with mock.patch("dfd.load", warns):
+        result = run("inspect", "MESH")
     assert worked(result)
     assert result.stderr == "dfd: the texture cannot be read: it is shown gray\n"
 

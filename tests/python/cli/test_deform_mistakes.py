@@ -48,7 +48,7 @@ DEFORM = ("deform", "MESH", "--field", "FIELD")
         (("--handle", 1, "--symmetry", "x=50"), "`--symmetry` must pass through the shape"),
         (("--handle", 1, "--symmetry", "x", "--band", -1), "`--band` must be at least 0, got -1"),
         (("--handle", 1, "--symmetry", "x", "--symmetry-candidates", "axes"), "are for the plane auto, got 'x'"),
-        (("--handle", 1, "--preset", "mine"), "`--preset` must be one of default, paper, got 'mine'"),
+        (("--handle", 1, "--preset", "mine"), "'mine' is not one of 'default', 'paper'"),
         (("--edit", "none.json"), "none.json: the edit could not be read: No such file or directory"),
         (("--handel", 1), "No such option: --handel"),
     ],

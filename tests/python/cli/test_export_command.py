@@ -52,9 +52,7 @@ def test_a_preset_takes_the_place_of_what_the_edit_says(run, folder, chair):
     with np.load("edit.npz") as edit, np.load("paper.npz") as paper:
         np.testing.assert_allclose(paper["weights"], dfd.bind(features, [40]), atol=1e-6)
         assert np.abs(edit["weights"] - paper["weights"]).max() > 0.05
-    assert failed(
-        run(*EXPORT, "-o", "rig.glb", "--preset", "papers"), "`--preset` must be one of default, paper, got 'papers'"
-    )
+    assert failed(run(*EXPORT, "-o", "rig.glb", "--preset", "papers"), "'papers' is not one of 'default', 'paper'")
 
 
 @pytest.mark.usefixtures("edited")
@@ -77,7 +75,7 @@ def test_forms_influences_and_poses(run, tmp_path):
         ((), "`--output` or `--weights` must be given: otherwise nothing is kept"),
         (("-o", "rig.dae"), "`--output` must end in .glb, .gltf"),
         (("-o", "rig.obj"), "`--output` must end in .glb, .gltf"),
-        (("-o", "rig.glb", "--as", "bones"), "`--as` must be skin, morph or baked, got bones"),
+        (("-o", "rig.glb", "--as", "bones"), "'bones' is not one of 'skin', 'morph', 'baked'"),
         (("-o", "rig.glb", "--influences", "0"), "`--influences` must be a whole number of at least 1, or all, got 0"),
         (("-o", "missing/rig.glb"), "`--output`: the folder missing does not exist"),
         (("--weights", "weights.csv"), "`--weights` must end in .npz, .safetensors"),

@@ -105,7 +105,7 @@ def with_row(rows: np.ndarray, row: int, value: float) -> np.ndarray:
         (lambda rows: with_row(rows, 5, np.nan), r"`features` must be finite, got nan at \[5, 0\]"),
         (lambda rows: with_row(rows, 7, 0), "`features` must have rows with a direction, got only zeros in row 7"),
         (lambda rows: with_row(rows, 7, 1e300), "`features` has values too large for float32"),
-        (lambda rows: "rows", "`features` must be a numeric array, got str"),
+        (lambda rows: "rows", "`features` must be a numeric array, got 'rows'"),
         (lambda rows: (rows[:, :3], rows[1:]), "a row for each of the points, got 2003 rows for 2004 points"),
         (lambda rows: (rows[:, :2], rows), r"`points` must have shape \(N, 3\), got \(2004, 2\)"),
         (lambda rows: (rows[:0, :3], rows[:0]), "got 0 rows for 0 points"),

@@ -85,9 +85,10 @@ def test_the_page_is_told_what_a_new_handle_has(mesh, field, features, preset):
 
 
 def test_the_command_line_says_the_defaults_in_its_help():
-    reach, falloff = (deform.__annotations__[name].__metadata__[0].help for name in ("reach", "falloff"))
-    assert f"By itself {PRESETS['default'].reach}, the paper's is {PRESETS['paper'].reach:g}" in reach
-    assert f"By itself {PRESETS['default'].falloff}, the paper's is {PRESETS['paper'].falloff}" in falloff
+    for name, default in PRESETS["default"].handle.items():
+        paper = PRESETS["paper"].handle[name]
+        said = f"{default}; paper: {paper:g}" if isinstance(paper, float) else f"{default}; paper: {paper}"
+        assert deform.__annotations__[name].__metadata__[0].show_default == said
 
 
 def test_blender_s_handles_start_with_them(monkeypatch):

@@ -101,7 +101,7 @@ def test_no_points_give_no_rows(field: Field) -> None:
     [
         (np.zeros((4, 2)), r"Field: `points` must have shape \(N, 3\), got \(4, 2\)"),
         (np.full((2, 3), np.nan), r"Field: `points` must be finite, got nan at \[0, 0\]"),
-        ("somewhere", "Field: `points` must be a numeric array, got str"),
+        ("somewhere", "Field: `points` must be a numeric array, got 'somewhere'"),
         (torch.ones(4, 3).to_sparse(), "^Field: `points` must be a dense tensor of real numbers"),
         (torch.zeros(3), r"Field: `points` must have shape \(N, 3\), got \(3,\)"),
         (np.full((2, 3), 1e36), "`points` must lie near the shape, got one 5e.35 times as far as its box"),

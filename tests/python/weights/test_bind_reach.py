@@ -95,7 +95,7 @@ FEATURES = unit_rows(6, 4)
         ({"reach": np.nan}, r"`reach` must be finite, got nan"),
         ({"reach": [1.0, 2.0]}, r"`reach` must have shape \(1,\), got \(2,\)"),
         ({"reach": [0.0]}, r"`reach` must be above 0, got 0"),
-        ({"reach": "far"}, r"`reach` must be a number, got str"),
+        ({"reach": "far"}, r"`reach` must be a number, got 'far'"),
         ({"falloff": "cubic"}, r"`falloff` must be one of linear, smooth, sharp, root, sphere, constant, got 'cubic'"),
         ({"falloff": ["smooth", "sharp"]}, r"`falloff` must be one name or 1, as many as handles, got 2"),
         ({"falloff": [3]}, r"`falloff` must be one of .*, got 3"),
