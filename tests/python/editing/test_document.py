@@ -15,7 +15,7 @@ from sheet import full_edit, grid
 import dfd
 from dfd.editing import edit_file
 from dfd.editing.controls import Controls
-from dfd.editing.edit import Edit, Handle, symmetry_on
+from dfd.editing.edit import Edit, Handle
 from dfd.editing.edit_file import edit_schema, from_document, read_edit, to_document, write_edit
 from dfd.editing.points import Place, place_on
 from dfd.mesh.mesh import Mesh
@@ -126,13 +126,6 @@ def test_a_quaternion_is_read_as_the_rotation_it_is(mesh):
     entry = {"vertex": 4, "rotation": [0, half, 0, half]}
     edit = from_document({"format": "dfd-edit", "version": 1, "handles": [entry]}, mesh)
     np.testing.assert_allclose(edit.handles[0].transform.rotation, (0, 90, 0), atol=1e-12)
-
-
-def test_an_axis_stands_for_its_plane_through_the_box(mesh):
-    edit = from_document({"format": "dfd-edit", "version": 1, "symmetry": "z"}, mesh)
-    assert edit.symmetry == symmetry_on(mesh, "z", None)
-    assert edit.symmetry.offset == pytest.approx(0.5)
-    assert edit.symmetry.band == pytest.approx(0.03)
 
 
 def test_a_byte_order_mark_does_no_harm(edit, mesh, tmp_path):
@@ -265,3 +258,40 @@ def test_an_index_out_of_range_is_named(mesh):
     document = {"format": "dfd-edit", "version": 1, "fixed": [{"vertex": 81}]}
     with pytest.raises(ValueError, match=r"`fixed\[0\].vertex` must lie in 0 … 80, got 81"):
         from_document(document, mesh)
+
+
+# --- files that are odd
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "no whole JSON document: Expecting value: line 1 column 1"),
+        ("{}", "`format` must be"),
+        ('{"version": 1, "version": 1}', "`version` is given twice"),
+        ('{"version": NaN}', "numbers must be finite, got NaN"),
+        ('{"version": -Infinity}', "numbers must be finite, got -Infinity"),
+        ("[" * 100_000, "nested too deeply|no whole JSON document"),
+    ],
+)
+def test_odd_files_are_refused_in_the_name_of_their_path(mesh, tmp_path, text, message):
+    path = tmp_path / "odd.json"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=message) as caught:
+        read_edit(path, mesh)
+    assert str(caught.value).startswith(f"{path}: ")
+
+
+def test_a_file_cut_short_anywhere_is_refused(document, mesh, tmp_path):
+    text = json.dumps(document)
+    path = tmp_path / "cut.json"
+    for length in range(0, len(text) - 1, 17):
+        path.write_text(text[:length])
+        with pytest.raises(ValueError, match="no whole JSON document"):
+            read_edit(path, mesh)
+
+
+def test_a_missing_file_and_a_folder_are_named(mesh, tmp_path):
+    for path in (tmp_path / "none.json", tmp_path):
+        with pytest.raises(OSError, match=f"{re.escape(str(path))}: the edit could not be read"):
+            read_edit(path, mesh)

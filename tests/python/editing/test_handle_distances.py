@@ -6,24 +6,6 @@ import pytest
 import dfd
 
 
-def test_geodesics_are_for_those_who_ask_for_locality(deformer, geodesics, bound):
-    near, far = deformer.add(5), deformer.add(900)
-    _ = deformer.vertices
-    assert geodesics.asked == []
-    deformer.move(far, scale=2)
-    _ = deformer.vertices
-    deformer.change(near, locality=2.0)
-    _ = deformer.weights
-    assert geodesics.asked == [[5]]
-    assert sum(bound) == 3
-    deformer.change(near, locality=4.0)
-    _ = deformer.weights
-    deformer.fix(100)
-    _ = deformer.weights
-    assert geodesics.asked == [[5]]
-    assert deformer.handle(far).controls.locality == 0
-
-
 @pytest.mark.usefixtures("paper_handles")
 def test_locality_is_each_handle_s_own(deformer, geodesics, mesh):
     deformer.add(5, locality=3.0)

@@ -38,17 +38,6 @@ def test_a_move_binds_nothing_and_a_new_handle_binds_itself(deformer, bound):
     assert deformer.weights.shape[1] == 2
 
 
-def test_nothing_is_bound_before_somebody_looks(deformer, bound):
-    for vertex in range(10):
-        deformer.add(vertex)
-    deformer.fix(100)
-    assert bound == []
-    _ = deformer.vertices  # nothing moves yet
-    assert bound == []
-    _ = deformer.weights
-    assert sum(bound) == 10
-
-
 @pytest.mark.usefixtures("paper_handles")
 def test_columns_are_those_of_bind(deformer, geodesics, features, field):
     for at in (1, 2, (0.1, 0.2, 0.3), (0.2, 0.1, 0.3), 3):
@@ -61,18 +50,6 @@ def test_columns_are_those_of_bind(deformer, geodesics, features, field):
     np.testing.assert_array_equal(weights[:, 2:4], dfd.bind(features, points))
     near = dfd.bind(features, [4, 5], geodesic=geodesics.distances([4, 5]), locality=2.0)
     np.testing.assert_array_equal(weights[:, 5:], near)
-
-
-def test_features_are_asked_for_once_and_only_when_needed(mesh, field):
-    with mock.patch.object(Field, "features", return_value=field.features(mesh)) as asked:
-        deformer = dfd.Deformer(mesh, field)
-        deformer.add(5, translation=(0, 1, 0))
-        asked.assert_not_called()
-        _ = deformer.vertices
-        deformer.add(6)
-        _ = deformer.vertices
-        deformer.prepare()
-        asked.assert_called_once()
 
 
 @pytest.mark.usefixtures("about_one_pivot")
@@ -126,21 +103,6 @@ def test_a_drag_ends_with_whatever_else_changes(deformer, mesh, field, features,
         with mock.patch.object(shape, "pose", dfd.pose):
             np.testing.assert_allclose(moved, fresh.vertices, rtol=0, atol=1e-12)
     assert folds == [-1, 1, 1, -1, 1, -1, 1, -1, 1, -1, -1]
-
-
-def test_handles_that_rest_come_and_go_for_nothing(deformer, folds, bound):
-    deformer.add(5, translation=(0, 0.2, 0))
-    second = deformer.add(6)
-    moved = deformer.vertices
-    deformer.add(7, pivot=(1, 2, 3))
-    assert deformer.vertices is moved
-    deformer.remove(second)
-    assert deformer.vertices is moved
-    assert (folds, sum(bound)) == ([-1], 2)
-    deformer.set_default(scale=2)
-    held = deformer.vertices
-    deformer.add(900)
-    assert np.abs(deformer.vertices - held).max() > 0.05
 
 
 # --- columns of weights

@@ -8,7 +8,7 @@ from dfd.editing.controls import Controls
 from dfd.editing.influence import grips, handle_weights
 from dfd.editing.influence.counterparts import Counterpart, CounterpartFinder
 from dfd.geometry.coarse import Share
-from dfd.posing.transforms import affine, rotation_matrix
+from dfd.posing.transforms import rotation_matrix
 
 
 @pytest.fixture(scope="module")
@@ -216,36 +216,6 @@ def test_a_new_handle_has_counterparts_of_its_own(session, mesh, foot):
     np.testing.assert_array_equal(session.vertices, by_default)
     session.change(handle, counterparts="shared_pivot")
     assert (session.vertices != by_default).any()
-
-
-def test_together_is_the_paper_and_asks_nobody(session, rules, mesh, asked, foot):
-    rules(equalize=False)
-    session.add(foot, rotation=(0, 20, 0), counterparts="shared_pivot", pivot="point", reach=1)
-    wanted = dfd.pose(mesh.vertices, session.weights, [affine(rotation=(0, 20, 0), pivot=mesh.vertices[foot])])
-    np.testing.assert_allclose(session.vertices, wanted, atol=1e-12)
-    assert asked == []
-
-
-def test_counterparts_are_found_once_for_a_drag(session, rules, mesh, field, asked, foot):
-    rules(equalize=False)
-    handle = session.add(foot, counterparts="own_pivot")
-    together = {"counterparts": "shared_pivot", "reach": 1}
-    other = session.add(5, translation=(0, 0.01, 0), **together)
-    session.add(6, **together)
-    session.add(7, **together)
-    _ = session.vertices
-    for frame in range(5):
-        session.move(handle, rotation=(0, 10 * frame, 0), merge=frame > 0)
-        dragged = session.vertices
-    assert asked == [(foot, ["found"])]
-    fresh = dfd.Deformer(mesh, field, features=session.features)
-    fresh.apply(session.edit)
-    np.testing.assert_allclose(dragged, fresh.vertices, atol=1e-12)
-    session.move(other, translation=(0, 0.02, 0))
-    _ = session.vertices
-    session.symmetry = "x"
-    _ = session.vertices
-    assert [planes for _, planes in asked[-2:]] == [["found"], [session.symmetry]]
 
 
 def test_the_four_legs_of_a_chair_are_found(mesh, field, sample, foot):

@@ -208,13 +208,6 @@ def test_a_plane_of_symmetry_bends_mirrored(pair, counterparts):
     np.testing.assert_allclose(right * (-1, 1, 1), left, atol=0.02)
 
 
-def test_only_the_own_one_bends_where_look_alikes_do_not_follow(pair):
-    session, count = pair
-    session.add(count - 1, bend=60, counterparts="only")
-    np.testing.assert_array_equal(session.vertices[count:], session.mesh.vertices[count:])
-    assert np.abs(session.vertices[:count] - session.mesh.vertices[:count]).max() > 0.3
-
-
 def test_towards_the_axis_is_refused(one):
     handle = one.add(52 * AROUND)
     with pytest.raises(ValueError, match="`towards` must lead away from the axis of what is held"):

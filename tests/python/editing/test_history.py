@@ -13,22 +13,6 @@ def states(count):
     return [Edit(fixed=(Fixed(Place((float(i), 0.0, 0.0))),)) for i in range(count)]
 
 
-def test_undo_walks_back_to_the_start_and_redo_to_the_end():
-    start, *later = states(500)
-    history = History(start)
-    for state in later:
-        history.commit(state)
-    for state in [*later[-2::-1], start]:
-        assert history.undo()
-        assert history.present == state
-    assert not history.can_undo
-    assert not history.undo()
-    while history.redo():
-        pass
-    assert history.present == later[-1]
-    assert not history.can_redo
-
-
 def test_a_new_step_forgets_what_was_undone():
     first, second, third = states(3)
     history = History(first)
@@ -38,18 +22,6 @@ def test_a_new_step_forgets_what_was_undone():
     assert not history.can_redo
     history.undo()
     assert history.present == first
-
-
-def test_merged_commits_about_one_topic_are_one_step():
-    first, second, third, fourth = states(4)
-    history = History(first)
-    history.commit(second, topic=1)
-    history.commit(third, topic=1, merge=True)
-    history.commit(fourth, topic=1, merge=True)
-    history.undo()
-    assert history.present == first
-    history.redo()
-    assert history.present == fourth
 
 
 @pytest.mark.parametrize("between", ["another topic", "undo and redo", "a plain repetition", "a step"])
@@ -87,37 +59,6 @@ def test_a_merged_step_that_does_nothing_or_fails_does_not_break_the_run(fails):
     assert history.present == first
 
 
-def test_a_step_is_undone_whole():
-    first, second, third = states(3)
-    history = History(first)
-    with history.step():
-        history.commit(second)
-        history.commit(third)
-    history.undo()
-    assert history.present == first
-    history.redo()
-    assert history.present == third
-
-
-def test_a_step_that_fails_never_happened():
-    first, second, third, fourth = states(4)
-    history = History(first)
-    history.commit(second)
-    history.commit(third)
-    history.undo()
-
-    def fail():
-        with history.step():
-            history.commit(fourth)
-            raise KeyError
-
-    with pytest.raises(KeyError):
-        fail()
-    assert history.present == second
-    history.redo()
-    assert history.present == third
-
-
 def test_undo_inside_a_step_stays_inside_it():
     first, second, third = states(3)
     history = History(first)
@@ -142,17 +83,3 @@ def test_steps_inside_steps_are_part_of_the_outer_one():
             history.commit(third)
     history.undo()
     assert history.present == first
-
-
-def test_weights_are_none_once_no_handle_is_left(deformer):
-    with deformer.step():
-        deformer.add(5)
-        deformer.fix(600)
-    count = len(deformer.mesh.vertices)
-    assert deformer.weights.shape == (count, 1)
-    deformer.undo()
-    assert deformer.weights.shape == (count, 0)
-    deformer.redo()
-    assert deformer.weights.shape == (count, 1)
-    deformer.apply(Edit())
-    assert deformer.weights.shape == (count, 0)

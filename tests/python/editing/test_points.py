@@ -7,7 +7,7 @@ from sheet import grid
 
 import dfd
 from dfd.editing.influence.regions import Ball, Box, Group, HalfSpace, Part, VertexSet, distances_from, members
-from dfd.editing.points import Place, find, nearest_vertex, place_on
+from dfd.editing.points import find, nearest_vertex, place_on
 
 
 @pytest.fixture(scope="module")
@@ -102,10 +102,6 @@ def test_a_point_that_is_typed_snaps_to_the_surface_and_says_how_far(mesh):
     assert note.endswith("is vertex 40, 0.1 away")
     assert find(mesh, "40") == (place_on(mesh, 40), "vertex 40")
     assert nearest_vertex(mesh, (x, y + 0.1, z)) == (40, pytest.approx(0.1))
-
-
-def test_a_point_that_is_given_stays_where_it_is(mesh):
-    assert place_on(mesh, (0.1, 0.5, 0.2)) == Place((0.1, 0.5, 0.2))
 
 
 def test_parts_of_a_scene_are_known_by_name(truck):

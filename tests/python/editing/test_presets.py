@@ -14,8 +14,6 @@ import pytest
 import reference
 
 import dfd
-from dfd.app.session.columns import Columns
-from dfd.app.session.state import ViewState, state_message
 from dfd.cli.deform import deform
 from dfd.common.preset import Preset
 from dfd.distillation.settings import DistillSettings
@@ -33,10 +31,6 @@ each_preset = pytest.mark.parametrize("preset", NAMES)
 
 
 # --- the interfaces
-
-
-def test_there_is_one_object_for_each_preset():
-    assert tuple(PRESETS) == NAMES
 
 
 @each_preset
@@ -67,21 +61,6 @@ def test_values_made_of_nothing_are_those_of_the_default():
     assert Controls() == controls_of("default")
     handle = edit_schema()["$defs"]["Handle"]["properties"]
     assert {name: handle[name]["default"] for name in PRESETS["default"].handle} == PRESETS["default"].handle
-
-
-@each_preset
-def test_the_page_is_told_what_a_new_handle_has(mesh, field, features, preset):
-    session = dfd.Deformer(mesh, field, preset=preset, features=features)
-    found = SymmetryPlane((1.0, 0.0, 0.0), 0.0, 0.05, band=9.0)
-    state = state_message(ViewState(planes={preset: [found]}), session, Columns(session), after=0)
-    defaults = PRESETS[preset]
-    assert state.preset == preset
-    reach = PARTLESS_REACH if defaults.reach == "part" else defaults.reach
-    assert (state.new_handle.reach, state.new_handle.falloff) == (reach, defaults.falloff)
-    assert [plane.band for plane in state.planes] == pytest.approx([defaults.band * max(mesh.extents)])
-    if preset == "default":
-        empty = state_message(ViewState(), after=0)
-        assert (empty.preset, empty.new_handle) == (state.preset, state.new_handle)
 
 
 def test_the_command_line_says_the_defaults_in_its_help():

@@ -88,11 +88,6 @@ def test_where_nothing_moves_it_says_why(deformer, change, warning):
     assert str(report) == report.warning
 
 
-def test_a_default_transform_alone_moves_too(deformer):
-    deformer.set_default(translation=(0, 0, 1))
-    assert str(deformer.report()) == "moved 100 % of the vertices, up to 1"
-
-
 def test_little_is_not_nothing(mesh, field):
     features = np.zeros((len(mesh.vertices), 16), np.float32)
     features[:, 0], features[5] = 1, np.eye(16)[1]

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import dfd
-from dfd import Mesh
 from dfd.editing.suggestions import suggest_handles
 
 
@@ -42,12 +41,6 @@ def test_no_more_than_asked_for_and_the_same_every_time(sample) -> None:
 
 def test_a_shape_that_looks_alike_everywhere_has_one_handle(sample) -> None:
     assert len(suggest_handles(sample.mesh, features_of(np.zeros_like(sample.labels)))) == 1
-
-
-def test_the_smallest_mesh_has_a_handle() -> None:
-    mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
-    (one,) = suggest_handles(mesh, features_of(np.zeros(3, int)))
-    assert one.share == 1
 
 
 @pytest.mark.parametrize("count", [0, -1, 1.5])
