@@ -129,22 +129,6 @@ def test_a_slider_of_reach_sends_what_counterparts_have_of_it(client: Client, co
     assert np.abs(after - before).max() > 0.05
 
 
-def test_shares_of_counterparts_that_stay_as_they_are_travel_once(client: Client) -> None:
-    deformer = client.deformer
-    deformer.add(3, reach=1.0, counterparts="own_pivot")
-    client.listen()
-    sent = client.shares
-    assert sent > 1
-    for reach in (0.99, 0.98):
-        deformer.change(1, reach=reach)
-        client.listen()
-    assert client.received == 0
-    assert client.shares == sent
-    client.columns.forget()
-    client.listen()
-    assert client.shares == 2 * sent
-
-
 def test_regions_and_limits_travel_as_weights(client: Client) -> None:
     deformer = client.deformer
     deformer.add(np.arange(40))
@@ -177,28 +161,6 @@ def test_counterparts_act_as_the_kernel_poses_them(client: Client, mode: Any, pi
         goal = (vertices - center) @ linear.T + center + frame @ transform.translation
         moved += np.minimum(entry["gain"] * entry["share"] * weights, 1)[:, None] * (goal - vertices)
     np.testing.assert_allclose(moved, deformer.vertices, atol=4e-3)  # a share has 256 steps
-
-
-def test_a_column_travels_once(client: Client) -> None:
-    deformer = client.deformer
-    deformer.add(3)
-    (first,) = client.listen()["handles"]
-    assert client.received == 1
-    deformer.move(1, translation=(0, 1, 0))
-    deformer.change(1, name="a name")
-    client.listen()
-    assert client.received == 0
-    deformer.change(1, at=20)
-    (second,) = client.listen()["handles"]
-    assert client.received == 1
-    deformer.undo()
-    (third,) = client.listen()["handles"]
-    assert first["column"] == third["column"] != second["column"]
-    deformer.fix(50)
-    client.listen()
-    client.columns.forget()  # a page that comes anew gets all
-    client.listen()
-    assert client.received == 2
 
 
 def test_the_heat_of_a_probe_is_the_column_of_a_handle_there(client: Client) -> None:

@@ -11,7 +11,6 @@ from app_page import Page, Shape
 from dfd.app.options import SessionOptions, Source
 from dfd.app.session import preparation
 from dfd.app.session.distill_process import DistillProcess
-from dfd.app.session.preparation import USUAL_SECONDS, seconds_left
 from dfd.app.web.launch import RunningApp
 
 
@@ -108,16 +107,3 @@ def test_one_distillation_at_a_time(bare: RunningApp) -> None:
         page.until(lambda message: message["type"] == "progress" and message["stage"] == "wait")
     assert page.alive()["field"]["origin"] == "distilled"
     page.close()
-
-
-def test_the_time_left_falls_to_nothing_and_follows_the_machine() -> None:
-    total, now = sum(USUAL_SECONDS.values()), 0.0
-    for stage, seconds in USUAL_SECONDS.items():
-        for step in range(10):
-            left = seconds_left(stage, step, 10, now + 3 * seconds * step / 10)
-            assert left is not None
-            if now > 0:
-                assert left == pytest.approx(3 * total - now - 3 * seconds * step / 10)
-        now += 3 * seconds
-    assert seconds_left("fit", 10, 10, now) == pytest.approx(0.0)
-    assert seconds_left("a stage of another kind", 0, 1, now) is None

@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_field import made_field
-from skinned_figure import skinned_figure
 
 import dfd
 from dfd.app.protocol.parts import KeyPose, PoseTransform
@@ -73,17 +71,3 @@ def test_key_poses_become_an_animation(deformer: Deformer, tmp_path: Path) -> No
     for wrong, message in ((poses[:1], "^Store at least two poses"), ([poses[0]] * 2, "one after the other in time")):
         with pytest.raises(ValueError, match=message):
             export(deformer, "animation", "chair.glb", tmp_path, wrong)
-
-
-def test_a_shape_on_joints_of_its_own_moves_by_morph_targets(tmp_path: Path) -> None:
-    (tmp_path / "figure.glb").write_bytes(skinned_figure())
-    mesh = dfd.load(tmp_path / "figure.glb")
-    deformer = Deformer(mesh, made_field(8, center=mesh.bounds.mean(axis=0), scale=2 / max(mesh.extents)))
-    handle = deformer.add(0)
-    poses = [KeyPose(name="p", seconds=each, transforms=(raised(handle, each / 4),)) for each in (0, 1)]
-    path, said = export(deformer, "animation", "figure.glb", tmp_path, poses)
-    header = header_of(path)
-    assert {each["target"]["path"] for each in header["animations"][-1]["channels"]} == {"weights"}
-    assert any("targets" in primitive for each in header["meshes"] for primitive in each["primitives"])
-    assert "skins" in header
-    assert said.startswith("3 morph targets")

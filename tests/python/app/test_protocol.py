@@ -97,8 +97,3 @@ def test_everything_lies_at_multiples_of_eight() -> None:
     assert (4 + length) % 8 == len(message) % 8 == 0
     assert [each["offset"] for each in json.loads(message[4 : 4 + length])["buffers"]] == [0, 8]
     assert message[4 + length : 4 + length + 6] == b"\0\0\1\0\2\0"
-
-
-def test_types_that_the_protocol_has_not_are_refused() -> None:
-    with pytest.raises(ValueError, match="float64"):
-        pack(PositionsMessage, {"a": np.zeros(2)})

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pytest
 from app_page import Page
 
 import dfd
@@ -152,29 +149,6 @@ def test_a_mirror_plane_that_is_found_is_on_until_it_is_switched_off(new_page: P
     assert new_page.last("state")["symmetry"] is None
 
 
-def test_a_preset_is_one_step_and_stays_when_all_is_cleared(new_page: Page) -> None:
-    page = new_page
-    page.ask("add", at={"vertex": 5}, controls={"reach": 0.4})
-    page.ask("set_preset", preset="paper")
-    state = page.last("state")
-    assert (state["preset"], state["handles"][0]["reach"]) == ("paper", 1)
-    page.ask("undo")
-    assert (page.last("state")["preset"], page.last("state")["handles"][0]["reach"]) == ("default", 0.4)
-    page.ask("redo")
-    page.ask("clear")
-    assert (page.last("state")["preset"], page.last("state")["handles"]) == ("paper", [])
-    assert (
-        "`set_preset.preset`: Input should be 'default' or 'paper'" in page.ask("set_preset", preset="mine")["message"]
-    )
-
-
-def test_the_heat_map_comes_first_and_counterparts_after_it(page: Page) -> None:
-    page.ask("add", at={"vertex": 5})
-    page.until(lambda message: message["type"] == "report")
-    order = [message["type"] for message in page.heard[-5:]]
-    assert order == ["columns", "state", "done", "counterparts", "report"]
-
-
 def test_a_drag_with_the_wheel_is_one_step(page: Page) -> None:
     handle = page.ask("add", at={"vertex": 5})["handle"]
     for step in range(1, 4):
@@ -209,57 +183,6 @@ def test_a_drag_that_cannot_end_as_asked_stays_as_it_was(page: Page) -> None:
     page.ask("undo")
     page.ask("redo")
     assert page.last("state")["handles"][0]["translation"] == [0, 0.1, 0]
-
-
-GESTURES: list[tuple[dict[str, Any], str, list[Any], Callable[[dict[str, Any]], Any], Any]] = [
-    (
-        {"type": "change", "handle": 1},
-        "controls",
-        [{"strength": 0.5}, {"strength": 0.25}],
-        lambda state: state["handles"][0]["strength"],
-        (1.0, 0.25),
-    ),
-    (
-        {"type": "change_fixed", "index": 0},
-        "strength",
-        [0.5, 0.25],
-        lambda state: state["fixed"][0]["strength"],
-        (1.0, 0.25),
-    ),
-    (
-        {"type": "set_symmetry", "plane": "x"},
-        "band",
-        [0.1, 0.2],
-        lambda state: state["symmetry"] and state["symmetry"]["band"],
-        (None, 0.2),
-    ),
-    (
-        {"type": "set_default"},
-        "transform",
-        [{"translation": [0, 1, 0]}, {"translation": [0, 2, 0]}],
-        lambda state: state["default"] and state["default"]["translation"],
-        (None, [0, 2, 0]),
-    ),
-]
-
-
-@pytest.mark.parametrize(("request_", "name", "given", "read", "values"), GESTURES)
-def test_a_slider_is_one_step(
-    page: Page, request_: dict[str, Any], name: str, given: list[Any], read: Callable[[Any], Any], values: Any
-) -> None:
-    handle = page.ask("add", at={"vertex": 5})["handle"]
-    page.ask("fix", at={"vertex": 300})
-    asked = {**request_, "handle": handle} if "handle" in request_ else request_
-    for value, merge in zip(given, (False, True), strict=True):
-        assert page.ask(**asked, **{name: value}, merge=merge)["type"] == "done"
-    assert read(page.last("state")) == values[1]
-    page.ask("undo")
-    assert read(page.last("state")) == values[0]
-    # Another thing just before is no part of the gesture.
-    page.ask("fix", at={"vertex": 200})
-    page.ask(**asked, **{name: given[1]}, merge=True)
-    page.ask("undo")
-    assert len(page.last("state")["fixed"]) == 2
 
 
 def test_a_pose_is_one_step(page: Page) -> None:

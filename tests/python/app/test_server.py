@@ -27,16 +27,6 @@ def test_the_page_and_its_files(app: RunningApp) -> None:
             assert http.get(path).status_code in (404, 405), path
 
 
-def test_the_printed_address_opens_the_page(app: RunningApp) -> None:
-    import httpx2 as httpx
-
-    with httpx.Client(follow_redirects=True, trust_env=False) as http:
-        response = http.get(app.url)
-        assert response.text.startswith("<!doctype html>")
-        assert "token" not in str(response.url)
-        assert http.get(f"http://127.0.0.1:{app.port}/").status_code == 200
-
-
 def test_a_websocket_of_another_site_is_refused(app: RunningApp) -> None:
     cookie = {"Cookie": f"{app.rules.cookie}={app.rules.token}"}
     address = f"ws://127.0.0.1:{app.port}/ws"

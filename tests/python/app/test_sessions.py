@@ -11,7 +11,7 @@ from dfd.app.options import SessionOptions
 from dfd.app.session.session import Session
 from dfd.app.web import sessions
 from dfd.app.web.launch import RunningApp
-from dfd.app.web.sessions import OPENED_ELSEWHERE, SESSION_ENDED, SessionThread
+from dfd.app.web.sessions import OPENED_ELSEWHERE, SESSION_ENDED
 
 
 def session_of(page: Page) -> Session:
@@ -93,30 +93,3 @@ def test_a_server_that_stops_closes_its_pages(options: SessionOptions) -> None:
     app.stop()
     assert page.closed_with() in (SESSION_ENDED, 1012)
     page.close()
-
-
-def test_a_click_waits_for_the_counterparts_of_one_column_at_most_and_deferred_work_comes_last(tmp_path, monkeypatch):  # type: ignore[no-untyped-def]
-    did: list[str] = []
-    pending = ["a", "b"]
-
-    class Stub(Session):
-        has_pending_columns = property(lambda self: bool(pending))  # type: ignore[assignment]
-
-        def send_pending_columns(self) -> None:
-            did.append(f"send {pending.pop()}")
-            thread.call(lambda: did.append("click"))
-
-        def rest(self) -> None:
-            did.append("rest")
-            thread.end()
-
-        def end(self) -> None:
-            did.append("end")
-
-    monkeypatch.setattr(sessions, "Session", Stub)
-    thread = SessionThread(tmp_path, SessionOptions(), lambda message: None, None)
-    for _ in range(3):
-        thread.call(lambda: did.append("click"))
-    while "end" not in did:
-        time.sleep(0.01)
-    assert did == [*["click"] * 3, "send b", "click", "send a", "click", "rest", "end"]
