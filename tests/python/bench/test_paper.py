@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import time
 from itertools import product
 
 import numpy as np
@@ -16,17 +14,13 @@ from tiny_encoder import save_tiny_encoder
 import dfd
 from bench.paper import comparisons, page, resolution
 from bench.paper.__main__ import PAGES
-from bench.paper.comparisons import Case, constraints, farthest
-from bench.paper.features import roughness
+from bench.paper.comparisons import farthest
 from bench.paper.page import Context, write
 from bench.paper.peers import PEERS
-from bench.paper.peers.biharmonic import bilaplacian
-from bench.paper.peers.peer import Body, Done, Job, PeerError, Tetrahedra, in_child, run
-from bench.paper.resolution import defects, gap
+from bench.paper.peers.peer import Body, Done, Job, Tetrahedra, run
 
 igl = pytest.importorskip("igl")
 
-MOVE = np.array([0.0, 0.5, 0.25])
 TINY = {"views": 4, "resolution": 32, "steps": 5, "batch": 64, "up": "file"}
 
 
@@ -34,29 +28,6 @@ TINY = {"views": 4, "resolution": 32, "steps": 5, "batch": 64, "up": "file"}
 def ball() -> dfd.Mesh:
     made = trimesh.creation.icosphere(subdivisions=3)
     return dfd.Mesh(made.vertices, made.faces)
-
-
-@pytest.fixture(scope="module")
-def ends(ball) -> list[int]:
-    """Its top and its bottom."""
-    return [int(ball.vertices[:, 1].argmax()), int(ball.vertices[:, 1].argmin())]
-
-
-def case_of(mesh: dfd.Mesh, ends: list[int], **more) -> Case:
-    held = np.array(ends)
-    to = mesh.vertices[held] + [MOVE, 0 * MOVE]
-    return Case(mesh, held[:1], to[:1], held[1:], held, to, **more)
-
-
-def test_neighbors_go_along_with_the_nearest_point(ball, ends):
-    job = constraints(case_of(ball, ends), 0.1)
-    distance = np.linalg.norm(ball.vertices[:, None] - ball.vertices[ends], axis=2).min(axis=1)
-    assert job.held.tolist() == np.flatnonzero(distance <= 0.2).tolist()
-    upper = ball.vertices[job.held, 1] > 0
-    np.testing.assert_allclose(job.targets - ball.vertices[job.held], np.where(upper[:, None], MOVE, 0), atol=1e-12)
-    assert job.group.tolist() == np.where(upper, 0, -1).tolist()
-    for alone in (constraints(case_of(ball, ends), 0.0), constraints(case_of(ball, ends, dense=True), 0.1)):
-        assert alone.held.tolist() == sorted(ends)
 
 
 # --- pages
@@ -97,20 +68,6 @@ def test_every_page_is_made(name, context, tmp_path, small, one_thread):
     assert set(numbers["presets"]) == {"paper preset", "dfd default"}
 
 
-def test_surfaces_are_measured():
-    box, far = trimesh.creation.box(), (1.001, 0, 0)
-    for offset, count in (((1, 1, 0), 1), ((1, 1, 1), 1), ((3, 0, 0), 0)):  # along an edge, at a vertex, apart
-        both = trimesh.util.concatenate([box, box.copy().apply_translation(offset)])
-        assert defects(dfd.Mesh(both.vertices, both.faces)).non_manifold == count
-    assert defects(dfd.Mesh(box.vertices, box.faces)).holes == 0
-    assert defects(dfd.Mesh(box.vertices, box.faces[1:])).holes == 1
-    both = trimesh.util.concatenate([box, box.copy().apply_translation(far)])
-    mesh = dfd.Mesh(both.vertices, both.faces)
-    assert gap(mesh, mesh.vertices + (mesh.vertices[:, :1] > 0.5005) * (0.25, 0, 0)) == pytest.approx(0.25)
-    cube = dfd.Mesh(box.vertices, box.faces)  # x has slope 1 on four of six sides and 0 on the two across it
-    assert roughness(cube, 3 * cube.vertices[:, 0]) == pytest.approx(3 * 4 / 6 * cube.diagonal)
-
-
 # --- peers
 
 
@@ -146,31 +103,6 @@ def test_handles_reach_their_targets_and_a_move_of_all_moves_the_shape(body, nam
     np.testing.assert_allclose(moved[held], targets, atol=0.02 * size if name == "NeuralMLS" else 1e-6)
     if name != "ARAP":
         np.testing.assert_allclose(np.asarray(peer.weights).sum(axis=1), 1, atol=1e-5)
-
-
-def test_biharmonic_coordinates_are_affinely_exact_and_have_the_least_energy(body):
-    held = farthest(body.vertices, 8)
-    weights, nodes = made("biharmonic", body, held).weights, body.within.nodes
-    handles = np.unique(body.within.nearest(body.vertices[held]))
-    np.testing.assert_allclose(weights @ nodes[handles], nodes, atol=1e-8)
-    energy = bilaplacian(nodes, body.within.cells)
-    slope = energy @ weights
-    slope[handles] = 0
-    assert abs(slope).max() < 1e-8 * abs(energy).max()
-    np.testing.assert_allclose(made("OptCtrlPoints", body, held).weights, weights, atol=1e-8)
-
-
-def test_what_a_method_cannot_do_is_told(body):
-    with pytest.raises(PeerError, match="needs four handles that do not lie in a plane"):
-        made("biharmonic", body, np.flatnonzero(body.vertices[:, 0] == 0)[[0, 3, 9, 20, 30]])
-    assert in_child(len, np.zeros(1_000_000), seconds=60) == 1_000_000  # more than a pipe holds
-    for call, given, message in (
-        (os._exit, 3, r"crashes \(exit code 3\)"),
-        (time.sleep, 60, r"takes longer than 10 s"),
-        (int, "x", "invalid literal"),
-    ):
-        with pytest.raises(PeerError, match=message):
-            in_child(call, given, seconds=10)
 
 
 @pytest.mark.slow

@@ -4,7 +4,7 @@ import numpy as np
 import trimesh
 
 import dfd
-from bench.quality.anatomy import RiggedShape, draw_handles, judge
+from bench.quality.anatomy import RiggedShape, judge
 from bench.quality.measures import area_fractions
 
 
@@ -26,15 +26,6 @@ def two_legs():
     )
 
 
-def test_a_leg_is_meant_with_its_foot_alone_or_with_the_other_side():
-    shape = two_legs()
-    of = shape.of_vertex
-    meant = shape.meant(1)
-    assert any(np.array_equal(each, np.isin(of, [1, 2])) for each in meant)
-    assert any(np.array_equal(each, np.isin(of, [1, 2, 3, 4])) for each in meant)
-    assert not any(each[of == 0].any() for each in meant)
-
-
 def test_a_band_leaves_the_foot_behind():
     shape = two_legs()
     vertex = int(np.flatnonzero(shape.of_vertex == 1)[0])
@@ -42,7 +33,3 @@ def test_a_band_leaves_the_foot_behind():
     assert (whole, left) == (1.0, 0.0)
     band, left = judge(shape, vertex, shape.of_vertex == 1)
     assert np.allclose((band, left), 0.5)
-
-
-def test_handles_are_on_joints_of_limbs():
-    assert [joint for joint, _ in draw_handles(two_legs())] == [1, 2, 3, 4]
