@@ -56,45 +56,6 @@ def test_the_ablation_is_never_smoothed() -> None:
     assert (ablation.smoothing, ablation.metric, ablation.pieces) == (0, "none", False)
 
 
-# Another value of every setting than either preset's.
-OTHERS: dict[str, Any] = {
-    "views": 3,
-    "resolution": 56,
-    "framing": "shape",
-    "simplify_to": None,
-    "up": "+z",
-    "supervision": "vertex",
-    "mirrored": True,
-    "background": False,
-    "block": 2,
-    "smoothing": 0.5,
-    "metric": "learned",
-    "pieces": True,
-    "octaves": 2,
-    "width": 8,
-    "layers": 1,
-    "steps": 9,
-    "epochs": 4,
-    "batch": 11,
-    "learning_rate": 0.5,
-    "schedule": "one_cycle",
-    "seed": 6,
-}
-
-
-def test_every_setting_belongs_to_the_encoder_up_the_pictures_the_spreading_or_the_fit() -> None:
-    settings = DistillSettings()
-    assert {
-        **settings.of_encoder(),
-        **settings.of_pictures(),
-        "up": "auto",
-        "smoothing": 0.3,
-        "metric": "learned",
-        "pieces": True,
-        **settings.of_fit(),
-    } == settings.as_dict()
-
-
 def test_each_one_is_described() -> None:
     assert all(
         f"    {name}\n        {field.description}" in (DistillSettings.__doc__ or "")

@@ -56,14 +56,6 @@ def test_the_energy_is_the_integral_of_the_squared_gradient(gradient: tuple[floa
     assert abs(laplacian @ np.ones(len(points))).max() < 1e-9
 
 
-def test_points_are_spread_by_area() -> None:
-    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 5], [3, 0, 5], [0, 3, 5], [9, 9, 9]], float)
-    faces = np.array([[0, 1, 2], [3, 4, 5], [6, 6, 6]], np.int32)
-    points, face = sample_surface(vertices, faces, 1000, np.random.default_rng(0))
-    assert np.bincount(face, minlength=3).tolist() == [100, 900, 0]
-    assert np.isin(points[:, 2], (0, 5)).all()
-
-
 def test_sheets_that_lie_close_do_not_mix() -> None:
     views = views_of(two_sheets(0.04))
     upper = views.points[:, 1] > 0

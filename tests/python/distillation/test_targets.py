@@ -62,13 +62,10 @@ def test_means_are_the_same_on_any_number_of_threads(views: Views) -> None:
     pixels = PixelTargets(views, tokens)
     generator = np.random.default_rng(1)
     shares = pixels.grid.means(generator.integers(0, 4, 9000), generator.integers(0, 3000, 9000), 3000)
-    threads, means = dfd.get_num_threads(), []
-    try:
-        for count in (1, 2, 5):
-            dfd.set_num_threads(count)
-            means.append(pixels.means_by(shares))
-    finally:
-        dfd.set_num_threads(threads)
+    means = []
+    for count in (1, 2, 5):
+        dfd.set_num_threads(count)
+        means.append(pixels.means_by(shares))
     np.testing.assert_array_equal(means[0], means[1])
     np.testing.assert_array_equal(means[0], means[2])
 

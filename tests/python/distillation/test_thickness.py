@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import dfd
-from dfd.common.threads import get_num_threads, set_num_threads
 from dfd.distillation import thickness
 from dfd.distillation.targets import PointTargets
 from dfd.distillation.thickness import BANDS, RAYS, thickness_bands, thicknesses
@@ -61,13 +60,6 @@ def test_a_slab_is_as_thick_as_the_slanted_ways_through_it() -> None:
     np.testing.assert_allclose(found[middle], 0.1 / np.sort(COSINES)[::-1][MEDIAN], rtol=0.01)
 
 
-def test_an_open_sheet_has_no_thickness() -> None:
-    vertices = np.array([[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]], float)
-    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
-    points, face = sample_surface(vertices, faces, 50, np.random.default_rng(0))
-    np.testing.assert_array_equal(thick(vertices, faces, points, face), 0)
-
-
 def test_bands_go_up_with_thickness_and_are_the_same_on_a_turned_and_larger_copy() -> None:
     sample = dfd.samples.quadruped(4000)
     views, targets = targets_of(sample.mesh)
@@ -90,12 +82,8 @@ def test_bands_go_up_with_thickness_and_are_the_same_on_a_turned_and_larger_copy
 
 def test_one_thread_gives_what_many_give() -> None:
     views, targets = targets_of(dfd.samples.chair(4000).mesh)
-    threads = get_num_threads()
-    try:
-        found = []
-        for count in (1, 3):
-            set_num_threads(count)
-            found.append(thickness_bands(views, targets))
-    finally:
-        set_num_threads(threads)
+    found = []
+    for count in (1, 3):
+        dfd.set_num_threads(count)
+        found.append(thickness_bands(views, targets))
     np.testing.assert_array_equal(*found)

@@ -14,8 +14,6 @@ from dfd.posing.transforms import Transform, frame_of_normal
 
 PYTHON = os.environ.get("DFD_BLENDER_PYTHON")
 SHOWN = Path(__file__).parents[2] / "blender" / "shown.py"
-MESHES = Path(os.environ.get("DFD_MESHES", "nowhere"))
-
 pytestmark = pytest.mark.skipif(PYTHON is None, reason="DFD_BLENDER_PYTHON is not set (make test-blender sets it)")
 
 
@@ -99,15 +97,3 @@ def test_key_poses_are_an_action(session, tmp_path):
     assert len(found["actions"]) == 1
     session.move(1, rotation=(0, 100, 0), translation=(0, 0.3, 0), pivot="point")
     assert np.abs(found["triangles"] - session.vertices[session.mesh.faces]).max() < 1e-4 * session.mesh.diagonal
-
-
-@pytest.mark.parametrize("name", ["milk_truck_textured.glb", "spot.obj"])
-def test_real_shapes(name, tmp_path, make_session):
-    if not (MESHES / name).is_file():
-        pytest.skip(f"DFD_MESHES does not hold {name}")
-    session = make_session(dfd.load(MESHES / name))
-    session.add("top", rotation=(0, 30, 20), counterparts="shared_pivot")
-    session.add("bottom", translation=(0, 0, 0.1 * session.mesh.diagonal), counterparts="shared_pivot")
-    dfd.export_rig(session, tmp_path / "rig.glb")
-    found = blender(tmp_path / "rig.glb")
-    assert apart(found["triangles"], session.vertices[session.mesh.faces]) < 1e-4 * session.mesh.diagonal
