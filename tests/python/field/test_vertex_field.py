@@ -6,12 +6,8 @@ import pickle
 import numpy as np
 import pytest
 import torch
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 import dfd
-
-ROWS = arrays(np.float64, (8, 3), elements=st.integers(-(2**20), 2**20)).filter(lambda rows: rows.any(axis=1).all())
 
 
 @pytest.fixture

@@ -9,8 +9,6 @@ from hypothesis import strategies as st
 
 from dfd.views.cameras import CLEARANCE, MARGIN, Camera, camera_towards, fibonacci_directions, place_cameras
 
-MIRROR = np.array([-1.0, 1.0, 1.0])
-
 
 def cloud(seed: int, count: int, stretch: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> np.ndarray:
     points = np.random.default_rng(seed).normal(size=(count, 3)) * stretch
