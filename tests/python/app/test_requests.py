@@ -26,9 +26,7 @@ def test_a_shape_is_shown_and_edited(page: Page, deformer: Deformer) -> None:
     ]
     state = page.last("state")
     assert state["handles"][0]["name"] == "foot"
-    assert page.last("columns")["columns"][0]["column"] == state["handles"][0]["column"]
-    counterparts = page.until(lambda message: message["type"] == "counterparts")
-    assert counterparts["columns"][0]["column"] == state["handles"][0]["column"]
+    assert page.last("columns")["columns"] == [each["column"] for each in state["handles"][0]["columns"]]
     assert "Moved" in page.until(lambda message: message["type"] == "report")["text"]
     deformer.add(5, translation=(0, -0.3, 0))
     answer = page.ask("compute")
@@ -205,11 +203,11 @@ def test_radius_and_limits_are_set_and_taken_away(page: Page, deformer: Deformer
     page.ask("change", handle=handle, controls={"radius": 0.3, "mask": {"mask": mask}})
     state = page.last("state")["handles"][0]
     assert (state["radius"], state["mask"]) == (0.3, count // 2)
-    assert page.last("columns")["columns"][0]["kind"] == "weight"
     assert state["mask_feather"] == 0
     page.ask("change", handle=handle, controls={"mask_feather": 0.25})
     assert page.last("state")["handles"][0]["mask_feather"] == 0.25
-    assert page.last("columns")["columns"][0]["column"] == page.last("state")["handles"][0]["column"]
+    used = {each["column"] for each in page.last("state")["handles"][0]["columns"]}
+    assert used >= set(page.last("columns")["columns"])
     assert page.ask("change", handle=handle, controls={"mask_feather": -1})["type"] == "failure"
     page.ask("change", handle=handle, controls={"locality": 0.0, "mask": "everywhere"})
     state = page.last("state")["handles"][0]
@@ -273,6 +271,8 @@ def test_a_pose_that_is_shown_is_computed_and_exported_and_the_edit_stays(
     page.ask("redo")
     after = page.last("state")
     kept = ("handles", "fixed", "can_undo", "can_redo", "symmetry")
+    for state in (before, after):
+        del state["handles"][0]["columns"]  # numbered anew
     assert [after[name] for name in kept] == [before[name] for name in kept]
 
 

@@ -13,20 +13,11 @@ A message of the server is a JSON text, or binary where it carries arrays:
 
 `buffers` of the header describes each with its name, type, shape and offset in bytes from the end of the header.
 
-Distances travel, not weights. Of each handle the page has one column of numbers, a value per vertex (`columns`), and of
-the edit what it makes of them (`state`), so that reach, falloff and locality act without a new bind:
-
-    kind "distance"   W = f(max(1 − d / reach, 0)), with `falloff` f              Eq. 4 and 5
-                      W = max(W − F, 0), F the number in the column of fixed places     Eq. 6
-                      W = W (1 − G)^exponent, G in the column's `geodesic`      Eq. 7
-                      W = strength · min(gain · W, 1)
-    kind "weight"     W is the number itself
-    falloff of x      linear x, smooth x² (3 − 2 x), sharp x², root √x, sphere √(x (2 − x)), constant 1 where x > 0
+A handle has a column of weights W, a value per vertex (`columns`), or one for each of its counterparts:
 
     V' = V + Σ W_k (D_k V − V) + max(1 − Σ W_k, 0) (D₀ V − V)      Eq. 1 in its adding form; `compute` poses by any
 
-A column with counterparts acts through them instead: W_k D_k is the sum of min(gain · share · W_k, 1) times the
-transform M of the counterpart. With the handle's linear part L and translation t, and the counterpart's `frame` F, the
-linear part of M is F L Fᵀ, and M maps p to p + F t, where p is `position` + F (pivot − where the handle rests). A
-counterpart is on the side of a plane of symmetry on which its `position` is.
+With the handle's linear part L and translation t, and the column's `frame` F, the linear part of D_k is F L Fᵀ, and D_k
+maps p to p + F t, where p is `position` + F (pivot − where the handle rests); without a frame, D_k is the handle's own
+transform. A column is on the side of a plane of symmetry on which its `position` is.
 """

@@ -9,6 +9,7 @@ from pydantic import create_model
 from dfd.app.protocol.parts import (
     SHOWN,
     ControlEntry,
+    Frame,
     Identifier,
     KeyPose,
     Model,
@@ -59,8 +60,16 @@ class StartMessage(Answer):
     type: Literal["start"] = "start"
 
 
+class ColumnState(Model):
+    """A column of weights: all of a handle's, or those of one counterpart."""
+
+    column: int  # its number; the same number is the same data
+    frame: Frame | None  # rows of the matrix that turns or mirrors the handle's motion into its own
+    position: Vector  # of the handle or the counterpart
+
+
 class HandleBase(PoseTransform):
-    """A live handle: the numbers of the edit, and how the page turns its column into weights."""
+    """A live handle."""
 
     name: str | None
     vertex: int | None  # null where it sits at a point of space or holds a region
@@ -69,11 +78,9 @@ class HandleBase(PoseTransform):
     pivot_set: bool  # whether that was set or found; otherwise it is `position`
     pivot_at: PivotAt | None  # what of the held part it is; null where it is numbers, or nothing was said
     reach_by: Literal["number", "part"]  # what was asked for; `reach` is what that found
-    exponent: float  # λ of the formula: the locality, or what makes the radius's falloff
     mask_part: bool  # whether that region is its part
     region: int  # how many vertices it holds as one; 0 where it is no region
-    gain: float  # what Eq. 6 left at the handle, undone
-    column: int  # the number of its column; the same number is the same data
+    columns: tuple[ColumnState, ...]
     moved: bool  # whether its transform does anything
 
 
@@ -112,7 +119,6 @@ class StateMessage(Answer):
     after: int  # the number of the newest request that it includes
     handles: tuple[HandleState, ...] = ()
     fixed: tuple[FixedState, ...] = ()
-    fixed_column: int = 0  # the number of the column of fixed places; 0 where nothing is fixed
     symmetry: Plane | None = None
     planes: tuple[Plane, ...] = ()  # that were found
     default: PoseTransform | None = None  # D₀, with handle 0 … and its pivot
@@ -142,7 +148,7 @@ class ProgressMessage(Answer):
     """How far the long work in the background is."""
 
     type: Literal["progress"] = "progress"
-    task: Literal["open", "distill", "prepare", "export"]
+    task: Literal["open", "distill", "prepare"]
     stage: str  # as the command line names it; "done", "cancelled" and "failed" are the last ones
     done: int
     total: int | None

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.app.protocol.answers import Answer
-from dfd.app.protocol.parts import Frame, Model, Vector
+from dfd.app.protocol.parts import Model, Vector
 
 
 class Buffer(Model):
@@ -68,51 +68,14 @@ class MeshMessage(Binary):
     warnings: tuple[str, ...]  # of reading the file, sentences
 
 
-class CounterpartEntry(Model):
-    """One of the places where a handle acts.
-
-    `share` names the buffer uint16 (V,), how much of a vertex is its own; null where that is as it was sent before, of
-    the counterpart with the same number of the same column.
-    """
-
-    frame: Frame  # rows of the matrix that turns or mirrors the handle's motion into its own
-    position: Vector  # of its counterpart of the handle
-    gain: float
-    share: str | None
-
-
-class ColumnEntry(Model):
-    """One column: `values` names a buffer uint16 (V,); its number times `scale` / 65535 is the distance or weight."""
-
-    column: int
-    kind: Literal["distance", "weight"]
-    values: str
-    scale: float
-    geodesic: str | None  # buffer uint16 (V,): 65535 is the largest distance along the surface
-
-
 class ColumnsMessage(Binary):
     """Columns that `state` names and the page has not got; it may forget those that `state` no longer names.
 
-    That of the fixed places has the kind "weight": F of Eq. 6.
+    Buffer `values` uint16 (C, V), weights times 65535, one row for each number of `columns`.
     """
 
     type: Literal["columns"] = "columns"
-    columns: tuple[ColumnEntry, ...]
-
-
-class CounterpartsEntry(Model):
-    """The counterparts of one column, that of its handle first; where there are none, the handle acts as it is."""
-
-    column: int
-    counterparts: tuple[CounterpartEntry, ...]
-
-
-class CounterpartsMessage(Binary):
-    """Counterparts of columns that came before; until then such a column acts as one."""
-
-    type: Literal["counterparts"] = "counterparts"
-    columns: tuple[CounterpartsEntry, ...]
+    columns: tuple[int, ...]
 
 
 class HeatMessage(Binary):

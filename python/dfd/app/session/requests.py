@@ -326,14 +326,14 @@ def set_default(session: Session, transform: Transform, merge: bool = False) -> 
 def undo(session: Session) -> None:
     """Undo the newest step."""
     if session.require_deformer().undo():
-        session.tell_all()
+        session.tell_state()
 
 
 @request
 def redo(session: Session) -> None:
     """Redo the step that was undone last."""
     if session.require_deformer().redo():
-        session.tell_all()
+        session.tell_state()
 
 
 @request

@@ -56,7 +56,6 @@ class Session:
         self._uploads: list[Path] = []  # folders of the uploads that the open shape came from
         self.exports: dict[str, Path] = {}  # files to download, by number
         self._shown_edit: Edit | None = None  # as last sent to the page
-        self._ready = True  # whether counterparts can be found
         self._unreported = False  # whether a report is due
         self._pending_edit: OpenedFile | None = None  # opened once the field is ready
         self.source: Source | None = None
@@ -191,7 +190,6 @@ class Session:
         """The shape can be edited."""
         self.deformer, self.columns = deformer, Columns(deformer)
         self.view_state.parts = parts = ShapeParts(deformer)
-        self._ready = path is None
         self.view_state.field = FieldState(status="ready", origin=origin, parts=parts.ways if path is None else ())
         self._tell_progress("prepare", "done")
         for warning in warnings:
@@ -202,12 +200,12 @@ class Session:
             self.guarded(0, lambda: self.open_edit(pending_edit))
 
     def field_prepared(self, planes: Mapping[Preset, Sequence[SymmetryPlane]]) -> None:
-        """Store the symmetry planes, by preset; counterparts and parts can be found without delay from now on.
+        """Store the symmetry planes, by preset; parts can be found without delay from now on.
 
         The best plane is on from the start, unless something was edited meanwhile.
         """
         parts, deformer = self.require_parts(), self.require_deformer()
-        self.view_state.planes, parts.ready, self._ready = planes, True, True
+        self.view_state.planes, parts.ready = planes, True
         self.view_state.field = self.view_state.field.model_copy(update={"parts": parts.ways})
         if (found := planes.get(deformer.preset)) and deformer.edit == Edit(preset=deformer.preset):
             deformer.set_symmetry(found[0], band=band_on(deformer.mesh, deformer.preset))
@@ -215,7 +213,6 @@ class Session:
 
     def field_failed(self, task: str, error: Exception) -> None:
         """Report the failure; the shape stays visible, and an earlier field stays in use."""
-        self._ready = True
         self._tell_progress(task, "failed")
         self.fail(0, sentence(error))
         self._tell_field("none" if self.deformer is None else "ready")
@@ -239,7 +236,6 @@ class Session:
         self.tell_state()
         if self._progress is not None:
             self.send(self._progress)
-        self._report()
 
     def guarded(self, number: int, work: Callable[[], None]) -> None:
         """Do `work`; an exception becomes a `failure` that answers request `number`."""
@@ -270,17 +266,11 @@ class Session:
         With `merge`, the change joins the newest step if that has the same `topic`.
         """
         deformer = self.require_deformer()
-        assert self.columns is not None
         with deformer.step(topic, merge=merge):
             result = work(deformer)
             check_drawable(deformer)
-            columns = self.columns.message()
-            edit_report = None if self.columns.has_pending else report(deformer)
-        if columns is not None:
-            self._send(columns)
+            deformer.bound.columns(deformer.edit)  # what cannot be bound is no change
         self.tell_state()
-        if edit_report is not None:
-            self.send(edit_report)
         return result
 
     def note_shown(self) -> None:
@@ -300,48 +290,27 @@ class Session:
         if self.deformer is None or self.columns is None:
             self.send(state_message(self.view_state, after=self.after))
             return
+        self._shown_edit = self.deformer.edit
         columns = self.columns.message()
         if columns is not None:
             self._send(columns)
-        self._shown_edit = self.deformer.edit
         self.send(state_message(self.view_state, self.deformer, self.columns, after=self.after))
-        self._unreported = self._unreported or self.columns.has_pending
-
-    @property
-    def has_pending_columns(self) -> bool:
-        """Whether there are counterparts to send; they have lower priority than the columns themselves."""
-        return self._ready and self.columns is not None and self.columns.has_pending
-
-    def send_pending_columns(self) -> None:
-        """Send the counterparts of one handle; only one, so that a request can be answered in between."""
-        counterparts = None if self.columns is None else self.columns.counterparts_message()
-        if counterparts is not None:
-            self._send(counterparts)
-
-    def tell_all(self) -> None:
-        """Send the present state and the report."""
-        self.tell_state()
-        self._report()
-
-    def _report(self) -> None:
-        """Send the report, unless counterparts must be computed first."""
-        if self.deformer is not None and self.columns is not None and not self.columns.has_pending:
-            self._unreported = False
-            self.send(report(self.deformer))
+        self._unreported = True
 
     def set_poses(self, poses: tuple[KeyPose, ...]) -> None:
         """Replace the key poses."""
         self.view_state.poses = poses
         self.tell_state()
 
-    def rest(self) -> None:
-        """Do deferred work between requests: the report, and an edit that was changed from outside."""
+    def run_deferred(self) -> None:
+        """Do deferred work between requests: send an edit that was changed from outside, and the report."""
         if self.deformer is None:
             return
         if self.deformer.edit is not self._shown_edit:
-            self.tell_all()
-        elif self._unreported:
-            self._report()
+            self.tell_state()
+        if self._unreported:
+            self._unreported = False
+            self.send(report(self.deformer))
 
     def end(self) -> None:
         """Stop background work."""

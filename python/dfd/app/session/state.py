@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dfd.app.protocol import parts
-from dfd.app.protocol.answers import FieldState, FixedState, HandleState, ReportMessage, StateMessage
+from dfd.app.protocol.answers import ColumnState, FieldState, FixedState, HandleState, ReportMessage, StateMessage
 from dfd.app.protocol.binary_messages import ColorsMessage, PositionsMessage, pack
 from dfd.app.protocol.parts import KeyPose, Plane, PoseTransform
 from dfd.app.session.columns import Columns
@@ -55,9 +55,11 @@ def state_message(
         return StateMessage(preset="default", **common)
     mesh, preset = deformer.mesh, deformer.preset
     return StateMessage(
-        handles=tuple(_handle(deformer, columns, handle, view_state.parts) for handle in deformer.handles),
+        handles=tuple(
+            _handle(deformer, handle, columns.of_handle(index), view_state.parts)
+            for index, handle in enumerate(deformer.handles)
+        ),
         fixed=tuple(_fixed(mesh, fixed) for fixed in deformer.fixed),
-        fixed_column=columns.of_fixed(),
         symmetry=None if deformer.symmetry is None else _plane(deformer.symmetry),
         planes=tuple(_plane(replace(plane, band=band_on(mesh, preset))) for plane in view_state.planes.get(preset, ())),
         default=None if deformer.default is None else _default(deformer.default, box_center(mesh)),
@@ -68,13 +70,14 @@ def state_message(
     )
 
 
-def _handle(deformer: Deformer, columns: Columns, handle: Handle, parts: ShapeParts | None) -> HandleState:
+def _handle(
+    deformer: Deformer, handle: Handle, columns: tuple[ColumnState, ...], parts: ShapeParts | None
+) -> HandleState:
     transform, controls = handle.transform, handle.controls
-    bound, edit = deformer.bound, deformer.edit
     values = {
         **{name: getattr(transform, name) for name in MOTION},
         **{name: getattr(controls, name) for name in CONTROLS},
-        "reach": bound.by_features.reach(handle),
+        "reach": deformer.bound.by_features.reach(handle),
         "excluded_counterparts": tuple(
             place.vertex for place in controls.excluded_counterparts if place.vertex is not None
         ),
@@ -89,10 +92,8 @@ def _handle(deformer: Deformer, columns: Columns, handle: Handle, parts: ShapePa
         pivot_set=transform.pivot is not None,
         reach_by=controls.reach if isinstance(controls.reach, str) else "number",
         mask_part=parts is not None and parts.limits(handle),
-        exponent=bound.by_features.locality(edit, handle)[2],
         region=_size(deformer.mesh, handle.place.region),
-        gain=bound.by_features.gain(edit, handle),
-        column=columns.of_handle(handle),
+        columns=columns,
         moved=not transform.rests,
         **values,
     )

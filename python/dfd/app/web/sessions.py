@@ -24,8 +24,7 @@ OPENED_ELSEWHERE, SESSION_ENDED = 4001, 4002  # close codes of a WebSocket
 MOST_UNATTENDED = 8  # sessions that no page shows; beyond, the one that was left first ends
 # Of these, only the newest request is answered: the pointer or the shape has changed since the older ones.
 NEWEST_ONLY = ("probe", "compute")
-REST_PAUSE = 0.5  # seconds without a request, after which the session does deferred work
-COUNTERPARTS_PAUSE = 0.05  # seconds without a request, after which counterparts are computed
+REST_PAUSE = 0.2  # seconds without a request, after which the session does deferred work
 
 Outbox = asyncio.Queue[str | bytes | int]  # messages for a page; a number is the code to close its WebSocket with
 
@@ -69,13 +68,10 @@ class SessionThread:
     def _run(self) -> None:
         session = self.session
         while True:
-            pending = False
-            with contextlib.suppress(Exception):  # the next request meets and tells it
-                pending = session.has_pending_columns
             try:
-                work = self._inbox.get(timeout=COUNTERPARTS_PAUSE if pending else REST_PAUSE)
+                work = self._inbox.get(timeout=REST_PAUSE)
             except queue.Empty:
-                work = session.send_pending_columns if pending else session.rest
+                work = session.run_deferred
             if work is None:
                 session.end()
                 return

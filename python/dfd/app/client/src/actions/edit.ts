@@ -1,7 +1,6 @@
 /** What a person does to the shape, where that is more than one request. */
 
 import type { Transform } from "../posing/affine";
-import { weightLayer } from "../posing/columns";
 import type { Controls, PoseTransform, TakePart } from "../protocol/messages";
 import { present, ready, serverPoses, store, type Ahead } from "../store/state";
 import { ask, congested, send } from "./connection";
@@ -43,7 +42,7 @@ export async function previewPart(how: PartChange | null): Promise<boolean> {
   if (how === null || selected === null) return true;
   const answer = await ask({ type: "take_part", handle: selected, how, preview: true }, true);
   if (answer && previewed === how && store.get().selected === selected)
-    store.set({ probe: { vertex: null, layer: weightLayer(answer.payload.get("values", "uint16")) } });
+    store.set({ probe: { vertex: null, weights: answer.payload.get("values", "uint16") } });
   return answer !== null;
 }
 
@@ -96,6 +95,8 @@ interface Drag {
   timer: number;
   begun: boolean;
   latest: Transform | null;
+  /** What the wheel did and the server does not know. */
+  controls: Controls;
 }
 
 let drag: Drag | null = null;
@@ -103,7 +104,7 @@ let drag: Drag | null = null;
 export function startDrag(): void {
   const { selected } = store.get();
   if (selected === null) return;
-  drag = { handle: selected, sent: 0, timer: 0, begun: false, latest: null };
+  drag = { handle: selected, sent: 0, timer: 0, begun: false, latest: null, controls: {} };
   store.set({ dragging: true, probe: null, moment: null, playing: false });
 }
 
@@ -130,40 +131,40 @@ export function endDrag(): void {
   if (drag) {
     const { handle, latest, timer } = drag;
     clearTimeout(timer);
-    const reach = store.get().ahead.get(handle)?.reach;
-    if (latest) showAhead(handle, {}, sendDrag(drag, latest, true, reach));
-    else if (reach !== undefined) change(handle, { reach });
+    if (latest) showAhead(handle, {}, sendDrag(drag, latest, true));
   }
   drag = null;
   store.set({ dragging: false });
 }
 
-function sendDrag(own: Drag, transform: Transform, settle: boolean, reach?: number): number {
+function sendDrag(own: Drag, transform: Transform, settle: boolean): number {
   own.sent = performance.now();
-  // What the wheel did under way is part of the same step.
-  const controls = reach === undefined ? {} : { reach };
   const request = send({
     type: "move",
     handle: own.handle,
     transform: message(own.handle, transform),
-    controls,
+    controls: own.controls,
     merge: own.begun,
     settle,
   });
   own.begun = true;
+  own.controls = {};
   // Some ways to blend are not in the shader: then the server poses, as fast as it can.
   if (serverPoses(store.get()) && !settle) send({ type: "compute" });
   return request;
 }
 
-/** While the wheel turns in a drag, the shape follows at once and the server hears of it at the drag's end. */
+/** What the wheel does in a drag is part of the same step. */
 export function wheelReach(handle: number, factor: number): void {
   const state = store.get();
   const known = state.edit?.handles.find((other) => other.handle === handle);
   if (!known) return;
   const reach = Math.min(Math.max(present(state, known).reach * factor, 0.02), 2);
-  if (drag) showAhead(handle, { reach }, Infinity);
-  else slide(handle, { reach });
+  if (drag?.latest) {
+    drag.controls = { reach };
+    showAhead(handle, { reach }, Infinity);
+    dragTo(drag.latest);
+  } else slide(handle, { reach });
 }
 
 /** Have a slider of a handle say another value. */

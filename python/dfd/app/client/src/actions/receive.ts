@@ -1,10 +1,9 @@
 /** What the server's messages do to the store. */
 
-import type { Payload, Received } from "../protocol/binary_messages";
-import { weightLayer } from "../posing/columns";
+import type { Received } from "../protocol/binary_messages";
 import { surfaceOf } from "../posing/held";
-import type { ColumnsMessage, CounterpartsMessage, StateMessage } from "../protocol/messages";
-import { CLOSED, serverPoses, store, type ColumnData, type State } from "../store/state";
+import type { StateMessage } from "../protocol/messages";
+import { CLOSED, serverPoses, store, type State } from "../store/state";
 import { PROTOCOL } from "./connection";
 import { note, problem } from "./toasts";
 
@@ -36,14 +35,11 @@ export function receive({ message, payload }: Received): void {
       store.set(followed(message));
       break;
     case "columns":
-      store.set({ columns: new Map([...store.get().columns, ...columnsOf(message, payload)]) });
-      break;
-    case "counterparts":
-      store.set({ columns: withCounterparts(message, payload) });
+      store.set({ columns: withColumns(message.columns, payload.get("values", "uint16")) });
       break;
     case "heat": {
       if (message.vertex === null || store.get().hover?.vertex !== message.vertex) break;
-      store.set({ probe: { vertex: message.vertex, layer: weightLayer(payload.get("values", "uint16")) } });
+      store.set({ probe: { vertex: message.vertex, weights: payload.get("values", "uint16") } });
       break;
     }
     case "progress": {
@@ -92,7 +88,7 @@ function takeBack(request: number): void {
 
 function followed(message: StateMessage): Partial<State> {
   const state = store.get();
-  const used = new Set([message.fixed_column, ...message.handles.map((handle) => handle.column)]);
+  const used = new Set(message.handles.flatMap((handle) => handle.columns.map(({ column }) => column)));
   const present = new Set(message.handles.map((handle) => handle.handle));
   const before = new Set(state.edit?.handles.map((handle) => handle.handle));
   const added = message.handles.filter((handle) => !before.has(handle.handle));
@@ -107,27 +103,9 @@ function followed(message: StateMessage): Partial<State> {
   };
 }
 
-function columnsOf(message: ColumnsMessage, payload: Payload): [number, ColumnData][] {
-  return message.columns.map(({ column, values, scale, kind, geodesic }) => {
-    const along = geodesic === null ? null : payload.get(geodesic, "uint16");
-    return [
-      column,
-      { layer: { values: payload.get(values, "uint16"), scale, kind, geodesic: along }, counterparts: [] },
-    ];
-  });
-}
-
-/** The columns, with the counterparts of some of them. */
-function withCounterparts(message: CounterpartsMessage, payload: Payload): Map<number, ColumnData> {
-  const columns = new Map(store.get().columns);
-  for (const entry of message.columns) {
-    const data = columns.get(entry.column);
-    if (!data) continue;
-    const counterparts = entry.counterparts.map(({ share, ...rest }, i) => ({
-      ...rest,
-      share: share === null ? data.counterparts[i].share : weightLayer(payload.get(share, "uint16")),
-    }));
-    columns.set(entry.column, { ...data, counterparts });
-  }
-  return columns;
+/** The columns, with those of the rows of (C, V) weights. */
+function withColumns(numbers: readonly number[], rows: Uint16Array): Map<number, Uint16Array> {
+  const size = rows.length / numbers.length;
+  const added = numbers.map((number, i) => [number, rows.subarray(i * size, (i + 1) * size)] as const);
+  return new Map([...store.get().columns, ...added]);
 }

@@ -4,12 +4,10 @@ import type { SimilarPoint } from "../protocol/messages";
 import { selectedHandle, store, type State } from "../store/state";
 import { ask, send } from "./connection";
 
-/** What they depend on; null while there is nothing to ask, or finding them would hold up what is more urgent. */
+/** What they depend on; null while there is nothing to ask. */
 function key(state: State): string | null {
   const handle = selectedHandle(state);
-  const column = handle && state.columns.get(handle.column);
-  if (!column || state.dragging || handle.counterparts === "only") return null;
-  if (handle.counterparts === "own_pivot" && column.counterparts.length === 0) return null;
+  if (!handle || state.dragging || handle.counterparts === "only") return null;
   const symmetry = JSON.stringify(state.edit?.symmetry?.normal ?? null);
   return [handle.handle, handle.position, handle.excluded_counterparts, handle.counterparts, symmetry].join(" ");
 }

@@ -32,7 +32,7 @@ export function ControlField({ name, handle }: ControlProps) {
   const set = (given: unknown) => change(id, { [name]: given });
   if (kind === "switch") return <Toggle label={label} hint={hint} checked={value === true} onChange={set} />;
   if (slider === null)
-    return <Select label={label} hint={hint} value={String(value)} options={choices} onChange={set} />;
+    return <Select label={label} hint={hint} value={value as string} options={choices} onChange={set} />;
   const unit = kind === "length" ? size : 1;
   const number = Number(value);
   return (

@@ -249,15 +249,16 @@ interface PartButtonsProps {
 }
 
 /** What else the handle can hold: it lights up before it is taken. */
-function PartButtons({ ways, handle: { handle, column } }: PartButtonsProps) {
+function PartButtons({ ways, handle: { handle, columns } }: PartButtonsProps) {
   const [pointed, setPointed] = useState<PartChange | null>(null);
   const [missing, setMissing] = useState<readonly PartChange[]>([]);
-  useEffect(() => setMissing([]), [handle, column]);
+  const held = [handle, ...columns.map(({ column }) => column)].join();
+  useEffect(() => setMissing([]), [held]);
   useEffect(() => {
     void previewPart(pointed).then((found) => {
       if (!found && pointed) setMissing((others) => [...others, pointed]);
     });
-  }, [pointed, handle, column]);
+  }, [pointed, held]);
   const leave = () => setPointed(null);
   return (
     <div class="buttons" role="group" aria-label="Held part" onPointerLeave={leave} onFocusOut={leave}>

@@ -1,55 +1,24 @@
 /**
- * What poses the shape: a column of weights per handle or counterpart, and what they do to single points, in float64. The
- * twin of `src/shaders/pose.glsl`: for marks and measures, and for tests to compare with.
+ * What poses the shape: columns of weights, and what they do to single points, in float64. The twin of
+ * `src/shaders/pose.glsl`: for marks and measures, and for tests to compare with.
  */
 
-import type { HandleState } from "../protocol/messages";
 import { Matrix4 } from "three";
 
 import { apply, reflection, type Vec3 } from "./affine";
 
-export type Falloff = HandleState["falloff"];
-/** Their numbers in the shader. */
-export const FALLOFFS: Record<Falloff, number> = { linear: 0, smooth: 1, sharp: 2, root: 3, sphere: 4, constant: 5 };
-
 const UNIT = 1 / 65535;
 
-/** Numbers per vertex that lie in one layer of the texture: `values` times `scale` / 65535. */
-export interface Layer {
-  /** (V) feature distances, weights or shares. */
-  readonly values: Uint16Array;
-  readonly scale: number;
-  readonly kind: "distance" | "weight";
-  /** (V) distances along the surface in [0, 65535]; null is 0 everywhere. */
-  readonly geodesic: Uint16Array | null;
-}
-
-export function weightLayer(values: Uint16Array): Layer {
-  return { values, scale: 1, kind: "weight", geodesic: null };
-}
-
 export interface Column {
-  /** The handle's number; 0 is the probe under the pointer, which moves nothing. */
+  /** The handle's number; 0 is what only the heat map shows, which moves nothing. */
   readonly handle: number;
-  readonly layer: Layer;
-  /** Weights of the fixed places; null where there are none. */
-  readonly fixed: Layer | null;
-  /** Share of this counterpart in the handle's weight; null is all of it. */
-  readonly share: Layer | null;
-  readonly shareGain: number;
-  readonly reach: number;
-  readonly falloff: Falloff;
-  /** λ of Eq. 7. */
-  readonly exponent: number;
-  readonly gain: number;
-  readonly strength: number;
-  /** Whether the handle stands on the side that the mirror's normal points to. */
+  /** (V) weights times 65535. */
+  readonly weights: Uint16Array;
+  /** Whether it stands on the side that the mirror's normal points to. */
   readonly positive: boolean;
   /** How much of it the heat map shows. */
   readonly heat: number;
   readonly transform: Matrix4;
-  /** Whether it takes part in the sum of weights. */
-  readonly acts: boolean;
 }
 
 export interface Mirror {
@@ -67,27 +36,8 @@ export interface Scene {
 
 export const EMPTY_SCENE: Scene = { columns: [], defaultTransform: null, mirror: null };
 
-export const CURVES: Record<Falloff, (q: number) => number> = {
-  linear: (q) => q,
-  smooth: (q) => q * q * (3 - 2 * q),
-  sharp: (q) => q * q,
-  root: Math.sqrt,
-  sphere: (q) => Math.sqrt(q * (2 - q)),
-  constant: (q) => (q > 0 ? 1 : 0),
-};
-
-/** Weight of one vertex for a column: Eq. 4 to 7 with reach, falloff, gain and strength, and the counterpart's share. */
-export function weightOf(column: Column, vertex: number): number {
-  const { layer, fixed, share } = column;
-  let weight = layer.values[vertex] * UNIT * layer.scale;
-  if (layer.kind === "distance") {
-    weight = CURVES[column.falloff](Math.max(1 - weight / column.reach, 0));
-    if (fixed) weight = Math.max(weight - fixed.values[vertex] * UNIT * fixed.scale, 0);
-    const along = layer.geodesic ? layer.geodesic[vertex] * UNIT : 0;
-    if (column.exponent > 0) weight *= Math.max(1 - along, 0) ** column.exponent;
-    weight = column.strength * Math.min(column.gain * weight, 1);
-  }
-  return share ? Math.min(column.shareGain * share.values[vertex] * UNIT * weight, 1) : weight;
+export function weightOf({ weights }: Column, vertex: number): number {
+  return weights[vertex] * UNIT;
 }
 
 /** Whether two scenes look the same. */
@@ -140,7 +90,7 @@ export function posePoint(scene: Scene, point: Vec3, vertex: number): { position
   for (const column of scene.columns) {
     const weight = weightOf(column, vertex);
     heat += weight * column.heat;
-    if (!column.acts) continue;
+    if (column.handle === 0) continue;
     total += weight;
     const own = column.positive ? positive : 1 - positive;
     addMove(column.transform, weight * (mirror ? own : 1));

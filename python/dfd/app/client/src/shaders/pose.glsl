@@ -1,9 +1,9 @@
-// Eq. 1 and 8 for one vertex, with weights made of distances (Eq. 4 to 7). `src/viewer/twin.ts` says the same in
-// TypeScript, and tests hold the two together. Each of the names MIRROR, DEFAULT, FIXED, SHARE, ALONG, CURVED and TURNED
-// is defined where the scene has such a thing: processors that draw run through every branch, taken or not.
+// Eq. 1 and 8 for one vertex. `src/posing/columns.ts` says the same in TypeScript, and tests hold the two together. Each
+// of the names MIRROR, DEFAULT and TURNED is defined where the scene has such a thing: processors that draw run through
+// every branch, taken or not.
 
-uniform highp usampler2DArray distances; // (layers) rows of 4096 texels: R a distance, weight or share, G a geodesic one
-uniform highp sampler2D columns;         // (columns, 10) what each column does, see `src/viewer/pose_textures.ts`
+uniform highp usampler2DArray weights; // (layers) rows of 4096 texels
+uniform highp sampler2D columns;       // (columns, 7) what each column does, see `pose_textures.ts`
 uniform int columnCount;
 uniform mat4 defaultTransform; // D₀
 uniform vec4 mirror;           // unit normal and offset
@@ -17,40 +17,8 @@ struct Posed {
   float heat;
 };
 
-uvec2 stored(int layer, int at) {
-  return texelFetch(distances, ivec3(at & 4095, at >> 12, layer), 0).rg;
-}
-
 vec4 entry(int texel, int k) {
   return texelFetch(columns, ivec2(texel, k), 0);
-}
-
-float falloff(float q, int kind) {
-  if (kind == 1) return q * q * (3.0 - 2.0 * q);
-  if (kind == 2) return q * q;
-  if (kind == 3) return sqrt(q);
-  if (kind == 4) return sqrt(q * (2.0 - q));
-  if (kind == 5) return q > 0.0 ? 1.0 : 0.0;
-  return q;
-}
-
-// What `dfd.app.protocol` says of a column's numbers, in its order.
-float weightOf(int k, vec4 layers, int at) {
-  vec4 shape = entry(6, k);  // reach, falloff, λ, gain
-  vec4 scales = entry(8, k); // of its numbers, whether they are weights, of fixed ones; strength
-  uvec2 own = stored(int(layers.x), at);
-  float value = float(own.r) * UNIT * scales.x;
-  float weight = max(1.0 - value / shape.x, 0.0); // Eq. 4 and 5
-#ifdef CURVED
-  weight = falloff(weight, int(shape.y));
-#endif
-#ifdef FIXED
-  if (layers.y >= 0.0) weight = max(weight - float(stored(int(layers.y), at).r) * UNIT * scales.z, 0.0); // Eq. 6
-#endif
-#ifdef ALONG
-  if (shape.z > 0.0) weight *= pow(max(1.0 - float(own.g) * UNIT, 0.0), shape.z); // Eq. 7
-#endif
-  return scales.y > 0.5 ? value : scales.w * min(shape.w * weight, 1.0);
 }
 
 // How much of a point belongs to the side that the mirror's normal points to: a step, or smooth over the band.
@@ -71,20 +39,16 @@ Posed posed(vec3 point, int at) {
   float positive = positiveShare(point);
 #endif
   for (int k = 0; k < columnCount; k++) {
-    vec4 layers = entry(7, k); // of distances, of fixed places, of the counterpart's share; side
-    vec4 role = entry(9, k);   // how it shows in the heat map, whether it acts; counterpart's gain
-    float weight = weightOf(k, layers, at);
-#ifdef SHARE
-    if (layers.z >= 0.0) weight = min(role.z * float(stored(int(layers.z), at).r) * UNIT * weight, 1.0);
-#endif
-    heat += weight * role.x;
-    weight *= role.y;
+    vec4 role = entry(6, k); // the layer of its weights, its side, how it shows in the heat map, whether it acts
+    float weight = float(texelFetch(weights, ivec3(at & 4095, at >> 12, int(role.x)), 0).r) * UNIT;
+    heat += weight * role.z;
+    weight *= role.w;
     // Rows of D − I, and of its mirror image on the other side of the plane.
     vec4 x = entry(0, k);
     vec4 y = entry(1, k);
     vec4 z = entry(2, k);
 #ifdef MIRROR
-    float own = layers.w > 0.0 ? positive : 1.0 - positive;
+    float own = role.y > 0.0 ? positive : 1.0 - positive;
     x = mix(entry(3, k), x, own);
     y = mix(entry(4, k), y, own);
     z = mix(entry(5, k), z, own);

@@ -1,7 +1,6 @@
 /** Everything that the page shows; what the server says of the edit lies in `edit` as it came. */
 
-import type { Frame, Transform, Vec3 } from "../posing/affine";
-import type { Layer } from "../posing/columns";
+import type { Transform } from "../posing/affine";
 import type { Surface } from "../posing/held";
 import type { Payload } from "../protocol/binary_messages";
 import type {
@@ -22,20 +21,6 @@ export type Tool = "hold" | "fix" | "paint" | "box" | "pivot";
 export type View = "usual" | "front" | "back" | "right" | "left" | "top" | "bottom";
 export type GizmoMode = "translate" | "rotate" | "scale" | "bend";
 
-export interface Counterpart {
-  /** Rows of the orthogonal matrix that turns or mirrors the handle's motion into the counterpart's. */
-  readonly frame: Frame;
-  /** Of the handle's counterpart. */
-  readonly position: Vec3;
-  readonly gain: number;
-  readonly share: Layer;
-}
-
-export interface ColumnData {
-  readonly layer: Layer;
-  readonly counterparts: readonly Counterpart[];
-}
-
 /** What the page knows before the server does: a drag or a slider under way. It ends with a state that includes it. */
 export interface Ahead extends Partial<Omit<HandleState, "handle">> {
   readonly transform?: Transform;
@@ -52,7 +37,7 @@ export interface Hover {
 /** What a handle would hold: a new one at a vertex, or the selected one with another part. */
 export interface Probe {
   readonly vertex: number | null;
-  readonly layer: Layer;
+  readonly weights: Uint16Array;
 }
 
 export interface Toast {
@@ -79,13 +64,14 @@ export const CLOSED = {
   /** What the server posed, where the shader cannot. */
   posed: null as Posed | null,
   edit: null as StateMessage | null,
-  columns: new Map() as ReadonlyMap<number, ColumnData>,
+  /** (V) weights times 65535, by the numbers of columns. */
+  columns: new Map() as ReadonlyMap<number, Uint16Array>,
   ahead: new Map() as ReadonlyMap<number, Ahead>,
   selected: null as number | null,
   hover: null as Hover | null,
   probe: null as Probe | null,
   /** What the brush has touched, a bit per vertex and the same as weights. */
-  painted: null as { readonly mask: Uint8Array; readonly layer: Layer; readonly count: number } | null,
+  painted: null as { readonly mask: Uint8Array; readonly weights: Uint16Array; readonly count: number } | null,
   suggestions: [] as readonly Suggestion[],
   /** The places that look like the one that the selected handle holds. */
   similar: null as SimilarMessage | null,
@@ -151,7 +137,6 @@ export function present(state: State, handle: HandleState): HandleState & { read
   const begins: Transform = found ? { ...own, pivot: state.axis.auto, pivotAt: "auto" } : own;
   return {
     ...handle,
-    exponent: ahead?.locality ?? handle.exponent,
     // One of locality and radius ends the other.
     radius: ahead?.locality === undefined ? handle.radius : null,
     ...ahead,

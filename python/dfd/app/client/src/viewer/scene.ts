@@ -14,22 +14,25 @@ import {
   type Transform,
   type Vec3,
 } from "../posing/affine";
-import { EMPTY_SCENE, type Column, type Layer, type Mirror, type Scene } from "../posing/columns";
+import { EMPTY_SCENE, type Column, type Mirror, type Scene } from "../posing/columns";
 import { heldPart } from "../posing/held";
-import type { Plane } from "../protocol/messages";
-import { present, type Counterpart, type State } from "../store/state";
+import type { ColumnState, HandleState, Plane } from "../protocol/messages";
+import { present, type State } from "../store/state";
 
-/** The handle's motion about the counterpart's own pivot, turned or mirrored into its frame. */
-export function counterpartMatrix(matrix: Matrix4, pivot: Vec3, { frame }: Counterpart, own: Vec3): Matrix4 {
+/** The handle's motion about the pivot of a column, turned or mirrored into its frame. */
+export function columnMatrix(handle: Placed, { frame, position }: ColumnState): Matrix4 {
+  const { transform, position: held } = handle;
+  const matrix = matrixOf(transform, held);
+  if (frame === null) return matrix;
   const back = basisOf(frame);
-  const turned = relative(matrix, pivot).premultiply(back.clone().transpose()).multiply(back);
-  return relative(turned, subtract([0, 0, 0], own));
+  const turn = back.clone().transpose();
+  const pivot = transform.pivot ?? held;
+  // Its pivot lies to it as the pivot of the handle lies to the handle.
+  const own = add(position, apply(turn, subtract(pivot, held)));
+  return relative(relative(matrix, pivot).premultiply(turn).multiply(back), subtract([0, 0, 0], own));
 }
 
-/** The pivot of a counterpart: it lies to the counterpart as the pivot of the handle lies to the handle. */
-export function counterpartPivot(transform: Transform, position: Vec3, { frame, position: own }: Counterpart): Vec3 {
-  return add(own, apply(basisOf(frame).transpose(), subtract(transform.pivot ?? position, position)));
-}
+type Placed = Pick<HandleState, "position"> & { readonly transform: Transform };
 
 export function mirrorOf(plane: Plane, center: Vec3): Mirror {
   const [x, y, z] = plane.normal;
@@ -43,50 +46,24 @@ export function sceneOf(state: State): Scene {
   if (!edit || !mesh) return EMPTY_SCENE;
   const { center } = mesh;
   const { symmetry } = edit;
-  const fixed = known.get(edit.fixed_column)?.layer ?? null;
   const columns: Column[] = [];
   for (const own of edit.handles) {
-    const data = known.get(own.column);
-    if (!data) continue;
     const handle = present(state, own);
-    const { transform, position, reach, falloff, exponent, gain, strength } = handle;
-    const matrix = state.comparing ? IDENTITY : matrixOf(transform, position);
-    const column: Column = {
-      handle: own.handle,
-      layer: data.layer,
-      fixed: data.layer.kind === "weight" ? null : fixed,
-      share: null,
-      shareGain: 1,
-      reach,
-      falloff,
-      exponent,
-      gain,
-      strength,
-      positive: isPositive(symmetry, position),
-      heat: !probe && !painted && state.selected === own.handle ? 1 : 0,
-      transform: relative(matrix, center),
-      acts: true,
-    };
-    const ofCounterpart = (counterpart: Counterpart): Column => ({
-      ...column,
-      share: counterpart.share,
-      shareGain: counterpart.gain,
-      positive: isPositive(symmetry, counterpart.position),
-      transform: relative(
-        counterpartMatrix(
-          matrix,
-          transform.pivot ?? position,
-          counterpart,
-          counterpartPivot(transform, position, counterpart),
-        ),
-        center,
-      ),
-    });
-    columns.push(...(data.counterparts.length > 0 ? data.counterparts.map(ofCounterpart) : [column]));
+    for (const each of own.columns) {
+      const weights = known.get(each.column);
+      if (!weights) continue;
+      columns.push({
+        handle: own.handle,
+        weights,
+        positive: isPositive(symmetry, each.position),
+        heat: !probe && !painted && state.selected === own.handle ? 1 : 0,
+        transform: state.comparing ? IDENTITY : relative(columnMatrix(handle, each), center),
+      });
+    }
   }
   // What was painted, in a color of the ramp that stands out from pale shapes too.
-  if (painted) columns.push(shownColumn(painted.layer, PAINTED));
-  else if (probe) columns.push(shownColumn(probe.layer, 1));
+  if (painted) columns.push(shownColumn(painted.weights, PAINTED));
+  else if (probe) columns.push(shownColumn(probe.weights, 1));
   const d0 = state.comparing ? null : edit.default;
   const rest = d0 && matrixOf({ ...REST, ...d0 }, center);
   return {
@@ -98,7 +75,7 @@ export function sceneOf(state: State): Scene {
 
 /** The columns by which a handle moves the shape. */
 export function columnsOf(state: State, handle: number): readonly Column[] {
-  return sceneOf(state).columns.filter((column) => column.handle === handle && column.acts);
+  return sceneOf(state).columns.filter((column) => column.handle === handle);
 }
 
 /** The part of the surface that a handle holds, by the weights that move it. */
@@ -108,24 +85,9 @@ export function held(state: State, handle: number): number {
 
 const PAINTED = 0.66;
 
-/** A column of weights that only the heat map shows. */
-function shownColumn(layer: Layer, heat: number): Column {
-  return {
-    handle: 0,
-    layer,
-    fixed: null,
-    share: null,
-    shareGain: 1,
-    reach: 1,
-    falloff: "linear",
-    exponent: 0,
-    gain: 1,
-    strength: 1,
-    positive: true,
-    heat,
-    transform: IDENTITY,
-    acts: false,
-  };
+/** A column that only the heat map shows. */
+function shownColumn(weights: Uint16Array, heat: number): Column {
+  return { handle: 0, weights, positive: true, heat, transform: IDENTITY };
 }
 
 function isPositive(plane: Plane | null, position: Vec3): boolean {

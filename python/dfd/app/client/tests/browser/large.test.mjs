@@ -19,7 +19,6 @@ test("a drag takes little script a frame, and ends as the kernel poses it", { ti
   await open(page, [process.env.DFD_LARGE, process.env.DFD_FIELD]);
   await alive(page);
   await hold(page, null, 1);
-  await until(page, (s) => s.columns.has(s.edit.handles[0].column) && window.dfd.rests());
   await page.evaluate(() => (window.times = window.dfd.drawingTimes()));
   await drag(page, [0, -50], -60);
   await until(page, () => window.dfd.rests());

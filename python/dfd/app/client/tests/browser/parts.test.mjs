@@ -71,7 +71,7 @@ test("a part is held, resized, combined and moved alone", async (t) => {
     await field.press("Enter");
     await until(page, (s) => s.edit.handles[0].translation[1] === 0.2);
     await page.getByLabel("Limit to part").locator("xpath=..").click();
-    await until(page, (s) => s.edit.handles[0].mask_part && s.columns.has(s.edit.handles[0].column));
+    await until(page, (s) => s.edit.handles[0].mask_part);
     await page.waitForTimeout(500);
     const moved = await page.evaluate(async () => {
       const [posed, rest] = [await window.dfd.computed(), window.dfd.rest()];

@@ -105,14 +105,14 @@ step("the paper's preset is one switch and one step", async () => {
   const told = (s) => ({ preset: s.edit.preset, reach: s.edit.handles[0].reach });
   const was = await state(page, told);
   await page.getByLabel("Preset").selectOption("paper");
-  await until(page, (s) => s.edit.preset === "paper" && s.columns.has(s.edit.handles[0].column));
+  await until(page, (s) => s.edit.preset === "paper");
   assert.deepEqual(await state(page, told), { preset: "paper", reach: 1 });
   assert.deepEqual([(await handles())[0].falloff, (await handles())[0].counterparts], ["linear", "shared_pivot"]);
   assert.ok((await farthest([before[0].vertex])) > 0.001, "the handle does not move any more");
   await page.getByLabel("Preset").scrollIntoViewIfNeeded();
   await shot(page, "paper");
   await page.keyboard.press("Control+z");
-  await until(page, (s) => s.edit.preset === "default" && s.columns.has(s.edit.handles[0].column));
+  await until(page, (s) => s.edit.preset === "default");
   assert.deepEqual(await state(page, told), was);
 });
 
@@ -221,13 +221,11 @@ step("a painted region is fixed: it stays, and lets go by its strength", async (
   const before = await state(page, (s) => s.edit.fixed.length);
   await page.getByRole("button", { name: "Fix", exact: true }).click();
   await until(page, (s, count) => s.edit.fixed.length === count + 1, before);
-  await until(page, (s) => s.columns.has(s.edit.fixed_column));
   assert.equal(await state(page, (s) => s.edit.fixed.at(-1).region), painted.length);
   assert.ok((await farthest(painted)) < 1e-5, "what was painted moved");
   assert.ok((await shaderError(page)) <= TOLERANCE);
   await page.getByLabel(`Strength of Region of ${painted.length} vertices`).fill("0.5");
   await until(page, (s) => s.edit.fixed.at(-1).strength === 0.5);
-  await until(page, (s) => s.columns.has(s.edit.fixed_column));
   assert.ok((await shaderError(page)) <= TOLERANCE);
 });
 
@@ -236,7 +234,7 @@ step("a painted region is held, and what is painted limits it", async () => {
   const hooves = JSON.parse(process.env.DFD_ALIKE);
   const painted = await paint(hooves);
   await page.getByRole("button", { name: "Hold", exact: true }).click();
-  await until(page, (s) => s.edit.handles.length === 2 && s.columns.has(s.edit.handles[1].column));
+  await until(page, (s) => s.edit.handles.length === 2);
   const held = (await handles())[1];
   assert.equal(held.region, painted.length);
   assert.equal(await state(page, (s) => s.selected), held.handle);
@@ -254,12 +252,10 @@ step("a painted region is held, and what is painted limits it", async () => {
   const around = await paint(hooves);
   await page.getByRole("button", { name: "Limit", exact: true }).click();
   await until(page, (s, count) => s.edit.handles[1].mask === count, around.length);
-  await until(page, (s) => s.columns.has(s.edit.handles[1].column));
   assert.ok((await shaderError(page)) <= TOLERANCE);
   const before = await heights();
   await page.getByLabel("Limit's edge").fill("0.3");
   await until(page, (s) => s.edit.handles[1].mask_feather > 0.2 * s.mesh.diagonal);
-  await until(page, (s) => s.columns.has(s.edit.handles[1].column));
   assert.ok((await shaderError(page)) <= TOLERANCE);
   // Where another handle moves it too, the two share it, so that some of it may sink.
   const raised = Object.values(await heights()).map((height, i) => height - before[i]);
@@ -316,7 +312,7 @@ async function taken(item, wanted) {
 /** The edit is there as it was, and the shape with it. */
 async function unchanged(before) {
   await alive(page);
-  await until(page, (s) => s.edit.handles.length === 1 && s.columns.has(s.edit.handles[0].column));
+  await until(page, (s) => s.edit.handles.length === 1);
   const told = ({ translation, vertex }) => ({ translation, vertex });
   assert.deepEqual((await handles()).map(told), before.map(told));
   await until(page, (s) => s.report !== null);

@@ -1,23 +1,8 @@
 import { IDENTITY } from "../../src/posing/affine";
-import type { Column, Layer } from "../../src/posing/columns";
+import type { Column } from "../../src/posing/columns";
 
-/** A handle's column that changes nothing of what its layer says, but for `part`. */
-export function madeColumn(layer: Layer, part: Partial<Column> = {}): Column {
-  return {
-    handle: 1,
-    layer,
-    fixed: null,
-    share: null,
-    shareGain: 1,
-    reach: 1,
-    falloff: "linear",
-    exponent: 0,
-    gain: 1,
-    strength: 1,
-    positive: true,
-    heat: 0,
-    transform: IDENTITY,
-    acts: true,
-    ...part,
-  };
+/** A column with these weights of a handle that rests, but for `part`. */
+export function madeColumn(weights: readonly number[], part: Partial<Column> = {}): Column {
+  const quantized = Uint16Array.from(weights, (weight) => Math.round(weight * 65535));
+  return { handle: 1, weights: quantized, positive: true, heat: 0, transform: IDENTITY, ...part };
 }

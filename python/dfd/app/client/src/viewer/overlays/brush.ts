@@ -1,6 +1,5 @@
 /** What is painted: every stroke takes the vertices within its radius at rest, so that what was posed together stays apart. */
 
-import { weightLayer } from "../../posing/columns";
 import { store } from "../../store/state";
 import type { Pick } from "../picker";
 import type { Shape } from "../shape";
@@ -22,14 +21,14 @@ export function paint(shape: Shape, picked: Pick, erase: boolean): void {
 export function touch({ vertexOf, message: mesh }: Shape, within: (row: number) => boolean, erase: boolean): void {
   const { painted } = store.get();
   const mask = painted?.mask ?? new Uint8Array(Math.ceil(mesh.vertices / 8));
-  const values = painted?.layer.values ?? new Uint16Array(mesh.vertices);
+  const weights = painted?.weights.slice() ?? new Uint16Array(mesh.vertices);
   let count = painted?.count ?? 0;
   for (let row = 0; row < vertexOf.length; row++) {
     const vertex = vertexOf[row];
-    if (values[vertex] > 0 !== erase || !within(row)) continue;
-    values[vertex] = erase ? 0 : 65535;
+    if (weights[vertex] > 0 !== erase || !within(row)) continue;
+    weights[vertex] = erase ? 0 : 65535;
     mask[vertex >> 3] ^= 1 << (vertex & 7);
     count += erase ? -1 : 1;
   }
-  store.set({ painted: count > 0 ? { mask, layer: weightLayer(values), count } : null, probe: null });
+  store.set({ painted: count > 0 ? { mask, weights, count } : null, probe: null });
 }

@@ -111,7 +111,7 @@ export class PosePass {
       gl.activeTexture(gl.TEXTURE0 + unit);
       gl.bindTexture(target, __webglTexture);
     });
-    gl.uniform1i(at.distances, 0);
+    gl.uniform1i(at.weights, 0);
     gl.uniform1i(at.columns, 1);
     gl.uniform1i(at.columnCount, pose.columnCount);
     gl.uniformMatrix4fv(at.defaultTransform, false, (defaultTransform ?? IDENTITY).elements);

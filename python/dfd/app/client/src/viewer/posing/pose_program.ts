@@ -5,7 +5,7 @@ import pass from "../../shaders/pose_pass.glsl?raw";
 
 export const ATTRIBUTES = { rest: 0, restNormal: 1, vertex: 2, givenPosition: 3, givenNormal: 4 } as const;
 const VARYINGS = ["posedPosition", "posedNormal"];
-const UNIFORMS = ["distances", "columns", "columnCount", "defaultTransform", "mirror", "mirrorBand"] as const;
+const UNIFORMS = ["weights", "columns", "columnCount", "defaultTransform", "mirror", "mirrorBand"] as const;
 
 export interface PoseProgram {
   readonly program: WebGLProgram;

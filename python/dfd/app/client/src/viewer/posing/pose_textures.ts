@@ -1,4 +1,4 @@
-/** What the pose shader reads: distances in layers of an integer texture, and a row of numbers per column. */
+/** What the pose shader reads: weights in layers of an integer texture, and a row of numbers per column. */
 
 import {
   DataArrayTexture,
@@ -6,40 +6,40 @@ import {
   FloatType,
   NearestFilter,
   RGBAFormat,
-  RGIntegerFormat,
+  RedIntegerFormat,
   UnsignedShortType,
   type Matrix4,
   type Texture,
 } from "three";
 
 import { IDENTITY } from "../../posing/affine";
-import { EMPTY_SCENE, FALLOFFS, mirrored, type Layer, type Scene } from "../../posing/columns";
+import { EMPTY_SCENE, mirrored, type Scene } from "../../posing/columns";
 
 const WIDTH = 4096;
-const TEXELS = 10;
+const TEXELS = 7;
 const LEAST_LAYERS = 4;
 const LEAST_ROWS = 16;
 /** Of an affine transform, what turns normals. */
 const LINEAR = [0, 1, 2, 4, 5, 6, 8, 9, 10];
 
 /** What a scene has, and the shader is made for. */
-export type Define = "MIRROR" | "DEFAULT" | "FIXED" | "SHARE" | "ALONG" | "CURVED" | "TURNED";
+export type Define = "MIRROR" | "DEFAULT" | "TURNED";
 
 export class PoseTextures {
-  distances: DataArrayTexture;
+  weights: DataArrayTexture;
   columns = rows(LEAST_ROWS);
   columnCount = 0;
   defines: ReadonlySet<Define> = new Set();
   scene: Scene = EMPTY_SCENE;
   private readonly height: number;
-  private readonly places = new Map<Layer, number>();
+  private readonly places = new Map<Uint16Array, number>();
 
   constructor(vertexCount: number) {
     this.height = Math.max(Math.ceil(vertexCount / WIDTH), 1);
-    this.distances = this.layers(LEAST_LAYERS);
+    this.weights = this.layers(LEAST_LAYERS);
   }
 
-  /** Have the shader pose by `scene`; distances go to the GPU once, when they are first seen. */
+  /** Have the shader pose by `scene`; weights go to the GPU once, when they are first seen. */
   show(scene: Scene): void {
     this.keep(scene);
     const count = scene.columns.length;
@@ -52,12 +52,8 @@ export class PoseTextures {
       const at = 4 * TEXELS * k;
       writeMove(table, at, column.transform);
       writeMove(table, at + 12, scene.mirror ? mirrored(column.transform, scene.mirror) : column.transform);
-      table.set([column.reach, FALLOFFS[column.falloff], column.exponent, column.gain], at + 24);
-      const places = [column.layer, column.fixed, column.share].map((layer) => this.place(layer));
-      table.set([...places, column.positive ? 1 : -1], at + 28);
-      const isWeight = column.layer.kind === "weight" ? 1 : 0;
-      table.set([column.layer.scale, isWeight, column.fixed?.scale ?? 0, column.strength], at + 32);
-      table.set([column.heat, column.acts ? 1 : 0, column.shareGain, 0], at + 36);
+      const layer = this.places.get(column.weights) ?? -1;
+      table.set([layer, column.positive ? 1 : -1, column.heat, column.handle > 0 ? 1 : 0], at + 24);
     });
     this.columns.needsUpdate = true;
     this.columnCount = count;
@@ -66,29 +62,22 @@ export class PoseTextures {
   }
 
   get textures(): readonly Texture[] {
-    return [this.distances, this.columns];
+    return [this.weights, this.columns];
   }
 
   dispose(): void {
     this.textures.forEach((texture) => texture.dispose());
   }
 
-  private place(layer: Layer | null): number {
-    return layer ? (this.places.get(layer) ?? -1) : -1;
-  }
-
   private keep(scene: Scene): void {
-    const wanted = new Set<Layer>();
-    for (const { layer: own, fixed, share } of scene.columns) {
-      for (const layer of [own, fixed, share]) if (layer) wanted.add(layer);
-    }
+    const wanted = new Set(scene.columns.map(({ weights }) => weights));
     for (const layer of this.places.keys()) if (!wanted.has(layer)) this.places.delete(layer);
     const fresh = [...wanted].filter((layer) => !this.places.has(layer));
     if (fresh.length === 0) return;
-    const capacity = this.distances.image.depth;
+    const capacity = this.weights.image.depth;
     if (wanted.size > capacity) {
-      this.distances.dispose();
-      this.distances = this.layers(2 * wanted.size);
+      this.weights.dispose();
+      this.weights = this.layers(2 * wanted.size);
       this.places.clear();
       fresh.splice(0, fresh.length, ...wanted);
     }
@@ -102,25 +91,19 @@ export class PoseTextures {
     }
   }
 
-  private write(layer: Layer, place: number): void {
-    const texture = this.distances;
-    const data = texture.image.data as Uint16Array;
-    const start = 2 * WIDTH * this.height * place;
-    const { values, geodesic } = layer;
-    for (let i = 0; i < values.length; i++) {
-      data[start + 2 * i] = values[i];
-      data[start + 2 * i + 1] = geodesic ? geodesic[i] : 0;
-    }
+  private write(layer: Uint16Array, place: number): void {
+    const texture = this.weights;
+    (texture.image.data as Uint16Array).set(layer, WIDTH * this.height * place);
     texture.addLayerUpdate(place);
     texture.needsUpdate = true;
   }
 
   private layers(count: number): DataArrayTexture {
-    const data = new Uint16Array(2 * WIDTH * this.height * count);
+    const data = new Uint16Array(WIDTH * this.height * count);
     const texture = new DataArrayTexture(data, WIDTH, this.height, count);
-    texture.format = RGIntegerFormat;
+    texture.format = RedIntegerFormat;
     texture.type = UnsignedShortType;
-    texture.internalFormat = "RG16UI";
+    texture.internalFormat = "R16UI";
     texture.minFilter = texture.magFilter = NearestFilter;
     texture.unpackAlignment = 4;
     texture.needsUpdate = true;
@@ -138,10 +121,6 @@ export function definesOf({ columns, mirror, defaultTransform }: Scene): Set<Def
   const has: Record<Define, boolean> = {
     MIRROR: mirror !== null,
     DEFAULT: defaultTransform !== null,
-    FIXED: columns.some((column) => column.fixed !== null),
-    SHARE: columns.some((column) => column.share !== null),
-    ALONG: columns.some((column) => column.exponent > 0 && column.layer.geodesic !== null),
-    CURVED: columns.some((column) => column.falloff !== "linear"),
     TURNED: columns.some(({ transform }) => LINEAR.some((i) => transform.elements[i] !== IDENTITY.elements[i])),
   };
   return new Set((Object.keys(has) as Define[]).filter((part) => has[part]));
