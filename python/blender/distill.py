@@ -11,12 +11,13 @@ from typing import IO
 
 import bpy
 
+from .operators import OfMesh
 from .vertex_groups import object_mode
 
 SECONDS = 0.5  # between looks at whether it is done
 
 
-class DFD_OT_distill(bpy.types.Operator):  # noqa: N801
+class DFD_OT_distill(OfMesh, bpy.types.Operator):  # noqa: N801
     """Let dfd look at the mesh and write its field; Escape stops it"""
 
     bl_idname = "dfd.distill"
@@ -26,11 +27,6 @@ class DFD_OT_distill(bpy.types.Operator):  # noqa: N801
         name="Field", description="The file to write; beside the .blend file if left out", subtype="FILE_PATH"
     )
     options: bpy.props.StringProperty(name="Options", description="Further options of dfd distill")
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Whether there is a mesh to work on."""
-        return context.object is not None and context.object.type == "MESH"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Start it; without a window to wait in, wait here."""
@@ -103,10 +99,10 @@ class DFD_OT_distill(bpy.types.Operator):  # noqa: N801
 
 def export(of: bpy.types.Object, path: Path) -> None:
     """Write the mesh alone, with its materials, in the object's own coordinates."""
-    with object_mode(of), _alone(of):
+    with object_mode(of), _alone(of) as collection:
         bpy.ops.export_scene.gltf(
             filepath=str(path),
-            use_selection=True,
+            collection=collection,
             export_yup=False,
             export_apply=False,
             export_animations=False,
@@ -116,23 +112,16 @@ def export(of: bpy.types.Object, path: Path) -> None:
 
 
 @contextmanager
-def _alone(of: bpy.types.Object) -> Iterator[None]:
-    """Select nothing but a copy of the object that stands at the origin and has no modifiers."""
-    layer = bpy.context.view_layer
-    active, chosen = layer.objects.active, [each for each in layer.objects if each.select_get()]
-    alone = bpy.data.objects.new("dfd", of.data)
-    layer.active_layer_collection.collection.objects.link(alone)
+def _alone(of: bpy.types.Object) -> Iterator[str]:
+    """The name of a collection of nothing but a copy of the object that stands at the origin without modifiers."""
+    collection, alone = bpy.data.collections.new("dfd"), bpy.data.objects.new("dfd", of.data)
+    bpy.context.scene.collection.children.link(collection)
+    collection.objects.link(alone)
     try:
-        for each in chosen:
-            each.select_set(False)
-        alone.select_set(True)
-        layer.objects.active = alone
-        yield
+        yield collection.name
     finally:
         bpy.data.objects.remove(alone)
-        for each in chosen:
-            each.select_set(True)
-        layer.objects.active = active
+        bpy.data.collections.remove(collection)
 
 
 def _beside_blend(of: bpy.types.Object) -> Path:

@@ -10,85 +10,82 @@ from .vertex_groups import cut, object_mode, weigh
 MOST_AT_ONCE = 64  # vertex groups that one click may make
 
 
-class DFD_OT_weigh(bpy.types.Operator):  # noqa: N801
-    """Make a vertex group for each selected vertex, of all that looks like it"""
-
-    bl_idname = "dfd.weigh"
-    bl_label = "Weigh Selected Vertices"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+class OfMesh:
+    """What needs a mesh."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Whether there is a mesh to work on."""
         return context.object is not None and context.object.type == "MESH"
 
+
+class Step(OfMesh):
+    """What changes a mesh at once: its `work` says what it has done, or raises ValueError or OSError."""
+
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Add the handles, and weigh."""
-        of = context.object
+        """Do it, or say why not."""
         try:
-            with object_mode(of):
-                chosen = _selected(of)
-                for vertex in chosen:
-                    handle = of.dfd.handles.add()
-                    handle.vertex, handle.name = vertex, _free_name(of, vertex)
-                    try:
-                        weigh(of, handle)
-                        if of.dfd.preset != "default":
-                            of.dfd.start(handle)
-                    except BaseException:
-                        of.dfd.handles.remove(len(of.dfd.handles) - 1)
-                        raise
+            with object_mode(context.object):
+                told = self.work(context.object)
         except (ValueError, OSError) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        self.report({"INFO"}, f"{len(chosen)} vertex {'group' if len(chosen) == 1 else 'groups'}")
+        self.report({"INFO"}, told)
         return {"FINISHED"}
 
 
-class DFD_OT_parts(bpy.types.Operator):  # noqa: N801
+class DFD_OT_weigh(Step, bpy.types.Operator):  # noqa: N801
+    """Make a vertex group for each selected vertex, of all that looks like it"""
+
+    bl_idname = "dfd.weigh"
+    bl_label = "Weigh Selected Vertices"
+
+    def work(self, of: bpy.types.Object) -> str:
+        """Add the handles, and weigh."""
+        chosen = _selected(of)
+        for vertex in chosen:
+            handle = of.dfd.handles.add()
+            handle.vertex, handle.name = vertex, _free_name(of, vertex)
+            try:
+                weigh(of, handle)
+                if of.dfd.preset != "default":
+                    of.dfd.start(handle)
+            except BaseException:
+                of.dfd.handles.remove(len(of.dfd.handles) - 1)
+                raise
+        return f"{len(chosen)} vertex {'group' if len(chosen) == 1 else 'groups'}"
+
+
+class DFD_OT_parts(Step, bpy.types.Operator):  # noqa: N801
     """Make a vertex group for each part: what looks alike and would move as one"""
 
     bl_idname = "dfd.parts"
     bl_label = "Vertex Groups from Parts"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Whether there is a mesh to work on."""
-        return DFD_OT_weigh.poll(context)
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def work(self, of: bpy.types.Object) -> str:
         """Cut, and write the groups."""
-        try:
-            with object_mode(context.object):
-                count = cut(context.object)
-        except (ValueError, OSError) as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        self.report({"INFO"}, f"{count} parts")
-        return {"FINISHED"}
+        return f"{cut(of)} parts"
 
 
-class DFD_OT_remove(bpy.types.Operator):  # noqa: N801
+class DFD_OT_remove(Step, bpy.types.Operator):  # noqa: N801
     """Remove a handle and its vertex group"""
 
     bl_idname = "dfd.remove"
     bl_label = "Remove Handle"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
     index: bpy.props.IntProperty(min=0)
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def work(self, of: bpy.types.Object) -> str:
         """Remove both."""
-        of = context.object
-        if of is None or self.index >= len(of.dfd.handles):
-            self.report({"ERROR"}, f"There is no handle {self.index}")
-            return {"CANCELLED"}
-        group = of.vertex_groups.get(of.dfd.handles[self.index].name)
-        if group is not None:
-            of.vertex_groups.remove(group)
+        if self.index >= len(of.dfd.handles):
+            raise ValueError(f"There is no handle {self.index}")
+        name = of.dfd.handles[self.index].name
+        if name in of.vertex_groups:
+            of.vertex_groups.remove(of.vertex_groups[name])
         of.dfd.handles.remove(self.index)
-        return {"FINISHED"}
+        return f"{name} is removed"
 
 
 def _selected(of: bpy.types.Object) -> list[int]:

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import bpy
 
+from dfd.editing.presets import CONTROLS
 
-class DFD_PT_weights(bpy.types.Panel):  # noqa: N801
+from .operators import OfMesh
+from .properties import PROPERTIES
+
+
+class DFD_PT_weights(OfMesh, bpy.types.Panel):  # noqa: N801
     """Field, handles and their sliders"""
 
     bl_idname = "DFD_PT_weights"
@@ -13,11 +18,6 @@ class DFD_PT_weights(bpy.types.Panel):  # noqa: N801
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "dfd"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Whether there is a mesh to work on."""
-        return context.object is not None and context.object.type == "MESH"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it from top to bottom in the order of work."""
@@ -36,10 +36,8 @@ class DFD_PT_weights(bpy.types.Panel):  # noqa: N801
             row = box.row()
             row.label(text=handle.name, icon="GROUP_VERTEX")
             row.operator("dfd.remove", text="", icon="X").index = index
-            box.prop(handle, "whole_part")
-            box.prop(handle, "reach", slider=True)
-            box.prop(handle, "falloff")
-            box.prop(handle, "locality", slider=True)
+            for name in PROPERTIES:
+                box.prop(handle, name, slider=name in CONTROLS and CONTROLS[name].unit is None)
             if handle.note:
                 box.label(text=handle.note, icon="ERROR")
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from typing import get_args
+from typing import Any
 
 import bpy
 
+from dfd.common.described import about, words_of
+from dfd.editing.controls import Controls
 from dfd.editing.presets import PARTLESS_REACH, PRESETS
-from dfd.weights.bind import Falloff
 
 from .vertex_groups import refresh
 
-FALLOFFS = [(name, name.capitalize(), "") for name in get_args(Falloff)]
-DEFAULTS = PRESETS["default"]
 PRESET_ITEMS = [
     ("default", "Default", "What measurements and pictures say is better"),
     ("paper", "Paper", "The paper's equations to the letter"),
@@ -44,34 +43,44 @@ def _preset(settings: ObjectSettings, context: bpy.types.Context) -> None:
         settings.start(handle)
 
 
+PROPERTIES: dict[str, Any] = {}  # of the controls that change weights
+WORDS: dict[str, tuple[str, str]] = {}  # the control and the word for which a switch among them stands
+for name, (kind, said) in about(Controls).items():
+    default, how = getattr(Controls, name), {"name": said.called(name), "description": said.text, "update": _again}
+    if said.affects != "weights":
+        continue
+    if said.slider is not None:
+        for word in words_of(kind):
+            WORDS[f"{name}_{word}"] = name, word
+            switch = {**how, "name": f"{said.called(name)}: {word}"}
+            PROPERTIES[f"{name}_{word}"] = bpy.props.BoolProperty(**switch, default=default == word)
+        how["default"] = PARTLESS_REACH if isinstance(default, str) else default or 0.0
+        how |= {"soft_max": said.slider[1]} if said.unit is None else {"subtype": "DISTANCE"}
+        how |= {} if said.maximum is None else {"max": said.maximum}
+        PROPERTIES[name] = bpy.props.FloatProperty(**how, min=said.slider[0] if said.exclusive else said.minimum)
+    elif words := words_of(kind):
+        items = [(word, word.capitalize(), "") for word in words]
+        PROPERTIES[name] = bpy.props.EnumProperty(**how, items=items, default=default)
+    elif kind is bool:
+        PROPERTIES[name] = bpy.props.BoolProperty(**how, default=default)
+    else:
+        PROPERTIES[name] = bpy.props.StringProperty(**how)
+
+
 class HandleSettings(bpy.types.PropertyGroup):
-    """One handle; its `name` is that of its vertex group."""
+    """One handle with its controls; its `name` is that of its vertex group."""
 
     vertex: bpy.props.IntProperty(name="Vertex", min=0)
-    whole_part: bpy.props.BoolProperty(
-        name="Whole part",
-        description="Hold the part at the vertex with its counterparts; where no part ends there, the reach counts",
-        default=DEFAULTS.reach == "part",
-        update=_again,
-    )
-    reach: bpy.props.FloatProperty(
-        name="Reach",
-        description="Distance between features at which the weight is 0: less takes fewer counterparts along",
-        default=PARTLESS_REACH,
-        min=0.01,
-        soft_max=1.5,
-        update=_again,
-    )
-    falloff: bpy.props.EnumProperty(name="Falloff", items=FALLOFFS, default=DEFAULTS.falloff, update=_again)
-    locality: bpy.props.FloatProperty(
-        name="Locality",
-        description="How much faster the weight falls off along the surface; 0 for not at all",
-        default=0.0,
-        min=0.0,
-        soft_max=10.0,
-        update=_again,
-    )
     note: bpy.props.StringProperty(description="What went wrong with the last change")
+
+    def controls(self) -> dict[str, Any]:
+        """The controls as a session takes them, without those that are none by themselves and still are."""
+        given = {name: getattr(self, name) for name in PROPERTIES if name not in WORDS}
+        given |= {control: word for switch, (control, word) in WORDS.items() if getattr(self, switch)}
+        return {name: value for name, value in given.items() if value or getattr(Controls, name) is not None}
+
+
+HandleSettings.__annotations__.update(PROPERTIES)
 
 
 class ObjectSettings(bpy.types.PropertyGroup):
@@ -87,11 +96,13 @@ class ObjectSettings(bpy.types.PropertyGroup):
     handles: bpy.props.CollectionProperty(type=HandleSettings)
 
     def start(self, handle: HandleSettings) -> None:
-        """Give a handle the preset's reach and falloff."""
-        reach = PRESETS[self.preset].reach
-        handle.whole_part = reach == "part"
-        handle.reach = PARTLESS_REACH if isinstance(reach, str) else reach
-        handle.falloff = PRESETS[self.preset].falloff
+        """Give a handle the preset's controls."""
+        for name, value in PRESETS[self.preset].handle.items():
+            for switch, (control, word) in WORDS.items():
+                if control == name:
+                    setattr(handle, switch, value == word)
+            if name in PROPERTIES:
+                setattr(handle, name, PARTLESS_REACH if f"{name}_{value}" in WORDS else value)
 
 
 class Preferences(bpy.types.AddonPreferences):

@@ -1,22 +1,24 @@
 """A mesh of Blender with its features: what is computed once per shape, and the weights that come of it.
 
-It imports nothing of Blender's, and of dfd what needs no torch.
+It imports nothing of Blender's, and of dfd what needs neither torch nor pydantic.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 import dfd
-from dfd.editing.presets import WITHIN_PART
+from dfd.common.preset import Preset
+from dfd.editing.edit import Edit
+from dfd.editing.influence.handle_weights import HandleWeights
+from dfd.editing.verbs import add
 from dfd.field.compatibility import check_compatible
 
 Axes = Literal["AUTO", "SAME", "Y_UP"]
 
-FULL_FEATURES = 16_384  # vertices up to which features are kept in full
 SAME_BOX = 1e-3  # of the longest side: boxes of one shape, once simplified, differ by less
 
 
@@ -37,27 +39,19 @@ class Shape:
         self.axes: Axes = ("Y_UP" if _fits_turned(self.field, mesh) else "SAME") if axes == "AUTO" else axes
         self.mesh = dfd.Mesh(_turned(vertices), triangles) if self.axes == "Y_UP" else mesh
         check_compatible(self.field, self.mesh)
-        few = len(vertices) <= FULL_FEATURES
-        self.features = self.field.features(self.mesh) if few else dfd.compact(self.field, self.mesh.vertices)
-        self.geodesics = dfd.Geodesics(self.mesh)
-        self._parts = dfd.parts(self.field, self.mesh)
+        self._weights = HandleWeights(self.mesh, self.field)
 
-    def weights(
-        self, vertex: int, *, reach: float, falloff: str, locality: float, whole_part: bool = False
-    ) -> np.ndarray:
+    def weights(self, vertex: int, preset: Preset = "default", **controls: Any) -> np.ndarray:
         """Weights (V,) float32 in [0, 1] of all vertices for a handle at `vertex`, as a session of dfd has them.
 
-        Raises ValueError if `vertex` is none of the mesh, or a number is out of its range.
+        Raises ValueError if `vertex` is none of the mesh, or a control is out of its range.
         """
-        grip = self._parts.grip(vertex) if whole_part else None
-        reach = reach if grip is None else WITHIN_PART
-        geodesic = self.geodesics.distances([vertex]) if locality > 0 else None
-        column = dfd.bind(self.features, [vertex], reach=reach, falloff=falloff, geodesic=geodesic, locality=locality)
-        return np.ascontiguousarray(column[:, 0] if grip is None else column[:, 0] * grip.weights)
+        edit = add(Edit(preset=preset), self._weights, 1, vertex, name=None, **controls)
+        return self._weights.by_features.of(edit)[0][:, 0]
 
     def parts(self) -> list[np.ndarray]:
         """(N,) vertices of each part that the shape is cut into, see `dfd.parts`."""
-        return [part.vertices for part in self._parts.cut()]
+        return [part.vertices for part in self._weights.grips.parts.cut()]
 
 
 def _turned(vertices: np.ndarray) -> np.ndarray:

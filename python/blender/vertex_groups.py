@@ -6,22 +6,13 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
 
 import bpy
 import numpy as np
 
 from .shapes import Shape
 
-
-class Kept(NamedTuple):
-    """A shape, and what it was made of."""
-
-    made_of: tuple[object, ...]
-    shape: Shape
-
-
-_kept: dict[int, Kept] = {}  # by the object's number in this session of Blender
+_kept: dict[int, tuple[object, Shape]] = {}  # what it is made of and the shape, by the object's number in this session
 
 
 def forget() -> None:
@@ -57,9 +48,7 @@ def weigh(of: bpy.types.Object, handle: bpy.types.PropertyGroup) -> None:
 
     Raises ValueError if there is no field, or it is not of this shape. Raises OSError if it cannot be read.
     """
-    shape = _shape_of(of)
-    how = {name: getattr(handle, name) for name in ("whole_part", "reach", "falloff", "locality")}
-    weights = shape.weights(handle.vertex, **how)
+    weights = _shape_of(of).weights(handle.vertex, of.dfd.preset, **handle.controls())
     group = of.vertex_groups.get(handle.name) or of.vertex_groups.new(name=handle.name)
     group.remove(np.flatnonzero(weights == 0).tolist())
     held = np.flatnonzero(weights)
@@ -94,8 +83,8 @@ def _shape_of(of: bpy.types.Object) -> Shape:
     mesh.loop_triangles.foreach_get("vertices", triangles.ravel())
     changed = path.stat().st_mtime_ns  # a field that is not there says so here
     made_of = (path, changed, of.dfd.axes, len(triangles), zlib.crc32(vertices), zlib.crc32(triangles))
-    kept = _kept.get(of.session_uid)
-    if kept is None or kept.made_of != made_of:
-        kept = Kept(made_of, Shape(vertices.astype(np.float64), triangles, path, of.dfd.axes))
-        _kept[of.session_uid] = kept
-    return kept.shape
+    before, shape = _kept.get(of.session_uid, (None, None))
+    if shape is None or before != made_of:
+        shape = Shape(vertices.astype(np.float64), triangles, path, of.dfd.axes)
+        _kept[of.session_uid] = made_of, shape
+    return shape

@@ -118,7 +118,7 @@ def test_sliders_weigh_anew(ball, field_file):
     bpy.ops.dfd.weigh()
     (handle,) = ball.dfd.handles
     before = group_weights(ball, handle.name)
-    handle.whole_part, handle.reach, handle.falloff = False, 0.4, "sharp"
+    handle.reach_part, handle.reach, handle.falloff = False, 0.4, "sharp"
     wanted = expected(ball, field_file, 7, reach=handle.reach, falloff="sharp")
     np.testing.assert_allclose(group_weights(ball, handle.name), wanted, atol=1e-6)
     assert (wanted < before - 0.05).any()
@@ -183,7 +183,7 @@ def test_a_moved_mesh_is_weighed_as_it_is_now(ball, field_file):
     bpy.ops.dfd.weigh()
     for vertex in ball.data.vertices:
         vertex.co.z *= 0.8
-    ball.dfd.handles[0].whole_part, ball.dfd.handles[0].reach = False, 0.9
+    ball.dfd.handles[0].reach_part, ball.dfd.handles[0].reach = False, 0.9
     np.testing.assert_allclose(
         group_weights(ball, "dfd 5"), expected(ball, field_file, 5, reach=ball.dfd.handles[0].reach), atol=1e-6
     )

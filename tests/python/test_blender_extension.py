@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import subprocess
 import sys
 from importlib.metadata import version
 from pathlib import Path
@@ -53,18 +54,22 @@ def in_blender(vertices: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("turned", [False, True])
-def test_weights_are_those_of_bind_however_the_file_was_turned(shape, field_file, turned):
+def test_weights_are_those_of_a_session_however_the_file_was_turned(shape, field_file, turned):
     vertices = in_blender(shape.vertices) if turned else shape.vertices
     found = part("shapes").Shape(vertices, shape.faces, field_file, "AUTO")
     assert found.axes == ("Y_UP" if turned else "SAME")
-    features = dfd.Field.load(field_file).features(shape)
-    geodesic = dfd.Geodesics(shape).distances([5])
-    wanted = dfd.bind(features, [5], reach=0.7, falloff="smooth", geodesic=geodesic, locality=2.0)[:, 0]
-    weights = found.weights(5, reach=0.7, falloff="smooth", locality=2.0)
-    np.testing.assert_allclose(weights, wanted, atol=1e-5)
-    np.testing.assert_allclose(
-        found.weights(5, reach=1.0, falloff="linear", locality=0.0), dfd.bind(features, [5])[:, 0], atol=1e-5
-    )
+    controls = {"reach": 0.7, "falloff": "sharp", "locality": 2.0, "strength": 0.8, "mask": "y>1", "mask_feather": 0.1}
+    for given in ({}, {"reach": "part"}, {"radius": 0.5}, controls):
+        session = dfd.Deformer(shape, dfd.Field.load(field_file), preset="paper")
+        session.add(5, **given)
+        np.testing.assert_allclose(found.weights(5, "paper", **given), session.weights[:, 0], atol=1e-5)
+
+
+def test_sessions_in_blender_need_neither_torch_nor_pydantic():
+    left_out = ("torch", "pydantic", "rich", "typer", "onnx", "mapbox_earcut", "fast_simplification", "embreex")
+    code = "import runpy, sys; runpy.run_path(sys.argv[1]); print(sys.modules.keys() & set(sys.argv[2:]))"
+    command = [sys.executable, "-c", code, str(FOLDER / "shapes.py"), *left_out]
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "set()\n"
 
 
 def test_a_field_of_another_shape_is_refused(shape, field_file):

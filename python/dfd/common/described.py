@@ -51,6 +51,10 @@ class About:
     label: str | None = None
     slider: tuple[float, float, float] | None = None
 
+    def called(self, name: str) -> str:
+        """Return what panels call the field of that `name`."""
+        return self.label or name.replace("_", " ").capitalize()
+
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
         """The JSON schema of the field, with its description and bounds."""
         low = "exclusiveMinimum" if self.exclusive else "minimum"
@@ -95,6 +99,11 @@ def about(owner: type) -> dict[str, tuple[Any, About | None]]:
         kind, *extras = get_args(hint) if get_origin(hint) is Annotated else (hint,)
         found[name] = kind, next((extra for extra in extras if isinstance(extra, About)), None)
     return found
+
+
+def words_of(kind: Any) -> tuple[Any, ...]:
+    """Return the words that a value of a type may be."""
+    return next((get_args(each) for each in (kind, *get_args(kind)) if get_origin(each) is Literal), ())
 
 
 def check_fields(value: Any) -> None:

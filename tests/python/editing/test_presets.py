@@ -85,9 +85,9 @@ def test_blender_s_handles_start_with_them(monkeypatch):
     spec = importlib.util.spec_from_file_location("in_blender.properties", folder / "properties.py")
     properties = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(properties)
-    # Blender evaluates what is written after the colons.
-    said = {name: eval(text, vars(properties)) for name, text in properties.HandleSettings.__annotations__.items()}
-    assert said["whole_part"].default == (PRESETS["default"].reach == "part")
+    said = properties.PROPERTIES
+    assert {name for name, about in CONTROLS.items() if about.affects == "weights"} <= set(said)
+    assert said["reach_part"].default == (PRESETS["default"].reach == "part")
     assert (said["reach"].default, said["falloff"].default) == (PARTLESS_REACH, PRESETS["default"].falloff)
     assert said["falloff"].default in {name for name, *_ in said["falloff"].items}
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, create_model
 
 import dfd.editing.controls as editing
-from dfd.common.described import about
+from dfd.common.described import about, words_of
 from dfd.editing.edit import Edit
 from dfd.posing.transforms import PivotAt
 
@@ -115,10 +115,9 @@ def control_entries() -> tuple[ControlEntry, ...]:
         if said is None or said.repeated or name == "mask":
             continue
         kinds = (kind, *get_args(kind))
-        choices = next((get_args(each) for each in kinds if get_origin(each) is Literal), ())
         is_length = said.metavar is not None and "%" in said.metavar
         shown: Any = "length" if is_length else "number" if float in kinds else "switch" if bool in kinds else "choice"
-        label = said.label or name.replace("_", " ").capitalize()
+        label, choices = said.called(name), words_of(kind)
         entries.append(
             ControlEntry(name=name, label=label, hint=said.text, kind=shown, choices=choices, slider=said.slider)
         )
