@@ -7,7 +7,7 @@ import pytest
 from made_field import field_of
 
 import dfd
-from dfd.batch.one_edit import Original, UnlikeError, before_and_after, carry
+from dfd.batch.one_edit import Original, UnlikeError, carry
 from dfd.editing.transfer import Transferred
 
 
@@ -78,11 +78,3 @@ def test_the_threshold_goes_by_the_metric(other, original, monkeypatch):
 def test_a_threshold_is_a_part(other, original):
     with pytest.raises(ValueError, match=r"carry: `threshold` must be .*, got 2"):
         carry(original, other, field_of(other, seed=3), threshold=2)
-
-
-def test_pictures_before_and_after_differ_and_have_one_size(chair, original):
-    here = dfd.Deformer(chair, original.field)
-    here.apply(original.edit)
-    before, after = before_and_after(here, resolution=64)
-    assert before.shape == after.shape == (64, 64, 3)
-    assert (before != after).any()

@@ -29,26 +29,6 @@ def test_deform_writes_what_the_session_says(run, folder, chair):
     assert np.abs(deformer.vertices - chair.vertices).max() > 0.05
 
 
-def test_face_groups_of_an_obj_file_are_regions(run, folder, chair):
-    """Also of a file in which they lie inside objects, and without its materials."""
-    lines = (folder / "chair.obj").read_text().splitlines()
-    corners = [i for i, line in enumerate(lines) if line.startswith("f ")]
-    lines[corners[1500]] = "o second\ng upper\n" + lines[corners[1500]]
-    lines[corners[0]] = "o first\ng lower\nusemtl oak\n" + lines[corners[0]]
-    Path("grouped.obj").write_text("\n".join(lines))
-    grouped = ("deform", "grouped.obj", "--field", "FIELD")
-    held = ("--handle", "group:upper", "--translate", 0, 0.2, 0, "--mask", "group:second")
-    assert worked(run(*grouped, *held, "--fix", "group:lower:0.5", "-o", "out.obj", "--save-edit", "edit.json"))
-    edit = read_edit("edit.json", dfd.load("grouped.obj"))
-    assert str(edit.handles[0].place) == "group:upper"
-    assert edit.fixed[0].strength == 0.5
-    moved = np.flatnonzero((np.abs(dfd.load("out.obj").vertices - chair.vertices) > 1e-6).any(axis=1))
-    assert len(moved) > 100
-    assert np.isin(moved, dfd.load("grouped.obj").group_vertices("upper")).all()
-    failure = run(*grouped, "--handle", "group:seat", "--translate", 0, 1, 0, "-o", "none.obj")
-    assert failed(failure, "must be a face group of the file (lower, upper, first, second, oak), got 'seat'")
-
-
 @pytest.mark.parametrize(
     ("scale", "factors"),
     [
@@ -96,13 +76,6 @@ def test_every_handle_has_the_options_that_follow_it(run, chair):
     assert (three.controls.strength, str(three.controls.mask)) == (0.5, "the side (0, 1, 0) · p ≥ 0")
     assert three.transform.axes is not None
     assert [(fixed.vertex, fixed.strength) for fixed in edit.fixed] == [(1000, 0.25)]
-
-
-def test_what_holds_for_the_whole_shape(run, chair):
-    assert worked(run(*DEFORM, "--handle", 40, "--symmetry", "0,3,4,0.25", "--band", 0, "--save-edit", "edit.json"))
-    edit = read_edit("edit.json", chair)
-    assert edit.symmetry.normal == pytest.approx((0, 0.6, 0.8))
-    assert (edit.symmetry.offset, edit.symmetry.band) == (0.25, 0)
 
 
 def test_the_paper_is_one_word_beside_which_anything_can_be_said(run, chair):

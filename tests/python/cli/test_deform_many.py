@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 import numpy as np
@@ -66,15 +65,6 @@ def test_shapes_that_do_not_fit_or_cannot_be_read_are_left_out_and_named(shapes,
     assert sorted(path.name for path in Path("out").glob("*.ply")) == ["first.ply", "large.ply"]
 
 
-@pytest.mark.parametrize("name", [os.fsdecode(b"\xff"), "n" * 230])
-def test_an_odd_name_stops_nothing(shapes, name):
-    Path("large.ply").rename(f"{name}.ply")
-    Path("large.field.safetensors").rename(f"{name}.field.safetensors")
-    result = shapes("deform", "*.ply", "--edit", "edit.json", "-o", "out")
-    assert worked(result)
-    assert Path(f"out/{name}.edit.json").is_file()
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -100,9 +90,3 @@ def test_what_cannot_be_is_said_before_anything_is_written(shapes, chair, argume
     before = sorted(Path().iterdir())
     assert failed(shapes("deform", *arguments), message)
     assert sorted(Path().iterdir()) == before
-
-
-def test_a_preset_takes_the_place_of_the_edit_s_own(shapes):
-    assert worked(shapes("deform", "*.ply", "--edit", "edit.json", "--preset", "paper", "-o", "out"))
-    large = json.loads(Path("out/large.edit.json").read_text())
-    assert (large["preset"], large["handles"][0]["falloff"]) == ("paper", "linear")

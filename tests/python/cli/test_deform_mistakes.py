@@ -1,6 +1,5 @@
 """`dfd deform`: how it fails, and what it leaves alone."""
 
-import os
 from pathlib import Path
 
 import pytest
@@ -21,14 +20,9 @@ DEFORM = ("deform", "MESH", "--field", "FIELD")
         (("--handle", 1, "--symmetry-threshold", 1), "`--symmetry` must be given"),
         (("--handle", "seat"), "`--handle` must be a vertex index, a point x,y,z, top, bottom"),
         (("--handle", "bottum"), "got 'bottum'; did you mean bottom?"),
-        (("--handle", "1,2,nan"), "`--handle` must be finite, got nan"),
         (("--handle", 10**6), "`--handle` must lie in 0 … 2003, got 1000000"),
         (("--handle", "500,500,500"), "`--handle` must lie near the shape, but 500,500,500 is"),
-        (("--handle", "part:leg"), "`--handle` must be a part of the scene"),
-        (("--handle", 1, "--handle", 1), "`handles` must lie at distinct places"),
-        (("--handle", 1, "--fix", 1), "`fixed` must be free places, but 1 is handle 1 already"),
         (("--handle", 1, "--fix", "2:1.5"), "`--fix` must be at most 1, got 1.5"),
-        (("--handle", 1, "--translate", 0, "nan", 0), "`--translate` must be finite, got nan"),
         (("--handle", 1, "--translate", 0, "up", 0), "--translate"),
         (("--translate", 0, 1, "--handle", 1), "`--translate` needs 3 numbers, got 2: 0 1"),
         (("--handle", 1, "--rotate", 90), "`--rotate` needs 3 numbers, got 1: 90"),
@@ -37,16 +31,11 @@ DEFORM = ("deform", "MESH", "--field", "FIELD")
         (("--handle", 1, "--scale", 1, 2), "`--scale` needs 1 or 3 numbers, got 2: 1 2"),
         (("--handle", 1, "--scale", "1,2"), "`--scale` must be one number or 3"),
         (("--handle", 1, "--scale"), "`--scale` needs 1 or 3 numbers, got none"),
-        (("--handle", 1, "--reach", "far"), "\"part\" or a number above 0, got 'far'"),
-        (("--handle", 1, "--falloff", "cubic"), "`--falloff` must be one of linear, smooth"),
         (("--handle", 1, "--radius", "far"), "`--radius` must be a length or a percentage such as 20%, got 'far'"),
         (("--handle", 1, "--radius", 1, "--locality", 1), "`--radius` and `--locality` must not be given both"),
-        (("--handle", 1, "--mask", "x>99"), "`--mask` must hold a vertex"),
-        (("--handle", 1, "--axes", "skew"), "`--axes` must be"),
         (("--handle", 1, "--zoom", 0), "'--zoom'"),
         (("--handle", 1, "--symmetry", "w"), "`--symmetry` must be like x, x=0.1 or 0.6,0,0.8=0.1, got 'w'"),
         (("--handle", 1, "--symmetry", "x=50"), "`--symmetry` must pass through the shape"),
-        (("--handle", 1, "--symmetry", "x", "--band", -1), "`--band` must be at least 0, got -1"),
         (("--handle", 1, "--symmetry", "x", "--symmetry-candidates", "axes"), "are for the plane auto, got 'x'"),
         (("--handle", 1, "--preset", "mine"), "'mine' is not one of 'default', 'paper'"),
         (("--edit", "none.json"), "none.json: the edit could not be read: No such file or directory"),
@@ -86,18 +75,6 @@ def test_a_folder_that_cannot_be_written_is_noticed_before_the_work(run, monkeyp
     monkeypatch.setattr("tempfile.TemporaryFile", read_only)
     result = run("deform", "none.obj", "--field", "none", "--handle", 1, "-o", "out.obj")
     assert failed(result, "`--output`: out.obj cannot be written: Read-only file system")
-
-
-def test_a_disk_that_fills_up_leaves_the_old_file_whole(run, monkeypatch, tmp_path):
-    (tmp_path / "out.ply").write_text("precious")
-
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "fsync", full)
-    assert failed(run(*DEFORM, "--handle", 1, "-o", "out.ply"), "No space left on device")
-    assert (tmp_path / "out.ply").read_text() == "precious"
-    assert list(tmp_path.iterdir()) == [tmp_path / "out.ply"]
 
 
 @pytest.mark.parametrize("command", ["deform", "show"])

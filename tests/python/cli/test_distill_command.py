@@ -51,19 +51,6 @@ def test_distill_copies_what_the_cache_has(run, tmp_path):
     assert "from the cache" not in run(*command, "anew.safetensors", "--no-cache").stderr
 
 
-def test_features_that_are_no_array_are_refused(run):
-    Path("rows.npy").write_text("1 2 3")
-    assert failed(
-        run("distill", "MESH", "-o", "out.safetensors", "--features", "rows.npy"), "`--features` must be an .npy file"
-    )
-    np.save("rows.npy", np.array([{}], dtype=object))
-    assert failed(
-        run("distill", "MESH", "-o", "out.safetensors", "--features", "rows.npy"),
-        "rows.npy is not: Object arrays cannot be loaded when allow_pickle=False",
-    )
-    assert failed(run("distill", "MESH", "-o", "out.safetensors", "--features", "none.npy"), "none.npy: No such file")
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
