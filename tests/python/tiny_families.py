@@ -13,14 +13,6 @@ import transformers
 
 from dfd.encoders.encode import Encoder
 
-SIZES = {
-    "hidden_size": 16,
-    "num_hidden_layers": 3,
-    "num_attention_heads": 2,
-    "mlp_ratio": 2,
-    "image_size": 32,
-    "patch_size": 8,
-}
 VISION = {
     "hidden_size": 16,
     "intermediate_size": 32,

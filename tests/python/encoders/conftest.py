@@ -9,7 +9,8 @@ import pytest
 import torch
 import transformers
 from huggingface_hub import constants
-from tiny_families import CASES, SIZES, Saved
+from tiny_encoder import save_tiny_encoder
+from tiny_families import CASES, Saved
 
 
 @pytest.fixture(autouse=True)
@@ -24,9 +25,7 @@ def _nothing_of_the_user(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Non
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A tiny DINOv2 with random weights, as transformers saves it."""
-    torch.manual_seed(3)
-    transformers.Dinov2Model(transformers.Dinov2Config(**SIZES)).save_pretrained(tmp_path / "tiny")
-    return tmp_path / "tiny"
+    return save_tiny_encoder(tmp_path / "tiny", seed=3)
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 import safetensors.torch
 import torch
-import transformers
-from tiny_families import SIZES
+from tiny_families import Saved
 
 from dfd.encoders.dinov2 import build_dinov2
 from dfd.encoders.sources import find_weights
@@ -19,30 +18,17 @@ from dfd.encoders.sources import find_weights
 pytestmark = pytest.mark.usefixtures("one_thread")
 
 
-@pytest.fixture
-def model() -> Any:
-    """A tiny model of transformers, with nothing in it at 0 or 1, where mistakes would not show."""
-    torch.manual_seed(5)
-    model = transformers.Dinov2Model(transformers.Dinov2Config(**SIZES)).eval()
-    with torch.no_grad():
-        for parameter in model.parameters():
-            parameter.add_(torch.randn_like(parameter) * 0.2)
-    return model
-
-
 @pytest.mark.parametrize("size", [(32, 32), (48, 24), (16, 16)])  # the one of its positions, and others
-def test_its_tokens_are_those_of_transformers(model: Any, tmp_path: Path, size: tuple[int, int]) -> None:
-    model.save_pretrained(tmp_path)
+def test_its_tokens_are_those_of_transformers(dinov2: Saved, size: tuple[int, int]) -> None:
     images = torch.randn(2, 3, *size, generator=torch.Generator().manual_seed(1))
     with torch.no_grad():
-        mine = build_dinov2(find_weights(tmp_path), None, None).tokens(images, None)
-        wanted = model(images).last_hidden_state[:, -mine.shape[1] * mine.shape[2] :].reshape(mine.shape)
+        mine = build_dinov2(find_weights(dinov2.folder), None, None).tokens(images, None)
+        wanted = dinov2.model(images).last_hidden_state[:, -mine.shape[1] * mine.shape[2] :].reshape(mine.shape)
     torch.testing.assert_close(mine, wanted, atol=1e-5 * float(wanted.abs().max()), rtol=0)
 
 
-def test_pictures_of_other_lengths_do_not_mix(model: Any, tmp_path: Path) -> None:
-    model.save_pretrained(tmp_path)
-    tokens = build_dinov2(find_weights(tmp_path), 2, None).tokens
+def test_pictures_of_other_lengths_do_not_mix(dinov2: Saved) -> None:
+    tokens = build_dinov2(find_weights(dinov2.folder), 2, None).tokens
     generator = torch.Generator().manual_seed(2)
     images = torch.randn(3, 3, 32, 32, generator=generator)
     patches = torch.rand(3, 4, 4, generator=generator) < 0.5
@@ -55,12 +41,11 @@ def test_pictures_of_other_lengths_do_not_mix(model: Any, tmp_path: Path) -> Non
     assert (together[patches] != 0).all()
 
 
-def test_names_of_older_files_are_known(tmp_path: Path) -> None:
-    transformers.Dinov2Model(transformers.Dinov2Config(**SIZES)).save_pretrained(tmp_path)
+def test_names_of_older_files_are_known(folder: Path) -> None:
     images = torch.randn(1, 3, 32, 32)
     with torch.no_grad():
-        wanted = build_dinov2(find_weights(tmp_path), None, None).tokens(images, None)
-    file = tmp_path / "model.safetensors"
+        wanted = build_dinov2(find_weights(folder), None, None).tokens(images, None)
+    file = folder / "model.safetensors"
     tensors = safetensors.torch.load_file(file)
     of_today = {
         "attention.q_proj": "attention.attention.query",
@@ -76,7 +61,7 @@ def test_names_of_older_files_are_known(tmp_path: Path) -> None:
     safetensors.torch.save_file(older, file)
     assert not any("q_proj" in name for name in older)
     with torch.no_grad():
-        assert torch.equal(build_dinov2(find_weights(tmp_path), None, None).tokens(images, None), wanted)
+        assert torch.equal(build_dinov2(find_weights(folder), None, None).tokens(images, None), wanted)
 
 
 def test_a_shape_is_distilled_without_transformers(folder: Path) -> None:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import pytest
-import torch
 from tiny_families import Saved
 
 from dfd.encoders import precision
 from dfd.encoders.encode import load_encoder
 from dfd.encoders.loading import find_identity, loaded_identity
-from dfd.encoders.precision import default_device
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -35,7 +33,3 @@ def test_what_an_encoder_will_be_is_known_before_it_is_loaded(dinov2: Saved) -> 
     other = load_encoder(dinov2.folder, device="cpu", precision="float32")
     if encoder.precision != "float32":
         assert loaded_identity(dinov2.folder, "cpu", other) == other.identity() != known
-
-
-def test_the_default_device_is_that_of_torch() -> None:
-    assert default_device() == ("cuda" if torch.cuda.is_available() else "cpu")

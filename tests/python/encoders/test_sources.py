@@ -17,7 +17,7 @@ import torch
 import transformers
 from huggingface_hub import constants, errors
 from tiny_encoder import save_tiny_encoder
-from tiny_families import SIZES, Saved, tokens
+from tiny_families import VISION, Saved, tokens
 
 from dfd.encoders import sources
 from dfd.encoders.encode import load_encoder
@@ -53,10 +53,8 @@ def test_the_default_asks_no_hub(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_hub_name_has_the_settings_of_the_known_encoder(tmp_path: Path) -> None:
-    sizes = {key: value for key, value in SIZES.items() if key != "mlp_ratio"} | {"num_hidden_layers": 14}
-    transformers.CLIPVisionModel(transformers.CLIPVisionConfig(**sizes, intermediate_size=32)).save_pretrained(
-        tmp_path / "clip"
-    )
+    config = transformers.CLIPVisionConfig(**{**VISION, "num_hidden_layers": 14})
+    transformers.CLIPVisionModel(config).save_pretrained(tmp_path / "clip")
     put_in_hub_cache(tmp_path / "clip", "openai/clip-vit-large-patch14")
     assert load_encoder("clip-vit-l-14", device="cpu").block == 12
     assert load_encoder("openai/clip-vit-large-patch14", device="cpu").block == 12
