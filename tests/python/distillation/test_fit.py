@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 import torch
@@ -45,18 +43,6 @@ def test_the_same_field_on_the_cpu_and_on_cuda() -> None:
         points = targets.points / 0.5 + 1
         np.testing.assert_allclose(one(points), other(points), atol=1e-3)
     assert torch.equal(torch.cuda.get_rng_state(), before)
-
-
-def test_an_epoch_has_every_point_once() -> None:
-    targets, seen = fitted(DistillSettings(steps=1))[1], list[torch.Tensor]()
-    at = targets.at
-    targets.at = lambda chosen: seen.append(chosen) or at(chosen)  # type: ignore[method-assign]
-    settings = DistillSettings(epochs=3, batch=150)
-    field = fit(targets, settings, center=np.zeros(3), scale=1.0, device="cpu", stages=Stages(show=False))
-    assert len(field.settings["losses"]) == len(seen) == 3 * math.ceil(400 / 150)
-    epochs = [torch.cat(seen[begin : begin + 3]) for begin in (0, 3, 6)]
-    assert all(torch.equal(epoch.sort().values, torch.arange(400)) for epoch in epochs)
-    assert not torch.equal(epochs[0], epochs[1])
 
 
 def test_the_seed_decides_and_the_callers_random_numbers_stay() -> None:

@@ -124,21 +124,6 @@ def test_targets_know_their_piece_where_there_are_several() -> None:
     assert alone.boxes is None
 
 
-def test_mirror_images_that_look_alike_are_tied_and_no_others() -> None:
-    sphere = trimesh.creation.icosphere(subdivisions=4)
-    points, _ = sample_surface(sphere.vertices, sphere.faces.astype(np.int32), 4000, np.random.default_rng(0))
-    # The sides of x look alike; above and below differ; front and back differ as well.
-    looks = np.stack([np.where(points[:, 1] > 0, 1, -1), np.where(points[:, 2] > 0, 1, -1)], axis=1) / np.sqrt(2)
-    links = smoothing._mirror_links(points, looks.astype(np.float32), 1.0, np.random.default_rng(1)).tocoo()
-    assert abs(links - links.T).max() < 1e-12
-    across = {axis: links.data[points[links.row, axis] * points[links.col, axis] < -0.01].sum() for axis in range(3)}
-    assert across[0] > 100
-    assert across[1] < 0.05 * across[0]
-    assert across[2] < 0.05 * across[0]
-    reach = np.linalg.norm(np.abs(points[links.row]) - np.abs(points[links.col]), axis=1)
-    assert reach.max() <= smoothing.MIRROR_REACH
-
-
 def test_two_sides_that_views_show_differently_come_to_agree() -> None:
     views = views_of(two_sheets(0.5))
     right = views.points[:, 0] > 0

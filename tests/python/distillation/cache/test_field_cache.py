@@ -19,9 +19,7 @@ import dfd.encoders.encode
 from dfd import Field, Mesh
 from dfd.distillation.distill import find_distilled
 from dfd.distillation.settings import DistillSettings
-from dfd.encoders import precision
 from dfd.field import cache as field_cache
-from dfd.field.cache_key import hash_key
 
 SIZES: dict[str, Any] = {"views": 2, "resolution": 32, "steps": 3, "batch": 32}
 SMALL: dict[str, Any] = {**SIZES, "progress": False, "device": "cpu"}
@@ -96,19 +94,6 @@ def test_its_file_is_found_without_torch(encoder: Path, mesh: Mesh, cache: Path,
     dfd.distill(same_mesh, encoder, **SMALL)
     asked = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert asked.stdout.split(maxsplit=1) == ["True", "[]\n"]
-
-
-def test_another_precision_is_another_field(
-    encoder: Path, mesh: Mesh, cache: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    fields = {}
-    for flags, name in (({"avx512_bf16"}, "bfloat16"), (set(), "float32")):
-        monkeypatch.setattr(precision, "_cpu_flags", lambda flags=flags: flags)
-        fields[name] = dfd.distill(mesh, encoder, **SMALL)
-        assert fields[name].settings["encoder_precision"] == name
-        assert same(dfd.distill(mesh, encoder, **SMALL), fields[name])
-        assert same(dfd.distill(mesh, encoder, cache=False, **SMALL), fields[name])
-    assert len(list(cache.iterdir())) == 2
 
 
 def test_an_encoder_that_is_none_is_refused(mesh: Mesh) -> None:
@@ -192,25 +177,3 @@ def test_entries_longest_unused_go_first(cache: Path, monkeypatch: pytest.Monkey
     assert store("e", cache, 0).exists()  # what was just made stays, however large
     assert not newest.exists()
     assert not older.exists()
-
-
-def test_processes_may_do_the_same_at_once(cache: Path) -> None:
-    code = (
-        "from made_field import made_field\nfrom dfd.field import cache as field_cache\n"
-        "field = made_field(8, width=64, layers=2)\n"
-        "for index in range(12):\n"
-        "    field_cache.store({'name': index % 3}, field)\n"
-        "    found = field_cache.find({'name': (index + 1) % 3})\n"
-        "    assert index < 3 or found is not None"
-    )
-    beside = Path(made_field.__code__.co_filename).parent  # where the child finds it, too
-    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(beside), os.environ.get("PYTHONPATH", "")])}
-    processes = [
-        subprocess.Popen([sys.executable, "-W", "error", "-c", code], stderr=subprocess.PIPE, text=True, env=env)
-        for _ in range(2)
-    ]
-    for process in processes:
-        _, error = process.communicate(timeout=120)
-        assert process.returncode == 0, error
-    wanted = {hash_key({"name": name}) for name in range(3)}
-    assert {path.name.partition("-")[0] for path in cache.iterdir()} == wanted
