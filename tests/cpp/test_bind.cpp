@@ -109,43 +109,6 @@ CASE("distance and clamp, Equations (4) and (5)")
     }
 END
 
-CASE("handles may be vertices, in every layout")
-    Problem problem(40, 8, 3);
-    const std::array<std::int64_t, 3> vertices{39, 0, 17};
-    std::vector<float> weights(120);
-    for (std::size_t j = 0; j < 3; ++j) std::copy_n(&problem.features[std::size_t(vertices[j]) * 8], 8, &problem.rows[j * 8]);
-    problem.bind();
-    dfd::bind(problem.source(), {.vertices = vertices}, {}, {weights.data(), 40, 3}, 2, dfd::kernels());
-    CHECK(weights == problem.weights);
-
-    // Halves and bytes of whole numbers: entry k of vertex i is (i * 7 + k) mod 5 - 2.
-    std::vector<std::uint16_t> halves(3 * 8 * 16);
-    std::vector<std::uint8_t> bytes(3 * 12 * 16);
-    const std::array<std::uint16_t, 5> half_of{0xc000, 0xbc00, 0x0000, 0x3c00, 0x4000};
-    for (std::size_t i = 0; i < 48; ++i) {
-        std::int32_t square = 0;
-        for (std::size_t k = 0; k < 8; ++k) {
-            const std::size_t entry = (i * 7 + k) % 5;
-            halves[(i / 16 * 8 + k) * 16 + i % 16] = half_of[entry];
-            bytes[i / 16 * 192 + (k / 4 * 16 + i % 16) * 4 + k % 4] = static_cast<std::uint8_t>(entry + 126);
-            square += (std::int32_t(entry) - 2) * (std::int32_t(entry) - 2);
-        }
-        std::memcpy(&bytes[i / 16 * 192 + (2 * 16 + i % 16) * 4], &square, 4);
-    }
-    for (std::size_t j = 0; j < 3; ++j)
-        for (std::size_t k = 0; k < 8; ++k)
-            problem.rows[j * 8 + k] = static_cast<float>((std::size_t(vertices[j]) * 7 + k) % 5) - 2;
-    using Layout = dfd::Features::Layout;
-    for (const dfd::Features& source : {dfd::Features{Layout::halves, halves.data(), 40, 8, 1},
-                                        dfd::Features{Layout::bytes, bytes.data(), 40, 8, 0.1f}}) {
-        std::vector<float> by_rows(120);
-        dfd::bind(source, {.rows = {problem.rows.data(), 3, 8}}, {}, {by_rows.data(), 40, 3}, 2, dfd::kernels());
-        dfd::bind(source, {.vertices = vertices}, {}, {weights.data(), 40, 3}, 2, dfd::kernels());
-        CHECK(weights == by_rows);
-        CHECK(weights[39 * 3] == 1 && weights[1] == 1 && weights[17 * 3 + 2] == 1);
-    }
-END
-
 CASE("the same bits for every number of threads and every place of a row")
     Problem problem(333, 37, 9);
     for (std::size_t i = 1; i < 333; i += 2)

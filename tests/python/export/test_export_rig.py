@@ -1,7 +1,6 @@
 """`dfd.export_rig`: what it takes, what it refuses, and what the Khronos validator says of what it writes."""
 
 import json
-import os
 import shutil
 import subprocess
 from pathlib import Path
@@ -16,7 +15,6 @@ import dfd
 from dfd.posing.transforms import Transform
 
 VALIDATOR = Path(__file__).parents[2] / "validator"
-MESHES = Path(os.environ.get("DFD_MESHES", "nowhere"))
 
 
 @pytest.fixture(scope="module")
@@ -36,26 +34,6 @@ def validated():
     return run
 
 
-def textured_spot(folder):
-    """The cow with a picture on it: its own file has neither one nor texture coordinates."""
-    spot = dfd.load(MESHES / "spot.obj")
-    checkered(folder / "spot.png", 64)
-    write(folder / "spot.mtl", "newmtl paint\nmap_Kd spot.png\n")
-    lines = ["mtllib spot.mtl", "usemtl paint"]
-    lines += [f"v {x} {y} {z}\nvt {z} {y}" for x, y, z in spot.vertices]
-    lines += ["f " + " ".join(f"{corner}/{corner}" for corner in face) for face in (spot.faces + 1).tolist()]
-    return write(folder / "spot.obj", "\n".join(lines))
-
-
-def real(name):
-    def copied(folder):
-        if not (MESHES / name).is_file():
-            pytest.skip(f"DFD_MESHES does not hold {name}")
-        return textured_spot(folder) if name == "spot.obj" else MESHES / name
-
-    return copied
-
-
 def chair(folder):
     path = folder / "chair.obj"
     dfd.samples.chair(4000).mesh.save(path)
@@ -70,14 +48,7 @@ def painted_without_coordinates(folder):
     return write(folder / "square.obj", square)
 
 
-SHAPES = {
-    "chair": chair,
-    "without coordinates": painted_without_coordinates,
-    "parts": scene_of_three,
-    "spot": real("spot.obj"),
-    "truck": real("milk_truck_textured.glb"),
-    "duck": real("duck_textured.glb"),
-}
+SHAPES = {"chair": chair, "without coordinates": painted_without_coordinates, "parts": scene_of_three}
 
 
 @pytest.mark.parametrize("name", SHAPES)
