@@ -17,20 +17,14 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Source:
-    """Where a shape comes from: a sample of that name, or a file, under the name that the user knows."""
-
-    name: str
-    sample: str | None = None
-    path: Path | None = None
-
-
-@dataclass(frozen=True)
 class OpenedFile:
-    """A field or an edit on disk, under the name that the user knows."""
+    """A file on disk, under the name that the user knows."""
 
     name: str
     path: Path
+
+
+Source = OpenedFile | str  # where a shape comes from: a file, or the sample of that name
 
 
 @dataclass(frozen=True)
@@ -75,11 +69,11 @@ SAMPLES = tuple(
 )
 
 
-def sample_source(name: str) -> Source:
+def sample_entry(name: str) -> SampleEntry:
     """The sample of that name; raises ValueError if there is none."""
     for entry in SAMPLES:
         if entry.name == name:
-            return Source(name=entry.title, sample=name)
+            return entry
     raise ValueError(f"There is no sample {name!r}; there are {', '.join(entry.name for entry in SAMPLES)}")
 
 
@@ -88,12 +82,10 @@ def read_shape(source: Source) -> tuple[Mesh, list[str]]:
 
     Raises ValueError, OSError as `dfd.load` does.
     """
-    if source.sample is not None:
+    if isinstance(source, str):
         import dfd.samples as samples
 
-        faces = next(entry.faces for entry in SAMPLES if entry.name == source.sample)
-        return getattr(samples, source.sample)(faces).mesh, []
-    assert source.path is not None
+        return getattr(samples, source)(sample_entry(source).faces).mesh, []
     from dfd.mesh.mesh import load
 
     with warnings.catch_warnings(record=True) as caught:

@@ -37,18 +37,17 @@ def app(
     if mesh is None and sample is None and (field or edit):
         raise ValueError(f"MESH must be given: it is what `{'--field' if field else '--edit'}` is for")
     try:
-        from dfd.app.options import OpenedFile, SessionOptions, Source, sample_source
+        from dfd.app.options import OpenedFile, SessionOptions, sample_entry
         from dfd.app.web.launch import serve
         from dfd.app.web.safety import loopback
     except ImportError as error:
         raise ValueError(f"the app needs more packages ({error.name}): pip install 'dfd[app]'") from None
-    source = None if sample is None else sample_source(sample)
-    if mesh is not None:
-        source = Source(name=mesh.name, path=mesh.resolve())
+    files = (None if path is None else OpenedFile(path.name, path.resolve()) for path in (mesh, field, edit))
+    opened_mesh, opened_field, opened_edit = files
     start = SessionOptions(
-        mesh=source,
-        field=None if field is None else OpenedFile(name=field.name, path=field.resolve()),
-        edit=None if edit is None else OpenedFile(name=edit.name, path=edit.resolve()),
+        mesh=opened_mesh if sample is None else sample_entry(sample).name,
+        field=opened_field,
+        edit=opened_edit,
         preset=preset or "default",
         encoder=encoder,
     )

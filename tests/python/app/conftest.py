@@ -13,7 +13,7 @@ import torch
 from app_page import CLIENT, Page, Shape
 
 import dfd
-from dfd.app.options import OpenedFile, SessionOptions, Source
+from dfd.app.options import OpenedFile, SessionOptions
 from dfd.app.web.launch import RunningApp
 from dfd.app.web.server import STATIC
 from dfd.editing.deformer import Deformer
@@ -93,7 +93,7 @@ def browser() -> str:
 @pytest.fixture(scope="session")
 def options(shape: Shape) -> SessionOptions:
     return SessionOptions(
-        mesh=Source(name="chair.glb", path=shape.mesh),
+        mesh=OpenedFile(name="chair.glb", path=shape.mesh),
         field=OpenedFile(name="chair.field.safetensors", path=shape.field),
         encoder=str(shape.encoder),
         distill={**shape.settings, "cache": False},

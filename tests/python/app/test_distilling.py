@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from app_page import Page, Shape
 
-from dfd.app.options import SessionOptions, Source
+from dfd.app.options import OpenedFile, SessionOptions
 from dfd.app.session import preparation
 from dfd.app.session.distill_process import DistillProcess
 from dfd.app.web.launch import RunningApp
@@ -18,7 +18,7 @@ from dfd.app.web.launch import RunningApp
 def bare(shape: Shape, static: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[RunningApp]:
     """A server that has no field for its mesh, and a cache of its own."""
     monkeypatch.setenv("DFD_CACHE", str(tmp_path / "cache"))
-    source = Source(name="chair.glb", path=shape.mesh)
+    source = OpenedFile(name="chair.glb", path=shape.mesh)
     running = RunningApp(SessionOptions(mesh=source, encoder=str(shape.encoder), distill=shape.settings), static=static)
     running.start()
     yield running
@@ -52,7 +52,7 @@ def test_the_mesh_is_shown_at_once_and_comes_alive(bare: RunningApp) -> None:
 @pytest.mark.processes
 def test_a_distillation_can_be_stopped_and_begun_again(shape: Shape, static: Path) -> None:
     long = {**shape.settings, "steps": 200_000, "cache": False}
-    options = SessionOptions(mesh=Source(name="c", path=shape.mesh), encoder=str(shape.encoder), distill=long)
+    options = SessionOptions(mesh=OpenedFile(name="c", path=shape.mesh), encoder=str(shape.encoder), distill=long)
     running = RunningApp(options, static=static)
     running.start()
     try:
@@ -73,7 +73,7 @@ def test_a_distillation_can_be_stopped_and_begun_again(shape: Shape, static: Pat
 
 @pytest.mark.processes
 def test_an_encoder_that_is_not_there_is_said(shape: Shape, static: Path, tmp_path: Path) -> None:
-    options = SessionOptions(mesh=Source(name="c", path=shape.mesh), encoder=str(tmp_path / "nothing"))
+    options = SessionOptions(mesh=OpenedFile(name="c", path=shape.mesh), encoder=str(tmp_path / "nothing"))
     running = RunningApp(options, static=static)
     running.start()
     try:
@@ -88,7 +88,7 @@ def test_an_encoder_that_is_not_there_is_said(shape: Shape, static: Path, tmp_pa
 
 
 def test_a_process_that_is_killed_is_said(shape: Shape, tmp_path: Path) -> None:
-    process = DistillProcess(Source(name="c", path=shape.mesh), SessionOptions(), tmp_path / "field")
+    process = DistillProcess(OpenedFile(name="c", path=shape.mesh), SessionOptions(), tmp_path / "field")
     process.stop()
     with pytest.raises(ValueError, match="ended before it was done"):
         process.run(lambda *_: None)

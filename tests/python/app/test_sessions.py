@@ -17,7 +17,7 @@ from dfd.app.web.sessions import OPENED_ELSEWHERE, SESSION_ENDED
 def session_of(page: Page) -> Session:
     tab = page.app.sessions.find(page.session)
     assert tab is not None
-    return tab.thread.session
+    return tab.session
 
 
 def leave(page: Page) -> None:

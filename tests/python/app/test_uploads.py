@@ -39,7 +39,6 @@ def test_an_obj_finds_its_materials(tmp_path: Path, packed: bool) -> None:
     upload = receive(named(content), tmp_path, 10_000)
     assert upload.mesh is not None
     assert upload.mesh.name == "tri.obj"
-    assert upload.mesh.path is not None
     assert "tri" not in upload.mesh.path.name
     looks = dfd.load(upload.mesh.path).appearance
     assert looks is not None
@@ -68,7 +67,6 @@ def test_a_name_leads_nowhere(tmp_path: Path, name: str, packed: bool) -> None:
     content = {f"{name}.obj": OBJ, f"{name}.png": b"evil"}
     upload = receive(named({"a.zip": zipped(content)} if packed else content), inside, 10_000)
     assert upload.mesh is not None
-    assert upload.mesh.path is not None
     assert upload.mesh.path.resolve().is_relative_to(inside)
     assert everything_in(tmp_path) == [upload.mesh.path.name]
 
@@ -78,7 +76,6 @@ def test_an_uploaded_obj_reads_nothing_outside_its_folder(tmp_path: Path) -> Non
     obj = OBJ.replace(b"looks.mtl", b"../../secret.mtl")
     upload = receive(named({"tri.obj": obj}), tmp_path / "session", 1000)
     assert upload.mesh is not None
-    assert upload.mesh.path is not None
     assert (upload.mesh.path.parent / "../../secret.mtl").is_file()
     with pytest.warns(UserWarning, match="could not be read"):
         assert dfd.load(upload.mesh.path).appearance is None

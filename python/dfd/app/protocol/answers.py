@@ -14,7 +14,6 @@ from dfd.app.protocol.parts import (
     KeyPose,
     Model,
     PartChange,
-    Plane,
     PoseTransform,
     Vector,
     control_entries,
@@ -22,6 +21,7 @@ from dfd.app.protocol.parts import (
 )
 from dfd.common.preset import Preset
 from dfd.posing.transforms import PivotAt
+from dfd.symmetry.plane import SymmetryPlane
 
 VERSION = 1
 
@@ -119,8 +119,8 @@ class StateMessage(Answer):
     after: int  # the number of the newest request that it includes
     handles: tuple[HandleState, ...] = ()
     fixed: tuple[FixedState, ...] = ()
-    symmetry: Plane | None = None
-    planes: tuple[Plane, ...] = ()  # that were found
+    symmetry: SymmetryPlane | None = None
+    planes: tuple[SymmetryPlane, ...] = ()  # that were found
     default: PoseTransform | None = None  # D₀, with handle 0 … and its pivot
     preset: Preset  # "paper" is its equations to the letter
     can_undo: bool = False

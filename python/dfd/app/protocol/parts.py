@@ -135,16 +135,6 @@ else:
     )
 
 
-class Plane(Model):
-    """The plane {p : normal · p = offset}; one that was found tells how similar its sides are."""
-
-    normal: Vector
-    offset: float
-    band: Annotated[float, Field(ge=0)] = 0.0
-    score: float | None = None  # mean distance of mirrored features; 0 is perfect
-    name: Text | None = None
-
-
 class PoseTransform(Model):
     """The transform of a handle; everything as in `Transform`, and nothing left out."""
 

@@ -14,16 +14,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from dfd.app.options import sample_source
 from dfd.app.protocol import answers
 from dfd.app.protocol.parts import (
     Controls,
     Index,
-    KeyPoses,
     PartChange,
     PartPlace,
     Place,
-    Plane,
     PointPlace,
     PoseTransform,
     PoseTransforms,
@@ -72,25 +69,13 @@ def answer(session: Session, message: Request) -> None:
 @request
 def open_sample(session: Session, name: Text) -> None:
     """Open one of the samples that `session` lists."""
-    session.open_shape(sample_source(name))
+    session.open_shape(name)
 
 
-@request
-def close_mesh(session: Session) -> None:
-    """Go back to the start page; the edit is lost."""
-    session.show_start()
-
-
-@request
-def distill(session: Session) -> None:
-    """Distill the shape's field in the background. Sends `progress`, then `state` and `columns`."""
-    session.distill()
-
-
-@request
-def cancel(session: Session) -> None:
-    """Stop the distillation; finished steps are kept, so the next one resumes."""
-    session.cancel()
+request(Session.close_mesh)
+request(Session.distill)
+request(Session.cancel)
+request(Session.set_poses)
 
 
 # --- queries
@@ -300,13 +285,12 @@ def _fixed(session: Session, index: int) -> Fixed:
 @request
 def set_symmetry(
     session: Session,
-    plane: Plane | Literal["auto", "x", "y", "z"] | None,
+    plane: SymmetryPlane | Literal["auto", "x", "y", "z"] | None,
     band: Annotated[float, Field(ge=0)] | None = None,
     merge: bool = False,
 ) -> None:
     """Mirror handles across a plane; with `merge`, one step with the preceding such request."""
-    chosen: Any = SymmetryPlane(plane.normal, plane.offset, band=plane.band) if isinstance(plane, Plane) else plane
-    session.change(lambda deformer: deformer.set_symmetry(chosen, band=band), "symmetry", merge=merge)
+    session.change(lambda deformer: deformer.set_symmetry(plane, band=band), "symmetry", merge=merge)
 
 
 @request
@@ -340,13 +324,6 @@ def redo(session: Session) -> None:
 def clear(session: Session) -> None:
     """Remove all handles and fixed places, as one step; the mirror plane stays."""
     session.change(lambda deformer: deformer.apply(replace(deformer.edit, handles=(), fixed=())))
-
-
-@request
-def set_poses(session: Session, poses: KeyPoses) -> None:
-    """Replace the key poses; they are not part of the edit, nor of undo."""
-    session.require_deformer()
-    session.set_poses(poses)
 
 
 # --- export

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from dfd.app.options import OpenedFile, SessionOptions, Source, Upload, read_shape
 from dfd.app.protocol.answers import Answer, FailureMessage, FieldState, ProgressMessage, StartMessage
+from dfd.app.protocol.parts import KeyPoses
 from dfd.app.session.columns import Columns
 from dfd.app.session.parts import ShapeParts
 from dfd.app.session.preparation import Preparation
@@ -20,7 +21,6 @@ from dfd.editing.edit import Edit, band_on
 from dfd.editing.edit_file import read_edit
 
 if TYPE_CHECKING:
-    from dfd.app.protocol.parts import KeyPose
     from dfd.common.preset import Preset
     from dfd.editing.deformer import Deformer
     from dfd.mesh.mesh import Mesh
@@ -58,20 +58,15 @@ class Session:
         self._shown_edit: Edit | None = None  # as last sent to the page
         self._unreported = False  # whether a report is due
         self._pending_edit: OpenedFile | None = None  # opened once the field is ready
-        self.source: Source | None = None
+        self.name = "mesh"  # of the shape
         self.mesh: Mesh | None = None
         self.view_state = ViewState()
         self.deformer: Deformer | None = None
         self.columns: Columns | None = None
         if deformer is not None:
             self._number, self.mesh = 1, deformer.mesh
-            self.source = Source(name=deformer.mesh.source.name if deformer.mesh.source else "mesh")
+            self.name = deformer.mesh.source.name if deformer.mesh.source else "mesh"
             self.field_ready(deformer, None, "file", [])
-
-    @property
-    def name(self) -> str:
-        """The name of the shape."""
-        return "mesh" if self.source is None else self.source.name
 
     # --- opening
 
@@ -89,38 +84,42 @@ class Session:
 
         Raises ValueError, OSError as `dfd.load` does.
         """
-        if source.path is not None:
-            self._names[str(source.path)] = source.name
+        name = source.capitalize() if isinstance(source, str) else self._named(source)
         self._tell_progress("open", "read")
         try:
             mesh, warnings = read_shape(source)
-            message = mesh_message(mesh, number=self._number + 1, name=source.name, warnings=warnings)
+            message = mesh_message(mesh, number=self._number + 1, name=name, warnings=warnings)
         finally:
             self._tell_progress("open", "done")
         self.close_shape()
         self._number += 1
-        self.source, self.mesh, self._warnings, self._pending_edit = source, mesh, warnings, edit
+        self.name, self.mesh, self._warnings, self._pending_edit = name, mesh, warnings, edit
         self._send(message)
         self._preparation = Preparation(mesh, source, self.options, self.folder, self, self._post)
         self._tell_field("preparing")
         if field is None:
             self._preparation.find_cached()
         else:
-            self._names[str(field.path)] = field.name
+            self._named(field)
             self._preparation.open(field.path, "file")
+
+    def _named(self, file: OpenedFile) -> str:
+        """Return the name of a file, by which messages call it from now on."""
+        self._names[str(file.path)] = file.name
+        return file.name
 
     def close_shape(self) -> None:
         """Drop the shape and everything that belongs to it."""
         if self._preparation is not None:
             self._preparation.drop()
         self._preparation = self._progress = self._shown_edit = self._pending_edit = None
-        self.source = self.mesh = self.deformer = self.columns = None
+        self.mesh = self.deformer = self.columns = None
         self.view_state, self._unreported = ViewState(), False
         while self._uploads:
             shutil.rmtree(self._uploads.pop(), ignore_errors=True)
 
-    def show_start(self) -> None:
-        """Close the shape and go back to the start page."""
+    def close_mesh(self) -> None:
+        """Close the shape and go back to the start page; the edit is lost."""
         self.close_shape()
         self.send(StartMessage())
 
@@ -143,7 +142,7 @@ class Session:
         """Load the field from a file."""
         if self._preparation is None:
             raise ValueError("Open a mesh before its field")
-        self._names[str(field.path)] = field.name
+        self._named(field)
         self._preparation.cancel()
         self._tell_field("preparing")
         self._preparation.open(field.path, "file")
@@ -152,7 +151,7 @@ class Session:
         """Apply the edit in a file as one step, once the field is ready."""
         if self.mesh is None:
             raise ValueError("Open a mesh before its edit")
-        self._names[str(edit.path)] = edit.name
+        self._named(edit)
         if self.deformer is None:
             self._pending_edit = edit
             return
@@ -160,7 +159,7 @@ class Session:
         self.change(lambda deformer: deformer.apply(read))
 
     def distill(self) -> None:
-        """Start distilling the field."""
+        """Distill the shape's field in the background. Sends `progress`, then `state` and `columns`."""
         if self._preparation is None:
             raise ValueError("Open a mesh first")
         if self.view_state.field.status != "none":
@@ -226,7 +225,7 @@ class Session:
 
     def attach(self) -> None:
         """Send the whole state to a page that has just connected."""
-        if self.mesh is None or self.source is None:
+        if self.mesh is None:
             self.send(StartMessage())
             return
         self._send(mesh_message(self.mesh, number=self._number, name=self.name, warnings=self._warnings))
@@ -297,8 +296,9 @@ class Session:
         self.send(state_message(self.view_state, self.deformer, self.columns, after=self.after))
         self._unreported = True
 
-    def set_poses(self, poses: tuple[KeyPose, ...]) -> None:
-        """Replace the key poses."""
+    def set_poses(self, poses: KeyPoses) -> None:
+        """Replace the key poses; they are not part of the edit, nor of undo."""
+        self.require_deformer()
         self.view_state.poses = poses
         self.tell_state()
 

@@ -12,7 +12,7 @@ import numpy as np
 from dfd.app.protocol import parts
 from dfd.app.protocol.answers import ColumnState, FieldState, FixedState, HandleState, ReportMessage, StateMessage
 from dfd.app.protocol.binary_messages import ColorsMessage, PositionsMessage, pack
-from dfd.app.protocol.parts import KeyPose, Plane, PoseTransform
+from dfd.app.protocol.parts import KeyPose, PoseTransform
 from dfd.app.session.columns import Columns
 from dfd.app.session.parts import ShapeParts
 from dfd.app.session.surface import center_of, packed_normals
@@ -22,7 +22,6 @@ from dfd.editing.influence.regions import Region, members
 from dfd.editing.presets import CONTROLS
 from dfd.mesh.normals import updated_normals
 from dfd.pictures.colors import feature_colors
-from dfd.symmetry.plane import axis_name
 
 if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
@@ -60,8 +59,8 @@ def state_message(
             for index, handle in enumerate(deformer.handles)
         ),
         fixed=tuple(_fixed(mesh, fixed) for fixed in deformer.fixed),
-        symmetry=None if deformer.symmetry is None else _plane(deformer.symmetry),
-        planes=tuple(_plane(replace(plane, band=band_on(mesh, preset))) for plane in view_state.planes.get(preset, ())),
+        symmetry=deformer.symmetry,
+        planes=tuple(replace(plane, band=band_on(mesh, preset)) for plane in view_state.planes.get(preset, ())),
         default=None if deformer.default is None else _default(deformer.default, box_center(mesh)),
         preset=preset,
         can_undo=deformer.can_undo,
@@ -106,11 +105,6 @@ def _fixed(mesh: Mesh, fixed: Fixed) -> FixedState:
 
 def _size(mesh: Mesh, region: Region | None) -> int:
     return 0 if region is None else len(members(mesh, region))
-
-
-def _plane(plane: SymmetryPlane) -> Plane:
-    name = axis_name(plane.normal) or None
-    return Plane(normal=plane.normal, offset=plane.offset, band=plane.band, score=plane.score or None, name=name)
 
 
 def _default(transform: Transform, center: tuple[float, float, float]) -> PoseTransform:

@@ -1,1 +1,1 @@
-"""The server: who may connect, uploads, and a process for each tab."""
+"""The server: who may connect, uploads, and the sessions."""

@@ -91,7 +91,7 @@ class _Server:
                     if message.get("text") is None:
                         tab.tell(FailureMessage(message="Messages of the page must be text").model_dump_json())
                     else:
-                        tab.thread.ask(message["text"])
+                        tab.ask(message["text"])
             finally:
                 sending.cancel()
                 self._sessions.leave(tab, outbox)
@@ -146,13 +146,13 @@ class _Server:
             return _refusal(400, str(error))
         except OSError as error:
             return _refusal(507, f"The files could not be kept: {error.strerror}")
-        tab.thread.call(lambda: tab.thread.session.open_upload(upload))
+        tab.call(lambda: tab.session.open_upload(upload))
         return JSONResponse({})
 
     async def download(self, request: Request) -> Response:
         """Serve an export, once."""
         tab = self._sessions.find(request.path_params["session"])
-        path = None if tab is None else tab.thread.session.exports.pop(request.path_params["number"], None)
+        path = None if tab is None else tab.session.exports.pop(request.path_params["number"], None)
         if path is None or not path.is_file():
             return _refusal(404, "There is no such file: it can be taken once")
         return FileResponse(

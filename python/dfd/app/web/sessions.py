@@ -29,15 +29,20 @@ REST_PAUSE = 0.2  # seconds without a request, after which the session does defe
 Outbox = asyncio.Queue[str | bytes | int]  # messages for a page; a number is the code to close its WebSocket with
 
 
-class SessionThread:
-    """A session and the thread that does its work in order; all methods are thread-safe."""
+class Tab:
+    """A session with the thread that does its work in order, and the page that shows it, if one does.
 
-    def __init__(
-        self, folder: Path, options: SessionOptions, send: Callable[[str | bytes], None], deformer: Deformer | None
-    ) -> None:
+    `call` is safe on any thread; all else is called on the event loop.
+    """
+
+    def __init__(self, folder: Path, options: SessionOptions, deformer: Deformer | None) -> None:
+        self.name, self.folder = folder.name, folder
+        self._events = asyncio.get_running_loop()
+        self._outbox: Outbox | None = None
+        self._begun = False
         self._inbox: queue.Queue[Callable[[], None] | None] = queue.Queue()
         self._newest: dict[str, int] = {}
-        self.session = Session(folder, options, send, self._inbox.put, deformer=deformer)
+        self.session = Session(folder, options, self._send, self.call, deformer=deformer)
         threading.Thread(target=self._run, name="dfd-session", daemon=True).start()
 
     def call(self, work: Callable[[], None]) -> None:
@@ -50,7 +55,7 @@ class SessionThread:
             request = read_request(text)
         except RequestError as error:
             number, why = error.number, str(error)
-            self._inbox.put(lambda: self.session.fail(number, why))
+            self.call(lambda: self.session.fail(number, why))
             return
         if request.type in NEWEST_ONLY:
             self._newest[request.type] = request.id
@@ -59,34 +64,19 @@ class SessionThread:
             if self._newest.get(request.type, request.id) == request.id:
                 answer(self.session, request)
 
-        self._inbox.put(work)
-
-    def end(self) -> None:
-        """End the session after the work in the queue."""
-        self._inbox.put(None)
+        self.call(work)
 
     def _run(self) -> None:
-        session = self.session
+        """Do the work in the queue until the session ends, and deferred work whenever there is none."""
         while True:
             try:
                 work = self._inbox.get(timeout=REST_PAUSE)
             except queue.Empty:
-                work = session.run_deferred
+                work = self.session.run_deferred
             if work is None:
-                session.end()
+                self.session.end()
                 return
-            session.guarded(0, work)
-
-
-class Tab:
-    """A session, and the page that shows it, if one does; all methods are called on the event loop."""
-
-    def __init__(self, folder: Path, options: SessionOptions, deformer: Deformer | None) -> None:
-        self.name, self.folder = folder.name, folder
-        self._events = asyncio.get_running_loop()
-        self._outbox: Outbox | None = None
-        self._begun = False
-        self.thread = SessionThread(folder, options, self._send, deformer)
+            self.session.guarded(0, work)
 
     def _send(self, message: str | bytes) -> None:
         """Bring a message of the session's thread to the page that shows the session."""
@@ -107,8 +97,7 @@ class Tab:
         """Return the messages for a new page; the page before, if any, is closed."""
         self.tell(OPENED_ELSEWHERE)
         outbox = self._outbox = asyncio.Queue()
-        session = self.thread.session
-        self.thread.call(session.attach if self._begun else session.begin)
+        self.call(self.session.attach if self._begun else self.session.begin)
         self._begun = True
         return outbox
 
@@ -118,9 +107,9 @@ class Tab:
             self._outbox = None
 
     def end(self) -> None:
-        """End the session, delete its files and close its page."""
+        """End the session after the work in the queue, delete its files and close its page."""
         self.tell(SESSION_ENDED)
-        self.thread.end()
+        self._inbox.put(None)
         shutil.rmtree(self.folder, ignore_errors=True)
 
 

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 from typing import IO
 
-from dfd.app.options import OpenedFile, Source, Upload
+from dfd.app.options import OpenedFile, Upload
 from dfd.mesh.file.read import ENDINGS
 
 FIELD, EDIT = ".safetensors", ".json"
@@ -50,7 +50,7 @@ def receive(files: Sequence[tuple[str, IO[bytes]]], folder: Path, most_bytes: in
     except BaseException:
         shutil.rmtree(place, ignore_errors=True)
         raise
-    return Upload(place, None if mesh is None else Source(mesh.name, path=mesh.path), field, edit)
+    return Upload(place, mesh, field, edit)
 
 
 class _Kept:

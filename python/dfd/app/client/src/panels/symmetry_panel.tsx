@@ -1,6 +1,6 @@
 import { send } from "../actions/connection";
 import { throttle } from "../actions/edit";
-import type { Plane, StateMessage } from "../protocol/messages";
+import type { StateMessage, SymmetryPlane } from "../protocol/messages";
 import { useParts } from "../store/use";
 import { Panel, percent, Segmented, Slider } from "../widgets/controls";
 
@@ -10,8 +10,8 @@ type Axis = (typeof AXES)[number];
 export function SymmetryPanel({ known: { symmetry: used, planes: found } }: { readonly known: StateMessage }) {
   const { mesh } = useParts();
   const size = mesh?.diagonal ?? 1;
-  const planes = new Map<string, Plane | Axis | null>([["None", null]]);
-  found.forEach((plane, i) => planes.set(axisOf(plane) ?? plane.name ?? `Slanted ${i + 1}`, plane));
+  const planes = new Map<string, SymmetryPlane | Axis | null>([["None", null]]);
+  found.forEach((plane, i) => planes.set(axisOf(plane) ?? `Slanted ${i + 1}`, plane));
   for (const axis of AXES) if (!planes.has(axis.toUpperCase())) planes.set(axis.toUpperCase(), axis);
   const shown = used && ([...planes].find(([, plane]) => same(plane, used))?.[0] ?? axisOf(used) ?? "Other");
   if (used && shown && !planes.has(shown)) planes.set(shown, used);
@@ -41,11 +41,11 @@ export function SymmetryPanel({ known: { symmetry: used, planes: found } }: { re
 }
 
 /** The axis that a plane is perpendicular to, if any. */
-function axisOf({ normal }: Plane): string | undefined {
+function axisOf({ normal }: SymmetryPlane): string | undefined {
   return AXES.find((_, i) => Math.abs(normal[i]) > 0.999)?.toUpperCase();
 }
 
-function same(a: Plane | Axis | null, b: Plane): boolean {
+function same(a: SymmetryPlane | Axis | null, b: SymmetryPlane): boolean {
   if (a === null || typeof a === "string") return false;
   const dot = a.normal.reduce((sum, entry, i) => sum + entry * b.normal[i], 0);
   return Math.abs(dot) > 0.9999 && Math.abs(a.offset - Math.sign(dot) * b.offset) < 1e-6 * (1 + Math.abs(a.offset));

@@ -16,7 +16,7 @@ import {
 } from "../posing/affine";
 import { EMPTY_SCENE, type Column, type Mirror, type Scene } from "../posing/columns";
 import { heldPart } from "../posing/held";
-import type { ColumnState, HandleState, Plane } from "../protocol/messages";
+import type { ColumnState, HandleState, SymmetryPlane } from "../protocol/messages";
 import { present, type State } from "../store/state";
 
 /** The handle's motion about the pivot of a column, turned or mirrored into its frame. */
@@ -34,7 +34,7 @@ export function columnMatrix(handle: Placed, { frame, position }: ColumnState): 
 
 type Placed = Pick<HandleState, "position"> & { readonly transform: Transform };
 
-export function mirrorOf(plane: Plane, center: Vec3): Mirror {
+export function mirrorOf(plane: SymmetryPlane, center: Vec3): Mirror {
   const [x, y, z] = plane.normal;
   const offset = plane.offset - (x * center[0] + y * center[1] + z * center[2]);
   return { normal: plane.normal, offset, band: plane.band ?? 0 };
@@ -90,7 +90,7 @@ function shownColumn(weights: Uint16Array, heat: number): Column {
   return { handle: 0, weights, positive: true, heat, transform: IDENTITY };
 }
 
-function isPositive(plane: Plane | null, position: Vec3): boolean {
+function isPositive(plane: SymmetryPlane | null, position: Vec3): boolean {
   if (!plane) return true;
   const [x, y, z] = plane.normal;
   return x * position[0] + y * position[1] + z * position[2] - plane.offset >= 0;
