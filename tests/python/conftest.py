@@ -9,13 +9,16 @@ from pathlib import Path
 if "PYTEST_XDIST_WORKER" in os.environ:  # before torch is imported: several processes share the cores
     os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+import numpy as np
 import pytest
 import torch
 from filelock import FileLock
 from hypothesis import HealthCheck, settings
+from made_field import field_of
+from numpy.typing import NDArray
 
 import dfd
-from dfd import Mesh
+from dfd import Field, Mesh
 from dfd.samples import Sample
 
 # A machine that does something else besides is no reason to fail.
@@ -86,6 +89,22 @@ def chair_sample() -> Sample:
 @pytest.fixture(scope="session")
 def chair_mesh(chair_sample: Sample) -> Mesh:
     return chair_sample.mesh
+
+
+@pytest.fixture(scope="session")
+def mesh(chair_mesh: Mesh) -> Mesh:
+    return chair_mesh
+
+
+@pytest.fixture(scope="session")
+def field(mesh: Mesh) -> Field:
+    """A field of the chair that has learnt nothing."""
+    return field_of(mesh, seed=1)
+
+
+@pytest.fixture(scope="session")
+def features(mesh: Mesh, field: Field) -> NDArray[np.float32]:
+    return field.features(mesh)
 
 
 @pytest.fixture(scope="session")

@@ -12,35 +12,30 @@ from dfd.editing.transfer import Transferred
 
 
 @pytest.fixture(scope="module")
-def chair():
-    return dfd.samples.chair(4000).mesh
-
-
-@pytest.fixture(scope="module")
-def other(chair):
+def other(mesh):
     """The chair, three times as large and elsewhere."""
-    return dfd.Mesh(3.0 * chair.vertices + (5, 0, 0), chair.faces)
+    return dfd.Mesh(3.0 * mesh.vertices + (5, 0, 0), mesh.faces)
 
 
 @pytest.fixture
-def original(chair, tmp_path):
-    session = dfd.Deformer(chair, field_of(chair, seed=3))
+def original(mesh, tmp_path):
+    session = dfd.Deformer(mesh, field_of(mesh, seed=3))
     session.add(5, translation=(0, 0.2, 0), name="leg")
     session.fix(900)
     session.save(tmp_path / "edit.json")
-    return Original.read(tmp_path / "edit.json", chair, field_of(chair, seed=3))
+    return Original.read(tmp_path / "edit.json", mesh, field_of(mesh, seed=3))
 
 
-def test_another_shape_of_the_class_is_deformed_alike(chair, other, original):
+def test_another_shape_of_the_class_is_deformed_alike(mesh, other, original):
     found = carry(original, other, field_of(other, seed=3))
     assert found.confidence == pytest.approx({"leg": 1.0, "fixed 1": 1.0}, abs=1e-3)
-    here = dfd.Deformer(chair, original.field)
+    here = dfd.Deformer(mesh, original.field)
     here.apply(original.edit)
     np.testing.assert_allclose(found.deformer.vertices, 3 * here.vertices + (5, 0, 0), atol=1e-3)
 
 
-def test_the_shape_that_it_was_made_on_gets_it_as_it_is(chair, original):
-    found = carry(original, chair, field_of(chair, seed=9))
+def test_the_shape_that_it_was_made_on_gets_it_as_it_is(mesh, original):
+    found = carry(original, mesh, field_of(mesh, seed=9))
     assert found.confidence == {"leg": 1.0, "fixed 1": 1.0}
     assert found.deformer.edit == original.edit
 
@@ -58,10 +53,10 @@ def test_a_shape_that_has_nothing_alike_is_refused_with_the_figures(other, origi
     assert forced.unsure == tuple(name for name, sure in forced.confidence.items() if sure < 0.99) != ()
 
 
-def test_an_edit_that_moves_nothing_is_refused(chair, tmp_path):
-    dfd.Deformer(chair, field_of(chair, seed=3)).save(tmp_path / "none.json")
+def test_an_edit_that_moves_nothing_is_refused(mesh, tmp_path):
+    dfd.Deformer(mesh, field_of(mesh, seed=3)).save(tmp_path / "none.json")
     with pytest.raises(ValueError, match=r"none.json: `handles` must hold a handle: the edit moves nothing"):
-        Original.read(tmp_path / "none.json", chair, field_of(chair, seed=3))
+        Original.read(tmp_path / "none.json", mesh, field_of(mesh, seed=3))
 
 
 def test_the_threshold_goes_by_the_metric(other, original, monkeypatch):

@@ -20,11 +20,6 @@ def _own_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("DFD_CACHE", str(tmp_path / "cache"))
 
 
-@pytest.fixture(scope="module")
-def mesh() -> Mesh:
-    return dfd.samples.chair(4000).mesh
-
-
 def smooth(points: np.ndarray) -> np.ndarray:
     """Features that a field can follow: (N, 4), of many lengths."""
     x, y, z = (np.asarray(points) * 3).T

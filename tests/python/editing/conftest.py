@@ -5,28 +5,11 @@ from unittest import mock
 
 import pytest
 from counting import Counting
-from made_field import field_of
 
 import dfd
 from dfd.editing import shape
 from dfd.editing.influence import feature_weights
 from dfd.editing.presets import PRESETS
-
-
-@pytest.fixture(scope="session")
-def mesh(chair_mesh):
-    return chair_mesh
-
-
-@pytest.fixture(scope="session")
-def field(mesh):
-    """A field that has learnt nothing: enough to see what the session does with one."""
-    return field_of(mesh, seed=1)
-
-
-@pytest.fixture(scope="session")
-def features(mesh, field):
-    return field.features(mesh)
 
 
 @pytest.fixture

@@ -2,25 +2,17 @@
 
 import numpy as np
 import pytest
-from made_field import field_of
 
 import dfd
 from dfd.editing.influence.regions import VertexSet
 
 
-@pytest.fixture(scope="module")
-def legged():
-    """A chair, and a field that has learnt nothing."""
-    sample = dfd.samples.chair(4_000)
-    return sample.mesh, field_of(sample.mesh, seed=1)
-
-
-def test_a_part_is_a_region_that_holds_the_place(legged):
-    session = dfd.Deformer(*legged)
+def test_a_part_is_a_region_that_holds_the_place(mesh, field):
+    session = dfd.Deformer(mesh, field)
     part = session.part(100)
     assert isinstance(part, VertexSet)
     assert 100 in part.indices
-    assert np.array_equal(part.indices, dfd.parts(legged[1], legged[0]).part(100).vertices)
+    assert np.array_equal(part.indices, dfd.parts(field, mesh).part(100).vertices)
     assert len(session.part(100, alike=False).indices) <= len(part.indices)
     with pytest.raises(ValueError, match="Deformer.part: `level` must be"):
         session.part(100, level="huge")
@@ -37,8 +29,8 @@ def component_of(mesh: dfd.Mesh, vertex: int) -> np.ndarray:
         inside |= grown
 
 
-def test_what_is_said_of_parts_is_held_and_limits(legged):
-    session = dfd.Deformer(*legged)
+def test_what_is_said_of_parts_is_held_and_limits(mesh, field):
+    session = dfd.Deformer(mesh, field)
     part, piece = session.part(100), session.part(100, alike=False)
     whole = VertexSet.of(session.mesh, component_of(session.mesh, 100))
     for text, region in (("part@100", part), ("piece@100", piece), ("component@100", whole)):
@@ -57,8 +49,7 @@ def test_what_is_said_of_parts_is_held_and_limits(legged):
     assert session.handles[-1].controls.mask == piece
 
 
-def test_a_reach_by_the_part_holds_it_with_a_seam_and_nothing_beyond(legged, tmp_path):
-    mesh, field = legged
+def test_a_reach_by_the_part_holds_it_with_a_seam_and_nothing_beyond(mesh, field, tmp_path):
     session = dfd.Deformer(mesh, field)
     at = int(mesh.vertices[:, 1].argmin())  # nothing hangs on its part
     session.add(at, reach="part", counterparts="shared_pivot")

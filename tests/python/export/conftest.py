@@ -9,21 +9,6 @@ import dfd
 from dfd.editing.presets import PRESETS
 
 
-@pytest.fixture(scope="session")
-def mesh(chair_mesh):
-    return chair_mesh
-
-
-@pytest.fixture(scope="session")
-def field(mesh):
-    return field_of(mesh, seed=1)
-
-
-@pytest.fixture(scope="session")
-def features(mesh, field):
-    return field.features(mesh)
-
-
 @pytest.fixture(autouse=True)
 def linear(monkeypatch):
     """Blend linearly, as a skin does, however far handles turn."""

@@ -41,11 +41,6 @@ def encoder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return save_tiny_encoder(tmp_path_factory.mktemp("encoder") / "tiny")
 
 
-@pytest.fixture(scope="module")
-def mesh() -> Mesh:
-    return dfd.samples.chair(4000).mesh
-
-
 @pytest.fixture
 def work(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """What loads an encoder or takes pictures leaves its name here."""
