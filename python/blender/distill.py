@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
@@ -34,11 +32,12 @@ class DFD_OT_distill(OfMesh, bpy.types.Operator):  # noqa: N801
         self._path = Path(bpy.path.abspath(self.output)) if self.output else _beside_blend(context.object)
         self._folder = tempfile.TemporaryDirectory(prefix="dfd-")
         mesh = Path(self._folder.name) / "mesh.glb"
+        command = context.preferences.addons[__package__].preferences.command
         self._said: IO[bytes] = (Path(self._folder.name) / "said").open("w+b")
         try:
             export(context.object, mesh)
             self._process = subprocess.Popen(
-                [*self._command(context), str(mesh), "--output", str(self._path), "--up", "+z", *self.options.split()],
+                [command, "distill", mesh, "--output", self._path, "--up", "+z", *self.options.split()],
                 stdin=subprocess.DEVNULL,
                 stdout=self._said,
                 stderr=subprocess.STDOUT,
@@ -91,34 +90,24 @@ class DFD_OT_distill(OfMesh, bpy.types.Operator):  # noqa: N801
         self._said.close()
         self._folder.cleanup()
 
-    @staticmethod
-    def _command(context: bpy.types.Context) -> list[str]:
-        addon = context.preferences.addons.get(__package__)
-        return [addon.preferences.command if addon else "dfd", "distill"]
-
 
 def export(of: bpy.types.Object, path: Path) -> None:
     """Write the mesh alone, with its materials, in the object's own coordinates."""
-    with object_mode(of), _alone(of) as collection:
-        bpy.ops.export_scene.gltf(
-            filepath=str(path),
-            collection=collection,
-            export_yup=False,
-            export_apply=False,
-            export_animations=False,
-            export_skins=False,
-            export_morph=False,
-        )
-
-
-@contextmanager
-def _alone(of: bpy.types.Object) -> Iterator[str]:
-    """The name of a collection of nothing but a copy of the object that stands at the origin without modifiers."""
+    # A copy that stands at the origin and has no modifiers.
     collection, alone = bpy.data.collections.new("dfd"), bpy.data.objects.new("dfd", of.data)
     bpy.context.scene.collection.children.link(collection)
     collection.objects.link(alone)
     try:
-        yield collection.name
+        with object_mode(of):
+            bpy.ops.export_scene.gltf(
+                filepath=str(path),
+                collection=collection.name,
+                export_yup=False,
+                export_apply=False,
+                export_animations=False,
+                export_skins=False,
+                export_morph=False,
+            )
     finally:
         bpy.data.objects.remove(alone)
         bpy.data.collections.remove(collection)

@@ -47,13 +47,13 @@ class DFD_OT_weigh(Step, bpy.types.Operator):  # noqa: N801
         chosen = _selected(of)
         for vertex in chosen:
             handle = of.dfd.handles.add()
-            handle.vertex, handle.name = vertex, _free_name(of, vertex)
+            handle.vertex, handle.name = vertex, of.vertex_groups.new(name=f"dfd {vertex}").name
             try:
                 weigh(of, handle)
                 if of.dfd.preset != "default":
                     of.dfd.start(handle)
             except BaseException:
-                of.dfd.handles.remove(len(of.dfd.handles) - 1)
+                _remove(of, len(of.dfd.handles) - 1)
                 raise
         return f"{len(chosen)} vertex {'group' if len(chosen) == 1 else 'groups'}"
 
@@ -81,11 +81,7 @@ class DFD_OT_remove(Step, bpy.types.Operator):  # noqa: N801
         """Remove both."""
         if self.index >= len(of.dfd.handles):
             raise ValueError(f"There is no handle {self.index}")
-        name = of.dfd.handles[self.index].name
-        if name in of.vertex_groups:
-            of.vertex_groups.remove(of.vertex_groups[name])
-        of.dfd.handles.remove(self.index)
-        return f"{name} is removed"
+        return f"{_remove(of, self.index)} is removed"
 
 
 def _selected(of: bpy.types.Object) -> list[int]:
@@ -99,11 +95,12 @@ def _selected(of: bpy.types.Object) -> list[int]:
     return indices
 
 
-def _free_name(of: bpy.types.Object, vertex: int) -> str:
-    name, count = f"dfd {vertex}", 1
-    while name in of.vertex_groups:
-        count += 1
-        name = f"dfd {vertex} ({count})"
+def _remove(of: bpy.types.Object, index: int) -> str:
+    """Remove a handle and its group, and return its name."""
+    name: str = of.dfd.handles[index].name
+    if name in of.vertex_groups:
+        of.vertex_groups.remove(of.vertex_groups[name])
+    of.dfd.handles.remove(index)
     return name
 
 
