@@ -23,21 +23,6 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
 
-def open_shape(mesh: Path, field: Path | None, stages: Stages, *, force: bool = False) -> tuple[Mesh, Field | None]:
-    """Load a mesh, and its field if one is given; raises as `dfd.load` and `Field.load`."""
-    import dfd
-
-    with stages.stage("read"):
-        shape = dfd.load(mesh)
-        return shape, None if field is None else open_field(shape, field, force=force)
-
-
-def open_or_distill(mesh: Path, field: Path | None, stages: Stages, **how: Any) -> tuple[Mesh, Field]:
-    """Load a mesh and its field; without `field`, distill one. `how` is as in `open_field`."""
-    shape, _ = open_shape(mesh, None, stages)
-    return shape, open_field(shape, field, progress=stages, **how)
-
-
 def open_field(
     mesh: Mesh,
     field: Path | None,
@@ -61,10 +46,12 @@ def open_field(
 def open_session(
     mesh: Path, field: Path | None, stages: Stages, edit: Path | None, preset: Preset | None, **how: Any
 ) -> Deformer:
-    """Open a session of a mesh with an edit, if one is given; `how` is as in `open_or_distill`."""
-    from dfd import Deformer
+    """Open a session of a mesh with an edit, if one is given; `how` is as in `open_field`."""
+    from dfd import Deformer, load
 
-    shape, opened = open_or_distill(mesh, field, stages, preset=preset, **how)
+    with stages.stage("read"):
+        shape = load(mesh)
+    opened = open_field(shape, field, preset=preset, progress=stages, **how)
     start = partial(Deformer.load, edit) if edit else Deformer
     session = start(shape, opened, other_shape=how.get("force", False))
     if preset is not None:

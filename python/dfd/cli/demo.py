@@ -14,9 +14,8 @@ from dfd.cli.errors import say
 from dfd.encoders.known import DEFAULT_ENCODER
 
 if TYPE_CHECKING:
-    from dfd.common.linear_algebra import Float64, Int64, UInt8
+    from dfd.common.linear_algebra import UInt8
     from dfd.editing.deformer import Deformer
-    from dfd.samples import Sample
 
     Picture = tuple[UInt8, str]
     Session = Callable[[], Deformer]
@@ -50,9 +49,8 @@ def demo(
     rows: list[tuple[str, list[Picture]]] = []
     opening: list[Picture] = []
     encoder = load_encoder(DEFAULT_ENCODER, **DistillSettings(preset=chosen).of_encoder())
-    shapes = (("chair", samples.chair(FACES), _chair), ("quadruped", samples.quadruped(FACES), _quadruped))
-    for name, sample, edits in shapes:
-        mesh, stages = sample.mesh, Stages()
+    for name, sample, edits in (("chair", samples.chair, _chair), ("quadruped", samples.quadruped, _quadruped)):
+        mesh, stages = sample(FACES).mesh, Stages()
         say(f"{name}: {len(mesh.faces):,} faces", result=True)
         field = distill(mesh, encoder, progress=stages, cache=False, preset=chosen)
         field.save(output / f"{name}.field.safetensors")
@@ -68,7 +66,7 @@ def demo(
         rows.append((f"The {name}: what the encoder sees, and its features by color", seen))
         with stages.stage("deform and draw"):
             session = partial(Deformer, mesh, field, preset=chosen, features=features)
-            for title, file, deformer, held in edits(sample, session):
+            for title, file, deformer, held in edits(session):
                 mesh.save(output / f"{file}.glb", deformer.vertices)
                 deformer.save(output / f"{file}.json")
                 drawn = _drawn(deformer)
@@ -93,34 +91,25 @@ def _drawn(deformer: Deformer) -> list[Picture]:
     return [(picture(deformer.mesh, **look), caption) for look, caption in zip(looks, captions, strict=True)]
 
 
-def _chair(sample: Sample, session: Session) -> Edits:
-    vertices = sample.mesh.vertices
+def _chair(session: Session) -> Edits:
     legs, tall = session(), session()
-    legs.add(_lowest(vertices, sample.vertices_of("leg", 0)), translation=(0.0, -0.35, 0.0), name="foot")
-    top = _lowest(-vertices, sample.vertices_of("back"))
-    tall.add(top, scale=(1.0, 1.5, 1.0), translation=(0.0, 0.12, 0.0), name="back")
+    legs.add("bottom", translation=(0.0, -0.35, 0.0), name="foot")
+    tall.add("top", scale=(1.0, 1.5, 1.0), translation=(0.0, 0.12, 0.0), name="back")
     return [
         ("One foot of the chair is pulled down: all four legs grow", "chair_legs", legs, "one foot"),
         ("The top of its back is pulled up", "chair_back", tall, ""),
     ]
 
 
-def _quadruped(sample: Sample, session: Session) -> Edits:
-    vertices = sample.mesh.vertices
-    horn, head = sample.vertices_of("horn", 0), sample.vertices_of("head")
-    tip, root = _lowest(-vertices, horn), vertices[_lowest(vertices, horn)]
+def _quadruped(session: Session) -> Edits:
     legs, bent, local, held = (session() for _ in range(4))
-    legs.add(_lowest(vertices, sample.vertices_of("hoof", 0)), translation=(0.0, -0.3, 0.0), name="hoof")
+    legs.add("bottom", translation=(0.0, -0.3, 0.0), name="hoof")
     for each, locality in ((bent, 0.0), (local, 6.0), (held, 0.0)):
-        each.add(tip, rotation=(-50.0, 0.0, 0.0), scale=1.4, pivot=root, locality=locality, name="horn")
-    held.fix(int(head[vertices[head, 2].argmax()]))  # the muzzle
+        each.add("top", rotation=(-50.0, 0.0, 0.0), scale=1.4, locality=locality, name="horn")
+    held.fix("front")  # the muzzle
     return [
         ("One hoof is pulled down: all four legs grow", "quadruped_legs", legs, "one hoof"),
         ("One horn is bent: what looks alike follows", "quadruped_horn", bent, ""),
         ("The same with locality 6: it stays near", "quadruped_horn_local", local, ""),
         ("The same with a fixed point on the muzzle: the head holds", "quadruped_horn_fixed", held, "one horn"),
     ]
-
-
-def _lowest(vertices: Float64, among: Int64) -> int:
-    return int(among[vertices[among, 1].argmin()])

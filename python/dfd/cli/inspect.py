@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Option
 
 from dfd.cli import options
-from dfd.cli.arguments import check_output, open_or_distill, open_shape
+from dfd.cli.arguments import check_output, open_field
 from dfd.cli.errors import say
 
 if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
-    from dfd.upright.candidates import Up
     from dfd.views.visibility import Unseen
 
 # A topic: its part of the report, lines for people, and a row of a sheet, its title and the arguments of `picture`.
@@ -49,16 +48,21 @@ def inspect(
 
     from dfd import load
     from dfd.common.files import plain
-    from dfd.common.progress import Stages
+    from dfd.encoders.encode import load_encoder
+    from dfd.encoders.known import DEFAULT_ENCODER
     from dfd.geometry import topology
     from dfd.geometry.findings import findings
-    from dfd.upright.candidates import check_up, explicit_up
+    from dfd.upright.candidates import check_up, explicit_up, file_up
+    from dfd.upright.find_up import find_up
     from dfd.views.visibility import unseen
 
-    shape, opened = open_shape(mesh, field, Stages(show=False), force=force)
-    counts = topology.inspect(shape)
-    said = check_up(up)
-    found = _found_up(shape) if said == "auto" else explicit_up(shape, said)
+    shape = load(mesh)
+    opened = None if field is None else open_field(shape, field, force=force)
+    counts, said = topology.inspect(shape), check_up(up)
+    try:
+        found = find_up(shape, load_encoder(DEFAULT_ENCODER)) if said == "auto" else explicit_up(shape, said)
+    except OSError:  # without weights, all else can still be told
+        found = file_up()
     hidden = unseen(shape, frame=found.frame)
     odd = findings(shape, counts)
     report: dict[str, Any] = {
@@ -87,19 +91,6 @@ def inspect(
 
         save_sheet(picture, shape, [row for *_, row in topics], views=2, azimuth=25.0, resolution=640)
     say(json.dumps(report, indent=2, default=plain) if as_json else "\n".join(lines), result=True)
-
-
-def _found_up(shape: Mesh) -> Up:
-    from dfd.encoders.encode import load_encoder
-    from dfd.encoders.known import DEFAULT_ENCODER
-    from dfd.upright.candidates import file_up
-    from dfd.upright.find_up import find_up
-
-    try:
-        encoder = load_encoder(DEFAULT_ENCODER)
-    except OSError:  # without weights, all else can still be told
-        return file_up()
-    return find_up(shape, encoder)
 
 
 def _unseen(found: Unseen) -> list[str]:
@@ -202,6 +193,7 @@ def parts(
     check_output("--output", output, (".json", ".obj", ".glb", ".gltf"))
     check_output("--picture", picture, (".png",))
 
+    from dfd import load
     from dfd.common.files import atomic_write
     from dfd.common.progress import Stages
     from dfd.export.export_parts import export_parts
@@ -209,7 +201,9 @@ def parts(
     from dfd.segmentation.parts import parts as parts_of
 
     stages = Stages()
-    shape, opened = open_or_distill(mesh, field, stages, force=force)
+    with stages.stage("read"):
+        shape = load(mesh)
+    opened = open_field(shape, field, force=force, progress=stages)
     with stages.stage("parts"):
         found = parts_of(opened, shape).cut()
     document = cut_document(found)

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from typer import Option
 
 from dfd.cli import options
-from dfd.cli.arguments import Places, check_output, open_shape
+from dfd.cli.arguments import Places, check_output, open_field
 from dfd.cli.errors import say
 from dfd.cli.handles import value_of
 from dfd.editing.presets import CONTROLS
@@ -47,19 +47,21 @@ def show(
         raise ValueError("`--legend` needs `--field` and `--handle`: it is the scale of their heat")
     check_output("--output", output, (".png",))
 
-    from dfd import Deformer
+    from dfd import Deformer, load
     from dfd.common.progress import Stages
     from dfd.pictures.colors import feature_colors
     from dfd.pictures.sheet import save_sheet
 
     stages = Stages()
-    shape, opened = open_shape(mesh, field, stages, force=force)
+    with stages.stage("read"):
+        shape = load(mesh)
     rows: list[tuple[str, dict[str, Any]]] = []  # the title of each row of pictures, and the arguments of `picture`
-    if opened is None:
+    if field is None:
         places = Places(shape)
         marked = [places.find("--handle", text).position for text in handle or ()]
         rows = [("the mesh", {"handles": marked} if marked else {})]
     else:
+        opened = open_field(shape, field, force=force)
         deformer = Deformer(shape, opened, preset=preset or "default", other_shape=force)
         places = Places(shape, deformer)
         places.hold([(text, given) for text in handle or ()], fix)
