@@ -3,24 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
 
-from bench.paper import comparisons, controls, features, resolution
-from bench.paper.page import BALL, Context, Page, write
+from bench.paper.figures import CANNOT, FIGURES, PAGES
+from bench.paper.page import Context, write
 from dfd.encoders.known import DEFAULT_ENCODER
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "paper"
-# Every page by its name; the first line of its docstring says what it shows.
-PAGES: dict[str, Callable[[Context], Page]] = {
-    name: page
-    for module in (features, controls, comparisons, resolution)
-    for name, page in sorted(vars(module).items())
-    if re.fullmatch(r"(fig|table)\d+", name)
-}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -30,9 +22,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.list:
         for name, page in PAGES.items():
             print(f"{name:8} {(page.__doc__ or '').splitlines()[0]}")
+        for name, reason in CANNOT.items():
+            print(f"{name:8} cannot be made: {reason}")
         return
     if options.name is None:
         parser.error("NAME must be one of " + ", ".join(PAGES))
+    if options.name in CANNOT:
+        parser.error(f"{options.name} cannot be made: {CANNOT[options.name]}")
     console = Console(stderr=True, highlight=False)
     if options.meshes is not None and not options.meshes.is_dir():
         parser.error(f"{options.meshes} is not a folder")
@@ -40,34 +36,25 @@ def main(arguments: Sequence[str] | None = None) -> None:
         folder=options.meshes,
         quick=options.quick,
         encoder=options.encoder,
-        ball=options.ball,
+        answers=options.answers,
         say=lambda line: console.print(line, markup=False, soft_wrap=True),
     )
     try:
-        page = PAGES[options.name](context)
+        path = write(PAGES[options.name], FIGURES[options.name], options.name, options.output, context)
     except (ValueError, OSError) as error:
         parser.error(str(error))
-    path = write(page, options.name, options.output, context)
     Console().print(f"{path}", highlight=False, soft_wrap=True)
-
-
-def _radius(text: str) -> float:
-    value = float(text)
-    if not 0 <= value < 1:
-        raise ValueError
-    return value
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser("python -m bench.paper", description=__doc__)
-    parser.add_argument("name", metavar="NAME", nargs="?", choices=PAGES, help="of the page, see --list")
+    parser.add_argument("name", metavar="NAME", nargs="?", choices=[*PAGES, *CANNOT], help="of the page, see --list")
     parser.add_argument("--list", action="store_true", help="list the pages and stop")
     parser.add_argument("--meshes", type=Path, help="folder whose meshes are shown; else those that DFD_MESHES has")
     parser.add_argument("--quick", action="store_true", help="fewer and smaller pictures, fewer shapes")
     parser.add_argument("-o", "--output", type=Path, default=OUTPUT, help="folder to write to (%(default)s)")
     parser.add_argument("--encoder", default=DEFAULT_ENCODER, help="of all fields (%(default)s)")
-    ball = "radius, of the longest side, in which other methods get a point's neighbors too; 0 for none (%(default)s)"
-    parser.add_argument("--ball", type=_radius, default=BALL, help=ball)
+    parser.add_argument("--answers", type=Path, help="CSV of a user study for table2: user, example, method")
     return parser
 
 

@@ -1,25 +1,27 @@
-"""Pages that compare methods: Fig. 8, 9, 14 to 16, 21 and 22."""
+"""Pages that compare methods: Fig. 8, 9, 14 to 16, 21 and 22; and the user study (Table 2)."""
 
 from __future__ import annotations
 
+import csv
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 from scipy.spatial import KDTree
 
 import dfd
 from bench.paper.page import (
+    BALL,
     NAMES,
     PRESETS,
     PULLS,
     BoxHandle,
     Context,
-    Page,
     Pictures,
     Section,
+    Sections,
     Shape,
     Table,
     aim,
@@ -48,26 +50,19 @@ DENSE_TEXT = (
     "lengthen the legs, as we chose."
 )
 
-# What the paper's users chose of such pictures (Table 2, Sec. K, Fig. 23 and 24), per cent.
-DESIRABLE = {"DFD-T": 82, "DFD-A": 79, "ARAP": 19, "biharmonic": 3, "APAP": 4, "NeuralMLS": 11}
-REALISTIC = {"DFD": 64, "ARAP": 17.7, "NeuralMLS": 15.2, "biharmonic": 2.2, "APAP": 0.93}
+# How often the paper's users chose a method, per cent: two of six per example (Table 2).
+CHOSEN = {"DFD-T": 82, "DFD-A": 79, "ARAP": 19, "biharmonic": 3, "APAP": 4, "NeuralMLS": 11}
 
 COMPARED = ("ARAP", "biharmonic", "BBW", "NeuralMLS")  # OptCtrlPoints has the weights of the second one
-EXPLODED = 3.0  # times the shape's diagonal: beyond, a result has a camera of its own
+EXPLODED = 3.0  # times the shape's diagonal: a larger result has failed
 BLUE, GREEN = (40, 90, 230), (20, 150, 60)
 COLUMNS = ("handle off %", "area %", "angle °", "edge %", "volume %", "flipped faces")
 LEGEND = """\
-Blue dots are handles, green ones their targets, squares fixed points or control points, which only the
-other methods need; the outline before is blue, the one after green.
-
-- **handle off**: the largest distance that a handle is from its target, of the diagonal of the box.
-- **area**, **angle**, **edge**: mean changes over the surface, of areas and lengths relative ones.
-- **volume**: how much the enclosed volume changed; empty where the surface is open.
-- **flipped faces**: folded over against the faces around them, and not so at rest.
-- DFD is moved by its handles alone, as in the paper.
-- Other methods are given handles, fixed points and their neighbors. **biharmonic** (coordinates) and **BBW** work
-  within tetrahedra of fTetWild, of the shape simplified to 6,000 faces; **NeuralMLS** is written from its paper. The
-  networks of APAP and DeepMetaHandles cannot be had."""
+Blue dots are handles, green ones their targets, squares fixed or control points of the other methods; the outline
+before is blue, the one after green. **handle off**: the largest distance from a target, of the diagonal. **area**,
+**angle**, **edge**: mean changes over the surface. **volume**: the change of the enclosed one; empty for open
+surfaces. **flipped faces**: folded over against those around them. **biharmonic** and **BBW** work within
+tetrahedra of the shape with at most 6,000 faces. The networks of APAP and DeepMetaHandles cannot be had."""
 
 Methods = Mapping[str, Callable[[], Float64]]
 Cases = Sequence[tuple[str, "Case"]]  # by name
@@ -88,7 +83,7 @@ class Case:
 
 def pulls(context: Context, most: tuple[int, int]) -> Cases:
     """Return pulls of our own on the meshes at hand."""
-    return [(shape.name, _pulled(shape.refined(), pull)) for shape, pull in context.cases(PULLS, most)]
+    return [(shape.name, case_of(shape.refined(), pull)) for shape, pull in context.cases(PULLS, most)]
 
 
 def dense(context: Context, most: tuple[int, int]) -> Cases:
@@ -96,7 +91,8 @@ def dense(context: Context, most: tuple[int, int]) -> Cases:
     return [(shape.name, _stretched(shape.refined(), by)) for shape, by in context.cases(STRETCHED, most)]
 
 
-def _pulled(shape: Shape, pull: BoxHandle) -> Case:
+def case_of(shape: Shape, pull: BoxHandle) -> Case:
+    """Return the case of a pull: other methods hold the top or the feet besides."""
     vertices, handle = shape.mesh.vertices, pull.on(shape)
     staying = dict.fromkeys(map(shape.at, TOP if pull.offset[1] < 0 else FEET))
     fixed = np.array([each for each in staying if each != handle["at"]], np.int64)
@@ -168,6 +164,9 @@ def _row(name: str, method: str, case: Case, move: Callable[[], Float64]) -> Row
         metrics = surface_metrics(case.mesh, moved)
     except (PeerError, ValueError, OSError, MemoryError) as error:
         return Row(name, method, note=" ".join(str(error).split()) or type(error).__name__)
+    size = float(np.linalg.norm(np.ptp(moved, axis=0))) / case.mesh.diagonal
+    if size > EXPLODED:
+        return Row(name, method, note=f"explodes: {size:.3g} times as large")
     missing = np.linalg.norm(moved[case.handles] - case.targets, axis=1).max() / case.mesh.diagonal
     return Row(name, method, moved, float(missing), metrics)
 
@@ -218,11 +217,11 @@ def drawn(context: Context, case: Case, rows: Sequence[Row], *, weights: bool = 
     """The source and every method's outline over it; with `weights`, those that DFD's handle has before its outline."""
     mesh = case.mesh
     moved = [row.vertices for row in rows if row.vertices is not None]
-    where, cameras = cameras_of(case, moved)
+    source = mesh.vertices[case.handles]
+    where = aim(mesh, source, case.targets, *moved)
     held = mesh.vertices[case.held if case.dense else case.fixed]
     found = [(marked(case, where, picture(mesh, fixed=held, **where)), "source")]
     presets = {NAMES[preset]: preset for preset in PRESETS} if weights else {}
-    views = iter(cameras)
     for row in rows:
         if row.vertices is None:
             found.append((blank(), f"{row.method}: {row.note}"))
@@ -230,21 +229,8 @@ def drawn(context: Context, case: Case, rows: Sequence[Row], *, weights: bool = 
         if row.method in presets:
             follows = pulled(context, case, presets[row.method]).following.max(axis=1)
             found.append((heat(mesh, follows, case.handles, **where), f"{row.method}: weights"))
-        camera = next(views)
-        caption = row.method if camera is where else f"{row.method}: {_size(case, row.vertices):.3g} times as large"
-        found.append((silhouettes(mesh, row.vertices, camera), caption))
+        found.append((silhouettes(mesh, row.vertices, where), row.method))
     return rows[0].shape, found
-
-
-def cameras_of(case: Case, moved: Sequence[Float64]) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """The options of `picture` for a case, and for each result (V, 3): its own camera where it has exploded.
-
-    Beside such a one the others would be dots.
-    """
-    source = case.mesh.vertices[case.handles]
-    fits = [_size(case, vertices) < EXPLODED for vertices in moved]
-    where = aim(case.mesh, source, case.targets, *(each for each, fit in zip(moved, fits, strict=True) if fit))
-    return where, [where if fit else aim(case.mesh, source, each) for each, fit in zip(moved, fits, strict=True)]
 
 
 def marked(case: Case, where: Mapping[str, object], image: UInt8) -> UInt8:
@@ -257,77 +243,53 @@ def marked(case: Case, where: Mapping[str, object], image: UInt8) -> UInt8:
     return image
 
 
-def _size(case: Case, vertices: Float64) -> float:
-    """The diagonal of the moved shape (V, 3), of that of the shape at rest."""
-    return float(np.linalg.norm(np.ptp(vertices, axis=0))) / case.mesh.diagonal
-
-
 # --- figures
 
 
-def fig8(context: Context) -> Page:
+def fig8(context: Context) -> Sections:
     """One handle translated, with its weights, beside methods that need fixed points."""
-    look_for = "Both ears, all legs go along with the one that is pulled, and nothing else moves or turns."
-    return _page(context, "Fig. 8: one handle beside other methods", look_for, pulls(context, (2, 6)), weights=True)
+    return _compared(context, pulls(context, (1, 6)), weights=True)
 
 
-def fig9(context: Context) -> Page:
-    """Layouts like those of DeepMetaHandles by every method (Fig. 16 too); DFD has the farthest control point."""
-    look_for = "All legs lengthen alike, seat and back stay; DFD needs one handle for it, others fifty."
-    title = "Fig. 9: layouts of DeepMetaHandles (as Fig. 16)"
-    return _page(context, title, look_for, dense(context, (2, 12)), DENSE_TEXT, ball=0.0)
+def fig9(context: Context, most: tuple[int, int] = (1, 3)) -> Sections:
+    """Layouts like those of DeepMetaHandles by every method; DFD has the control point that goes farthest."""
+    return _compared(context, dense(context, most), DENSE_TEXT, ball=0.0)
 
 
-def fig14(context: Context, name: str = "Fig. 14", ball: float | None = None) -> Page:
+def fig16(context: Context) -> Sections:
+    """Fig. 9 on every shape."""
+    return fig9(context, (2, 12))
+
+
+def fig14(context: Context, ball: float = BALL) -> Sections:
     """One handle by every method, others with the neighbors of their constraints."""
-    ball = context.ball if ball is None else ball
-    given = f"a ball of {ball:g}" if ball else "points alone, without neighbors"
-    look_for = "Parts that look like the pulled one follow it; other methods tilt the shape or draw out a spike."
-    text = f"The paper's users found {_chosen(DESIRABLE)} among the best 2 of 6, and {_chosen(REALISTIC)} realistic."
-    return _page(
-        context, f"{name}: one handle, others with {given}", look_for, pulls(context, (2, 10)), text, ball=ball
-    )
+    return _compared(context, pulls(context, (2, 10)), ball=ball)
 
 
-def fig15(context: Context) -> Page:
+def fig15(context: Context) -> Sections:
     """One handle by every method, others without neighbors."""
-    return fig14(context, "Fig. 15", 0.0)
+    return fig14(context, 0.0)
 
 
-def fig22(context: Context) -> Page:
-    """What every method does to the surface, in numbers."""
-    text = (
-        "Area, angle, edge and volume are the measures of Implicit-ARAP, in which the paper reports its deformations; "
-        "it says that DFD distorts more by all four."
-    )
-    look_for = "A method that distorts least is not the one that looks most natural: compare pictures and table."
-    return _page(context, "Fig. 22: surface metrics", look_for, pulls(context, (2, 2)), text)
+def fig22(context: Context) -> Sections:
+    """What every method does to the surface, in numbers: area, angle, edge and volume are Implicit-ARAP's."""
+    return _compared(context, pulls(context, (2, 2)))
 
 
-def _page(
-    context: Context,
-    title: str,
-    look_for: str,
-    cases: Cases,
-    text: str = "",
-    *,
-    ball: float | None = None,
-    weights: bool = False,
-) -> Page:
+def _compared(context: Context, cases: Cases, text: str = "", *, ball: float = BALL, weights: bool = False) -> Sections:
     pictures, rows = [], []
     for name, case in cases:
         context.say(name)
-        own = compare(name, case, methods_of(context, case, context.ball if ball is None else ball))
+        own = compare(name, case, methods_of(context, case, ball))
         pictures.append(drawn(context, case, own, weights=weights))
         rows += own
-    text = f"{text}\n\n{LEGEND}" if text else LEGEND
-    return Page(title, look_for, [Section("Results", text, pictures, table(rows))])
+    return [Section("Results", f"{text}\n\n{LEGEND}".lstrip(), pictures, table(rows))]
 
 
-def fig21(context: Context) -> Page:
+def fig21(context: Context) -> Sections:
     """DFD with fifty handles."""
     pictures, rows, sums = [], [], []
-    for name, case in dense(context, (2, 6)):
+    for name, case in dense(context, (1, 6)):
         sessions = {NAMES[preset]: pulled(context, case, preset, dense=True) for preset in PRESETS}
         for method, deformer in sessions.items():
             total = deformer.weights.sum(axis=1)
@@ -335,16 +297,23 @@ def fig21(context: Context) -> Page:
         own = compare(name, case, {method: lambda each=each: each.vertices for method, each in sessions.items()})
         pictures.append(drawn(context, case, own))
         rows += own
-    look_for = (
-        "The paper finds shapes reasonable although weights sum to more than 1. By Eq. 1 to the letter they then also "
-        "grow about the origin, by that sum; dfd's default prevents it in part."
-    )
-    sections = [
+    return [
         Section("Fifty handles", f"{DENSE_TEXT}\n\n{LEGEND}", pictures, table(rows)),
         Section("Sums of weights", table=Table(["shape", "preset", "mean sum", "largest sum"], sums)),
     ]
-    return Page("Fig. 21: dense handles", look_for, sections)
 
 
-def _chosen(percent: Mapping[str, float]) -> str:
-    return ", ".join(f"{method} {value:g} %" for method, value in percent.items())
+def table2(context: Context) -> Sections:
+    """Tally the answers of a user study: how often each method was chosen, of all questions."""
+    if context.answers is None:
+        raise ValueError("table2 tallies people's answers: --answers FILE, a CSV of user, example, method")
+    with context.answers.open(encoding="utf-8", newline="") as file:
+        answers = list(csv.DictReader(file))
+    if not answers or not {"user", "example", "method"} <= set(answers[0]):
+        raise ValueError(f"{context.answers}: needs the columns user, example, method, and a row a choice")
+    questions = len({(row["user"], row["example"]) for row in answers})
+    counts = Counter(row["method"] for row in answers)
+    names = dict.fromkeys((*CHOSEN, *counts))
+    rows = [[name, CHOSEN.get(name), 100 * counts[name] / questions] for name in names]
+    text = f"{questions:,} questions; a method's share is that of the questions in which it was chosen."
+    return [Section("Answers", text, table=Table(["method", "paper %", "chosen %"], rows))]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,20 +16,21 @@ from bench.paper.page import (
     NAMES,
     PRESETS,
     Context,
-    Page,
     Section,
+    Sections,
     Shape,
+    Subject,
     Table,
     aim,
     before_after,
-    blank,
-    heat,
+    gallery,
     pulls_of,
     session,
 )
 from bench.quality.measures import area_fractions
 from dfd.common.linear_algebra import Float64
 from dfd.common.preset import Preset
+from dfd.common.progress import Stages
 from dfd.encoders.known import DEFAULT_ENCODER, KNOWN_ENCODERS
 from dfd.geometry.metrics import surface_metrics
 from dfd.geometry.simplify import simplify
@@ -40,14 +42,16 @@ from dfd.views.render import Supervision, Views, render
 
 DISTILLED = dict.fromkeys(("koala", "plane_holes", "scorpion", "spot", "quadruped", "*"))
 REDUCED = 0.99
+LUCY = (200_000, 28_000_000)  # faces, in a quick and a whole run
 SUPERVISION: tuple[Supervision, ...] = ("vertex", "barycentric")
 
-COARSE = 1000  # faces, 1 % of the fine shapes': the paper reduces by 99 %
+COARSE = 200  # faces, of triangles much larger than features
+VERTICES_ALONE = "paper preset, coarse copy, vertices alone"
 PULLED = pulls_of("koala", "scorpion", "human_neutral", "quadruped")
 COARSE_COPY: dict[str, Any] = {"simplify_to": COARSE}
 KINDS: dict[str, tuple[Preset, dict[str, Any]]] = {  # columns: the preset, and what is changed of it
     "paper preset, fine copy, all pixels": ("paper", {}),
-    "paper preset, coarse copy, vertices alone": ("paper", {**COARSE_COPY, "supervision": "vertex"}),
+    VERTICES_ALONE: ("paper", {**COARSE_COPY, "supervision": "vertex"}),
     "paper preset, coarse copy, all pixels": ("paper", COARSE_COPY),
     "dfd default, coarse copy": ("default", COARSE_COPY),
 }
@@ -78,29 +82,31 @@ CHAIRS = {
     "bench_1": {**CHAIR, "seat": (0.5, 0.45, 0.7), "arm": (0.0, 0.65, 0.7)},
     "*": CHAIR,
 }
-PARTS = ("leg", "seat", "back", "arm")
 FOLLOWS = 0.5
 
 
-def fig4(context: Context) -> Page:
-    """Pixels that teach a field, and fields of the shape and of a hundredth of its faces."""
+def fig4(context: Context) -> Sections:
+    """Pixels that teach a field, and fields of the shape and of a hundredth of its faces, from render to weights."""
     pixels: list[list[Any]] = []
     reduced: list[list[Any]] = []
     drawn = []
-    for shape, _ in context.cases(DISTILLED, (1, 4)):
+    for given, _ in context.cases(DISTILLED, (1, 2)):
+        shape = resampled(given, context.of(LUCY))
         mesh = shape.mesh
+        few = simplify(mesh, max(500, round((1 - REDUCED) * len(mesh.faces))))
         counts = [
-            _distinct_pixels(render(mesh, views=8, resolution=252, framing="paper", supervision=kind))
+            _distinct_pixels(render(few, views=8, resolution=252, framing="paper", supervision=kind))
             for kind in SUPERVISION
         ]
-        pixels.append([shape.name, len(mesh.vertices), *counts])
-        begin = time.perf_counter()
-        few = simplify(mesh, max(500, round((1 - REDUCED) * len(mesh.faces))))
-        seconds = time.perf_counter() - begin
+        pixels.append([shape.name, len(few.vertices), *counts])
         where = aim(mesh, np.empty((0, 3)))
         row = [(picture(each, **where), f"{len(each.faces):,} faces") for each in (mesh, few)]
         for preset in PRESETS:
-            own = context.field(shape, preset).features(mesh)
+            begin = time.perf_counter()
+            field, taken, _ = distilled(context, shape, preset)
+            own = field.features(mesh)
+            dfd.bind(own, [shape.at((0.5, 1.0, 0.5))])
+            seconds = time.perf_counter() - begin
             of_few = context.field(Shape(f"{shape.name} reduced", few), preset).features(mesh)
             # Colors of both by the same directions; fields of two fits have their own turn of feature space.
             colors = feature_colors(np.concatenate([own, of_few]))
@@ -110,25 +116,38 @@ def fig4(context: Context) -> Page:
             ]
             off = np.linalg.norm(own - of_few, axis=1).mean()
             spread = np.linalg.norm(own - own.mean(axis=0), axis=1).mean()
-            reduced.append([shape.name, NAMES[preset], len(few.faces), seconds, float(off), float(spread)])
+            reduced.append([shape.name, NAMES[preset], len(mesh.faces), taken, seconds, float(off), float(spread)])
         drawn.append((shape.name, row))
     first = (
-        "Eight pictures of 252². Other methods learn from the pixels that a vertex falls into, barycentric "
-        "distillation from every pixel that a triangle covers."
+        "Eight pictures of 252² of the reduced shape. Other methods learn from the pixels that a vertex falls into, "
+        "barycentric distillation from every pixel that a triangle covers."
     )
     second = (
-        "Fields distilled from the shape and from the reduced one, both evaluated at the shape's vertices; the "
-        "distance of the two beside the spread of the features. The paper: Lucy, 28 million faces, takes 5.7 minutes "
-        "to render and 3.7 s to reduce by 99 % and render."
+        "Fields of the shape and of a hundredth of its faces at the shape's vertices: their distance beside the spread "
+        "of the features. The paper: Lucy, 28 million faces, takes 5.7 minutes to render, and 3.7 s if it is reduced."
     )
-    look_for = "All pixels of the shape teach, not one a vertex; the reduced shape looks like the whole one."
     columns = ["shape", "vertices", "pixels of vertices", "pixels of triangles"]
-    of_reduced = ["shape", "preset", "faces", "seconds to reduce", "mean distance", "spread"]
-    sections = [
+    of_reduced = ["shape", "preset", "faces", "distill s", "weights s", "mean distance", "spread"]
+    return [
         Section("Pixels", first, table=Table(columns, pixels)),
-        Section("Reduced by 99 %", second, drawn, Table(of_reduced, reduced)),
+        Section("From render to weights", second, drawn, Table(of_reduced, reduced)),
     ]
-    return Page("Fig. 4: barycentric feature distillation", look_for, sections)
+
+
+def distilled(context: Context, shape: Shape, preset: Preset) -> tuple[dfd.Field, float, Stages]:
+    """A field with nothing taken from the cache, its seconds without loading the encoder, and its stages."""
+    model, stages = context.loaded(preset), Stages(show=False)
+    begin = time.perf_counter()
+    field = context.field(shape, preset, encoder=model, stages=stages)
+    return field, time.perf_counter() - begin, stages
+
+
+def resampled(shape: Shape, count: int) -> Shape:
+    """The shape with about `count` faces: simplified until cutting faces into four leads there."""
+    times = 0
+    while len(shape.mesh.faces) * 4**times < count:
+        times += 1
+    return Shape(shape.name, subdivided(simplify(shape.mesh, count // 4**times), times))
 
 
 def _distinct_pixels(views: Views) -> int:
@@ -136,101 +155,76 @@ def _distinct_pixels(views: Views) -> int:
     return len(np.unique(np.stack([views.view, np.rint(views.row), np.rint(views.column)]), axis=1).T)
 
 
-def fig13(context: Context) -> Page:
-    """Barycentric distillation against vertices alone, from coarse to fine."""
-    drawn, rows, lengths = [], [], []
-    for shape, case in context.cases(PULLED, (1, 2)):
-        mesh, handle = shape.mesh, case.on(shape)
-        sessions: dict[str, dfd.Deformer] = {}
+def fig13(context: Context) -> Sections:
+    """Barycentric distillation against vertices alone, from a coarse copy to the fine mesh."""
+    lengths = []
+
+    def variants(subject: Subject) -> dict[str, dfd.Deformer]:
+        shape, sessions = subject.shape, {}
         steps = len(context.field(shape, "paper", **COARSE_COPY).settings["losses"])
         lengths.append(f"{shape.name} {steps:,}")
         for name, (preset, changes) in KINDS.items():
-            length = {"steps": steps} if "supervision" in changes else {}
-            sessions[name] = session(mesh, context.field(shape, preset, **changes, **length), preset, [handle])
-        where = aim(mesh, mesh.vertices[[handle["at"]]], *(each.vertices for each in sessions.values()))
-        pairs = {name: before_after(each, where) for name, each in sessions.items()}
-        copy = simplify(mesh, COARSE)
-        first = {
-            "weights": (picture(copy, **where), f"the coarse copy, {len(copy.faces):,} faces"),
-            "moved": (picture(mesh, handles=[handle["at"]], **where), f"the fine mesh, {len(mesh.faces):,} faces"),
-        }
-        for column, (what, image) in enumerate(first.items()):
-            found = [(pair[column][0], name) for name, pair in pairs.items()]
-            drawn.append((f"{shape.name}: {what}", [image, *found]))
-        areas, fine = area_fractions(mesh), next(iter(sessions.values())).weights[:, 0]
-        for name, each in sessions.items():
-            weights = each.weights[:, 0]
-            off = float(areas @ np.abs(weights - fine)) if KINDS[name][0] == "paper" else None
-            rows.append([shape.name, name, roughness(mesh, weights), off])
+            field = context.field(shape, preset, **changes, **({"steps": steps} if "supervision" in changes else {}))
+            sessions[name] = session(shape.mesh, field, preset, [subject.case.on(shape)])
+        return sessions
+
+    def measure(subject: Subject, each: dfd.Deformer) -> list[float | None]:
+        mesh = subject.shape.mesh
+        off = area_fractions(mesh) @ np.abs(each.weights - subject.pull().weights)[:, 0]
+        return [roughness(mesh, each.weights[:, 0]), float(off) if each.preset == "paper" else None]
+
+    [section] = gallery(
+        context.subjects(PULLED, (1, 2), presets=("paper",)),
+        variants,
+        ("roughness", "off"),
+        measure,
+        heading="One pull on the fine mesh",
+    )
     text = (
-        f"Fits of the {NAMES['paper']} to the coarse copy take the same number of steps, as many as its epochs over "
-        f"all pixels take ({', '.join(lengths)}): with vertices alone the same samples come again and again. "
-        "Roughness is the mean of |∇W| on the fine mesh, in weight per diagonal; off is the mean difference from the "
-        "weights of the fine copy."
+        f"The coarse copy has {COARSE} faces, much larger than features. Fits to it take the same number of steps "
+        f"({', '.join(lengths)}): with vertices alone the same samples come again and again. Roughness is the mean of "
+        "|∇W| on the fine mesh, in weight per diagonal; off is the mean difference from the weights of the fine copy."
     )
-    look_for = (
-        "Weights by vertices alone lie farther from those of the fine copy than weights by all pixels do; in the paper "
-        "they are blotched, and the pull tears the surface."
-    )
-    table = Table(["shape", "field", "roughness", "off"], rows)
-    title = "Fig. 13: barycentric distillation from coarse to fine"
-    return Page(title, look_for, [Section("One pull on the fine mesh", text, drawn, table)])
+    return [replace(section, text=text)]
 
 
-def fig11(context: Context) -> Page:
+def fig11(context: Context) -> Sections:
     """One deformation with the features of several image encoders."""
-    drawn, rows = [], []
-    found, absent = encoders(context)
-    for shape, case in context.cases(HELD, (1, 3)):
-        handle = case.on(shape)
-        source = shape.mesh.vertices[[handle["at"]]]
-        target = source + handle["translation"]
-        for preset in PRESETS:
-            moved = {name: _pulled(context, shape, handle, preset, each).vertices for name, each in found.items()}
-            where = aim(shape.mesh, source, *moved.values())
-            images = [(picture(shape.mesh, handles=source, **where), "source")]
-            for name, vertices in moved.items():
-                images.append((picture(shape.mesh, vertices=vertices, handles=target, **where), name))
-                metrics = surface_metrics(shape.mesh, vertices)
-                change = [100 * metrics.area, metrics.angle, metrics.flipped_faces]
-                rows.append([shape.name, NAMES[preset], name, *change])
-            drawn.append((f"{shape.name}, {NAMES[preset]}", images))
-    text = "No fixed point, no regularization. In the table: mean changes over the surface." + absent
-    table = Table(["shape", "preset", "encoder", "area %", "angle °", "flipped faces"], rows)
-    look_for = "With every encoder what looks like the pulled part comes along, and the surface stays smooth."
-    title = "Fig. 11: deformations with other image models"
-    return Page(title, look_for, [Section("One pull", text, drawn, table)])
-
-
-def fig12(context: Context) -> Page:
-    """The weights of one handle with the features of several image encoders."""
-    drawn, rows = [], []
-    found, absent = encoders(context)
-    for shape, case in context.cases(HELD, (1, 3)):
-        at, areas = shape.at(case.at), area_fractions(shape.mesh)
-        for preset in PRESETS:
-            weights = {
-                name: _pulled(context, shape, {"at": at}, preset, encoder).weights[:, 0]
-                for name, encoder in found.items()
-            }
-            where = aim(shape.mesh, shape.mesh.vertices[[at]])
-            images = [(heat(shape.mesh, values, [at], **where), name) for name, values in weights.items()]
-            drawn.append((f"{shape.name}, {NAMES[preset]}", images))
-            reference = next(iter(weights.values()))
-            for name, values in weights.items():
-                rows.append([shape.name, NAMES[preset], name, correlation(values, reference, areas)])
-    text = (
-        "In the table: the correlation over the surface with the weights of the first encoder. The paper shows DINO, "
-        "CLIP, SAM 2, Diff3F and others." + absent
+    return _encoded(
+        context, "after", "angle °", "Mean changes of angles over the surface; no fixed point, no regularization."
     )
-    table = Table(["shape", "preset", "encoder", "correlation"], rows)
-    look_for = "All encoders light up the same parts; some tell a part from its surroundings more sharply than others."
-    return Page("Fig. 12: different encoders", look_for, [Section("Weights of one handle", text, drawn, table)])
 
 
-def _pulled(context: Context, shape: Shape, handle: dict[str, Any], preset: Preset, encoder: Choice) -> dfd.Deformer:
-    field = context.field(shape, preset, encoder=context.loaded(preset, *encoder))
-    return session(shape.mesh, field, preset, [handle])
+def fig12(context: Context) -> Sections:
+    """The weights of one handle with the features of several image encoders."""
+    text = "The correlation over the surface with the weights of the first encoder. The paper shows DINO, CLIP, SAM 2, "
+    return _encoded(context, "weights", "correlation", f"{text}Diff3F and others.")
+
+
+def _encoded(context: Context, shown: str, column: str, text: str) -> Sections:
+    found, absent = encoders(context)
+    one = len({name for name, _ in found.values()}) == 1
+
+    def variants(subject: Subject) -> dict[str, dfd.Deformer]:
+        shape, preset = subject.shape, subject.preset
+        fields = {
+            name: context.field(shape, preset, encoder=context.loaded(preset, *each)) for name, each in found.items()
+        }
+        return {name: replace(subject, field=field).pull() for name, field in fields.items()}
+
+    def measure(subject: Subject, each: dfd.Deformer) -> list[float]:
+        mesh = subject.shape.mesh
+        if shown == "after":
+            return [surface_metrics(mesh, each.vertices).angle]
+        return [correlation(each.weights[:, 0], subject.pull().weights[:, 0], area_fractions(mesh))]
+
+    heading = "Blocks of one encoder, as no other is at hand" if one else "Encoders"
+    subjects = context.subjects(HELD, (1, 3))
+    sections = gallery(subjects, variants, (column,), measure, text + absent, heading=heading, shown=[shown])
+    if one:
+        pictures = [(f"{where} ({heading.lower()})", images) for where, images in sections[0].pictures]
+        sections = [replace(sections[0], pictures=pictures)]
+    return sections
 
 
 def encoders(context: Context) -> tuple[dict[str, Choice], str]:
@@ -277,7 +271,7 @@ def subdivided(mesh: dfd.Mesh, times: int) -> dfd.Mesh:
     return mesh if times == 0 else dfd.Mesh(vertices, faces)
 
 
-def fig19(context: Context) -> Page:
+def fig19(context: Context) -> Sections:
     """One field on other tessellations of a shape, and on other shapes of its class."""
     drawn, rows = [], []
     for subject in context.subjects(CLASSES, (1, 2)):
@@ -312,8 +306,7 @@ def fig19(context: Context) -> Page:
         "at each vertex of the shape's own mesh and that at the nearest vertex of the other."
     )
     columns = ["field of", "preset", "mesh", "faces", "follows, % of the area", "mean difference"]
-    look_for = "All legs come along with the one that is pulled, on every tessellation and on the other animals too."
-    return Page("Fig. 19: weight generalization", look_for, [Section("One field", text, drawn, Table(columns, rows))])
+    return [Section("One field", text, drawn, Table(columns, rows))]
 
 
 def turned(shape: Shape, degrees: float) -> dfd.Mesh:
@@ -331,22 +324,16 @@ def in_box_of(mesh: dfd.Mesh, other: dfd.Mesh) -> Float64:
     return begin + (mesh.vertices - low) / np.maximum(high - low, 1e-12) * (end - begin)
 
 
-def fig20(context: Context) -> Page:
+def fig20(context: Context) -> Sections:
     """Weights of the same parts on different shapes of one class."""
-    drawn: dict[str, list[Any]] = {NAMES[preset]: [] for preset in PRESETS}
-    rows: dict[str, list[Any]] = {NAMES[preset]: [] for preset in PRESETS}
-    for subject in context.subjects(CHAIRS, (3, 6), refined=True):
-        shape, preset = subject.shape, NAMES[subject.preset]
-        areas = area_fractions(shape.mesh)
-        images, numbers = [(blank(), "")] * len(PARTS), [None] * len(PARTS)
-        for part, place in subject.case.items():
-            at, column = shape.at(place), PARTS.index(part)
-            weights = subject.session([{"at": at}]).following[:, 0]
-            images[column] = (heat(shape.mesh, weights, [at], **aim(shape.mesh, [], azimuth=35.0)), part)
-            numbers[column] = 100 * float(areas[weights > FOLLOWS].sum())
-        drawn[preset].append((shape.name, images))
-        rows[preset].append([shape.name, *numbers])
-    text = f"In the table: how much of the surface, in % of its area, has a weight above {FOLLOWS} for each part."
-    sections = [Section(name, text, drawn[name], Table(["shape", *PARTS], rows[name])) for name in drawn]
-    look_for = "In a column the same part lights up on every chair: all legs, the seat, the back, both arms."
-    return Page("Fig. 20: consistent weights within a class", look_for, sections)
+    return gallery(
+        context.subjects(CHAIRS, (3, 6), refined=True),
+        lambda subject: {
+            part: subject.session([{"at": subject.shape.at(place)}]) for part, place in subject.case.items()
+        },
+        ("follows %",),
+        lambda subject, each: [100 * float(area_fractions(subject.shape.mesh)[each.following[:, 0] > FOLLOWS].sum())],
+        f"How much of the surface, in % of its area, has a weight above {FOLLOWS} for each part.",
+        shown=["weights"],
+        azimuth=35.0,
+    )

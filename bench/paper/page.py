@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -80,6 +80,8 @@ class BoxHandle:
     at: Point
     offset: Point = (0.0, 0.0, 0.0)  # of the diagonal
     rotation: Point | None = None  # degrees
+    scale: Point | None = None
+    locality: float = 0.0
     pivot: Point | None = None
     fixed: tuple[Point, ...] = ()
     azimuth: float | None = None  # degrees, from where it is seen
@@ -87,8 +89,9 @@ class BoxHandle:
     def on(self, shape: Shape) -> dict[str, Any]:
         """Return what `Deformer.add` takes by name."""
         handle: dict[str, Any] = {"at": shape.at(self.at), "translation": np.array(self.offset) * shape.mesh.diagonal}
-        if self.rotation is not None:
-            handle["rotation"] = self.rotation
+        for name in ("rotation", "scale", "locality"):
+            if value := getattr(self, name):
+                handle[name] = value
         if self.pivot is not None:
             low, high = shape.mesh.bounds
             handle["pivot"] = low + np.array(self.pivot) * (high - low)
@@ -166,6 +169,10 @@ class Subject:
         """See `session`."""
         return session(self.shape.mesh, self.field, self.preset, handles, **more)
 
+    def pull(self, changes: Mapping[str, Any] | None = None, **more: Any) -> dfd.Deformer:
+        """Return a session with the handle of the case, with `changes`; `more` is as in `session`."""
+        return self.session([{**self.case.on(self.shape), **(changes or {})}], **more)
+
 
 @dataclass
 class Context:
@@ -174,8 +181,8 @@ class Context:
     folder: Path | None = None  # where meshes are looked for first; None for `DFD_MESHES` alone
     quick: bool = False  # fewer and smaller pictures, fewer shapes
     encoder: str | Path = DEFAULT_ENCODER  # a name or a folder
-    ball: float = BALL  # of the longest side, in which other methods are given the neighbors of a handle too
     settings: Mapping[str, Any] = field(default_factory=dict)  # further keywords of `dfd.distill`, over the presets'
+    answers: Path | None = None  # of a user study, see `table2`
     say: Callable[[str], None] = lambda line: None
     fields: dict[tuple[Any, ...], dfd.Field] = field(default_factory=dict)
     encoders: dict[tuple[str, int | None, bool], Encoder] = field(default_factory=dict)
@@ -213,11 +220,18 @@ class Context:
             names = [name for name in known if name in self.files or name in SAMPLES]
         return [(self.shape(name), known.get(name, known["*"])) for name in names[: self.of(most)]]
 
-    def subjects(self, known: Mapping[str, Any], most: tuple[int, int], *, refined: bool = False) -> Iterator[Subject]:
-        """Yield the shapes of `cases`, with long edges halved where `refined`, each with its fields of both presets."""
+    def subjects(
+        self,
+        known: Mapping[str, Any],
+        most: tuple[int, int],
+        *,
+        refined: bool = False,
+        presets: Sequence[Preset] = PRESETS,
+    ) -> Iterator[Subject]:
+        """Yield the shapes of `cases`, with long edges halved where `refined`, each with its field of every preset."""
         for found, case in self.cases(known, most):
             shape = found.refined() if refined else found
-            for preset in PRESETS:
+            for preset in presets:
                 yield Subject(shape, case, preset, self.field(shape, preset))
 
     def distill_settings(self, preset: Preset, **more: Any) -> dict[str, Any]:
@@ -331,24 +345,77 @@ class Section:
     image: Image.Image | None = None  # a picture of its own kind, such as a plot
 
 
+Sections = Sequence[Section]
+Rule = Callable[[Sequence[Mapping[str, Any]]], float]  # a number from the rows of all tables of a page, by column
+
+
+def gallery(
+    subjects: Iterable[Subject],
+    variants: Callable[[Subject], Mapping[str, dfd.Deformer]],
+    columns: Sequence[str],
+    measure: Callable[[Subject, dfd.Deformer], Sequence[Any]],
+    text: str = "",
+    *,
+    heading: str = "Results",
+    shown: Sequence[str] = ("weights", "after"),
+    azimuth: float | None = None,
+    source: Callable[[Subject], Mapping[str, Any]] = lambda subject: {},
+) -> Sections:
+    """Draw every subject by the sessions of its `variants`, and tabulate what `measure` says of each in `columns`.
+
+    `shown` are views of `session_views`, a row of pictures each; `source` is what `picture` draws of the shape at rest.
+    """
+    drawn, rows = [], []
+    for subject in subjects:
+        sessions, mesh = variants(subject), subject.shape.mesh
+        angle = getattr(subject.case, "azimuth", None) if azimuth is None else azimuth
+        views = {name: session_views(each, angle) for name, each in sessions.items()}
+        shared = {"frame": [mesh.vertices, *(each.vertices for each in sessions.values())], "resolution": RESOLUTION}
+        first = next(iter(views.values()))["before"]
+        start = (picture(mesh, **{**first, **source(subject), **shared}), "before")
+        alone = len(views) == 1
+        cells = [
+            [(picture(mesh, **{**each[what], **shared}), what if alone else name) for name, each in views.items()]
+            for what in shown
+        ]
+        if alone:
+            drawn.append((subject.heading, [start, *(cell for row in cells for cell in row)]))
+        else:
+            drawn += [(f"{subject.heading}: {what}", [start, *row]) for what, row in zip(shown, cells, strict=True)]
+        rows += [[*subject.label, name, *measure(subject, each)] for name, each in sessions.items()]
+    return [Section(heading, text, drawn, Table(["shape", "preset", "variant", *columns], rows))]
+
+
 @dataclass(frozen=True)
-class Page:
-    """What `python -m bench.paper NAME` makes: the title, one sentence with what to look for, and the sections."""
+class Figure:
+    """What the paper says by a figure or table, and the number that decides whether it holds here."""
 
-    title: str
-    look_for: str
-    sections: Sequence[Section]
+    paper: str  # its number, or what it shows where it has none
+    measured: str  # what the number is
+    number: Rule
+    least: float = -np.inf  # bounds of the number within which it agrees with the paper
+    most: float = np.inf
+
+    def verdict(self, number: float, quick: bool) -> str:
+        """Return one sentence that follows from the number."""
+        if not np.isfinite(number):
+            return f"Not decided: this run did not measure {self.measured}."
+        agrees = "agrees" if self.least <= number <= self.most else "does not agree"
+        bound = f"at least {self.least:g}" if np.isfinite(self.least) else f"at most {self.most:g}"
+        inputs = ", on the few and small inputs of --quick" if quick else ""
+        return f"{self.measured}: {number:.3g}, which {agrees} with the paper (our bound: {bound}){inputs}."
 
 
-def write(page: Page, name: str, folder: Path, context: Context) -> Path:
+def write(make: Callable[[Context], Sections], figure: Figure, name: str, folder: Path, context: Context) -> Path:
     """Write NAME.md with one PNG per section that has pictures, one CSV per table, and NAME.json with all numbers.
 
     Return the path of the Markdown file.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    lines = [f"# {page.title}", "", page.look_for, "", *[f"- {note}" for note in context.notes()]]
+    title, sections = f"{name}: {(make.__doc__ or '').splitlines()[0]}", make(context)
+    lines: list[str] = []
     tables = {}
-    for number, section in enumerate(page.sections, 1):
+    for number, section in enumerate(sections, 1):
         lines += ["", f"## {section.heading}", *(["", section.text] if section.text else [])]
         sheet = contact_sheet(section.pictures, cell=RESOLUTION) if section.pictures else None
         for image, stem in ((sheet, f"{name}_{number}"), (section.image, f"{name}_{number}_plot")):
@@ -359,8 +426,12 @@ def write(page: Page, name: str, folder: Path, context: Context) -> Path:
             write_text(folder / f"{name}_{number}.csv", to_csv(table.columns, table.rows))
             tables[section.heading] = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
             lines += ["", *to_markdown(table.columns, table.rows)]
+    decides = figure.number([row for rows in tables.values() for row in rows])
+    verdict = figure.verdict(decides, context.quick)
+    said = to_markdown(["", "the paper", "here"], [[figure.measured, figure.paper, f"{decides:.3g}"]])
+    lines = [f"# {title}", "", *said, "", verdict, "", *[f"- {note}" for note in context.notes()], *lines]
     settings = {"quick": context.quick, "presets": context.used}
-    document = {"page": name, "title": page.title, **settings, "tables": tables}
+    document = {"page": name, "title": title, "paper": figure.paper, "verdict": verdict, **settings, "tables": tables}
     write_text(folder / f"{name}.json", json.dumps(document, indent=2, default=plain) + "\n")
     write_text(folder / f"{name}.md", "\n".join(lines) + "\n")
     return folder / f"{name}.md"

@@ -106,17 +106,20 @@ def run(
     *,
     patience: float = PATIENCE,
     most_faces: int | None = MOST_FACES,
+    edge: float = EDGE,
 ) -> list[Done]:
     """Do `jobs` on one shape by one peer, in a process of its own, within `patience` seconds.
 
-    Tetrahedra are those of the shape simplified to `most_faces`; None fills it as it is, within `patience` too.
+    Tetrahedra, with edges of `edge` times the diagonal, are those of the shape simplified to `most_faces`; None fills
+    it as it is, within `patience` too.
 
     Raises PeerError if the peer is not installed, cannot do the shape or the handles, fails, crashes or takes too long.
     """
     used, faces = np.unique(mesh.faces, return_inverse=True)  # a vertex of no face makes equations singular
     vertices, faces = mesh.vertices[used], faces.reshape(-1, 3).astype(np.int64)
     filling = FILLING_PATIENCE if most_faces else patience
-    body = Body(vertices, faces, tetrahedra(vertices, faces, filling, most_faces) if make().volume else None)
+    within = tetrahedra(vertices, faces, filling, most_faces, edge) if make().volume else None
+    body = Body(vertices, faces, within)
     own = [Job(np.searchsorted(used, mesh.representative[job.held]), job.group, job.targets) for job in jobs]
     done = []
     for moved, seconds in in_child(_run, make, body, own, seconds=patience):
@@ -205,16 +208,18 @@ def _answer(connection: Connection) -> None:
 known: dict[str, Tetrahedra | PeerError] = {}  # several peers and pages ask for one shape's
 
 
-def tetrahedra(vertices: Float64, faces: Int64, patience: float, most_faces: int | None) -> Tetrahedra:
+def tetrahedra(
+    vertices: Float64, faces: Int64, patience: float, most_faces: int | None = None, edge: float = EDGE
+) -> Tetrahedra:
     """Fill a surface with tetrahedra, once in a process; one of more than `most_faces` faces is simplified before.
 
     Raises PeerError if `wildmeshing` or libigl is not installed, or the surface cannot be filled, or not within
     `patience` seconds.
     """
-    key = hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest() + f" {most_faces}"
+    key = hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest() + f" {most_faces} {edge}"
     if key not in known:
         try:
-            known[key] = in_child(_fill, vertices, faces, most_faces, seconds=patience)
+            known[key] = in_child(_fill, vertices, faces, most_faces, edge, seconds=patience)
         except PeerError as error:
             known[key] = error
     found = known[key]
@@ -223,13 +228,13 @@ def tetrahedra(vertices: Float64, faces: Int64, patience: float, most_faces: int
     return found
 
 
-def _fill(vertices: Float64, faces: Int64, most: int | None) -> Tetrahedra:
+def _fill(vertices: Float64, faces: Int64, most: int | None, edge: float) -> Tetrahedra:
     begin = time.perf_counter()
     igl = libigl()
     points, sides = vertices, faces
     if most is not None and len(faces) > most:
         points, sides = fast_simplification.simplify(vertices.astype(np.float32), faces, target_count=most)
-    nodes, cells = _fill_by_ftetwild(np.asarray(points, np.float64), np.asarray(sides))
+    nodes, cells = _fill_by_ftetwild(np.asarray(points, np.float64), np.asarray(sides), edge)
     boundary = np.ascontiguousarray(igl.boundary_facets(cells)[0])
     squared, face, closest = igl.point_mesh_squared_distance(np.ascontiguousarray(vertices), nodes, boundary)
     farthest = np.sqrt(squared.max()) / np.linalg.norm(np.ptp(vertices, axis=0))
@@ -240,7 +245,7 @@ def _fill(vertices: Float64, faces: Int64, most: int | None) -> Tetrahedra:
     return Tetrahedra(nodes, cells, corners, np.asarray(barycentric), time.perf_counter() - begin)
 
 
-def _fill_by_ftetwild(points: Float64, faces: NDArray[np.integer]) -> tuple[Float64, Int64]:
+def _fill_by_ftetwild(points: Float64, faces: NDArray[np.integer], edge: float) -> tuple[Float64, Int64]:
     """Return nodes (N, 3) and tetrahedra (T, 4) within what a surface nearly closes off.
 
     It writes every step to stdout, and a file into its working folder, hence a process of its own.
@@ -253,7 +258,7 @@ def _fill_by_ftetwild(points: Float64, faces: NDArray[np.integer]) -> tuple[Floa
     center, before = points.mean(axis=0), Path.cwd()
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
-        tetrahedralizer = wildmeshing.Tetrahedralizer(stop_quality=30, max_its=30, edge_length_r=EDGE)
+        tetrahedralizer = wildmeshing.Tetrahedralizer(stop_quality=30, max_its=30, edge_length_r=edge)
         tetrahedralizer.set_mesh(points - center, faces.astype(np.int32))
         tetrahedralizer.tetrahedralize()
         nodes, cells = tetrahedralizer.get_tet_mesh()[:2]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,14 +14,16 @@ from tiny_encoder import save_tiny_encoder
 
 import dfd
 from bench.paper import comparisons, page, resolution
-from bench.paper.__main__ import PAGES
+from bench.paper.__main__ import main
 from bench.paper.comparisons import farthest
-from bench.paper.page import Context, write
+from bench.paper.figures import CANNOT, FIGURES, PAGES
+from bench.paper.page import Context, Figure, write
 from bench.paper.peers import PEERS
 from bench.paper.peers.peer import Body, Done, Job, Tetrahedra, run
 
 igl = pytest.importorskip("igl")
 
+ROOT = Path(__file__).resolve().parents[3]
 TINY = {"views": 4, "resolution": 32, "steps": 5, "batch": 64, "up": "file"}
 
 
@@ -60,12 +63,50 @@ def context(tmp_path_factory) -> Context:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PAGES)
 def test_every_page_is_made(name, context, tmp_path, small, one_thread):
-    text = write(PAGES[name](context), name, tmp_path, context).read_text("utf-8")
-    assert "thing" in text
+    context.answers = tmp_path / "answers.csv"
+    context.answers.write_text("user,example,method\n1,thing,DFD-T\n1,thing,ARAP\n2,thing,DFD-T\n")
+    text = write(PAGES[name], FIGURES[name], name, tmp_path, context).read_text("utf-8")
+    assert FIGURES[name].paper in text
     for link in re.findall(r"\]\((.+?)\)", text):
         assert (tmp_path / link).stat().st_size > 1000
     numbers = json.loads((tmp_path / f"{name}.json").read_text("utf-8"))
-    assert set(numbers["presets"]) == {"paper preset", "dfd default"}
+    assert numbers["verdict"] in text
+    assert set(numbers["presets"]) <= {"paper preset", "dfd default"}
+
+
+def test_every_figure_of_the_paper_has_a_page_or_a_reason():
+    names = [f"fig{number}" for number in range(1, 25)] + ["table1", "table2", "table3"]
+    assert sorted(names) == sorted([*PAGES, *CANNOT])
+    assert set(PAGES) == set(FIGURES)
+
+
+def test_the_reference_names_every_page():
+    text = (ROOT / "docs" / "reference" / "paper.md").read_text("utf-8")
+    assert all(f"`{name}`" in text for name in (*PAGES, *CANNOT))
+
+
+def test_a_verdict_follows_from_the_number():
+    figure = Figure("1", "ratio", len, most=2)
+    assert "agrees" in figure.verdict(2.0, quick=False)
+    assert "does not agree" in figure.verdict(2.1, quick=False)
+    assert "Not decided" in figure.verdict(float("nan"), quick=False)
+
+
+@pytest.mark.parametrize(("name", "said"), [("fig23", "cannot be made"), ("table2", "--answers FILE")])
+def test_the_command_says_what_it_cannot_make(name, said, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        main([name])
+    assert said in capsys.readouterr().err
+
+
+def test_answers_are_tallied(tmp_path):
+    with pytest.raises(ValueError, match="--answers FILE"):
+        PAGES["table2"](Context())
+    path = tmp_path / "answers.csv"
+    path.write_text("user,example,method\n1,a,DFD-T\n1,a,ARAP\n2,a,DFD-T\n2,a,NeuralMLS\n")
+    [section] = PAGES["table2"](Context(answers=path))
+    chosen = {row[0]: row[2] for row in section.table.rows}
+    assert (chosen["DFD-T"], chosen["ARAP"], chosen["APAP"]) == (100, 50, 0)
 
 
 # --- peers
@@ -103,6 +144,25 @@ def test_handles_reach_their_targets_and_a_move_of_all_moves_the_shape(body, nam
     np.testing.assert_allclose(moved[held], targets, atol=0.02 * size if name == "NeuralMLS" else 1e-6)
     if name != "ARAP":
         np.testing.assert_allclose(np.asarray(peer.weights).sum(axis=1), 1, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["biharmonic", "OptCtrlPoints"])
+def test_coordinates_reproduce_affine_maps(body, name):
+    held = farthest(body.vertices, 8)
+    peer, matrix = made(name, body, held), np.array([[1.2, 0.3, 0], [0, 0.8, 0.1], [0.2, 0, 1.1]])
+    np.testing.assert_allclose(peer.deform(body.vertices[held] @ matrix.T), body.vertices @ matrix.T, atol=1e-6)
+
+
+def test_the_small_system_has_the_weights_of_the_direct_solve(body):
+    held = farthest(body.vertices, 8)
+    first, second = (made(name, body, held).weights for name in ("biharmonic", "OptCtrlPoints"))
+    np.testing.assert_allclose(first, second, atol=1e-6)
+
+
+def test_neural_mls_reproduces_rigid_motions(body):
+    held = farthest(body.vertices, 8)
+    peer, turn = made("NeuralMLS", body, held), np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    np.testing.assert_allclose(peer.deform(body.vertices[held] @ turn.T), body.vertices @ turn.T, atol=1e-2)
 
 
 @pytest.mark.slow

@@ -1,0 +1,102 @@
+"""Every figure and table of the paper and its supplement, in one table: what it says, and the number that decides.
+
+Where the paper has no number, the bound is ours: the least that its words need.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from bench.paper import comparisons, controls, features, resolution
+from bench.paper.page import NAMES, Context, Figure, Rule, Sections
+
+OURS = NAMES["paper"]
+
+
+def column(name: str, reduce: Callable[[Any], Any] = np.mean, **where: Any) -> Rule:
+    """Return the rule that reduces a column, over rows whose others are as said: a value, several, or a condition."""
+
+    def fits(row: Any, key: str, value: Any) -> bool:
+        return bool(value(row.get(key)) if callable(value) else row.get(key) in np.atleast_1d(value))
+
+    def number(rows: Any) -> float:
+        found = [
+            row[name] for row in rows if row.get(name) is not None and all(fits(row, *each) for each in where.items())
+        ]
+        return float(reduce(found)) if found else float("nan")
+
+    return number
+
+
+def ratio(name: str, above: dict[str, Any], below: dict[str, Any]) -> Rule:
+    """Return the rule for one mean over another."""
+    return lambda rows: column(name, **above)(rows) / max(column(name, **below)(rows), 1e-9)
+
+
+def spread(found: Any) -> float:
+    """Return the largest over the smallest value."""
+    return float(max(found) / max(min(found), 1e-9))
+
+
+def is_lucy(faces: int | None) -> bool:
+    """Return whether a mesh is as large as Lucy."""
+    return (faces or 0) > 2e7
+
+
+PEERS, DFD = {"method": comparisons.COMPARED}, {"method": OURS}
+FREE, FIXED, FAR, WIDE = ({"preset": OURS, "variant": each} for each in ("free", "fixed", "λ = 32", "λ = 0"))
+PIXELS, VERTICES = ({"variant": name} for name in ("paper preset, coarse copy, all pixels", features.VERTICES_ALONE))
+PLANE, ANGLE = "shapes with a plane, %", "angle change, DFD's over the others'"
+FLIPPED, OFF = "faces flipped by DFD, %", "handle off its target, % of the diagonal"
+
+# What the paper says, what is measured, the rule, and its bound.
+FIGURES: dict[str, Figure] = {
+    "fig1": Figure("a plane of symmetry a shape", PLANE, column("plane %", preset=OURS), 100),
+    "fig2": Figure("plausible, no number", FLIPPED, column("flipped %", preset=OURS), most=1),
+    "fig3": Figure("targets reached", OFF, column("off %", preset=OURS), most=0.1),
+    "fig4": Figure(
+        "below 60 s (Lucy)", "seconds from render to weights", column("weights s", preset=OURS, faces=is_lucy), most=60
+    ),
+    "fig5": Figure("score below 0.1", PLANE, column("plane %", preset=OURS, variant="with a plane"), 100),
+    "fig6": Figure("what is alike stays", "motion that is left", ratio("alike moves %", FIXED, FREE), most=0.5),
+    "fig7": Figure("the horn alone", "area at λ = 32 over that at 0", ratio("follows %", FAR, WIDE), most=0.5),
+    "fig8": Figure("targets without fixed points", OFF, column("handle off %", **DFD), most=0.1),
+    "fig9": Figure("as smooth as biharmonic", ANGLE, ratio("angle °", DFD, {"method": "biharmonic"}), most=1),
+    "fig10": Figure(
+        "robust to size", "largest over smallest preprocessing", column("preprocess s", spread, method=OURS), most=3
+    ),
+    "fig11": Figure(
+        "similar edits", "largest over smallest angle change", column("angle °", spread, preset=OURS), most=2
+    ),
+    "fig12": Figure("similar weights", "correlation with the first", column("correlation", preset=OURS), 0.7),
+    "fig13": Figure("not smooth", "roughness, vertices over pixels", ratio("roughness", VERTICES, PIXELS), 1.1),
+    "fig14": Figure("moves related parts alone", ANGLE, ratio("angle °", DFD, PEERS), most=1),
+    "fig15": Figure("the others fail", ANGLE, ratio("angle °", DFD, PEERS), most=1),
+    "fig16": Figure("as smooth as biharmonic", ANGLE, ratio("angle °", DFD, {"method": "biharmonic"}), most=1),
+    "fig17": Figure("no tears", "gap, % of the motion", column("gap %", preset=OURS), most=5),
+    "fig18": Figure("T is constant", "largest over smallest T", column("T s", spread, preset=OURS), most=2),
+    "fig19": Figure("the same weights", "mean difference of weights", column("mean difference", preset=OURS), most=0.1),
+    "fig20": Figure(
+        "the same parts",
+        "largest over smallest area of legs",
+        column("follows %", spread, preset=OURS, variant="leg"),
+        most=4,
+    ),
+    "fig21": Figure("reasonable shapes", "angle change, °", column("angle °", **DFD), most=10),
+    "fig22": Figure("DFD distorts more", "area change, DFD's over the others'", ratio("area %", DFD, PEERS), 1),
+    "table1": Figure("every tick of Table 1", "ticks as in the paper, %", column("as in the paper, %"), 100),
+    "table2": Figure("82 %", "DFD-T chosen, %", column("chosen %", method="DFD-T"), 50),
+    "table3": Figure("1,150 times (1 handle)", "OptCtrlPoints' seconds over DFD's", resolution.slower, 1000),
+}
+PAGES: dict[str, Callable[[Context], Sections]] = {
+    name: getattr(module, name)
+    for name in FIGURES
+    for module in (controls, features, comparisons, resolution)
+    if hasattr(module, name)
+}
+CANNOT = dict.fromkeys(
+    ("fig23", "fig24"), "it shows screens of the paper's user study; fig14 draws such pictures, table2 tallies answers"
+)
