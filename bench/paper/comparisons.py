@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -25,8 +26,6 @@ from bench.paper.page import (
     Shape,
     Table,
     aim,
-    blank,
-    heat,
     session,
     silhouettes,
 )
@@ -34,7 +33,7 @@ from bench.paper.peers import PEERS
 from bench.paper.peers.peer import Job, PeerError, run
 from dfd.common.linear_algebra import Float64, Int64, UInt8
 from dfd.common.preset import Preset
-from dfd.geometry.metrics import SurfaceMetrics, surface_metrics
+from dfd.geometry.metrics import surface_metrics
 from dfd.pictures.picture import picture
 
 # What other methods hold, by whether the handle goes up or down.
@@ -54,17 +53,18 @@ DENSE_TEXT = (
 CHOSEN = {"DFD-T": 82, "DFD-A": 79, "ARAP": 19, "biharmonic": 3, "APAP": 4, "NeuralMLS": 11}
 
 COMPARED = ("ARAP", "biharmonic", "BBW", "NeuralMLS")  # OptCtrlPoints has the weights of the second one
-EXPLODED = 3.0  # times the shape's diagonal: a larger result has failed
+EXPLODED = 3.0  # times the shape's diagonal: a larger result is not drawn
 BLUE, GREEN = (40, 90, 230), (20, 150, 60)
-COLUMNS = ("handle off %", "area %", "angle °", "edge %", "volume %", "flipped faces")
+COLUMNS = ("handle off %", "area %", "angle °", "edge %", "volume %", "flipped faces", "size")
+HEADER = ("shape", "method", *COLUMNS, "note")
 LEGEND = """\
 Blue dots are handles, green ones their targets, squares fixed or control points of the other methods; the outline
 before is blue, the one after green. **handle off**: the largest distance from a target, of the diagonal. **area**,
 **angle**, **edge**: mean changes over the surface. **volume**: the change of the enclosed one; empty for open
-surfaces. **flipped faces**: folded over against those around them. **biharmonic** and **BBW** work within
-tetrahedra of the shape with at most 6,000 faces. The networks of APAP and DeepMetaHandles cannot be had."""
+surfaces. **flipped faces**: folded over against those around them. **size**: of the result, over the shape's.
+**biharmonic** and **BBW** work within tetrahedra of the shape with at most 6,000 faces. The networks of APAP and
+DeepMetaHandles cannot be had."""
 
-Methods = Mapping[str, Callable[[], Float64]]
 Cases = Sequence[tuple[str, "Case"]]  # by name
 
 
@@ -125,50 +125,30 @@ def farthest(points: Float64, count: int) -> Int64:
 # --- one case by all methods
 
 
-@dataclass(frozen=True)
-class Row:
-    """What one method made of one case."""
+def compare(
+    name: str, case: Case, methods: Mapping[str, Callable[[], Float64]]
+) -> tuple[list[list[Any]], dict[str, Float64 | str]]:
+    """Return a row of the table a method, and where the vertices (V, 3) went or why they did not.
 
-    shape: str
-    method: str
-    vertices: Float64 | None = None  # (V, 3) where they went, mesh units; None where `note` says why not
-    missing: float | None = None  # the largest distance that a handle is from its target, of the diagonal of the box
-    metrics: SurfaceMetrics | None = None
-    note: str = ""
-
-    @property
-    def values(self) -> list[float | None]:
-        """What the columns of the table hold."""
-        if self.missing is None or self.metrics is None:
-            return [None] * len(COLUMNS)
-        volume = None if self.metrics.volume is None else 100 * self.metrics.volume
-        relative = [100 * self.missing, 100 * self.metrics.area, self.metrics.angle, 100 * self.metrics.edge_length]
-        return [*relative, volume, self.metrics.flipped_faces]
-
-
-def table(rows: Sequence[Row]) -> Table:
-    """The numbers of a page."""
-    return Table(
-        ["shape", "method", *COLUMNS, "note"], [[row.shape, row.method, *row.values, row.note] for row in rows]
-    )
-
-
-def compare(name: str, case: Case, methods: Methods) -> list[Row]:
-    """A row a method, which returns the moved vertices (V, 3); one that fails has a note and stops no other."""
-    return [_row(name, method, case, move) for method, move in methods.items()]
-
-
-def _row(name: str, method: str, case: Case, move: Callable[[], Float64]) -> Row:
-    try:
-        moved = move()
-        metrics = surface_metrics(case.mesh, moved)
-    except (PeerError, ValueError, OSError, MemoryError) as error:
-        return Row(name, method, note=" ".join(str(error).split()) or type(error).__name__)
-    size = float(np.linalg.norm(np.ptp(moved, axis=0))) / case.mesh.diagonal
-    if size > EXPLODED:
-        return Row(name, method, note=f"explodes: {size:.3g} times as large")
-    missing = np.linalg.norm(moved[case.handles] - case.targets, axis=1).max() / case.mesh.diagonal
-    return Row(name, method, moved, float(missing), metrics)
+    A method that fails stops no other.
+    """
+    rows, results = [], dict[str, Float64 | str]()
+    for method, move in methods.items():
+        try:
+            moved = move()
+            found = surface_metrics(case.mesh, moved)
+        except (PeerError, ValueError, OSError, MemoryError) as error:
+            results[method] = " ".join(str(error).split()) or type(error).__name__
+            rows.append([name, method, *[None] * len(COLUMNS), results[method]])
+            continue
+        size = float(np.linalg.norm(np.ptp(moved, axis=0))) / case.mesh.diagonal
+        note = f"explodes: {size:.3g} times as large" if size > EXPLODED else ""
+        missing = np.linalg.norm(moved[case.handles] - case.targets, axis=1).max() / case.mesh.diagonal
+        volume = None if found.volume is None else 100 * found.volume
+        changes = [100 * float(missing), 100 * found.area, found.angle, 100 * found.edge_length, volume]
+        results[method] = note or moved
+        rows.append([name, method, *changes, found.flipped_faces, size, note])
+    return rows, results
 
 
 # --- methods
@@ -213,24 +193,24 @@ def constraints(case: Case, ball: float) -> Job:
 # --- pictures
 
 
-def drawn(context: Context, case: Case, rows: Sequence[Row], *, weights: bool = False) -> Pictures:
+def drawn(
+    context: Context, name: str, case: Case, results: Mapping[str, Float64 | str], *, weights: bool = False
+) -> Pictures:
     """The source and every method's outline over it; with `weights`, those that DFD's handle has before its outline."""
-    mesh = case.mesh
-    moved = [row.vertices for row in rows if row.vertices is not None]
-    source = mesh.vertices[case.handles]
-    where = aim(mesh, source, case.targets, *moved)
+    mesh, source = case.mesh, case.mesh.vertices[case.handles]
+    where = aim(mesh, source, case.targets, *(each for each in results.values() if not isinstance(each, str)))
     held = mesh.vertices[case.held if case.dense else case.fixed]
     found = [(marked(case, where, picture(mesh, fixed=held, **where)), "source")]
     presets = {NAMES[preset]: preset for preset in PRESETS} if weights else {}
-    for row in rows:
-        if row.vertices is None:
-            found.append((blank(), f"{row.method}: {row.note}"))
+    for method, moved in results.items():
+        if isinstance(moved, str):
+            found.append((np.full_like(found[0][0], 255), f"{method}: {moved}"))
             continue
-        if row.method in presets:
-            follows = pulled(context, case, presets[row.method]).following.max(axis=1)
-            found.append((heat(mesh, follows, case.handles, **where), f"{row.method}: weights"))
-        found.append((silhouettes(mesh, row.vertices, where), row.method))
-    return rows[0].shape, found
+        if method in presets:
+            follows = pulled(context, case, presets[method]).following.max(axis=1)
+            found.append((picture(mesh, weights=follows, handles=source, **where), f"{method}: weights"))
+        found.append((silhouettes(mesh, moved, where), method))
+    return name, found
 
 
 def marked(case: Case, where: Mapping[str, object], image: UInt8) -> UInt8:
@@ -280,27 +260,27 @@ def _compared(context: Context, cases: Cases, text: str = "", *, ball: float = B
     pictures, rows = [], []
     for name, case in cases:
         context.say(name)
-        own = compare(name, case, methods_of(context, case, ball))
-        pictures.append(drawn(context, case, own, weights=weights))
+        own, results = compare(name, case, methods_of(context, case, ball))
+        pictures.append(drawn(context, name, case, results, weights=weights))
         rows += own
-    return [Section("Results", f"{text}\n\n{LEGEND}".lstrip(), pictures, table(rows))]
+    return [Section("Results", f"{text}\n\n{LEGEND}".lstrip(), pictures, Table(HEADER, rows))]
 
 
 def fig21(context: Context) -> Sections:
     """DFD with fifty handles."""
-    pictures, rows, sums = [], [], []
+    pictures, rows = [], []
     for name, case in dense(context, (1, 6)):
         sessions = {NAMES[preset]: pulled(context, case, preset, dense=True) for preset in PRESETS}
-        for method, deformer in sessions.items():
-            total = deformer.weights.sum(axis=1)
-            sums.append([name, method, float(total.mean()), float(total.max())])
-        own = compare(name, case, {method: lambda each=each: each.vertices for method, each in sessions.items()})
-        pictures.append(drawn(context, case, own))
-        rows += own
-    return [
-        Section("Fifty handles", f"{DENSE_TEXT}\n\n{LEGEND}", pictures, table(rows)),
-        Section("Sums of weights", table=Table(["shape", "preset", "mean sum", "largest sum"], sums)),
-    ]
+        own, results = compare(name, case, {method: partial(_moved, each) for method, each in sessions.items()})
+        pictures.append(drawn(context, name, case, results))
+        sums = [each.weights.sum(axis=1) for each in sessions.values()]
+        rows += [[*row, float(each.mean()), float(each.max())] for row, each in zip(own, sums, strict=True)]
+    table = Table([*HEADER, "mean sum of weights", "largest sum"], rows)
+    return [Section("Fifty handles", f"{DENSE_TEXT}\n\n{LEGEND}", pictures, table)]
+
+
+def _moved(deformer: dfd.Deformer) -> Float64:
+    return deformer.vertices
 
 
 def table2(context: Context) -> Sections:

@@ -22,7 +22,6 @@ from bench.paper.page import (
     Subject,
     Table,
     aim,
-    before_after,
     gallery,
     pulls_of,
     session,
@@ -37,7 +36,6 @@ from dfd.geometry.simplify import simplify
 from dfd.geometry.topology import face_areas
 from dfd.pictures.colors import feature_colors
 from dfd.pictures.picture import picture
-from dfd.pictures.viewpoint import azimuth_towards
 from dfd.views.render import Supervision, Views, render
 
 DISTILLED = dict.fromkeys(("koala", "plane_holes", "scorpion", "spot", "quadruped", "*"))
@@ -273,40 +271,38 @@ def subdivided(mesh: dfd.Mesh, times: int) -> dfd.Mesh:
 
 def fig19(context: Context) -> Sections:
     """One field on other tessellations of a shape, and on other shapes of its class."""
-    drawn, rows = [], []
-    for subject in context.subjects(CLASSES, (1, 2)):
+
+    def variants(subject: Subject) -> dict[str, dfd.Deformer]:
         shape, field, (place, others) = subject.shape, subject.field, subject.case
-        at = shape.at(place)
-        azimuth = azimuth_towards(shape.mesh, shape.mesh.vertices[[at]])
-        own = subject.session([{"at": at}]).weights[:, 0]
-        tessellations = [simplify(shape.mesh, count) for count in (1000, 5000)]
-        copies = {f"{len(each.faces):,} faces": each for each in (*tessellations, subdivided(shape.mesh, 1))}
-        copies = {f"{len(shape.mesh.faces):,} faces, its own": shape.mesh, **copies}
+        copies = [shape.mesh, *(simplify(shape.mesh, count) for count in (1000, 5000)), subdivided(shape.mesh, 1)]
         known = [name for name in others if name in context.files or name == "quadruped"]
-        novel = {name: turned(context.shape(name), others[name]) for name in known}
-        weights_row, moved_row = [], []
-        for name, mesh in {**copies, **novel}.items():
-            features = field(mesh.vertices if name in copies else in_box_of(mesh, shape.mesh))
-            same = np.linalg.norm(features - field(shape.mesh.vertices[[at]]), axis=1).argmin()
-            handle = {"at": int(same), "translation": DOWN * mesh.diagonal}
-            deformer = session(mesh, field, subject.preset, [handle], features=features)
-            (weighted, _), (moved, _) = before_after(deformer, aim(mesh, (), deformer.vertices, azimuth=azimuth))
-            weights_row.append((weighted, name))
-            moved_row.append((moved, name))
-            weights = deformer.weights[:, 0]
-            off = np.abs(weights[KDTree(mesh.vertices).query(shape.mesh.vertices)[1]] - own).mean()
-            follows = 100 * float(area_fractions(mesh)[weights > FOLLOWS].sum())
-            rows.append([*subject.label, name, len(mesh.faces), follows, float(off) if name in copies else None])
-        drawn.append((f"field of {', '.join(subject.label)}: weights", weights_row))
-        drawn.append(("moved", moved_row))
+        meshes = {f"{len(each.faces):,} faces": each for each in copies}
+        meshes.update({name: turned(context.shape(name), others[name]) for name in known})
+        held, sessions = field(shape.mesh.vertices[[shape.at(place)]]), {}
+        for name, mesh in meshes.items():
+            features = field(in_box_of(mesh, shape.mesh) if name in known else mesh.vertices)
+            handle = {"at": int(np.linalg.norm(features - held, axis=1).argmin()), "translation": DOWN * mesh.diagonal}
+            sessions[name] = session(mesh, field, subject.preset, [handle], features=features)
+        first = next(iter(sessions.values()))
+        own.update({id(each): first.weights[:, 0] for name, each in sessions.items() if name not in known})
+        return sessions
+
+    def measure(subject: Subject, each: dfd.Deformer) -> list[float | None]:
+        mesh, weights, off = each.mesh, each.weights[:, 0], None
+        if id(each) in own:
+            nearest = KDTree(mesh.vertices).query(subject.shape.mesh.vertices)[1]
+            off = float(np.abs(weights[nearest] - own[id(each)]).mean())
+        return [len(mesh.faces), 100 * float(area_fractions(mesh)[weights > FOLLOWS].sum()), off]
+
+    own: dict[int, NDArray[np.floating]] = {}  # weights of the shape's own mesh, by the sessions compared with them
     text = (
         "Other tessellations ask the field at their own vertices. Another shape of the class is turned to look the "
         "same way and scaled to the box; its handle is the vertex whose feature is nearest to that of the handle. In "
-        f"the table: how much of the surface has a weight above {FOLLOWS}, and the mean difference between the weight "
-        "at each vertex of the shape's own mesh and that at the nearest vertex of the other."
+        f"the table: how much of the surface has a weight above {FOLLOWS}, and the mean difference from the weights of "
+        "the shape's own mesh."
     )
-    columns = ["field of", "preset", "mesh", "faces", "follows, % of the area", "mean difference"]
-    return [Section("One field", text, drawn, Table(columns, rows))]
+    columns = ("faces", "follows %", "mean difference")
+    return gallery(context.subjects(CLASSES, (1, 2)), variants, columns, measure, text)
 
 
 def turned(shape: Shape, degrees: float) -> dfd.Mesh:

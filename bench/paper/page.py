@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 import dfd
@@ -297,13 +296,6 @@ def aim(mesh: dfd.Mesh, points: Any, *moved: Float64, **more: Any) -> dict[str, 
     return {"azimuth": azimuth_towards(mesh, points), "frame": frame, "resolution": RESOLUTION, **more}
 
 
-def before_after(deformer: dfd.Deformer, where: dict[str, Any]) -> list[tuple[UInt8, str]]:
-    """Draw the weights that a session's vertices follow with, as heat, and the moved shape."""
-    views = session_views(deformer)
-    captions = {"weights": "weights", "after": "moved"}
-    return [(picture(deformer.mesh, **{**views[name], **where}), caption) for name, caption in captions.items()]
-
-
 def silhouettes(mesh: dfd.Mesh, moved: Float64, where: dict[str, Any]) -> UInt8:
     """Draw the outlines before (blue) and after (green) over the moved shape, as in the paper's Fig. 8 and 23."""
     old, new = (picture(mesh, vertices=vertices, **where).astype(float) for vertices in (mesh.vertices, moved))
@@ -311,16 +303,6 @@ def silhouettes(mesh: dfd.Mesh, moved: Float64, where: dict[str, Any]) -> UInt8:
     page = np.where(in_new, 0.55 * new + 0.45 * AFTER, new)
     page = np.where(in_old, 0.6 * page + 0.4 * BEFORE, page)
     return page.clip(0, 255).astype(np.uint8)
-
-
-def blank() -> UInt8:
-    """Return a white square, where there is nothing to show."""
-    return np.full((RESOLUTION, RESOLUTION, 3), 255, np.uint8)
-
-
-def heat(mesh: dfd.Mesh, weights: NDArray[np.floating], at: Sequence[int], **where: Any) -> UInt8:
-    """Draw weights (V,) as heat, with dots at the vertices `at`."""
-    return picture(mesh, weights=weights, handles=mesh.vertices[list(at)], **where)
 
 
 # --- the page
@@ -370,12 +352,14 @@ def gallery(
         sessions, mesh = variants(subject), subject.shape.mesh
         angle = getattr(subject.case, "azimuth", None) if azimuth is None else azimuth
         views = {name: session_views(each, angle) for name, each in sessions.items()}
-        shared = {"frame": [mesh.vertices, *(each.vertices for each in sessions.values())], "resolution": RESOLUTION}
-        first = next(iter(views.values()))["before"]
-        start = (picture(mesh, **{**first, **source(subject), **shared}), "before")
+        room = [mesh.vertices, *(each.vertices for each in sessions.values() if each.mesh is mesh)]
+        for name, each in sessions.items():
+            for view in views[name].values():
+                view.update(resolution=RESOLUTION, **({"frame": room} if each.mesh is mesh else {}))
+        start = (picture(mesh, **{**next(iter(views.values()))["before"], **source(subject)}), "before")
         alone = len(views) == 1
         cells = [
-            [(picture(mesh, **{**each[what], **shared}), what if alone else name) for name, each in views.items()]
+            [(picture(sessions[name].mesh, **each[what]), what if alone else name) for name, each in views.items()]
             for what in shown
         ]
         if alone:

@@ -2,6 +2,9 @@
 
 A small network learns to tell which control point lies at a position; its answers for any other point, which its
 smoothness decides, are the weights of rigid moving least squares (Schaefer et al., 2006).
+
+Checked in tests/python/bench/test_paper.py: it reproduces rigid motions, as Schaefer et al. prove of moving least
+squares, and moves its control points to within 2 % of the size from their targets.
 """
 
 from __future__ import annotations
