@@ -41,6 +41,7 @@ from dfd.views.render import Supervision, Views, render
 DISTILLED = dict.fromkeys(("koala", "plane_holes", "scorpion", "spot", "quadruped", "*"))
 REDUCED = 0.99
 LUCY = (200_000, 28_000_000)  # faces, in a quick and a whole run
+AT_ONCE = 500_000  # vertices, so that features of all of them need not fit into memory
 SUPERVISION: tuple[Supervision, ...] = ("vertex", "barycentric")
 
 COARSE = 200  # faces, of triangles much larger than features
@@ -102,14 +103,16 @@ def fig4(context: Context) -> Sections:
         for preset in PRESETS:
             begin = time.perf_counter()
             field, taken, _ = distilled(context, shape, preset)
-            own = field.features(mesh)
-            dfd.bind(own, [shape.at((0.5, 1.0, 0.5))])
+            handle = field(mesh.vertices[[shape.at((0.5, 1.0, 0.5))]])
+            for some in np.array_split(mesh.vertices, len(mesh.vertices) // AT_ONCE + 1):
+                dfd.bind(field(some), handle)
             seconds = time.perf_counter() - begin
-            of_few = context.field(Shape(f"{shape.name} reduced", few), preset).features(mesh)
+            of_few = context.field(Shape(f"{shape.name} reduced", few), preset)(few.vertices)
+            own = field(few.vertices)
             # Colors of both by the same directions; fields of two fits have their own turn of feature space.
             colors = feature_colors(np.concatenate([own, of_few]))
             row += [
-                (picture(mesh, colors=some, **where), f"{NAMES[preset]}: field of {what}")
+                (picture(few, colors=some, **where), f"{NAMES[preset]}: field of {what}")
                 for some, what in zip(np.split(colors, 2), ("the shape", "the reduced one"), strict=True)
             ]
             off = np.linalg.norm(own - of_few, axis=1).mean()
@@ -121,8 +124,8 @@ def fig4(context: Context) -> Sections:
         "barycentric distillation from every pixel that a triangle covers."
     )
     second = (
-        "Fields of the shape and of a hundredth of its faces at the shape's vertices: their distance beside the spread "
-        "of the features. The paper: Lucy, 28 million faces, takes 5.7 minutes to render, and 3.7 s if it is reduced."
+        "Fields of the shape and of a hundredth of its faces, at the vertices of the latter: their distance beside the "
+        "spread of the features. The paper: Lucy, 28 million faces, takes 5.7 minutes to render, 3.7 s if reduced."
     )
     columns = ["shape", "vertices", "pixels of vertices", "pixels of triangles"]
     of_reduced = ["shape", "preset", "faces", "distill s", "weights s", "mean distance", "spread"]
@@ -216,7 +219,7 @@ def _encoded(context: Context, shown: str, column: str, text: str) -> Sections:
             return [surface_metrics(mesh, each.vertices).angle]
         return [correlation(each.weights[:, 0], subject.pull().weights[:, 0], area_fractions(mesh))]
 
-    heading = "Blocks of one encoder, as no other is at hand" if one else "Encoders"
+    heading = "Blocks of one encoder, as no other was loaded" if one else "Encoders"
     subjects = context.subjects(HELD, (1, 3))
     sections = gallery(subjects, variants, (column,), measure, text + absent, heading=heading, shown=[shown])
     if one:
