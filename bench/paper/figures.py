@@ -53,6 +53,7 @@ def is_whole(size: float | None) -> bool:
 
 DFD = {"method": OURS}  # whose failures count, those of the others do not
 PEERS, COORDINATES = ({"method": each, "size": is_whole} for each in (comparisons.COMPARED, "biharmonic"))
+FAILING = {"method": comparisons.COMPARED}
 FREE, FIXED, FAR, WIDE = ({"preset": OURS, "variant": each} for each in ("free", "fixed", "λ = 32", "λ = 0"))
 PIXELS, VERTICES = ({"variant": name} for name in ("paper preset, coarse copy, all pixels", features.VERTICES_ALONE))
 PLANE, ANGLE = "shapes with a plane, %", "angle change, DFD's over the others'"
@@ -80,7 +81,7 @@ FIGURES: dict[str, Figure] = {
     "fig12": Figure("similar weights", "correlation with the first", column("correlation", preset=OURS), 0.7),
     "fig13": Figure("not smooth", "roughness, vertices over pixels", ratio("roughness", VERTICES, PIXELS), 1.1),
     "fig14": Figure("moves related parts alone", ANGLE, ratio("angle °", DFD, PEERS), most=1),
-    "fig15": Figure("the others fail", ANGLE, ratio("angle °", DFD, PEERS), most=1),
+    "fig15": Figure("the others fail", "faces that the others fold, a shape", column("flipped faces", **FAILING), 1),
     "fig16": Figure("as smooth as biharmonic", ANGLE, ratio("angle °", DFD, COORDINATES), most=1),
     "fig17": Figure("no tears", "gap, % of the motion", column("gap %", preset=OURS), most=5),
     "fig18": Figure("T is constant", "largest over smallest T", column("T s", spread, preset=OURS), most=2),
