@@ -339,8 +339,8 @@ def table3(context: Context) -> Sections:
     rows += [["paper", None, None, name, *seconds, ""] for name, seconds in PAPER_SECONDS.items()]
     text = (
         f"Means of {repeats} random sets. Both bind the same nodes of fTetWild's tetrahedra, whose edges, of the "
-        "diagonal, shrink until OptCtrlPoints stops, if it does. It factors once before, then takes a back substitution for each "
-        "handle and one small dense system. The paper's seconds are those of an A40."
+        "diagonal, shrink until OptCtrlPoints stops, if it does. It factors once before, then takes a back "
+        "substitution for each handle and one small dense system. The paper's seconds are those of an A40."
     )
     handles = [f"{count} handle{'s' * (count > 1)} s" for count in COUNTS]
     return [
