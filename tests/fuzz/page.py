@@ -92,6 +92,6 @@ def ask_all(path: Path) -> None:
                 said = message.get("message") if message.get("type") == "failure" else None
                 assert said is None or ("Internal error" not in said and "\n" not in said), (asked, said)
             assert np.isfinite(deformer.vertices).all(), asked
-            session.guarded(0, session.rest)
+            session.guarded(0, session.run_deferred)
             assert not any("Internal error" in str(message.get("message")) for message in sent), asked
         session.end()
