@@ -32,8 +32,7 @@ def deform(
         Path | None,
         Option(
             metavar="FIELD",
-            help="The shape's field, as `dfd distill` wrote it, or an .npy or .pt with another network's rows of"
-            " vertices; for several shapes a folder with NAME.field.safetensors"
+            help="The shape's field, as `dfd distill` wrote it; for several shapes a folder with NAME.field.safetensors"
             " (by default their own). What is not there is found or made.",
         ),
     ] = None,

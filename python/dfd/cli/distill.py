@@ -14,9 +14,6 @@ from dfd.cli.errors import say
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillSettings
 from dfd.encoders.known import DEFAULT_ENCODER
-from dfd.field.given_features import read_features, rows_of_vertices
-
-FEATURES = "`--features`"
 
 
 def distill(
@@ -24,10 +21,6 @@ def distill(
     output: Annotated[Path, Option("--output", "-o", metavar="FIELD", help="The .safetensors file to write.")],
     encoder: options.Encoder = DEFAULT_ENCODER,
     device: Annotated[str | None, Option(help="Where torch computes: cpu, cuda, …; CUDA if there is one.")] = None,
-    features: Annotated[
-        Path | None,
-        Option(metavar="NPY|PT", help="Fit these instead: another network's, a row for each vertex or face."),
-    ] = None,
     cache: Annotated[bool, Option("--cache/--no-cache", help="Take it from the cache when it was made before.")] = True,
     **settings_given: Any,
 ) -> None:
@@ -36,13 +29,10 @@ def distill(
 
     given = {name: value for name, value in settings_given.items() if value is not None}
     DistillSettings(**given)  # checked before the mesh is read
-    rows = None if features is None else read_features(features, FEATURES)
     stages = Stages()
     with stages.stage("read"):
         shape = dfd.load(mesh)
-        if features is not None and rows is not None:
-            rows = rows_of_vertices(features, rows, shape, FEATURES)
-    field = dfd.distill(shape, encoder, features=rows, device=device, progress=stages, cache=cache, **given)
+    field = dfd.distill(shape, encoder, device=device, progress=stages, cache=cache, **given)
     field.save(output)
     origin = "" if "fit" in stages.seconds else ", from the cache"
     from dfd.upright.candidates import up_sentence

@@ -17,13 +17,7 @@ from dfd.editing.presets import PRESETS
 PLACE = "VERTEX|X,Y,Z|top|part:NAME|group:NAME|part@X,Y,Z|component@X,Y,Z|…"
 
 Mesh = Annotated[Path, Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file.")]
-Field = Annotated[
-    Path,
-    Option(
-        metavar="FIELD",
-        help="The shape's field, as `dfd distill` wrote it, or an .npy or .pt with another network's rows of vertices.",
-    ),
-]
+Field = Annotated[Path, Option(metavar="FIELD", help="The shape's field, as `dfd distill` wrote it.")]
 MadeField = Annotated[Path | None, Option(metavar="FIELD", help="The shape's field; without it, it is found or made.")]
 Force = Annotated[bool, Option("--force", help="Take a field or an edit of another shape all the same.")]
 Preset = Annotated[

@@ -15,8 +15,6 @@ from dfd.field.cache_key import cache_key
 
 # torch and transformers take seconds to import: imported only when something is distilled.
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
     from dfd.encoders.encode import Encoder
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh, MeshLike
@@ -40,13 +38,12 @@ def distill(
     steps: int | None = None,
     epochs: int | None = None,
     seed: int | None = None,
-    features: ArrayLike | tuple[ArrayLike, ArrayLike] | None = None,
     device: str | None = None,
     progress: bool | Stages = True,
     cache: bool = True,
     **settings: Any,
 ) -> Field:
-    """Distill the features of an image encoder, or given features, into a field around `mesh`.
+    """Distill the features of an image encoder into a field around `mesh`.
 
     Parameters
     ----------
@@ -67,10 +64,6 @@ def distill(
     seed
         Equal seeds give equal fields on one machine with the same number of threads, and nearly equal ones (to about
         1e-3 of a feature) elsewhere.
-    features
-        Features of another network, fitted instead of an encoder's: (V, D), one row per vertex, or the pair points
-        (N, 3) in mesh units and features (N, D). Settings of pictures are then ignored, and an epoch is one pass over
-        these points or vertices.
     device
         Torch device, such as "cpu" or "cuda"; None takes CUDA if available.
     progress
@@ -107,13 +100,10 @@ def distill(
     mesh, checked = as_mesh(mesh), DistillSettings(preset=preset, **given, **settings)
     stages = progress if isinstance(progress, Stages) else Stages(show=bool(progress))
     with stages.stage("load"):
-        known = _find_key(mesh, encoder, checked, device) if features is None else None
+        known = _find_key(mesh, encoder, checked, device)
         found = field_cache.find(known) if cache and known else None
         if found is None:
-            if features is None:
-                key, run = _of_pictures(mesh, encoder, checked, device)
-            else:
-                key, run = _of_features(mesh, features, checked, device)
+            key, run = _of_pictures(mesh, encoder, checked, device)
             if cache and key != known:
                 found = field_cache.find(key)
     if found is not None:
@@ -180,15 +170,3 @@ def _check_loaded(encoder: Encoder, settings: DistillSettings) -> None:
         raise ValueError(
             "distill: `background` must be as the encoder was loaded: give its name, or load it with background=True"
         )
-
-
-def _of_features(
-    mesh: Mesh, features: ArrayLike | tuple[ArrayLike, ArrayLike], settings: DistillSettings, device: str | None
-) -> _Work:
-    from dfd.common.devices import choose_device
-    from dfd.distillation.given_features import GivenFeatures, distill_features
-
-    target = choose_device("distill", device)
-    given = GivenFeatures(mesh, features)
-    key = cache_key(mesh, **settings.of_fit(), features=given.kind, given=given.sha256(), device=str(target))
-    return key, lambda stages: distill_features(given, settings, device=target, stages=stages)

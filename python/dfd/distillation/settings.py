@@ -185,11 +185,6 @@ class DistillSettings(BaseModel):
         """Return the arguments of `dfd.views.render.render`."""
         return self.model_dump(include={"views", "resolution", "framing", "simplify_to", "supervision", "mirrored"})
 
-    def of_fit(self) -> dict[str, Any]:
-        """Return the settings of the fit alone."""
-        network, length = {"octaves", "width", "layers"}, {*LENGTHS, "batch", "learning_rate", "schedule"}
-        return self.model_dump(include={"preset", *network, *length, "seed"})
-
     def as_dict(self) -> dict[str, Any]:
         """Return all settings by name, as JSON values."""
         return self.model_dump()

@@ -6,11 +6,11 @@ import copy
 import hashlib
 import os
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,7 +23,6 @@ from dfd.field import field_file
 from dfd.field.architecture import Architecture
 from dfd.field.compatibility import check_compatible, surface_points
 from dfd.field.component_residuals import ComponentResiduals, components_of_vertices
-from dfd.field.given_features import FEATURE_FILES
 
 # torch takes seconds to import, and is needed only to evaluate tensors.
 if TYPE_CHECKING:
@@ -93,8 +92,6 @@ class Field:
         are of another width.
     """
 
-    # Reads features of vertices; set by `dfd.field.vertex_field`, whose class derives from this one.
-    read_vertex_field: ClassVar[Callable[[Path, Mesh | None], Field]]
     source: FieldSource | None = None
     residuals: ComponentResiduals | None = None
     surface: Float32 | None = None
@@ -241,17 +238,12 @@ class Field:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, mesh: Mesh | None = None, other_shape: bool = False) -> Field:
-        """Read a field from `path`: a file of `save`, or one that another program wrote for a mesh.
-
-        The latter are an `.npy` (MeshFM, PartField) or `.pt` (Diff3F) with a row of another network for each vertex or
-        face, which becomes a `VertexField`. MeshFM and PartField write files beside theirs; what these say of the
-        vertices is checked.
+        """Read a field from `path`, a file of `save`.
 
         Parameters
         ----------
         mesh
-            The mesh that an `.npy` or `.pt` is of. A field in a file of `save` must belong to it, where it is
-            given, as `Deformer` says.
+            The mesh to which the field must belong, as `Deformer` says; None for any.
         other_shape
             Take a field of another shape all the same.
 
@@ -261,13 +253,10 @@ class Field:
             If `path` does not exist or cannot be read.
         ValueError
             If it is not a field, is truncated, of another version, lacks tensors that its header names, or gives
-            features that are not finite; if an `.npy` or `.pt` has not one row for each vertex, in the order of the
-            vertices, or for each face; if a field's own shape was another than `mesh`, as `check_compatible` tells.
+            features that are not finite; if the field's own shape was another than `mesh`, as `check_compatible` tells.
         """
         if not Path(path).is_file():
             raise FileNotFoundError(f"Field.load: `path` {os.fspath(path)} does not exist or is no file")
-        if Path(path).suffix.lower() in FEATURE_FILES:
-            return Field.read_vertex_field(Path(path), mesh)
         content = field_file.read(path)
         try:
             field = Field(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,14 +13,13 @@ from numpy.typing import ArrayLike
 from dfd.common import check, tensors
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32
-from dfd.field.field import Field, FieldSource
-from dfd.field.given_features import of_vertices, read_features, rows_of_vertices
+from dfd.field.field import Field
 from dfd.mesh.normalization import normalization
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
-    from dfd.mesh.mesh import Mesh, MeshLike
+    from dfd.mesh.mesh import MeshLike
 
 ROWS_AT_ONCE = 1 << 16  # to bound memory
 
@@ -30,16 +28,14 @@ class VertexField(Field):
     """Φ from given features of the vertices of one mesh; elsewhere it has those of the nearest vertex.
 
     No network is fitted: weights follow from the distances of the given features exactly. Vertices at one position have
-    the features of the first of them, as in faces, so that seams stay closed. To use the features on other resolutions
-    of the shape, `dfd.distill(mesh, features=features)` fits a network to them.
+    the features of the first of them, as in faces, so that seams stay closed.
 
     Parameters
     ----------
     mesh
         The mesh, whose order of vertices `features` has.
     features
-        (V, D), a row a vertex. Only their directions count. Or (F, D), a row a face, where F is not V: a vertex then
-        has the mean of the faces around it, by their areas.
+        (V, D), a row a vertex. Only their directions count.
     settings
         How they were made, JSON values.
 
@@ -51,13 +47,10 @@ class VertexField(Field):
 
         mesh = as_mesh(mesh)
         rows = check.array("VertexField", "features", features, ("V", "D"))
-        if len(rows) == len(mesh.faces) != len(mesh.vertices):
-            rows = of_vertices(mesh, rows).astype(np.float32)
         if len(rows) != len(mesh.vertices) or rows.shape[1] == 0:
             raise ArgumentError(
                 "features",
-                f"must have shape ({len(mesh.vertices)}, D), a row for each vertex, or "
-                f"({len(mesh.faces)}, D), a row for each face, got {rows.shape}",
+                f"must have shape ({len(mesh.vertices)}, D), a row for each vertex, got {rows.shape}",
                 "VertexField",
             )
         places, first = np.unique(mesh.representative, return_inverse=True)
@@ -93,35 +86,13 @@ class VertexField(Field):
         ValueError
             Always.
         """
-        raise ValueError(
-            "VertexField.save: features of vertices have no file of their own: keep their array, or fit a field with "
-            "dfd.distill(mesh, features=features)"
-        )
+        raise ValueError("VertexField.save: features of vertices have no file of their own: keep their array")
 
     @cached_property
     def _nearest(self) -> cKDTree:
         from scipy.spatial import cKDTree
 
         return cKDTree(self._places)
-
-
-def read_vertex_field(path: Path, mesh: Mesh | None) -> VertexField:
-    """Read an `.npy` or `.pt` for `Field.load`, and raise what it raises."""
-    if mesh is None:
-        raise ArgumentError(
-            "mesh", f"must be given for {path}: its rows are those of the mesh's vertices", "Field.load"
-        )
-    named = "Field.load: `path`"
-    rows = rows_of_vertices(path, read_features(path, named), mesh, named)
-    try:
-        field = VertexField(mesh, rows)
-    except ArgumentError as error:
-        raise ArgumentError("path", f"{path}: `{error.argument}` {error.reason}", "Field.load") from None
-    field.source = FieldSource.of(path)
-    return field
-
-
-Field.read_vertex_field = read_vertex_field
 
 
 def _unit(rows: Float32) -> Float32:

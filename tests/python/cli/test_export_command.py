@@ -29,21 +29,6 @@ def test_a_rig_and_weights_are_written(run, folder):
     assert dfd.load("rig.glb").faces.shape == dfd.load(folder / "chair.obj").faces.shape
 
 
-def test_features_of_another_network_stand_for_a_field(run, folder, chair):
-    field = dfd.Field.load(folder / "chair.field.safetensors")
-    np.save("rows.npy", 3 * field.features(chair))
-    deform = ("--handle", 40, "--translate", 0, 0.2, 0, "-o")
-    assert worked(run("deform", "MESH", "--field", "FIELD", *deform, "wanted.obj"))
-    assert worked(run("deform", "MESH", "--field", "rows.npy", *deform, "moved.obj", "--save-edit", "edit.json"))
-    moved = dfd.load("moved.obj").vertices
-    np.testing.assert_allclose(moved, dfd.load("wanted.obj").vertices, atol=1e-6)
-    assert np.abs(moved - chair.vertices).max() > 0.1
-    export = ("export", "MESH", "--edit", "edit.json", "-o", "rig.glb", "--field")
-    assert worked(run(*export, "rows.npy"))
-    np.save("rows.npy", np.ones((len(chair.vertices) - 1, 4)))
-    assert failed(run(*export, "rows.npy"), "`--field` must have shape (2004, D), a row for each vertex, or")
-
-
 @pytest.mark.usefixtures("edited")
 def test_a_preset_takes_the_place_of_what_the_edit_says(run, folder, chair):
     assert worked(run(*EXPORT, "--weights", "edit.npz"))

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import inspect
+from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
+from tiny_encoder import save_tiny_encoder
 
 import dfd
 from dfd.distillation.settings import DistillSettings
@@ -63,12 +64,12 @@ def test_each_one_is_described() -> None:
     )
 
 
-def test_main_settings_are_parameters_and_none_is_the_preset_s(chair_mesh: dfd.Mesh) -> None:
-    features = np.random.default_rng(0).random((len(chair_mesh.vertices), 4))
-    given: dict[str, Any] = {"features": features, "cache": False, "progress": False, "epochs": 1}
+def test_main_settings_are_parameters_and_none_is_the_preset_s(chair_mesh: dfd.Mesh, tmp_path: Path) -> None:
+    encoder = save_tiny_encoder(tmp_path / "tiny")
+    given: dict[str, Any] = {"cache": False, "progress": False, "steps": 1, "resolution": 32}
     parameters = inspect.signature(dfd.distill).parameters
     main = ("preset", "views", "resolution", "up", "smoothing", "steps", "epochs", "seed")
     assert all(parameters[name].default in (None, "default") for name in main)
-    assert dfd.distill(chair_mesh, views=None, seed=3, batch=64, **given).settings["seed"] == 3
+    assert dfd.distill(chair_mesh, encoder, views=None, seed=3, batch=64, **given).settings["seed"] == 3
     with pytest.raises(ValueError, match="distill: `views` must be a whole number from 1"):
-        dfd.distill(chair_mesh, views=0, **given)
+        dfd.distill(chair_mesh, encoder, views=0, **given)
