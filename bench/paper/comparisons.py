@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 import dfd
+from bench.paper.distortion import surface_metrics
 from bench.paper.page import (
     BALL,
     NAMES,
@@ -33,7 +34,6 @@ from bench.paper.peers import PEERS
 from bench.paper.peers.peer import Job, PeerError, run
 from dfd.common.linear_algebra import Float64, Int64, UInt8
 from dfd.common.preset import Preset
-from dfd.geometry.metrics import surface_metrics
 from dfd.pictures.picture import picture
 
 # What other methods hold, by whether the handle goes up or down.

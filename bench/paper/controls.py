@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 import dfd
+from bench.paper.distortion import surface_metrics
 from bench.paper.page import PULLS, BoxHandle, Context, Sections, Subject, gallery, pulls_of
 from bench.quality.measures import area_fractions
 from dfd.editing.presets import PRESETS as DEFAULTS
-from dfd.geometry.metrics import surface_metrics
 
 MIDDLE, TWIST = (0.5, 0.5, 0.5), (0, 50, 0)
 TWISTS = {

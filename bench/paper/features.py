@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 import dfd
+from bench.paper.distortion import surface_metrics
 from bench.paper.page import (
     NAMES,
     PRESETS,
@@ -31,7 +32,6 @@ from dfd.common.linear_algebra import Float64
 from dfd.common.preset import Preset
 from dfd.common.progress import Stages
 from dfd.encoders.known import DEFAULT_ENCODER, KNOWN_ENCODERS
-from dfd.geometry.metrics import surface_metrics
 from dfd.geometry.simplify import simplify
 from dfd.geometry.topology import face_areas
 from dfd.pictures.colors import feature_colors

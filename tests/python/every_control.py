@@ -16,9 +16,7 @@ from dfd.common.preset import Preset
 from dfd.editing.controls import Counterparts, Falloff
 from dfd.editing.edit import Edit
 from dfd.editing.influence.regions import Ball, Box, HalfSpace, VertexSet
-from dfd.editing.suggestions import suggest_handles
 from dfd.geometry.findings import findings
-from dfd.geometry.metrics import area_ratios, surface_metrics
 from dfd.posing.pose import Blend, Overlap, pose
 from dfd.posing.transforms import affine
 from dfd.symmetry.plane import SymmetryPlane
@@ -42,7 +40,7 @@ def walk(mesh: Mesh, field: Field, seed: int) -> None:
     features = field.features(mesh)
     _bound(mesh, features, handles, random)
     planes = _symmetries(mesh, field) if seed % 4 == 0 else []  # the longest step of all
-    _told(mesh, features, planes)
+    assert all(each.what and each.means for each in findings(mesh))
     _edited(mesh, field, features, handles, planes, random)
     _posed(mesh, features, handles, random)
     assert np.array_equal(mesh.vertices, before[0])
@@ -72,22 +70,6 @@ def _symmetries(mesh: Mesh, field: Field) -> list[SymmetryPlane]:
         assert _within(np.linalg.norm(plane.normal), 1 - 1e-6, 1 + 1e-6)
         assert np.isfinite([plane.offset, plane.band, plane.score]).all()
     return planes
-
-
-def _told(mesh: Mesh, features: NDArray[np.float32], planes: list[SymmetryPlane]) -> None:
-    """What is suggested and said of the mesh."""
-    assert all(each.what and each.means for each in findings(mesh))
-    suggested = _tried(suggest_handles, mesh, features, count=4, planes=planes)
-    if suggested is None:
-        return
-    assert 1 <= len(suggested) <= 4
-    for each in suggested:
-        assert _within(each.share, 0, 1)
-        for counterpart in each.counterparts:
-            assert np.isfinite(counterpart.frame).all()
-            assert counterpart.share is None or _within(counterpart.share.values, 0, 1)
-        shares = [one.share.dense(len(mesh.vertices)) for one in each.counterparts if one.share is not None]
-        assert not shares or _within(np.sum(shares, axis=0), 0, 1 + 1e-4)
 
 
 def _edited(
@@ -125,7 +107,6 @@ def _edited(
         for preset in get_args(Preset):
             _tried(setattr, session, "preset", preset)
             _check(session)
-    _measured(session)
     moved = session.vertices
     while session.undo():
         pass
@@ -142,14 +123,6 @@ def _check(session: Deformer) -> None:
     told = session.report()
     assert str(told)
     assert np.isfinite([told.moved, told.farthest]).all()
-
-
-def _measured(session: Deformer) -> None:
-    assert np.isfinite(area_ratios(session.mesh, session.vertices)).all()
-    metrics = _tried(surface_metrics, session.mesh, session.vertices)
-    assert (
-        metrics is None or np.isfinite([metrics.area, metrics.angle, metrics.edge_length, metrics.volume or 0.0]).all()
-    )
 
 
 def _regions(mesh: Mesh, random: np.random.Generator) -> list[Any]:

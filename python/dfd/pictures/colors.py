@@ -15,7 +15,6 @@ from dfd.weights.compact import CompactFeatures
 CLAY = (0.85, 0.84, 0.82)  # sRGB of a surface without data; also of weight 0
 # sRGB stops from weight 0 to 1. They darken all the way, so that the map also reads in gray and to the color-blind.
 HEAT_STOPS = (CLAY, (0.96, 0.78, 0.42), (0.93, 0.50, 0.18), (0.74, 0.20, 0.24), (0.38, 0.05, 0.31))
-SMALLER, LARGER = (0.13, 0.40, 0.74), (0.79, 0.17, 0.16)  # sRGB of a half and of twice
 # Rows from which the main directions are found; more rows change them little.
 LARGEST_SAMPLE = 20_000
 PERCENTILES = (1.0, 99.0)  # of each direction, drawn as its lowest and highest value
@@ -48,17 +47,6 @@ def weight_colors(weights: ArrayLike) -> Float32:
     before = np.minimum(position.astype(np.int64), len(_HEAT) - 2)
     part = (position - before)[:, None]
     return (_HEAT[before] * (1 - part) + _HEAT[before + 1] * part).astype(np.float32)
-
-
-def ratio_colors(ratios: ArrayLike) -> Float32:
-    """Return sRGB colors (V, 3) in [0, 1] of `ratios` (V,), at least 0: blue at a half or less, clay at 1, red at 2.
-
-    Raises ValueError if `ratios` is not a row of finite numbers.
-    """
-    values = check.array("ratio_colors", "ratios", ratios, ("V",), dtype=np.float64)
-    octaves = np.log2(values.clip(0.5, 2.0))[:, None]
-    ends = np.where(octaves < 0, SMALLER, LARGER)
-    return (np.array(CLAY) + np.abs(octaves) * (ends - np.array(CLAY))).astype(np.float32)
 
 
 def feature_colors(features: ArrayLike | CompactFeatures) -> Float32:

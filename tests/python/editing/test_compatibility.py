@@ -8,6 +8,7 @@ import pytest
 import trimesh
 from fast_simplification import simplify
 from made_field import made_field
+from tiny_encoder import save_tiny_encoder
 from trimesh.remesh import subdivide
 
 import dfd
@@ -141,7 +142,8 @@ def test_a_field_refuses_another_shape_of_the_same_size(mesh, known, sample):
     dfd.Deformer(stranger, known, other_shape=True)
 
 
-def test_a_distilled_field_knows_its_surface(mesh, features):
-    found = dfd.distill(mesh, features=features, cache=False, progress=False, epochs=1)
+def test_a_distilled_field_knows_its_surface(mesh, tmp_path):
+    quick = {"views": 2, "resolution": 32, "steps": 1, "cache": False, "progress": False}
+    found = dfd.distill(mesh, save_tiny_encoder(tmp_path / "tiny"), **quick)
     assert found.surface.shape == (512, 3)
     np.testing.assert_array_equal(found.surface, surface_points(mesh))

@@ -39,87 +39,93 @@ def vertex_at(mesh: Mesh, x: float, z: float) -> int:
     return int(np.linalg.norm(mesh.vertices - (x, 0, z), axis=1).argmin())
 
 
-def find(mesh: Mesh, weights: np.ndarray, vertex: int, **planes: object) -> tuple[counterparts.Counterpart, ...]:
-    return CounterpartFinder(mesh).find(weights, vertex, mesh.vertices[vertex], **planes)[0]  # type: ignore[arg-type]
+def part(component: np.ndarray) -> Grip:
+    """A part of the components (V,) that are numbered from 0; −1 is outside."""
+    inside = (component >= 0).astype(np.float32)
+    return Grip(inside, inside, component)
+
+
+def around(mesh: Mesh, *places: tuple[float, float]) -> np.ndarray:
+    """The component of each vertex: the discs of radius 0.25 around places."""
+    found = np.full(len(mesh.vertices), -1)
+    for number, (x, z) in enumerate(places):
+        found[np.linalg.norm(mesh.vertices - (x, 0, z), axis=1) < 0.25] = number
+    return found
+
+
+def find(
+    mesh: Mesh, weights: np.ndarray, vertex: int, component: np.ndarray | None, *planes: SymmetryPlane
+) -> tuple[counterparts.Counterpart, ...]:
+    grip = None if component is None else part(component)
+    return CounterpartFinder(mesh).find(weights, vertex, mesh.vertices[vertex], grip, planes)[0]
 
 
 def share(mesh: Mesh, one: counterparts.Counterpart) -> np.ndarray:
     return one.share.dense(len(mesh.vertices))
 
 
-def test_a_single_hill_is_one_counterpart_that_has_everything():
+@pytest.mark.parametrize("places", [None, [(-0.5, 0)]])
+def test_without_a_part_and_with_one_component_there_is_one_counterpart(places):
     mesh = sheet()
-    (only,) = find(mesh, hill(mesh, -0.5, 0, 1), vertex_at(mesh, -0.5, 0))
+    component = None if places is None else around(mesh, *places)
+    (only,) = find(mesh, hill(mesh, -0.5, 0, 1), vertex_at(mesh, -0.5, 0), component)
     assert only.share is None
     assert only.weight == 1
     np.testing.assert_array_equal(only.frame, np.eye(3))
 
 
-def test_every_piece_of_a_part_is_one_counterpart_whatever_peaks_it_has():
+def test_every_component_of_a_part_is_one_counterpart():
     mesh = sheet()
     weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, -0.5, 0.5, 0.9) + hill(mesh, 0.5, 0, 0.02)
     pieces = np.where(mesh.vertices[:, 0] < -0.2, 1, np.where(mesh.vertices[:, 0] > 0.2, 0, -1))
     held = Grip(np.ones(len(pieces), np.float32), np.ones(len(pieces), np.float32), pieces)
-    own, other = find(mesh, weights, vertex_at(mesh, -0.5, -0.5), grip=held)
+    finder, vertex = CounterpartFinder(mesh), vertex_at(mesh, -0.5, -0.5)
+    own, other = finder.find(weights, vertex, mesh.vertices[vertex], held)[0]
     np.testing.assert_array_equal(share(mesh, own)[pieces == 1], 1)
     np.testing.assert_array_equal(share(mesh, other)[pieces == 0], 1)
     np.testing.assert_allclose(other.position, (0.5, 0, 0), atol=1e-12)
     np.testing.assert_allclose(share(mesh, own) + share(mesh, other), 1, atol=1e-6)
-    beside, _ = find(mesh, weights, vertex_at(mesh, -0.1, 0.3), grip=held)
+    vertex = vertex_at(mesh, -0.1, 0.3)
+    beside, _ = finder.find(weights, vertex, mesh.vertices[vertex], held)[0]
     np.testing.assert_array_equal(
-        share(mesh, beside)[pieces == 1], 1, err_msg="held on the seam, it is of the nearest piece"
+        share(mesh, beside)[pieces == 1], 1, err_msg="held on the border, it is of the nearest component"
     )
 
 
-def test_every_hill_is_an_counterpart_with_its_own_counterpart():
+def test_counterparts_stand_where_their_components_look_most_alike():
     mesh = sheet()
-    weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, 0.5, -0.5, 0.9) + hill(mesh, 0.5, 0.5, 0.6)
-    own, second, third = find(mesh, weights, vertex_at(mesh, -0.5, -0.5))
+    weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, 0.5, -0.5, 0.6) + hill(mesh, 0.5, 0.5, 0.9)
+    component = around(mesh, (0.5, -0.5), (-0.5, -0.5), (0.5, 0.5))
+    own, second, third = find(mesh, weights, vertex_at(mesh, -0.5, -0.5), component)
     np.testing.assert_allclose(own.position, (-0.5, 0, -0.5), atol=1e-12)
-    np.testing.assert_allclose(second.position, (0.5, 0, -0.5), atol=1e-12)
-    np.testing.assert_allclose(third.position, (0.5, 0, 0.5), atol=1e-12)
+    np.testing.assert_allclose(second.position, (0.5, 0, 0.5), atol=1e-12)
+    np.testing.assert_allclose(third.position, (0.5, 0, -0.5), atol=1e-12)
     assert (own.weight, second.weight, third.weight) == pytest.approx((1, 0.9, 0.6), abs=1e-3)
 
 
-def test_all_peaks_of_a_piece_of_a_region_that_is_held_are_one_counterpart():
-    mesh = sheet()
-    weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, 0.5, -0.5, 1) + hill(mesh, 0.5, 0.5, 0.6)
-    row = np.array([vertex_at(mesh, x, -0.5) for x in np.linspace(-0.5, 0.5, 21)])
-    own, other = find(mesh, weights, row[0], held=row)
-    np.testing.assert_allclose(other.position, (0.5, 0, 0.5), atol=1e-12)
-    np.testing.assert_array_equal(share(mesh, own)[row[[0, -1]]], 1)
-    own, second, third = find(mesh, weights, row[0], held=row[[0, 1, -2, -1]])
-    np.testing.assert_allclose(own.position, mesh.vertices[row[:2]].mean(axis=0), atol=1e-12)
-    np.testing.assert_allclose(second.position, mesh.vertices[row[-2:]].mean(axis=0), atol=1e-12)
-    np.testing.assert_allclose(third.position, other.position, atol=1e-12)
-
-
-def test_what_stands_inside_a_peak_of_another_component_is_part_of_it():
-    """A hub within a wheel turns with it; beside it, or on the same surface, it is another one."""
+def test_what_stands_inside_a_component_of_the_part_joins_it():
+    """A hub within a wheel turns with it; beside the wheel, or on the same surface, it is another component."""
     wheel, hub = sheet(), sheet()
     both = np.concatenate([wheel.faces, hub.faces + len(wheel.vertices)])
 
-    def mesh(x: float) -> Mesh:
+    def counted(x: float) -> int:
         # Far enough above that no bridge joins them.
-        return Mesh(np.concatenate([wheel.vertices, 0.2 * hub.vertices + (x, 0.1, 0)]), both)
+        tire = wheel.vertices + 0.3 * np.cos(4 * wheel.vertices[:, :1]) * (0, 1, 0)
+        mesh = Mesh(np.concatenate([tire, 0.2 * hub.vertices + (x, 0.1, 0)]), both)
+        component = (np.arange(len(mesh.vertices)) >= len(wheel.vertices)).astype(np.int64)
+        return len(find(mesh, np.ones(len(mesh.vertices), np.float32), vertex_at(mesh, 0, 0), component))
 
-    def weights(shape: Mesh) -> np.ndarray:
-        on_hub = 0.8 - np.abs(shape.vertices - shape.vertices[-1]).sum(axis=1) / 10
-        large = 1 - np.linalg.norm(shape.vertices * (1, 0, 1), axis=1) / 3
-        return np.where(np.arange(len(shape.vertices)) < len(wheel.vertices), large, on_hub).astype(np.float32)
-
-    tilted = mesh(0.0)
-    tilted_vertices = tilted.vertices.copy()
-    tilted_vertices[: len(wheel.vertices), 1] = 0.3 * np.cos(4 * tilted_vertices[: len(wheel.vertices), 0])
-    inside = Mesh(tilted_vertices, both)
-    assert len(find(inside, weights(inside), vertex_at(inside, 0, 0))) == 1
-    beside = mesh(5.0)
-    assert len(find(beside, weights(beside), vertex_at(beside, 0, 0))) == 2
+    assert counted(0.0) == 1
+    assert counted(5.0) == 2
 
 
 def test_shares_add_up_to_one_and_each_has_its_counterpart_to_itself():
     mesh = sheet()
-    found = find(mesh, hill(mesh, -0.5, 0, 1) + hill(mesh, 0.5, 0, 0.9), vertex_at(mesh, -0.5, 0))
+    component = around(mesh, (-0.5, 0), (0.5, 0))
+    whole = np.ones(len(component), np.float32)
+    vertex = vertex_at(mesh, -0.5, 0)
+    weights = hill(mesh, -0.5, 0, 1) + hill(mesh, 0.5, 0, 0.9)
+    found = CounterpartFinder(mesh).find(weights, vertex, mesh.vertices[vertex], Grip(whole, whole, component))[0]
     shares = np.stack([share(mesh, each) for each in found])
     np.testing.assert_allclose(shares.sum(axis=0), 1, atol=1e-6)
     assert shares.min() >= 0
@@ -129,28 +135,21 @@ def test_shares_add_up_to_one_and_each_has_its_counterpart_to_itself():
 
 def test_shares_pass_smoothly_from_one_counterpart_to_the_next():
     mesh = sheet()
-    own, _ = find(mesh, hill(mesh, -0.5, 0, 1) + hill(mesh, 0.5, 0, 0.9), vertex_at(mesh, -0.5, 0))
+    component = around(mesh, (-0.5, 0), (0.5, 0))
+    whole = np.ones(len(component), np.float32)
+    vertex = vertex_at(mesh, -0.5, 0)
+    grip = Grip(whole, whole, component)
+    own, _ = CounterpartFinder(mesh).find(hill(mesh, -0.5, 0, 1), vertex, mesh.vertices[vertex], grip)[0]
     along = share(mesh, own).reshape(SIDE, SIDE)
     assert np.abs(np.diff(along, axis=0)).max() < 0.2
     assert np.abs(np.diff(along, axis=1)).max() < 0.2
 
 
-def test_ripples_on_a_hill_are_no_counterparts():
-    mesh = sheet()
-    ripples = 0.01 * np.sin(60 * mesh.vertices[:, 0]).astype(np.float32)
-    assert len(find(mesh, hill(mesh, 0, 0, 1) + ripples, vertex_at(mesh, 0, 0))) == 1
-
-
-def test_what_is_hardly_alike_goes_with_the_nearest_counterpart():
-    mesh = sheet()
-    assert len(find(mesh, hill(mesh, -0.5, 0, 1) + hill(mesh, 0.5, 0, 0.06), vertex_at(mesh, -0.5, 0))) == 1
-
-
-def test_what_is_little_alike_and_far_away_does_not_swing_on_a_long_lever():
-    """A twelfth of a turn at the handle, and a hill a tenth as alike at the other end of the sheet."""
+def test_what_is_far_away_does_not_swing_on_a_long_lever():
+    """A twelfth of a turn at the handle, and a component at the other end of the sheet."""
     mesh = sheet()
     weights = hill(mesh, -0.8, 0, 1) + hill(mesh, 0.8, 0, 0.1)
-    own, other = find(mesh, weights, vertex_at(mesh, -0.8, 0))
+    own, other = find(mesh, weights, vertex_at(mesh, -0.8, 0), around(mesh, (-0.8, 0), (0.8, 0)))
     assert other.position == pytest.approx((0.8, 0, 0))
     top = np.array([0.8, 0, 0])
     linear, shift = np.split(
@@ -164,7 +163,10 @@ def test_across_a_plane_of_symmetry_the_frame_is_mirrored():
     plane = SymmetryPlane((1.0, 0.0, 0.0), 0.0)
     # The second hill's top is a little off the mirror image, as a field's own roughness would have it.
     weights = np.maximum(hill(mesh, -0.5, 0.2, 1), hill(mesh, 0.55, 0.2, 0.95))
-    own, other = find(mesh, weights, vertex_at(mesh, -0.5, 0.2), planes=[plane])
+    # Components of other shapes are no mirror images: the plane itself relates them.
+    component = around(mesh, (-0.5, 0.2), (0.5, 0.2))
+    component[(component == 1) & (mesh.vertices[:, 2] > 0.25)] = -1
+    own, other = find(mesh, weights, vertex_at(mesh, -0.5, 0.2), component, plane)
     np.testing.assert_array_equal(other.frame, np.diag([-1.0, 1.0, 1.0]))
     np.testing.assert_allclose(other.position, plane.reflect([own.position])[0], atol=1e-12)
     moved = other.transform(affine(translation=(0.1, 0.2, 0.3)), own.position)
@@ -174,7 +176,8 @@ def test_across_a_plane_of_symmetry_the_frame_is_mirrored():
 def test_components_far_apart_are_counterparts_too():
     mesh = sheet(copies=2)
     weights = hill(mesh, 0, 0, 1) + hill(mesh, 100, 0, 1)
-    own, other = find(mesh, weights, vertex_at(mesh, 0, 0))
+    component = (mesh.vertices[:, 0] > 50).astype(np.int64)
+    own, other = find(mesh, weights, vertex_at(mesh, 0, 0), component)
     assert np.isfinite(share(mesh, own)).all()
     on_the_first = mesh.vertices[:, 0] < 50
     np.testing.assert_array_equal(share(mesh, own)[on_the_first], 1)
@@ -185,11 +188,18 @@ def test_a_fine_mesh_is_gathered_into_nodes_and_has_the_same_counterparts():
     mesh = sheet()
     weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, 0.5, -0.5, 0.9) + hill(mesh, 0.5, 0.5, 0.6)
     vertex = vertex_at(mesh, -0.5, -0.5)
-    exact = find(mesh, weights, vertex)
-    with mock.patch.object(coarse, "MOST_NODES", 1000), mock.patch.object(coarse, "CELLS", 12):
+    component = around(mesh, (-0.5, -0.5), (0.5, -0.5), (0.5, 0.5))
+
+    def found() -> tuple[counterparts.Counterpart, ...]:
         finder = CounterpartFinder(mesh)
-        gathered, _ = finder.find(weights, vertex, mesh.vertices[vertex])
-        assert finder._nodes.graph.shape[0] < 200
+        of_node = component[finder._nodes.members[finder._nodes.starts]]
+        grip = Grip(np.ones(len(component), np.float32), np.ones(len(of_node), np.float32), of_node)
+        return finder.find(weights, vertex, mesh.vertices[vertex], grip)[0]
+
+    exact = found()
+    with mock.patch.object(coarse, "MOST_NODES", 1000), mock.patch.object(coarse, "CELLS", 20):
+        assert len(CounterpartFinder(mesh)._nodes.center) < 500
+        gathered = found()
     assert [each.vertex for each in gathered] == [each.vertex for each in exact]
     np.testing.assert_allclose(sum(share(mesh, each) for each in gathered), 1, atol=1e-5)
     for one, other in zip(gathered, exact, strict=True):
@@ -198,20 +208,21 @@ def test_a_fine_mesh_is_gathered_into_nodes_and_has_the_same_counterparts():
 
 def test_a_handle_that_holds_nothing_has_only_itself():
     mesh = sheet()
-    (only,) = find(mesh, np.zeros(len(mesh.vertices), np.float32), 7)
+    nothing = np.full(len(mesh.vertices), -1)
+    (only,) = find(mesh, np.zeros(len(mesh.vertices), np.float32), 7, nothing)
     assert (only.vertex, only.weight, only.share) == (7, 0.0, None)
 
 
-def test_a_soup_of_triangles_is_searched_in_one_pass():
-    """Thousands of components, a peak each: time that grows with their square would be minutes."""
+def test_of_thousands_of_components_those_most_alike_are_counterparts():
     generator = np.random.default_rng(0)
     middles = generator.random((12_000, 1, 3)) * 100
     vertices = (middles + generator.random((12_000, 3, 3)) * 1e-3).reshape(-1, 3)
     mesh = Mesh(vertices, np.arange(36_000).reshape(-1, 3))
     weights = np.repeat(generator.uniform(0.1, 0.9, 12_000), 3).astype(np.float32)
     weights[:3] = 1
-    found = find(mesh, weights, 0)
-    assert 1 < len(found) <= counterparts.MOST_COUNTERPARTS
+    nodes = CounterpartFinder(mesh)._nodes
+    component = np.arange(len(nodes.center))
+    grip = Grip(np.ones(len(vertices), np.float32), np.ones(len(component), np.float32), component)
+    found, _ = CounterpartFinder(mesh).find(weights, 0, mesh.vertices[0], grip)
+    assert len(found) == counterparts.MOST_COUNTERPARTS
     assert np.array_equal(found[0].position, mesh.vertices[0])
-    held = find(mesh, weights, 0, held=np.arange(9_000))
-    assert len(held) == counterparts.MOST_COUNTERPARTS

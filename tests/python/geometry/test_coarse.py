@@ -14,6 +14,7 @@ from dfd.editing.influence.counterparts import CounterpartFinder
 from dfd.geometry import coarse
 from dfd.geometry.coarse import Nodes
 from dfd.geometry.surface_graph import surface_graph
+from dfd.segmentation.parts import Grip
 
 
 @pytest.fixture
@@ -49,9 +50,15 @@ def test_many_counterparts_on_a_fine_mesh_take_no_column_each():
     finder = CounterpartFinder(mesh)
     finder.prepare()
     vertex = int(weights.argmax())
+    nodes = coarse.nodes_of(mesh)
+    on_hill = weights[nodes.members[nodes.starts]] > 0.5
+    component = np.full(len(on_hill), -1)
+    component[on_hill] = connected_components(nodes.graph[on_hill][:, on_hill], directed=False)[1]
+    whole = np.ones(len(weights), np.float32)
+    grip = Grip(whole, np.ones(len(component), np.float32), component)
     tracemalloc.start()
     try:
-        found, _ = finder.find(weights, vertex, mesh.vertices[vertex])
+        found, _ = finder.find(weights, vertex, mesh.vertices[vertex], grip)
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()

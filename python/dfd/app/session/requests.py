@@ -39,7 +39,6 @@ from dfd.editing.edit import Fixed
 from dfd.editing.influence.held_parts import pivot_on
 from dfd.editing.points import place_on
 from dfd.editing.presets import PRESETS
-from dfd.editing.suggestions import suggest_handles
 from dfd.posing.transforms import PivotAt, Vector, vector
 from dfd.symmetry.plane import SymmetryPlane
 
@@ -47,6 +46,7 @@ if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
 
 NO_TRANSFORM, NO_CONTROLS = Transform(), Controls()
+MOST_SUGGESTED = 12  # markers over the shape: more hide it
 
 
 def answer(session: Session, message: Request) -> None:
@@ -106,15 +106,14 @@ def features(session: Session) -> bytes:
 
 
 @request
-def suggest(session: Session, count: Annotated[int, Field(ge=1, le=64)] = 12) -> answers.Answer:
-    """Good places for handles, one for each kind of part. Answer: `suggestions`."""
-    deformer, planes = session.require_deformer(), session.view_state.planes.get("default", ())
-    mesh, finder = deformer.mesh, deformer.bound.grips.finder
+def suggest(session: Session) -> answers.Answer:
+    """Good places for handles: a vertex far inside each of the largest parts. Answer: `suggestions`."""
+    deformer = session.require_deformer()
     found: list[answers.Suggestion] = []
-    for each in suggest_handles(mesh, deformer.features, count=count, planes=planes, finder=finder):
-        similar = f", {len(each.counterparts)} alike" if len(each.counterparts) > 1 else ""
-        x, y, z = mesh.vertices[each.vertex].tolist()
-        found.append(answers.Suggestion(vertex=each.vertex, position=(x, y, z), name=f"Part {len(found) + 1}{similar}"))
+    for number, part in enumerate(deformer.bound.grips.parts.cut()[:MOST_SUGGESTED], start=1):
+        alike = f", {part.pieces} alike" if part.pieces > 1 else ""
+        x, y, z = deformer.mesh.vertices[part.vertex].tolist()
+        found.append(answers.Suggestion(vertex=part.vertex, position=(x, y, z), name=f"Part {number}{alike}"))
     return answers.SuggestionsMessage(suggestions=tuple(found))
 
 

@@ -67,22 +67,17 @@ class Grips:
         """Return the part at a place with its counterparts; None if there is none, as on a ball."""
         return self._parts.get(place, lambda: self.parts.grip(self._rows.anchor(place)))
 
-    def held(self, place: Place, *, by_part: bool, plane: SymmetryPlane | None = None) -> Held:
-        """Return the counterparts at a place: components of the part if `by_part`, else peaks of the features.
-
-        They are mirrored across `plane`, or else across planes that are found.
-        """
+    def held(self, place: Place, *, plane: SymmetryPlane | None = None) -> Held:
+        """Return the part at a place and its counterparts, mirrored across `plane`, or else across planes found."""
 
         def find() -> Held:
-            rows, grip = self._rows, self.grip(place) if by_part else None
+            rows, grip = self._rows, self.grip(place)
             looks: Float32 = bind(rows.features, rows.points([place]))[:, 0]
-            planes = self._planes if plane is None else [plane]
-            region = None if place.region is None else rows.members(place)
-            vertex = rows.anchor(place)
-            return Held(*self.finder.find(looks, vertex, place.position, held=region, grip=grip, planes=planes))
+            planes = [] if grip is None else self._planes if plane is None else [plane]
+            return Held(*self.finder.find(looks, rows.anchor(place), place.position, grip, planes))
 
-        return self._held.get((place, by_part, plane), find)
+        return self._held.get((place, plane), find)
 
     def part(self, place: Place) -> Float32 | None:
         """Return (V,) the weights of the part at a place; None if there is none."""
-        return None if self.grip(place) is None else self.held(place, by_part=True).part
+        return None if self.grip(place) is None else self.held(place).part

@@ -177,8 +177,7 @@ class HandleWeights:
         return [portions[i] for i in order], [columns[i] for i in order]
 
     def _counterparts(self, edit: Edit, handle: Handle) -> tuple[Counterpart, ...]:
-        by_part = handle.controls.reach == "part"
-        return self.grips.held(handle.place, by_part=by_part, plane=edit.symmetry).counterparts
+        return self.grips.held(handle.place, plane=edit.symmetry).counterparts
 
     def _switches(self, handle: Handle, counterparts: Sequence[Counterpart]) -> list[bool]:
         """Return which of a handle's counterparts are on: off are those at the places of `excluded_counterparts`.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from igl.copyleft import cgal
 from numpy.typing import ArrayLike, NDArray
 
 from dfd.common import check
@@ -27,14 +28,14 @@ class SurfaceMetrics:
     edge_length: float  # mean of |l′/l − 1| over the edges, weighted by resting length l
     volume: float | None  # V′/V − 1 of the enclosed volume; None where the surface is open or encloses nothing
     flipped_faces: int  # faces that are folded over against the faces around them, and were not at rest
-    self_intersecting_faces: int | None  # faces that pass through others; None without libigl, or above 200,000 faces
+    self_intersecting_faces: int | None  # faces that pass through others; None above 200,000 faces
     self_intersecting_before: int | None  # the same at rest
 
 
 def surface_metrics(mesh: Mesh, vertices: ArrayLike) -> SurfaceMetrics:
     """Measure what moving the vertices of `mesh` to `vertices` (V, 3), mesh units, does to its surface.
 
-    Faces without area at rest count for nothing. Self-intersections are found by libigl, of the extra `metrics`.
+    Faces without area at rest count for nothing. Self-intersections are found by libigl.
 
     Raises ValueError if `vertices` is not finite or has another shape than those of the mesh, or no face has an area.
     """
@@ -60,21 +61,6 @@ def surface_metrics(mesh: Mesh, vertices: ArrayLike) -> SurfaceMetrics:
         self_intersecting_faces=_self_intersecting(moved, faces),
         self_intersecting_before=_self_intersecting(resting, faces),
     )
-
-
-def area_ratios(mesh: Mesh, vertices: ArrayLike) -> Float64:
-    """(V,) how many times larger the faces around each vertex have become; 1 where none has an area.
-
-    Raises ValueError if `vertices` is not finite or has another shape than those of the mesh.
-    """
-    moved = check.array("area_ratios", "vertices", vertices, mesh.vertices.shape, dtype=np.float64)
-    welded = first_at_place(mesh)
-    faces = welded[mesh.faces].ravel()
-    before, after = (
-        np.bincount(faces, np.repeat(face_areas(each, mesh.faces), 3), minlength=len(welded))[welded]
-        for each in (mesh.vertices, moved)
-    )
-    return np.divide(after, before, out=np.ones(len(welded)), where=before > 0)
 
 
 def _angles(vertices: Float64, faces: NDArray[np.integer]) -> Float64:
@@ -110,10 +96,6 @@ def _folded(vertices: Float64, faces: NDArray[np.integer]) -> Bool:
 
 def _self_intersecting(vertices: Float64, faces: NDArray[np.integer]) -> int | None:
     if len(faces) > MOST_TESTED:
-        return None
-    try:
-        from igl.copyleft import cgal
-    except ImportError:
         return None
     found = cgal.remesh_self_intersections(
         np.ascontiguousarray(vertices), np.ascontiguousarray(faces, np.int64), detect_only=True
