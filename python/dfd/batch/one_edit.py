@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict
 
 from dfd.common import check
+from dfd.common.files import sha256_of_files
 from dfd.common.linear_algebra import UInt8
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit
@@ -162,5 +162,4 @@ def find_files(edit: Path, made_on: Path | None = None) -> EditSource:
         raise FileNotFoundError(f"{own}, the field of {mesh}, does not exist{changed}: `dfd distill` makes it")
     name = edit.name.removesuffix(".json").removesuffix(".edit")
     files = {"edit": edit.absolute(), "mesh": mesh.absolute(), "field": own.absolute()}
-    content = b"".join(path.read_bytes() for path in files.values())
-    return EditSource(name=name, **files, sha256=hashlib.sha256(content).hexdigest())
+    return EditSource(name=name, **files, sha256=sha256_of_files(*files.values()))

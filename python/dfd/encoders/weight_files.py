@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
+
+from dfd.common.files import sha256_of_files
 
 SETTINGS = ("config.json", "preprocessor_config.json")
 _WHOLE, _INDEX = "model.safetensors", "model.safetensors.index.json"  # one file, or the list of several
@@ -55,10 +56,11 @@ def folder_weights(folder: Path, *, source: str = "folder", fingerprint: str | N
     missing = [file.name for file in files if not file.is_file()]
     if missing:
         raise FileNotFoundError(f"load_encoder: `encoder`: the folder {folder} has no {missing[0]}")
+    files += [folder / name for name in SETTINGS if (folder / name).is_file()]
     return EncoderWeights(
         config=config,
         source=source,
-        fingerprint=fingerprint or f"sha256:{_sha256([*files, *(folder / name for name in SETTINGS)])}",
+        fingerprint=fingerprint or f"sha256:{sha256_of_files(*files)}",
         folder=folder,
         channels=_channels(_read_json(folder / "preprocessor_config.json") or {}),
     )
@@ -110,13 +112,3 @@ def _channels(preprocessor: dict[str, Any]) -> ChannelStats | None:
     if not all(isinstance(value, list) and len(value) == 3 for value in values):
         return None
     return ChannelStats(*(tuple(map(float, value)) for value in values if value))
-
-
-def _sha256(files: Iterable[Path]) -> str:
-    """Hash of the content of those of `files` that exist, 64 hexadecimal digits."""
-    sha256 = hashlib.sha256()
-    for file in filter(Path.is_file, files):
-        with file.open("rb") as stream:
-            while piece := stream.read(1 << 22):
-                sha256.update(piece)
-    return sha256.hexdigest()
