@@ -12,15 +12,12 @@ from pydantic import BaseModel, ConfigDict
 
 from dfd.common import check
 from dfd.common.files import sha256_of_files
-from dfd.common.linear_algebra import UInt8
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit
 from dfd.editing.edit_file import read_edit, read_made_on
 from dfd.editing.transfer import transfer
 from dfd.field.field import Field, FieldSource
 from dfd.mesh.mesh import Mesh, load
-from dfd.pictures.picture import picture
-from dfd.pictures.sheet import session_views
 
 # Below this confidence a handle has no similar region on the other shape: cosines of 0.45 and 0.25 by
 # `dfd.editing.transfer.RIGHT`. Without a learned metric, of a chair's leg the legs of other chairs, of a bench, a couch
@@ -108,13 +105,6 @@ def carry(
     deformer = Deformer(mesh, field, features=features, other_shape=force)
     deformer.apply(edit)
     return Carried(deformer, confidence, tuple(name for name in names if confidence[name] < lowest))
-
-
-def before_and_after(deformer: Deformer, *, resolution: int) -> tuple[UInt8, UInt8]:
-    """Two pictures (R, R, 3) of a session's shape with one camera: resting, with its handles, and deformed."""
-    views = session_views(deformer)
-    before, after = (picture(deformer.mesh, resolution=resolution, **views[name]) for name in ("before", "after"))
-    return before, after
 
 
 def field_path(mesh: Path, folder: Path | None = None) -> Path:

@@ -14,7 +14,7 @@ import typer
 from dfd.batch.inputs import MESH_ENDINGS, has_magic, matches
 from dfd.cli.arguments import check_output, file_in, open_field
 from dfd.cli.errors import say
-from dfd.common.errors import one_line
+from dfd.common.errors import ArgumentError, one_line
 
 if TYPE_CHECKING:
     from dfd.batch.one_edit import Original
@@ -56,10 +56,11 @@ def deform_many(
     _check(files, output, fields, sheet)
 
     import dfd
-    from dfd.batch.one_edit import UnlikeError, before_and_after, carry, field_path
+    from dfd.batch.one_edit import UnlikeError, carry, field_path
     from dfd.editing.edit import with_preset
     from dfd.pictures.contact_sheet import contact_sheet
     from dfd.pictures.picture import picture, save_png
+    from dfd.pictures.sheet import session_views
 
     def field_of(file: Path, shape: Mesh) -> Field:
         """From a file beside the shape or in `--field`, from the cache, or made now."""
@@ -83,17 +84,18 @@ def deform_many(
             sure = _listed(carried.confidence, carried.unsure)
             say(f"{written}: {sure}; {carried.deformer.report()}", result=True)
             if len(cells) < 2 * SHAPES_ON_A_SHEET:
-                before, after = before_and_after(carried.deformer, resolution=CELL)
-                cells += [(before, file.name), (after, sure)]
+                views = session_views(carried.deformer)
+                drawn = [picture(shape, resolution=CELL, **views[name]) for name in ("before", "after")]
+                cells += zip(drawn, (file.name, sure), strict=True)
         except (ValueError, OSError, MemoryError) as error:
             left_out += 1
-            why = one_line(error)
+            why = one_line(error.reason if isinstance(error, ArgumentError) else error)
             if isinstance(error, UnlikeError) and len(error.confidence) > 1:
                 why = f"{why} ({_listed(error.confidence)})"
             say(f"dfd: {file} is left out: {why}")
             if shape is not None and len(cells) < 2 * SHAPES_ON_A_SHEET:
-                drawn = picture(shape, resolution=CELL)
-                cells += [(drawn, file.name), (drawn * 0 + 255, f"left out: {why}")]
+                resting = picture(shape, resolution=CELL)
+                cells += [(resting, file.name), (resting * 0 + 255, f"left out: {why}")]
     told = f"{len(files) - left_out} of {len(files)} shapes{f', {left_out} left out' if left_out else ''}"
     if cells:
         sheet = sheet or output / "sheet.png"

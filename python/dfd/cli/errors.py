@@ -76,6 +76,7 @@ class CommandGroup(TyperGroup):
 
 # The parameters of commands for arguments and remedies of Python that have another name there.
 PARAMETERS = {"path": "output", "features": "field", "plane": "symmetry"}
+PATHS = {"load": "MESH", "Field.load": "--field"}  # what the path is that a function reads
 PHRASES = {"dfd.editing.transfer": "`dfd deform --made-on`", "other_shape=True": "`--force`"}
 
 
@@ -84,6 +85,8 @@ def _in_options(error: ArgumentError, parameters: Sequence[Any]) -> str:
     known = {each.name: each.opts[0] if each.opts[0].startswith("-") else each.metavar for each in parameters}
 
     def option(name: str) -> str:
+        if name == "path" and error.function in PATHS:
+            return PATHS[error.function]
         if error.function is not None and error.function.endswith("set_symmetry"):
             name = f"symmetry_{name}" if f"symmetry_{name}" in known else name
         return str(known.get(PARAMETERS.get(name, name)) or known.get(name) or name)

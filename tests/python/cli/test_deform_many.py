@@ -59,7 +59,7 @@ def test_shapes_that_do_not_fit_or_cannot_be_read_are_left_out_and_named(shapes,
     Path("broken.ply").write_text("no mesh at all")
     result = shapes("deform", "*.ply", "--edit", "edit.json", "-o", "out", "--threshold", 0.999)
     assert result.exit_code == 1
-    assert "dfd: broken.ply is left out: load: `path` broken.ply" in result.stderr
+    assert "dfd: broken.ply is left out: broken.ply " in result.stderr
     assert "dfd: stranger.ply is left out: nothing looks enough like what leg held: confidence 0." in result.stderr
     assert "2 of 4 shapes, 2 left out; out/sheet.png" in result.stderr
     assert sorted(path.name for path in Path("out").glob("*.ply")) == ["first.ply", "large.ply"]
