@@ -10,7 +10,7 @@ import typer
 from typer import Argument, Option
 
 from dfd.cli import options
-from dfd.cli.arguments import Places, check_output, file_in, open_session
+from dfd.cli.arguments import check_output, file_in, hold, open_session
 from dfd.cli.deform_many import deform_many, is_many
 from dfd.cli.errors import say
 from dfd.cli.handles import handles, value_of
@@ -119,8 +119,7 @@ def deform(
     stages = Stages()
     deformer = open_session(mesh, field, stages, edit, preset, force=force, encoder=encoder)
     shape = deformer.mesh
-    places = Places(shape, deformer)
-    places.hold(held, fix)
+    hold(deformer, held, fix)
     if symmetry is not None:
         plane = re.sub("^([^=]*,[^=]*,[^=]*),([^=]*)$", r"\1=\2", symmetry)  # nx,ny,nz,offset
         deformer.set_symmetry(plane, **{name: value_of(value) for name, value in auto.items()})
@@ -138,7 +137,6 @@ def deform(
 
         with stages.stage("draw"):
             save_before_after(picture, deformer, azimuth=azimuth, elevation=elevation, zoom=zoom)
-    places.tell()
     written = ", ".join(str(path) for path in (output, picture, save_edit) if path is not None)
     report = deformer.report()
     say(f"{written}: {report}")

@@ -190,9 +190,17 @@ def _of_features(
     mesh: Mesh, features: ArrayLike | tuple[ArrayLike, ArrayLike], settings: DistillSettings, device: str | None
 ) -> _Work:
     from dfd.common.devices import choose_device
-    from dfd.distillation.given_features import GivenFeatures, distill_features
+    from dfd.distillation.fit import fit
+    from dfd.distillation.given_features import GivenFeatures
+    from dfd.field.cache_key import hash_arrays
 
     target = choose_device("distill", device)
     given = GivenFeatures(mesh, features)
-    key = cache_key(mesh, **settings.of_fit(), features=given.kind, given=given.sha256(), device=str(target))
-    return key, lambda stages: distill_features(given, settings, device=target, stages=stages)
+    made = {**settings.of_fit(), "features": given.kind}
+    key = cache_key(mesh, **made, given=hash_arrays(given.points, given.features), device=str(target))
+
+    def run(stages: Stages) -> Field:
+        field = fit(given, settings, center=given.center, scale=given.scale, device=target, stages=stages)
+        return field.with_settings({**made, **field.settings})
+
+    return key, run

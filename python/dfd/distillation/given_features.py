@@ -11,23 +11,12 @@ from torch import Tensor, nn
 
 from dfd.common import check
 from dfd.common.linear_algebra import Float32
-from dfd.common.progress import Stages
-from dfd.distillation.fit import fit
-from dfd.distillation.settings import DistillSettings
 from dfd.distillation.targets import Targets
-from dfd.field.cache_key import hash_arrays
-from dfd.field.field import Field
 from dfd.geometry.topology import face_areas
 from dfd.mesh.normalization import normalization
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
-
-
-def distill_features(given: GivenFeatures, settings: DistillSettings, *, device: torch.device, stages: Stages) -> Field:
-    """Return the field fitted to `given`."""
-    field = fit(given, settings, center=given.center, scale=given.scale, device=device, stages=stages)
-    return field.with_settings({**settings.of_fit(), "features": given.kind, **field.settings})
 
 
 class GivenFeatures(Targets):
@@ -85,10 +74,6 @@ class GivenFeatures(Targets):
     def dimension(self) -> int:
         """Width D of a row."""
         return int(self.features.shape[1])
-
-    def sha256(self) -> str:
-        """Hash of the points and features, 64 hexadecimal digits."""
-        return hash_arrays(self.points, self.features)
 
     def rows(self, chosen: NDArray[np.integer]) -> Float32:
         """Unit features (B, D) of the chosen points or vertices."""
