@@ -5,11 +5,11 @@ from __future__ import annotations
 import copy
 import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, ClassVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -90,6 +90,8 @@ class Field:
         are of another width.
     """
 
+    # Reads features of vertices; set by `dfd.field.vertex_field`, whose class derives from this one.
+    read_vertex_field: ClassVar[Callable[[Path, Mesh | None], Field]]
     source: FieldSource | None = None
     residuals: ComponentResiduals | None = None
     surface: Float32 | None = None
@@ -263,9 +265,7 @@ class Field:
         if not Path(path).is_file():
             raise FileNotFoundError(f"Field.load: `path` {os.fspath(path)} does not exist or is no file")
         if Path(path).suffix.lower() in FEATURE_FILES:
-            from dfd.field.vertex_field import read_vertex_field  # whose class derives from this one
-
-            return read_vertex_field(Path(path), mesh)
+            return Field.read_vertex_field(Path(path), mesh)
         architecture, arrays, settings = field_file.read(path)
         stored = [name for name in arrays if name.startswith(RESIDUALS)]
         residuals = {name.removeprefix(RESIDUALS): arrays.pop(name) for name in stored}

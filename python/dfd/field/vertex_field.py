@@ -121,6 +121,9 @@ def read_vertex_field(path: Path, mesh: Mesh | None) -> VertexField:
     return field
 
 
+Field.read_vertex_field = read_vertex_field
+
+
 def _unit(rows: Float32) -> Float32:
     """Rows normalized to unit length, without overflow."""
     result = np.empty_like(rows)
