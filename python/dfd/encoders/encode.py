@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 import torch
-from torch.nn.functional import interpolate
+from torch.nn.functional import adaptive_max_pool2d, interpolate, max_pool2d
 
 from dfd.common import check
 from dfd.common.devices import choose_device, out_of_memory, parallel_inference
@@ -144,7 +144,7 @@ class Encoder:
 
             def fill(begin: int, end: int) -> None:
                 some = order[begin:end]
-                tokens[some] = self._forward(pictures[some], None if shown is None else shown[some])
+                tokens[some] = self._forward(pictures[some], None if shown is None else shown[some], side)
                 advance(end - begin)
 
             try:  # one image keeps an accelerator busy
@@ -162,20 +162,19 @@ class Encoder:
                 ) from None
         return tokens
 
-    def _forward(self, images: UInt8, covered: Bool | None) -> Float32:
-        resolution = self.nearest_resolution(images.shape[1])
-        side = resolution // self.patch
-        model, device = self._model, torch.device(self.device)
+    def _forward(self, images: UInt8, covered: Bool | None, side: int) -> Float32:
+        resolution, model, device = side * self.patch, self._model, torch.device(self.device)
         patches = None
         if covered is not None and self.foreground_only:
-            patches = torch.from_numpy(np.stack([_patch_mask(shown, side) for shown in covered])).to(device)
+            # Patches that show something of the shape, and those beside them: tokens are read bilinearly.
+            shown = adaptive_max_pool2d(torch.from_numpy(covered).to(device).float(), side)
+            patches = max_pool2d(shown, 3, stride=1, padding=1) > 0
         with torch.inference_mode():
             pixels = torch.from_numpy(np.array(images, order="C")).to(device).permute(0, 3, 1, 2)
             if images.shape[1] != resolution:
                 pixels = interpolate(pixels.float(), (resolution, resolution), mode="bicubic", antialias=True)
                 pixels = pixels.round().clamp(0, 255)
-            channels = (model.channels.mean, model.channels.std)
-            mean, std = (torch.tensor(values, device=device).view(1, 3, 1, 1) for values in channels)
+            mean, std = (torch.tensor(values, device=device).view(1, 3, 1, 1) for values in model.channels)
             pixels = ((pixels / 255.0 - mean) / std).contiguous()
             with torch.autocast(device.type, torch.bfloat16, enabled=self.precision == "bfloat16"):
                 result: Float32 = model.tokens(pixels, patches).float().cpu().numpy()
@@ -233,17 +232,3 @@ def load_encoder(
     chosen = choose_precision(target) if precision == "auto" else precision
     _log.info("encoder %s: weights from %s, block %d of %d", name, weights.source, model.block, model.depth)
     return Encoder(name, weights, model, target, chosen, background=background)
-
-
-def _patch_mask(covered: Bool, side: int) -> Bool:
-    """The mask (side, side) of patches that show something of the shape, or lie beside one that does.
-
-    `covered` (R, R) tells the pixels of the shape. Tokens are read bilinearly: those one patch away count.
-    """
-    edges = np.arange(side + 1) * len(covered)
-    begins, ends = edges[:-1] // side, -(-edges[1:] // side)  # a pixel that two patches share counts for both
-    lines = np.stack([covered[begin:end].any(axis=0) for begin, end in zip(begins, ends, strict=True)])
-    shown = np.stack([lines[:, begin:end].any(axis=1) for begin, end in zip(begins, ends, strict=True)], axis=1)
-    framed = np.pad(shown, 1)
-    wide = framed[:-2] | framed[1:-1] | framed[2:]
-    return np.asarray(wide[:, :-2] | wide[:, 1:-1] | wide[:, 2:])
