@@ -69,9 +69,9 @@ def show(
             with stages.stage("bind"):
                 weights = deformer.following
             fixed = [point.position for point in deformer.fixed] or None
-            for column, each in enumerate(deformer.handles):
-                marks = {"weights": weights[:, column], "handles": [each.place.position], "fixed": fixed}
-                rows.append((f"handle {each.place}", marks))
+            for text, each, column in zip(handle, deformer.handles, weights.T, strict=True):
+                marks = {"weights": column, "handles": [each.place.position], "fixed": fixed}
+                rows.append((f"handle {text}", marks))
             legend = legend or len(rows) * views > 1
         else:
             rows = [("features", {"colors": feature_colors(deformer.features)})]
