@@ -81,7 +81,7 @@ def deform_many(
             written = file_in(output, file)
             shape.save(written, carried.deformer.vertices)
             carried.deformer.save(output / f"{file.stem}.edit.json")
-            sure = _listed(carried.confidence, carried.unsure)
+            sure = f"confidence {_listed(carried.confidence, carried.unsure)}"
             say(f"{written}: {sure}; {carried.deformer.report()}", result=True)
             if len(cells) < 2 * SHAPES_ON_A_SHEET:
                 views = session_views(carried.deformer)

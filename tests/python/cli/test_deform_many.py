@@ -31,7 +31,7 @@ def shapes(run, chair):
 def test_one_edit_deforms_all_shapes_that_match(shapes):
     result = shapes("deform", "*.ply", "--edit", "edit.json", "-o", "out")
     assert worked(result)
-    assert "out/large.ply: leg 1.00; moved" in result.stdout
+    assert "out/large.ply: confidence leg 1.00; moved" in result.stdout
     assert "2 of 2 shapes; out/sheet.png" in result.stderr
     first, large = (dfd.load(f"out/{name}.ply").vertices for name in ("first", "large"))
     np.testing.assert_allclose(large, 3 * first, atol=1e-2)
