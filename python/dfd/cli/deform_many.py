@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from dfd.batch.inputs import MESH_ENDINGS, has_magic, matches
+from dfd.batch.inputs import MESH_ENDINGS, matches
 from dfd.cli.arguments import check_output, file_in, open_field
 from dfd.cli.errors import say
 from dfd.common.errors import ArgumentError, one_line
@@ -27,11 +27,6 @@ if TYPE_CHECKING:
 CELL = 280  # pixels along a picture of the sheet
 BESIDE, SHAPES_ON_A_SHEET = 6, 60  # pictures in a row, two of each shape
 SOME_LEFT_OUT = 1  # exit code
-
-
-def is_many(meshes: Sequence[str], made_on: Path | None) -> bool:
-    """Return whether a command line names several shapes."""
-    return len(meshes) > 1 or made_on is not None or has_magic(meshes[0])
 
 
 def deform_many(

@@ -21,16 +21,10 @@ INTERRUPTED = 130
 def say(text: str, *, result: bool = False) -> None:
     """Print a line for people on standard error, or a `result` on standard output.
 
-    Control characters of names are escaped: a terminal would obey them.
+    Control characters of names, which a terminal would obey, and what is not UTF-8 are escaped.
     """
-    typer.echo(printable(text), err=not result)
-
-
-def printable(text: str) -> str:
-    """Return `text` with its control characters, and what is not UTF-8, as escape sequences of Python."""
-    return "".join(
-        each if each.isprintable() or each == "\n" else each.encode("unicode_escape").decode() for each in text
-    )
+    escaped = (each if each.isprintable() or each == "\n" else each.encode("unicode_escape").decode() for each in text)
+    typer.echo("".join(escaped), err=not result)
 
 
 class CommandGroup(TyperGroup):
