@@ -14,9 +14,8 @@ from dfd.cli.errors import say
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillSettings
 from dfd.encoders.known import DEFAULT_ENCODER
-from dfd.field.given_features import read_features, rows_of_vertices
-
-FEATURES = "`--features`"
+from dfd.field.given_features import read_rows
+from dfd.upright.candidates import up_sentence
 
 
 def distill(
@@ -36,17 +35,13 @@ def distill(
 
     given = {name: value for name, value in settings_given.items() if value is not None}
     DistillSettings(**given)  # checked before the mesh is read
-    rows = None if features is None else read_features(features, FEATURES)
     stages = Stages()
     with stages.stage("read"):
         shape = dfd.load(mesh)
-        if features is not None and rows is not None:
-            rows = rows_of_vertices(features, rows, shape, FEATURES)
+        rows = None if features is None else read_rows(features, shape, "`--features`")
     field = dfd.distill(shape, encoder, features=rows, device=device, progress=stages, cache=cache, **given)
     field.save(output)
     origin = "" if "fit" in stages.seconds else ", from the cache"
-    from dfd.upright.candidates import up_sentence
-
     if up := up_sentence(field.settings):
         say(f"up: {up}")
     say(f"{output}: a field of {field.dimension} dimensions{origin} ({stages})")

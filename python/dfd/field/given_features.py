@@ -97,19 +97,21 @@ def of_vertices(mesh: Mesh, rows: NDArray[Any]) -> Float64:
     return means
 
 
-def rows_of_vertices(path: Path, features: NDArray[Any], mesh: Mesh, named: str) -> NDArray[Any]:
-    """The rows of `path`, a row for each vertex of `mesh`, made from those of its faces where that is what they are.
+def read_rows(path: Path, mesh: Mesh, named: str) -> NDArray[Any]:
+    """Read a row for each vertex of `mesh`, made from those of its faces where that is what `path` holds.
 
-    Rows are those of faces where a file beside them says so, or only the number of faces fits.
+    Rows are those of faces where a file beside them says so, or only the number of faces fits. Errors call the file
+    what it is `named` where it was given.
 
     MeshFM writes `NAME.npy` (float32 or float16) and `NAME.json` beside it, which says what has the features and of how
     many vertices and faces the mesh was, and with `--visualize` its vertices in `NAME_pca.ply`. PartField writes
     `part_feat_NAME_0_batch.npy`, (F, 448) or with `vertex_feature` (V, 448), and beside it `feat_pca_NAME_0.ply`, moved
     and scaled. Where no file lies beside, only the number of rows can be checked, by the caller.
 
-    Raises ValueError if the rows are of points of the surface, or the vertices are others or in another order; the
-    message names the file. Raises OSError if a file that is there cannot be read.
+    Raises ValueError as `read_features`, or if the rows are of points of the surface, or the vertices are others or in
+    another order; the message names the file. Raises OSError if a file that is there cannot be read.
     """
+    features = read_features(path, named)
     described = path.with_suffix(".json")
     mode = _check_description(described, features, mesh, named) if described.is_file() else None
     name = path.stem.removesuffix("_batch")

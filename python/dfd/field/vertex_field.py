@@ -15,7 +15,7 @@ from dfd.common import check, tensors
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32
 from dfd.field.field import Field, FieldSource
-from dfd.field.given_features import of_vertices, read_features, rows_of_vertices
+from dfd.field.given_features import of_vertices, read_rows
 from dfd.mesh.normalization import normalization
 
 if TYPE_CHECKING:
@@ -111,8 +111,7 @@ def read_vertex_field(path: Path, mesh: Mesh | None) -> VertexField:
         raise ArgumentError(
             "mesh", f"must be given for {path}: its rows are those of the mesh's vertices", "Field.load"
         )
-    named = "Field.load: `path`"
-    rows = rows_of_vertices(path, read_features(path, named), mesh, named)
+    rows = read_rows(path, mesh, "Field.load: `path`")
     try:
         field = VertexField(mesh, rows)
     except ArgumentError as error:
