@@ -44,7 +44,7 @@ class RigReport:
 
     def _difference(self) -> str:
         if self.largest <= 1e-6 * self.size:
-            return "as dfd.pose has it"
+            return "no deviation from dfd.pose"
         parts = [f"{value:.2g} ({100 * value / (self.size or 1.0):.2g} %)" for value in (self.largest, self.mean)]
         where = "" if self.at == "the edit" else f", most at {self.at}"
         return f"maximum deviation from dfd.pose: {parts[0]}, {parts[1]} on average{where}"
