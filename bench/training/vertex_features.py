@@ -18,7 +18,7 @@ from dfd.common.files import atomic_write
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillSettings
-from dfd.distillation.smoothing import smooth_along_surface
+from dfd.distillation.smoothing import build_diffusion, smooth_along_surface
 from dfd.distillation.targets import PixelTargets, unit
 from dfd.distillation.thickness import thickness_bands
 from dfd.encoders.encode import Encoder
@@ -99,7 +99,8 @@ def vertex_features(mesh: dfd.Mesh, encoder: Encoder, **changes: Any) -> VertexF
     frame = resolve_up(mesh, encoder, settings.up, stages=stages).frame
     views = render(mesh, **settings.of_pictures(), frame=frame, stages=stages)
     pixels = PixelTargets(views, encoder.encode(views.images, covered=views.covered))
-    targets = smooth_along_surface(views, pixels, smoothing=settings.smoothing, seed=settings.seed, stages=stages)
+    problem = build_diffusion(views, pixels.grid, smoothing=settings.smoothing, seed=settings.seed)
+    targets = smooth_along_surface(pixels, problem, stages=stages)
     vertices = (mesh.vertices - views.center) * views.scale
     distance, near = cKDTree(targets.points).query(vertices, NEAREST)
     nearness = 1 / np.square(distance + 1e-6)

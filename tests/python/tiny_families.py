@@ -171,8 +171,8 @@ CASES = {
     "dinov3": Case(_dinov3, _twin_backbone("DINOv3ViTBackbone")),
     "clip": Case(_clip, _twin_clip),
     "sam": Case(_sam, _twin_sam, 64, 16, 8, early_patch=16),
-    "sam2": Case(_sam2, _twin_sam2, 96, 16, 32, 4, 2),
-    "sam2-video": Case(lambda: _sam2("Sam2Video"), _twin_sam2, 96, 16, 32, 4, 2),
+    "sam2": Case(_sam2, _twin_sam2, 96, 32, 64, 5, 2),
+    "sam2-video": Case(lambda: _sam2("Sam2Video"), _twin_sam2, 96, 32, 64, 5, 2),
     "unknown": Case(_beit, _twin_beit, 32),
 }
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,15 +11,13 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict
 
 from dfd.common import check
-from dfd.common.linear_algebra import UInt8
+from dfd.common.files import sha256_of_files
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit
 from dfd.editing.edit_file import read_edit, read_made_on
 from dfd.editing.transfer import transfer
 from dfd.field.field import Field, FieldSource
 from dfd.mesh.mesh import Mesh, load
-from dfd.pictures.picture import picture
-from dfd.pictures.sheet import session_views
 
 # Below this confidence a handle has no similar region on the other shape: cosines of 0.45 and 0.25 by
 # `dfd.editing.transfer.RIGHT`. Without a learned metric, of a chair's leg the legs of other chairs, of a bench, a couch
@@ -110,13 +107,6 @@ def carry(
     return Carried(deformer, confidence, tuple(name for name in names if confidence[name] < lowest))
 
 
-def before_and_after(deformer: Deformer, *, resolution: int) -> tuple[UInt8, UInt8]:
-    """Two pictures (R, R, 3) of a session's shape with one camera: resting, with its handles, and deformed."""
-    views = session_views(deformer)
-    before, after = (picture(deformer.mesh, resolution=resolution, **views[name]) for name in ("before", "after"))
-    return before, after
-
-
 def field_path(mesh: Path, folder: Path | None = None) -> Path:
     """The default path of a mesh file's field: next to it or in `folder`, with the mesh's name."""
     return (mesh.parent if folder is None else folder) / f"{mesh.stem}.field.safetensors"
@@ -162,5 +152,4 @@ def find_files(edit: Path, made_on: Path | None = None) -> EditSource:
         raise FileNotFoundError(f"{own}, the field of {mesh}, does not exist{changed}: `dfd distill` makes it")
     name = edit.name.removesuffix(".json").removesuffix(".edit")
     files = {"edit": edit.absolute(), "mesh": mesh.absolute(), "field": own.absolute()}
-    content = b"".join(path.read_bytes() for path in files.values())
-    return EditSource(name=name, **files, sha256=hashlib.sha256(content).hexdigest())
+    return EditSource(name=name, **files, sha256=sha256_of_files(*files.values()))

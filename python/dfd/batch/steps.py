@@ -17,7 +17,7 @@ import numpy as np
 
 import dfd
 from dfd.batch.inputs import Shape
-from dfd.batch.one_edit import EditSource, Original, UnlikeError, before_and_after, carry
+from dfd.batch.one_edit import EditSource, Original, UnlikeError, carry
 from dfd.batch.record import FAILED_EXPORT, Cause, Figure, Record, modified, shape_folder, write_record
 from dfd.batch.settings import BatchSettings
 from dfd.common.errors import one_line
@@ -32,7 +32,7 @@ from dfd.geometry import topology
 from dfd.geometry.findings import findings
 from dfd.pictures.colors import feature_colors
 from dfd.pictures.picture import picture, save_png
-from dfd.pictures.sheet import parts_view
+from dfd.pictures.sheet import parts_view, session_views
 from dfd.segmentation.parts import cut_document
 from dfd.segmentation.parts import parts as parts_of
 from dfd.symmetry.search import symmetry_planes
@@ -178,7 +178,8 @@ class _Work:
             self.carried[name] = found.deformer
             found.deformer.save(self.folder / f"{name}.edit.json")
             if "pictures" in self.settings.steps:
-                save_png(self.folder / f"{name}.png", before_and_after(found.deformer, resolution=PIXELS)[1])
+                drawn = picture(self.mesh, **session_views(found.deformer)["after"], resolution=PIXELS)
+                save_png(self.folder / f"{name}.png", drawn)
 
     def exports(self) -> None:
         """The shape under every edit that fits, in every format that is asked for.

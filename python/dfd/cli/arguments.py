@@ -59,51 +59,40 @@ def open_session(
     return session
 
 
-class Places:
-    """Places that a command line names on a mesh, and what is to be said about them."""
+def find_place(option: str, text: str, mesh: Mesh, session: Deformer | None = None) -> Place:
+    """Return the place that `text` names on `mesh`, as `dfd.editing.points.find` reads it, or with a session a part.
 
-    def __init__(self, mesh: Mesh, session: Deformer | None = None) -> None:
-        self._mesh, self._session = mesh, session  # a session knows parts
-        self.notes: list[str] = []  # lines for people: what a text that is no vertex index meant
+    What a text that is no vertex index means is printed. Raises ValueError in the name of `option`, if it names nothing
+    there.
+    """
+    from dfd.editing.points import find
+    from dfd.editing.verbs import place_of
 
-    def find(self, option: str, text: str) -> Place:
-        """Return the place that `text` names, as `dfd.editing.points.find` reads it, or with a session a part.
+    try:
+        if not re.match(r"\s*(part|piece)@.", text):
+            place, note = find(mesh, text)
+        elif session is not None:
+            place = place_of(session.bound, text)
+            note = f"{text} is {place}"
+        else:
+            raise ArgumentError(option, f"cannot be {text!r} without `--field`: features tell parts")
+    except ArgumentError as error:
+        raise ArgumentError(option, error.reason) from None
+    if not re.fullmatch(r"\s*[-+]?\d+\s*", text):
+        say(f"{option} {note}")
+    return place
 
-        Raises ValueError in the name of `option`, if it names nothing there.
-        """
-        from dfd.editing.points import find
-        from dfd.editing.verbs import place_of
 
-        try:
-            if not re.match(r"\s*(part|piece)@.", text):
-                place, note = find(self._mesh, text)
-            elif self._session is not None:
-                place = place_of(self._session.bound, text)
-                note = f"{text} is {place}"
-            else:
-                raise ArgumentError(option, f"cannot be {text!r} without `--field`: features tell parts")
-        except ArgumentError as error:
-            raise ArgumentError(option, error.reason) from None
-        if not re.fullmatch(r"\s*[-+]?\d+\s*", text):
-            self.notes.append(f"{option} {note}")
-        return place
-
-    def hold(self, handles: Iterable[tuple[str, dict[str, Any]]], fix: Iterable[str] | None) -> None:
-        """Add handles and fixed points to the session; the strength of a fixed one is 1 unless `:NUMBER` ends it."""
-        assert self._session is not None
-        for text, given in handles:
-            self._session.add(self.find("--handle", text), **given)
-        for text in fix or ():
-            named, _, last = text.rpartition(":")
-            strength = 1.0
-            if named not in ("", "part", "group", "material", "ball", "box") and is_number(last):
-                text, strength = named, check.number(None, "--fix", float(last), minimum=0.0, maximum=1.0)
-            self._session.fix(self.find("--fix", text), strength=strength)
-
-    def tell(self) -> None:
-        """Print the notes on standard error."""
-        for note in self.notes:
-            say(note)
+def hold(session: Deformer, handles: Iterable[tuple[str, dict[str, Any]]], fix: Iterable[str] | None) -> None:
+    """Add handles and fixed points to a session; the strength of a fixed one is 1 unless `:NUMBER` ends it."""
+    for text, given in handles:
+        session.add(find_place("--handle", text, session.mesh, session), **given)
+    for text in fix or ():
+        named, _, last = text.rpartition(":")
+        strength = 1.0
+        if named not in ("", "part", "group", "material", "ball", "box") and is_number(last):
+            text, strength = named, check.number(None, "--fix", float(last), minimum=0.0, maximum=1.0)
+        session.fix(find_place("--fix", text, session.mesh, session), strength=strength)
 
 
 def check_output(option: str, path: Path | None, endings: Sequence[str] = ()) -> None:

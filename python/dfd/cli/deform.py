@@ -9,9 +9,10 @@ from typing import Annotated, Any
 import typer
 from typer import Argument, Option
 
+from dfd.batch.inputs import has_magic
 from dfd.cli import options
-from dfd.cli.arguments import Places, check_output, file_in, open_session
-from dfd.cli.deform_many import deform_many, is_many
+from dfd.cli.arguments import check_output, file_in, hold, open_session
+from dfd.cli.deform_many import deform_many
 from dfd.cli.errors import say
 from dfd.cli.handles import handles, value_of
 from dfd.editing.presets import CONTROLS
@@ -88,7 +89,7 @@ def deform(
     On several shapes each handle goes to what looks most like what it held; a shape without such is left out.
     """
     held = handles(context)
-    if is_many(meshes, made_on):
+    if len(meshes) > 1 or made_on is not None or has_magic(meshes[0]):
         given = (each for each in context.command.params if each.name and each.name not in OF_SEVERAL)
         others = [
             each.opts[0] for each in given if str(context.get_parameter_source(each.name)).endswith("COMMANDLINE")
@@ -118,8 +119,7 @@ def deform(
     stages = Stages()
     deformer = open_session(mesh, field, stages, edit, preset, force=force, encoder=encoder)
     shape = deformer.mesh
-    places = Places(shape, deformer)
-    places.hold(held, fix)
+    hold(deformer, held, fix)
     if symmetry is not None:
         plane = re.sub("^([^=]*,[^=]*,[^=]*),([^=]*)$", r"\1=\2", symmetry)  # nx,ny,nz,offset
         deformer.set_symmetry(plane, **{name: value_of(value) for name, value in auto.items()})
@@ -137,7 +137,6 @@ def deform(
 
         with stages.stage("draw"):
             save_before_after(picture, deformer, azimuth=azimuth, elevation=elevation, zoom=zoom)
-    places.tell()
     written = ", ".join(str(path) for path in (output, picture, save_edit) if path is not None)
     report = deformer.report()
     say(f"{written}: {report}")

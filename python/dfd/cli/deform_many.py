@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from dfd.batch.inputs import MESH_ENDINGS, has_magic, matches
+from dfd.batch.inputs import MESH_ENDINGS, matches
 from dfd.cli.arguments import check_output, file_in, open_field
 from dfd.cli.errors import say
-from dfd.common.errors import one_line
+from dfd.common.errors import ArgumentError, one_line
 
 if TYPE_CHECKING:
     from dfd.batch.one_edit import Original
@@ -27,11 +27,6 @@ if TYPE_CHECKING:
 CELL = 280  # pixels along a picture of the sheet
 BESIDE, SHAPES_ON_A_SHEET = 6, 60  # pictures in a row, two of each shape
 SOME_LEFT_OUT = 1  # exit code
-
-
-def is_many(meshes: Sequence[str], made_on: Path | None) -> bool:
-    """Return whether a command line names several shapes."""
-    return len(meshes) > 1 or made_on is not None or has_magic(meshes[0])
 
 
 def deform_many(
@@ -56,10 +51,11 @@ def deform_many(
     _check(files, output, fields, sheet)
 
     import dfd
-    from dfd.batch.one_edit import UnlikeError, before_and_after, carry, field_path
+    from dfd.batch.one_edit import UnlikeError, carry, field_path
     from dfd.editing.edit import with_preset
     from dfd.pictures.contact_sheet import contact_sheet
     from dfd.pictures.picture import picture, save_png
+    from dfd.pictures.sheet import session_views
 
     def field_of(file: Path, shape: Mesh) -> Field:
         """From a file beside the shape or in `--field`, from the cache, or made now."""
@@ -80,20 +76,21 @@ def deform_many(
             written = file_in(output, file)
             shape.save(written, carried.deformer.vertices)
             carried.deformer.save(output / f"{file.stem}.edit.json")
-            sure = _listed(carried.confidence, carried.unsure)
+            sure = f"confidence {_listed(carried.confidence, carried.unsure)}"
             say(f"{written}: {sure}; {carried.deformer.report()}", result=True)
             if len(cells) < 2 * SHAPES_ON_A_SHEET:
-                before, after = before_and_after(carried.deformer, resolution=CELL)
-                cells += [(before, file.name), (after, sure)]
+                views = session_views(carried.deformer)
+                drawn = [picture(shape, resolution=CELL, **views[name]) for name in ("before", "after")]
+                cells += zip(drawn, (file.name, sure), strict=True)
         except (ValueError, OSError, MemoryError) as error:
             left_out += 1
-            why = one_line(error)
+            why = one_line(error.reason if isinstance(error, ArgumentError) else error)
             if isinstance(error, UnlikeError) and len(error.confidence) > 1:
                 why = f"{why} ({_listed(error.confidence)})"
             say(f"dfd: {file} is left out: {why}")
             if shape is not None and len(cells) < 2 * SHAPES_ON_A_SHEET:
-                drawn = picture(shape, resolution=CELL)
-                cells += [(drawn, file.name), (drawn * 0 + 255, f"left out: {why}")]
+                resting = picture(shape, resolution=CELL)
+                cells += [(resting, file.name), (resting * 0 + 255, f"left out: {why}")]
     told = f"{len(files) - left_out} of {len(files)} shapes{f', {left_out} left out' if left_out else ''}"
     if cells:
         sheet = sheet or output / "sheet.png"

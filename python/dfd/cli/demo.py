@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 
     Picture = tuple[UInt8, str]
     Session = Callable[[], Deformer]
-    # Title, name of its files, session, what its handle is on if it opens the story.
-    Edits = list[tuple[str, str, Deformer, str]]
+    Edits = list[tuple[str, str, Deformer]]  # title, name of its files, session
 
 ASIDE, BEHIND = 35.0, 215.0  # azimuths, degrees
 FACES = 20_000
@@ -38,7 +37,7 @@ def demo(
     from dfd.editing.deformer import Deformer
     from dfd.encoders.encode import load_encoder
     from dfd.pictures.colors import feature_colors
-    from dfd.pictures.contact_sheet import contact_sheet, heat_bar
+    from dfd.pictures.contact_sheet import contact_sheet
     from dfd.pictures.picture import picture, save_png
     from dfd.symmetry.plane import axis_name
     from dfd.symmetry.search import symmetry_planes
@@ -47,7 +46,6 @@ def demo(
     chosen = preset or "default"
     output.mkdir(parents=True, exist_ok=True)
     rows: list[tuple[str, list[Picture]]] = []
-    opening: list[Picture] = []
     encoder = load_encoder(DEFAULT_ENCODER, **DistillSettings(preset=chosen).of_encoder())
     for name, sample, edits in (("chair", samples.chair, _chair), ("quadruped", samples.quadruped, _quadruped)):
         mesh, stages = sample(FACES).mesh, Stages()
@@ -64,31 +62,30 @@ def demo(
         seen += [(draw(azimuth=ASIDE), "features")]
         seen += [(draw(azimuth=BEHIND), f"features, behind; mirror plane found: {mirrors}")]
         rows.append((f"The {name}: what the encoder sees, and its features by color", seen))
-        with stages.stage("deform and draw"):
+        with stages.stage("draw"):
             session = partial(Deformer, mesh, field, preset=chosen, features=features)
-            for title, file, deformer, held in edits(session):
+            for title, file, deformer in edits(session):
                 mesh.save(output / f"{file}.glb", deformer.vertices)
                 deformer.save(output / f"{file}.json")
-                drawn = _drawn(deformer)
-                rows.append((title, [*drawn[:2], (heat_bar(512), ""), *drawn[2:]]))
-                if held:
-                    opening += [(drawn[0][0], f"{held} held: weights"), (drawn[3][0], "")]
+                rows.append((title, _drawn(deformer)))
         say(f"{name}: {stages}", result=True)
     save_png(output / "story.png", contact_sheet(rows, title="Deep feature deformation: grab one, move all alike"))
-    save_png(output / "opening.png", contact_sheet([("", opening)], cell=260))
-    say(f"Pictures: {output / 'story.png'}, {output / 'opening.png'}\nMeshes:   {output}", result=True)
+    say(f"Picture: {output / 'story.png'}\nMeshes, fields and edits: {output}", result=True)
 
 
 def _drawn(deformer: Deformer) -> list[Picture]:
     """Draw weights, the shape before, and after: from the front and from behind, but before only from the front."""
+    from dfd.pictures.contact_sheet import heat_bar
     from dfd.pictures.picture import picture
     from dfd.pictures.sheet import session_views
 
-    views = session_views(deformer, ASIDE)
+    views, cells = session_views(deformer, ASIDE), []
     sides = ("weights", ASIDE), ("weights", BEHIND), ("before", ASIDE), ("after", ASIDE), ("after", BEHIND)
-    looks: list[dict[str, Any]] = [{**views[name], "azimuth": azimuth} for name, azimuth in sides]
-    captions = [name if azimuth == ASIDE else f"{name}, behind" for name, azimuth in sides]
-    return [(picture(deformer.mesh, **look), caption) for look, caption in zip(looks, captions, strict=True)]
+    for name, azimuth in sides:
+        drawn = picture(deformer.mesh, **{**views[name], "azimuth": azimuth})
+        cells.append((drawn, name if azimuth == ASIDE else f"{name}, behind"))
+    cells.insert(2, (heat_bar(512), ""))
+    return cells
 
 
 def _chair(session: Session) -> Edits:
@@ -96,20 +93,18 @@ def _chair(session: Session) -> Edits:
     legs.add("bottom", translation=(0.0, -0.35, 0.0), name="foot")
     tall.add("top", scale=(1.0, 1.5, 1.0), translation=(0.0, 0.12, 0.0), name="back")
     return [
-        ("One foot of the chair is pulled down: all four legs grow", "chair_legs", legs, "one foot"),
-        ("The top of its back is pulled up", "chair_back", tall, ""),
+        ("One foot of the chair is pulled down: all four legs grow", "chair_legs", legs),
+        ("The top of its back is pulled up", "chair_back", tall),
     ]
 
 
 def _quadruped(session: Session) -> Edits:
-    legs, bent, local, held = (session() for _ in range(4))
+    legs, bent, local = (session() for _ in range(3))
     legs.add("bottom", translation=(0.0, -0.3, 0.0), name="hoof")
-    for each, locality in ((bent, 0.0), (local, 6.0), (held, 0.0)):
+    for each, locality in ((bent, 0.0), (local, 6.0)):
         each.add("top", rotation=(-50.0, 0.0, 0.0), scale=1.4, locality=locality, name="horn")
-    held.fix("front")  # the muzzle
     return [
-        ("One hoof is pulled down: all four legs grow", "quadruped_legs", legs, "one hoof"),
-        ("One horn is bent: what looks alike follows", "quadruped_horn", bent, ""),
-        ("The same with locality 6: it stays near", "quadruped_horn_local", local, ""),
-        ("The same with a fixed point on the muzzle: the head holds", "quadruped_horn_fixed", held, "one horn"),
+        ("One hoof is pulled down: all four legs grow", "quadruped_legs", legs),
+        ("One horn is bent: what looks alike follows", "quadruped_horn", bent),
+        ("The same with locality 6: it stays near", "quadruped_horn_local", local),
     ]

@@ -14,6 +14,7 @@ from dfd.cli.errors import say
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillSettings
 from dfd.encoders.known import DEFAULT_ENCODER
+from dfd.upright.candidates import up_sentence
 
 
 def distill(
@@ -35,8 +36,6 @@ def distill(
     field = dfd.distill(shape, encoder, device=device, progress=stages, cache=cache, **given)
     field.save(output)
     origin = "" if "fit" in stages.seconds else ", from the cache"
-    from dfd.upright.candidates import up_sentence
-
     if up := up_sentence(field.settings):
         say(f"up: {up}")
     say(f"{output}: a field of {field.dimension} dimensions{origin} ({stages})")

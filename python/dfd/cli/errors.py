@@ -21,16 +21,10 @@ INTERRUPTED = 130
 def say(text: str, *, result: bool = False) -> None:
     """Print a line for people on standard error, or a `result` on standard output.
 
-    Control characters of names are escaped: a terminal would obey them.
+    Control characters of names, which a terminal would obey, and what is not UTF-8 are escaped.
     """
-    typer.echo(printable(text), err=not result)
-
-
-def printable(text: str) -> str:
-    """Return `text` with its control characters, and what is not UTF-8, as escape sequences of Python."""
-    return "".join(
-        each if each.isprintable() or each == "\n" else each.encode("unicode_escape").decode() for each in text
-    )
+    escaped = (each if each.isprintable() or each == "\n" else each.encode("unicode_escape").decode() for each in text)
+    typer.echo("".join(escaped), err=not result)
 
 
 class CommandGroup(TyperGroup):
@@ -67,28 +61,38 @@ class CommandGroup(TyperGroup):
         """Run the command that `ctx` names."""
         try:
             return super().invoke(ctx)
-        except ArgumentError as error:
+        except (ValueError, OSError) as error:
+            if isinstance(error, ArgumentError):
+                function, said = error.function, f"`{error.argument}` {error.reason}"
+            elif named := CALLED.fullmatch(getattr(error, "strerror", None) or str(error)):
+                function, said = named.groups()
+            else:
+                raise
             command = self.get_command(ctx, ctx.invoked_subcommand or "")
-            raise ValueError(_in_options(error, () if command is None else command.params)) from None
+            raise ValueError(_in_options(function, said, () if command is None else command.params)) from None
         except KeyboardInterrupt as stop:  # caught here, since Typer's own `main` prints what it likes
             raise _Interrupted(*stop.args) from None
 
 
 # The parameters of commands for arguments and remedies of Python that have another name there.
 PARAMETERS = {"path": "output", "features": "field", "plane": "symmetry"}
+PATHS = {"load": "MESH", "Field.load": "--field"}  # what the path is that a function reads
+CALLED = re.compile(r"(load|load_encoder|distill|Field\.load): (.*)", re.DOTALL)  # functions that raise plain errors
 PHRASES = {"dfd.editing.transfer": "`dfd deform --made-on`", "other_shape=True": "`--force`"}
 
 
-def _in_options(error: ArgumentError, parameters: Sequence[Any]) -> str:
-    """What an argument of a Python function must be, by the options of the command that passed it on."""
+def _in_options(function: str | None, said: str, parameters: Sequence[Any]) -> str:
+    """What a Python function says of its arguments, by the options of the command that passed them on."""
     known = {each.name: each.opts[0] if each.opts[0].startswith("-") else each.metavar for each in parameters}
 
     def option(name: str) -> str:
-        if error.function is not None and error.function.endswith("set_symmetry"):
+        if name == "path" and function in PATHS:
+            return PATHS[function]
+        if function is not None and function.endswith("set_symmetry"):
             name = f"symmetry_{name}" if f"symmetry_{name}" in known else name
         return str(known.get(PARAMETERS.get(name, name)) or known.get(name) or name)
 
-    said = re.sub(r"`(\w+)", lambda found: f"`{option(found[1])}", f"`{error.argument}` {error.reason}")
+    said = re.sub(r"`(\w+)", lambda found: f"`{option(found[1])}", said)
     for theirs, ours in PHRASES.items():
         said = said.replace(theirs, ours)
     return said

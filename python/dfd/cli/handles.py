@@ -78,11 +78,8 @@ def _value(flag: str, metavar: str, rest: list[str]) -> str:
     is_text = numbers == 0 and bool(rest) and not (3 in counts and rest[0].startswith("-"))
     if numbers not in counts and not is_text:
         needed = f"{' or '.join(map(str, sorted(counts)))} numbers" if 3 in counts else "a value"
-        raise ValueError(f"`{flag}` needs {needed}, got {_listed(rest[:numbers])}")
+        got = f"{numbers}: {' '.join(rest[:numbers])}" if numbers else "none"
+        raise ValueError(f"`{flag}` needs {needed}, got {got}")
     value = ",".join(rest[: max(numbers, 1)])
     del rest[: max(numbers, 1)]
     return value
-
-
-def _listed(numbers: list[str]) -> str:
-    return f"{len(numbers)}: {' '.join(numbers)}" if numbers else "none"

@@ -24,7 +24,7 @@ Preset = Annotated[
     PresetName | None,
     Option(
         metavar="default|paper",
-        help="What nothing else says: dfd's own, or the paper's equations to the letter; by default as --edit has it.",
+        help="Defaults of what is left out: dfd's own, or the paper's equations; if not given, those of --edit.",
     ),
 ]
 Fix = Annotated[
@@ -36,14 +36,14 @@ Encoder = Annotated[
 ]
 Threshold = Annotated[
     float | None,
-    Option(min=0.0, max=1.0, help="The least confidence of an edit; by default 0.39 of a learned metric, else 0.45."),
+    Option(min=0.0, max=1.0, help="Least confidence to carry an edit; default 0.39 with a learned metric, else 0.45."),
 ]
 Azimuth = Annotated[
     float | None, Option(help="The first side, degrees from the front (+z) to +x; by default where the handles show.")
 ]
-Elevation = Annotated[float, Option(min=-90.0, max=90.0, help="From how high up, degrees.")]
-Zoom = Annotated[float, Option(min=0.01, help="Above 1 nearer, at the handles.")]
-Views = Annotated[int, Option(min=1, max=36, help="From how many sides, all around.")]
+Elevation = Annotated[float, Option(min=-90.0, max=90.0, help="Degrees above the horizon.")]
+Zoom = Annotated[float, Option(min=0.01, help="Above 1 is nearer, towards the handles.")]
+Views = Annotated[int, Option(min=1, max=36, help="How many sides are drawn, all around.")]
 Resolution = Annotated[int, Option(min=16, max=8192, help="Pixels along the side of each picture.")]
 
 

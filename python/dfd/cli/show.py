@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from typer import Option
 
 from dfd.cli import options
-from dfd.cli.arguments import Places, check_output, open_field
+from dfd.cli.arguments import check_output, find_place, hold, open_field
 from dfd.cli.errors import say
 from dfd.cli.handles import value_of
 from dfd.editing.presets import CONTROLS
@@ -57,30 +57,27 @@ def show(
         shape = load(mesh)
     rows: list[tuple[str, dict[str, Any]]] = []  # the title of each row of pictures, and the arguments of `picture`
     if field is None:
-        places = Places(shape)
-        marked = [places.find("--handle", text).position for text in handle or ()]
+        marked = [find_place("--handle", text, shape).position for text in handle or ()]
         rows = [("the mesh", {"handles": marked} if marked else {})]
     else:
         opened = open_field(shape, field, force=force)
         deformer = Deformer(shape, opened, preset=preset or "default", other_shape=force)
-        places = Places(shape, deformer)
-        places.hold([(text, given) for text in handle or ()], fix)
+        hold(deformer, [(text, given) for text in handle or ()], fix)
         with stages.stage("features", len(shape.vertices)) as advance:
             deformer.prepare(advance)
         if handle:
             with stages.stage("bind"):
                 weights = deformer.following
             fixed = [point.position for point in deformer.fixed] or None
-            for column, each in enumerate(deformer.handles):
-                marks = {"weights": weights[:, column], "handles": [each.place.position], "fixed": fixed}
-                rows.append((f"handle {each.place}", marks))
+            for text, each, column in zip(handle, deformer.handles, weights.T, strict=True):
+                marks = {"weights": column, "handles": [each.place.position], "fixed": fixed}
+                rows.append((f"handle {text}", marks))
             legend = legend or len(rows) * views > 1
         else:
             rows = [("features", {"colors": feature_colors(deformer.features)})]
     look: dict[str, Any] = {"azimuth": azimuth, "elevation": elevation, "zoom": zoom, "axes": axes}
     with stages.stage("draw", len(rows) * views) as advance:
         save_sheet(output, shape, rows, views=views, legend=legend, advance=advance, resolution=resolution, **look)
-    places.tell()
     say(f"{output}: {'; '.join(title for title, _ in rows)}")
 
 

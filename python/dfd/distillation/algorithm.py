@@ -57,9 +57,7 @@ def distill_pictures(mesh: Mesh, encoder: Encoder, settings: DistillSettings, *,
             tokens = np.split(encode(), len(views))
         seen = []
         for each, own, problem in zip(views, tokens, problems(), strict=True):
-            smooth = smooth_along_surface(
-                each, PixelTargets(each, own), smoothing=smoothing, seed=seed, stages=stages, problem=problem
-            )
+            smooth = smooth_along_surface(PixelTargets(each, own), problem, stages=stages)
             seen.append(metric.of_targets(smooth, thickness_bands(each, smooth), seed) if metric else smooth)
         targets = seen[0] if up.shares is None else side_by_side(seen, up.shares)
 

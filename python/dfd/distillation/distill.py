@@ -135,12 +135,15 @@ def find_distilled(
 def _find_key(
     mesh: Mesh, encoder: str | PathLike[str] | Encoder, settings: DistillSettings, device: str | None
 ) -> dict[str, Any] | None:
-    """The cache key, without loading the encoder; None if it depends on the loaded encoder."""
-    from dfd.encoders.loading import find_identity
+    """The cache key, without loading the encoder; None if its weights are not on this machine."""
+    from dfd.encoders.sources import find_identity
 
-    if not isinstance(encoder, str | PathLike) and not hasattr(encoder, "identity"):
+    if isinstance(encoder, str | PathLike):
+        identity = find_identity(encoder, device)
+    elif hasattr(encoder, "identity"):
+        identity = encoder.identity()
+    else:
         raise ValueError(f"distill: `encoder` must be a name, a folder or a loaded Encoder, got {encoder!r}")
-    identity = find_identity(encoder, device)
     return cache_key(mesh, **settings.as_dict(), **identity) if identity else None
 
 
@@ -152,14 +155,15 @@ def _of_pictures(
 ) -> _Work:
     from dfd.distillation.algorithm import distill_pictures
     from dfd.encoders.encode import Encoder, load_encoder
-    from dfd.encoders.loading import loaded_identity
+    from dfd.encoders.sources import IDENTITY
 
     if isinstance(encoder, Encoder):
-        model = encoder
-        _check_loaded(model, settings)
+        _check_loaded(encoder, settings)
+        model, identity = encoder, encoder.identity()
     else:
         model = load_encoder(encoder, device=device, **settings.of_encoder())
-    key = cache_key(mesh, **settings.as_dict(), **loaded_identity(encoder, device, model))
+        identity = {name: model.identity()[name] for name in IDENTITY}  # as the next call knows it
+    key = cache_key(mesh, **settings.as_dict(), **identity)
     return key, lambda stages: distill_pictures(mesh, model, settings, stages=stages)
 
 

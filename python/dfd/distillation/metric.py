@@ -107,18 +107,15 @@ class Metric:
         write_learned(path, KIND, self._arrays(), (self.encoder_weights, self.encoder_block))
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str], encoder: Encoder | None = None) -> Metric:
-        """Read what `save` has written; checked against `encoder` if given.
+    def load(cls, path: str | os.PathLike[str]) -> Metric:
+        """Read what `save` has written.
 
-        Raises ValueError if the file is truncated or of another kind, its arrays do not fit or are not finite, or it
-        was learned from another encoder. Raises OSError if it cannot be read.
+        Raises ValueError if the file is truncated or of another kind, or its arrays do not fit or are not finite.
+        Raises OSError if it cannot be read.
         """
         arrays, identity = read_learned("Metric.load", path, KIND, SHAPES, optional=list(SHAPES)[2:])
         directions, thickness, *learned = (values.astype(np.float32) for values in arrays.values())
-        metric = cls(directions, thickness, *identity, Kinds(*learned) if learned else None)
-        if encoder is not None and not metric.fits(encoder):
-            raise ValueError(f"Metric.load: {os.fspath(path)} was learned from another encoder than {encoder!r}")
-        return metric
+        return cls(directions, thickness, *identity, Kinds(*learned) if learned else None)
 
 
 def find_metric(encoder: Encoder) -> Metric | None:

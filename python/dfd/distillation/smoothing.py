@@ -4,7 +4,7 @@ A patch of the encoder covers more than one part at outlines and gaps, views con
 some of the surface. So tokens are averaged at sample points over the whole surface and diffused *along* it: the targets
 Z minimize
 
-    Σ_i c_i ‖Z_i − Ẑ_i‖² + t ∫ ‖∇Z‖²,    t = smoothing² / 2,
+    Σ_i c_i ‖Z_i − Ẑ_i‖² + t ∫ ‖∇Z‖²,    t = distance² / 2,
 
 a screened diffusion, with Ẑ_i the mean token of the pixels near point i and c_i its visibility. Unlike a blur in space,
 this does not mix legs that are close together.
@@ -65,6 +65,8 @@ DISTANCE_KEPT = 0.75
 class DiffusionProblem:
     """The part of the diffusion that does not depend on the tokens, over N points on the surface."""
 
+    views: Views
+    distance: float  # over which features are smoothed, in normalized coordinates
     # points, face, area: (N, 3) in normalized coordinates, the face of each, and the area that one point represents
     points: Float64
     face: Int64
@@ -79,7 +81,17 @@ class DiffusionProblem:
 
 
 def build_diffusion(views: Views, grid: TokenGrid, *, smoothing: float, seed: int) -> DiffusionProblem:
-    """Prepare `smooth_along_surface` before the tokens of `grid` are known; arguments as there."""
+    """Prepare `smooth_along_surface` before the tokens of `grid` are known.
+
+    Parameters
+    ----------
+    views
+        The pictures' surface points with their faces.
+    smoothing
+        Diffusion distance relative to half the longest side of the box along the pictures' frame; above 0.
+    seed
+        Seed of the random points.
+    """
     generator = np.random.default_rng(seed)
     vertices, faces = views.vertices.astype(np.float64), views.faces
     component = face_components(weld(vertices)[1][faces])
@@ -91,55 +103,37 @@ def build_diffusion(views: Views, grid: TokenGrid, *, smoothing: float, seed: in
     links = _surface_links(points, component[face], seen > 0, area)
     # A turned shape has another box along the mesh's axes, by which coordinates are normalized.
     size = float(np.ptp(used_vertices(views.vertices, faces) @ views.frame.T, axis=0).max()) / 2
-    factors = _factors(confidence, area, smoothing * size, links)
+    distance = smoothing * size
+    factors = _factors(confidence, area, distance, links)
     gathered = grid.means(chosen, nearest, len(points))
-    return DiffusionProblem(points, face, area, size, component, gathered, confidence, links, factors, generator)
+    return DiffusionProblem(
+        views, distance, points, face, area, size, component, gathered, confidence, links, factors, generator
+    )
 
 
-def smooth_along_surface(
-    views: Views,
-    pixels: PixelTargets,
-    *,
-    smoothing: float,
-    seed: int,
-    stages: Stages,
-    problem: DiffusionProblem | None = None,
-) -> PointTargets:
-    """Average tokens at points on the surface and smooth them along it.
+def smooth_along_surface(pixels: PixelTargets, on: DiffusionProblem, *, stages: Stages) -> PointTargets:
+    """Average the tokens of `pixels` at points on the surface and smooth them along it; a problem is solved once.
 
-    Parameters
-    ----------
-    views, pixels
-        The pictures' surface points with their faces, and the tokens at those points.
-    smoothing
-        Diffusion distance relative to half the longest side of the box along the pictures' frame; above 0.
-    seed
-        Seed of the random points.
-    problem
-        The result of `build_diffusion` for the same arguments, if computed before.
-
-    Returns
-    -------
-    Targets in the main directions of the features, at points uniform by area over the surface that diffusion reaches.
+    Return targets in the main directions of the features, at points uniform by area over the surface that diffusion
+    reaches.
     """
     with stages.stage("smooth"), one_blas_thread():
-        on = problem or build_diffusion(views, pixels.grid, smoothing=smoothing, seed=seed)
         confidence, generator = on.confidence, on.generator
         tokens = pixels.means_by(on.gathered)  # Ẑ
         directions = _main_directions(tokens, confidence)
         main = tokens @ directions.T
         appearance = unit(_solve(main[:, :SIMILARITY_DIRECTIONS], confidence, on.factors))
         alike = float(np.median(on.links.data))
-        mirrored = _mirror_links(_centered(on.points, views) / on.size, appearance, alike, generator)
+        mirrored = _mirror_links(_centered(on.points, on.views) / on.size, appearance, alike, generator)
         links = on.links + mirrored
-        smooth = _solve(main, confidence, _factors(confidence, on.area, smoothing * on.size, links))  # Z
+        smooth = _solve(main, confidence, _factors(confidence, on.area, on.distance, links))  # Z
         reached = np.linalg.norm(smooth, axis=1) > 1e-4
-        one, other = (pixels.rows(some) for some in generator.integers(0, len(views.points), (2, PAIRS)))
+        one, other = (pixels.rows(some) for some in generator.integers(0, len(pixels.points), (2, PAIRS)))
         targets = restore_contrast(unit(smooth[reached]), DISTANCE_KEPT * mean_distance(one, other), generator)
         face, component, boxes = on.face[reached], None, None
         if on.component.max(initial=0) > 0:
             component = on.component[face]
-            boxes = boxes_of_components(views.vertices.astype(np.float64), views.faces, on.component)
+            boxes = boxes_of_components(on.views.vertices.astype(np.float64), on.views.faces, on.component)
         return PointTargets(on.points[reached].astype(np.float32), targets, directions, component, boxes, face)
 
 
@@ -164,7 +158,7 @@ def _main_directions(rows: Float32, weight: NDArray[np.floating]) -> Float32:
     return principal_directions(rows * np.sqrt(weight / weight.max()).astype(np.float32)[:, None], DIRECTIONS)
 
 
-def _factors(confidence: Float64, area: float, smoothing: float, links: sparse.csr_matrix) -> SuperLU:
+def _factors(confidence: Float64, area: float, distance: float, links: sparse.csr_matrix) -> SuperLU:
     """LU factors of the system that minimizes Σ_i c_i ‖Z_i − Ẑ_i‖² + t Σ_ij w_ij ‖Z_i − Z_j‖²; `links` are w_ij (N, N).
 
     t is scaled by `SATURATED_COVERAGE`, the c_i of a fully visible point per area.
@@ -172,7 +166,7 @@ def _factors(confidence: Float64, area: float, smoothing: float, links: sparse.c
     from scipy.sparse.linalg import splu
 
     # The last term keeps the system regular at points that are neither seen nor linked.
-    system = smoothing**2 / 2 * SATURATED_COVERAGE * _laplacian(links) + sparse.diags(confidence + 1e-6 * area)
+    system = distance**2 / 2 * SATURATED_COVERAGE * _laplacian(links) + sparse.diags(confidence + 1e-6 * area)
     # Positive definite: no pivoting is needed, and a symmetric ordering halves the fill-in.
     return splu(
         sparse.csc_matrix(system), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}

@@ -14,12 +14,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import torch
+from safetensors import SafetensorError
+from safetensors.torch import load_file
 from torch import Tensor, nn
 from torch.nn.functional import gelu, interpolate, linear, scaled_dot_product_attention
 
-from dfd.encoders.known import IMAGENET, ChannelStats
-from dfd.encoders.vision_model import VisionModel, check_block
-from dfd.encoders.weight_files import EncoderWeights, read_tensors
+from dfd.common import check
+from dfd.encoders.vision_model import VisionModel
+from dfd.encoders.weight_files import IMAGENET, EncoderWeights, check_fit, unreadable, weight_files
 
 # Wider networks store global information in patches of the background (Darcet et al.); without background patches they
 # would store it in those of the shape.
@@ -138,43 +140,32 @@ class Dinov2(nn.Module):
         return self._positions[rows, columns]
 
 
-def build_dinov2(weights: EncoderWeights, block: int | None, channels: ChannelStats | None) -> VisionModel:
+def build_dinov2(weights: EncoderWeights, block: int | None) -> VisionModel:
     """Put `weights` of `takes(config)` into a network that is cut off after `block`; None takes the last.
-
-    `channels` are used where the weights come without their own.
 
     Raises ValueError if the configuration makes no sense, the block is out of range, or the tensors do not fit the
     configuration. Raises OSError if the file of weights cannot be read.
     """
     config = _checked(weights.config)
-    depth, width = config["num_hidden_layers"], config["hidden_size"]
-    block = check_block(depth if block is None else block, depth)
+    depth, width, patch = config["num_hidden_layers"], config["hidden_size"], config["patch_size"]
+    chosen = depth if block is None else check.whole("load_encoder", "block", block, minimum=1, maximum=depth)
     with torch.device("meta"):  # its parameters come from the weights
-        network = Dinov2(config, block)
+        network = Dinov2(config, chosen)
     wanted = network.state_dict()
-    found = {name: tensor for name, tensor in _current_names(read_tensors(weights)).items() if name in wanted}
-    for name, tensor in found.items():
-        if tensor.shape != wanted[name].shape:
-            raise ValueError(
-                f"load_encoder: `encoder`: the tensor {name} has shape {tuple(tensor.shape)}, "
-                f"its config.json asks for {tuple(wanted[name].shape)}"
-            )
-    missing = sorted(wanted.keys() - found.keys())
-    if missing:
-        raise ValueError(
-            f"load_encoder: `encoder`: the weights lack {len(missing)} tensors of a dinov2 model, such as {missing[0]}"
-        )
-    network.load_state_dict({name: tensor.float() for name, tensor in found.items()}, assign=True)
+    found = {name: tensor.float() for name, tensor in _tensors(weights).items() if name in wanted}
+    wrong = [(name, each.shape, wanted[name].shape) for name, each in found.items() if each.shape != wanted[name].shape]
+    check_fit(weights, wrong, wanted.keys() - found.keys())
+    network.load_state_dict(found, assign=True)
     network.eval().requires_grad_(False)
     return VisionModel(
-        network=network,
-        tokens=network,
+        network,
+        network,
         dimension=width,
-        patch=config["patch_size"],
-        step=config["patch_size"],
-        block=block,
+        patch=patch,
+        step=patch,
+        block=chosen,
         depth=depth,
-        channels=weights.channels or channels or IMAGENET,
+        channels=weights.channels or IMAGENET,
         takes_patches=width <= _WIDEST_WITHOUT_BACKGROUND,
     )
 
@@ -204,12 +195,21 @@ def _checked(given: Mapping[str, Any]) -> dict[str, Any]:
     return config
 
 
-def _current_names(tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """Tensors by the current names of transformers, whichever version saved them."""
-    renamed = {}
-    for name, tensor in tensors.items():
-        name = name.removeprefix("dinov2.")
-        for old, new in _RENAMED.items():
-            name = name.replace(f".{old}.", f".{new}.")
-        renamed[name] = tensor
-    return renamed
+def _tensors(weights: EncoderWeights) -> dict[str, Tensor]:
+    """Read the tensors, by the current names of transformers whichever version saved them."""
+    if weights.tensors is not None:
+        tensors = {name: torch.from_numpy(values) for name, values in weights.tensors.items()}
+    else:
+        assert weights.folder is not None
+        try:
+            tensors = {name: each for file in weight_files(weights.folder) for name, each in load_file(file).items()}
+        except (OSError, SafetensorError) as error:
+            raise unreadable(weights, error) from error
+    return {_current_name(name): tensor for name, tensor in tensors.items()}
+
+
+def _current_name(name: str) -> str:
+    name = name.removeprefix("dinov2.")
+    for old, new in _RENAMED.items():
+        name = name.replace(f".{old}.", f".{new}.")
+    return name

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import logging
 import os
-import warnings
-from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
 import torch
-from torch.nn.functional import interpolate
+from torch.nn.functional import adaptive_max_pool2d, interpolate, max_pool2d
 
 from dfd.common import check
 from dfd.common.devices import choose_device, out_of_memory, parallel_inference
 from dfd.common.linear_algebra import Bool, Float32, UInt8
 from dfd.common.progress import Stages
-from dfd.encoders import dinov2
+from dfd.encoders.dinov2 import build_dinov2, takes
 from dfd.encoders.families import build_family
 from dfd.encoders.known import DEFAULT_ENCODER, KNOWN_ENCODERS
 from dfd.encoders.precision import Precision, choose_precision
@@ -29,8 +25,6 @@ from dfd.encoders.weight_files import EncoderWeights
 _log = logging.getLogger(__name__)
 
 PrecisionOption = Literal["auto", "float32", "bfloat16"]
-
-_PIXELS_AT_ONCE = 24 * 518 * 518  # encoded together on an accelerator: enough to keep it busy
 
 
 class Encoder:
@@ -67,7 +61,6 @@ class Encoder:
         self.block, self.depth = model.block, model.depth
         self.foreground_only = model.takes_patches and not background
         self._weights, self._model = weights, model
-        self._warned: set[int] = set()
         model.network.to(device)
 
     def __repr__(self) -> str:
@@ -100,14 +93,7 @@ class Encoder:
 
     def identity(self) -> dict[str, Any]:
         """`settings`, and what else tells this encoder from another one: what a cache may key on."""
-        channels = self._model.channels
-        config = json.dumps(self._weights.config, sort_keys=True, default=str)
-        return {
-            **self.settings(),
-            "encoder_config": hashlib.sha256(config.encode()).hexdigest(),
-            "encoder_channels": [list(channels.mean), list(channels.std)],
-            "device": self.device,
-        }
+        return {**self.settings(), "device": self.device}
 
     def encode(self, images: UInt8, *, covered: Bool | None = None, stages: Stages | None = None) -> Float32:
         """Return the tokens of `images`.
@@ -141,8 +127,13 @@ class Encoder:
         if shown is not None and (shown.dtype != np.bool_ or shown.shape != pictures.shape[:3]):
             found = f"{shown.dtype} of shape {shown.shape}"
             raise ValueError(f"encode: `covered` must be bool of shape {pictures.shape[:3]}, got {found}")
-        resolution = self.nearest_resolution(pictures.shape[1])
-        self._warn_resized(pictures.shape[1], resolution)
+        given, resolution = pictures.shape[1], self.nearest_resolution(pictures.shape[1])
+        if given != resolution and self._model.fixed_size is None:
+            check.warn(
+                f"encode: a resolution of {given} is no multiple of the {self._model.step} pixels that {self.name} "
+                f"counts in: the pictures are resized to {resolution}",
+                UserWarning,
+            )
         side = resolution // self.patch
         tokens = np.empty((len(pictures), side, side, self.dimension), np.float32)
 
@@ -153,14 +144,15 @@ class Encoder:
 
             def fill(begin: int, end: int) -> None:
                 some = order[begin:end]
-                tokens[some] = self._forward(pictures[some], None if shown is None else shown[some])
+                tokens[some] = self._forward(pictures[some], None if shown is None else shown[some], side)
                 advance(end - begin)
 
-            try:
+            try:  # one image keeps an accelerator busy
                 if self.device == "cpu":
                     parallel_inference(len(order), 1, fill)
                 else:
-                    _fill_in_batches(len(order), max(1, _PIXELS_AT_ONCE // resolution**2), fill)
+                    for index in range(len(order)):
+                        fill(index, index + 1)
             except RuntimeError as error:
                 if not out_of_memory(error):
                     raise
@@ -170,20 +162,19 @@ class Encoder:
                 ) from None
         return tokens
 
-    def _forward(self, images: UInt8, covered: Bool | None) -> Float32:
-        resolution = self.nearest_resolution(images.shape[1])
-        side = resolution // self.patch
-        model, device = self._model, torch.device(self.device)
+    def _forward(self, images: UInt8, covered: Bool | None, side: int) -> Float32:
+        resolution, model, device = side * self.patch, self._model, torch.device(self.device)
         patches = None
         if covered is not None and self.foreground_only:
-            patches = torch.from_numpy(np.stack([_patch_mask(shown, side) for shown in covered])).to(device)
+            # Patches that show something of the shape, and those beside them: tokens are read bilinearly.
+            shown = adaptive_max_pool2d(torch.from_numpy(covered).to(device).float(), side)
+            patches = max_pool2d(shown, 3, stride=1, padding=1) > 0
         with torch.inference_mode():
             pixels = torch.from_numpy(np.array(images, order="C")).to(device).permute(0, 3, 1, 2)
             if images.shape[1] != resolution:
                 pixels = interpolate(pixels.float(), (resolution, resolution), mode="bicubic", antialias=True)
                 pixels = pixels.round().clamp(0, 255)
-            channels = (model.channels.mean, model.channels.std)
-            mean, std = (torch.tensor(values, device=device).view(1, 3, 1, 1) for values in channels)
+            mean, std = (torch.tensor(values, device=device).view(1, 3, 1, 1) for values in model.channels)
             pixels = ((pixels / 255.0 - mean) / std).contiguous()
             with torch.autocast(device.type, torch.bfloat16, enabled=self.precision == "bfloat16"):
                 result: Float32 = model.tokens(pixels, patches).float().cpu().numpy()
@@ -198,20 +189,6 @@ class Encoder:
                 "is too narrow for it"
             )
         return result
-
-    def _warn_resized(self, given: int, used: int) -> None:
-        if given == used or given in self._warned:
-            return
-        self._warned.add(given)
-        if self._model.fixed_size is not None:
-            _log.info("encode: %s takes pictures of %d pixels only: %d is resized", self.name, used, given)
-        else:
-            warnings.warn(
-                f"encode: a resolution of {given} is no multiple of the {self._model.step} pixels that {self.name} "
-                f"counts in: the pictures are resized to {used}",
-                UserWarning,
-                stacklevel=3,
-            )
 
 
 def load_encoder(
@@ -249,42 +226,9 @@ def load_encoder(
     target = choose_device("load_encoder", device)
     name = os.fspath(encoder)
     weights = find_weights(encoder)
-    known = None
-    if weights.source != "folder":
-        known = KNOWN_ENCODERS.get(name) or next((each for each in KNOWN_ENCODERS.values() if each.hub == name), None)
-    if block is None and known is not None:
-        block = known.block
-    build = dinov2.build_dinov2 if dinov2.takes(weights.config) else build_family
-    model = build(weights, block, known.channels if known else None)
+    if block is None and weights.source != "folder":
+        block = next((known.block for own, known in KNOWN_ENCODERS.items() if name in (own, known.hub)), None)
+    model = (build_dinov2 if takes(weights.config) else build_family)(weights, block)
     chosen = choose_precision(target) if precision == "auto" else precision
     _log.info("encoder %s: weights from %s, block %d of %d", name, weights.source, model.block, model.depth)
     return Encoder(name, weights, model, target, chosen, background=background)
-
-
-def _patch_mask(covered: Bool, side: int) -> Bool:
-    """The mask (side, side) of patches that show something of the shape, or lie beside one that does.
-
-    `covered` (R, R) tells the pixels of the shape. Tokens are read bilinearly: those one patch away count.
-    """
-    edges = np.arange(side + 1) * len(covered)
-    begins, ends = edges[:-1] // side, -(-edges[1:] // side)  # a pixel that two patches share counts for both
-    lines = np.stack([covered[begin:end].any(axis=0) for begin, end in zip(begins, ends, strict=True)])
-    shown = np.stack([lines[:, begin:end].any(axis=1) for begin, end in zip(begins, ends, strict=True)], axis=1)
-    framed = np.pad(shown, 1)
-    wide = framed[:-2] | framed[1:-1] | framed[2:]
-    return np.asarray(wide[:, :-2] | wide[:, 1:-1] | wide[:, 2:])
-
-
-def _fill_in_batches(count: int, size: int, fill: Callable[[int, int], None]) -> None:
-    """Call `fill(begin, end)` for ranges of `size` that cover 0 … `count`, smaller ones where memory runs out."""
-    begin = 0
-    while begin < count:
-        end = min(begin + size, count)
-        try:
-            fill(begin, end)
-        except RuntimeError as error:
-            if size == 1 or not out_of_memory(error):
-                raise
-            size = max(1, size // 2)
-            continue
-        begin = end

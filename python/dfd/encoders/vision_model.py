@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from operator import index
-from typing import SupportsIndex
 
 from torch import Tensor, nn
 
-from dfd.encoders.known import ChannelStats
+from dfd.encoders.weight_files import ChannelStats
 
 
 @dataclass(frozen=True)
@@ -32,10 +30,3 @@ class VisionModel:
     channels: ChannelStats
     fixed_size: int | None = None
     takes_patches: bool = False
-
-
-def check_block(block: object, depth: int) -> int:
-    """Return `block`, counted from 1, of `depth` blocks; ValueError if there is no such block."""
-    if isinstance(block, bool) or not isinstance(block, SupportsIndex) or not 1 <= index(block) <= depth:
-        raise ValueError(f"load_encoder: `block` must lie in 1 … {depth}, got {block!r}")
-    return index(block)

@@ -2,32 +2,36 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
-from dfd.encoders.known import ChannelStats
+from dfd.common.files import sha256_of_files
 
-# torch takes seconds to import, and is not needed to find the files.
-if TYPE_CHECKING:
-    import torch
+SETTINGS = ("config.json", "preprocessor_config.json")
+_WHOLE, _INDEX = "model.safetensors", "model.safetensors.index.json"  # one file, or the list of several
 
-_WEIGHT_FILES = (
-    "model.safetensors",
-    "model.safetensors.index.json",
-    "pytorch_model.bin",
-    "pytorch_model.bin.index.json",
-)
+
+class ChannelStats(NamedTuple):
+    """Mean and standard deviation of each channel (red, green, blue) of the images that a network was trained with.
+
+    Images in [0, 1] are brought to mean 0 and deviation 1 with them.
+    """
+
+    mean: tuple[float, ...]
+    std: tuple[float, ...]
+
+
+IMAGENET = ChannelStats((0.485, 0.456, 0.406), (0.229, 0.224, 0.225))
 
 
 @dataclass(frozen=True)
 class EncoderWeights:
     """Weights that were found but not loaded into a network: in `folder`, or already read as `tensors`, arrays by name.
 
-    `fingerprint` changes when the weights do; `channels` are those that the weights come with.
+    `fingerprint` changes when the weights or their settings do; `channels` are those that the weights come with.
     """
 
     config: dict[str, Any]
@@ -39,63 +43,56 @@ class EncoderWeights:
 
 
 def folder_weights(folder: Path, *, source: str = "folder", fingerprint: str | None = None) -> EncoderWeights:
-    """Return the weights in `folder`, a model saved in the form that transformers uses."""
+    """Return the weights in `folder`, a model saved in the form that transformers uses.
+
+    Raises ValueError if they are of no type of model. Raises OSError if a file is missing or cannot be read.
+    """
     config = _read_json(folder / "config.json")
     if config is None:
         raise FileNotFoundError(f"load_encoder: `encoder`: the folder {folder} has no config.json")
     if not isinstance(config.get("model_type"), str):
         raise ValueError(f"load_encoder: `encoder`: {folder / 'config.json'} does not say its `model_type`")
-    files = list(weight_files(folder))
-    missing = [file for file in files if not file.is_file()]
-    if missing or not files:
-        wanted = missing[0].name if missing else _WEIGHT_FILES[0]
-        raise FileNotFoundError(f"load_encoder: `encoder`: the folder {folder} has no {wanted}")
+    files = weight_files(folder)
+    missing = [file.name for file in files if not file.is_file()]
+    if missing:
+        raise FileNotFoundError(f"load_encoder: `encoder`: the folder {folder} has no {missing[0]}")
+    files += [folder / name for name in SETTINGS if (folder / name).is_file()]
     return EncoderWeights(
         config=config,
         source=source,
-        fingerprint=fingerprint or f"sha256:{_sha256(files)}",
+        fingerprint=fingerprint or f"sha256:{sha256_of_files(*files)}",
         folder=folder,
         channels=_channels(_read_json(folder / "preprocessor_config.json") or {}),
     )
 
 
-def weight_files(folder: Path) -> Iterator[Path]:
-    """The files that hold the tensors, in the order of preference that transformers has."""
-    for name in _WEIGHT_FILES:
-        if (folder / name).is_file():
-            if name.endswith(".index.json"):
-                shards = (_read_json(folder / name) or {}).get("weight_map", {})
-                yield from (folder / shard for shard in sorted(set(shards.values())))
-            else:
-                yield folder / name
-            return
-
-
-def read_tensors(weights: EncoderWeights) -> dict[str, torch.Tensor]:
-    """Read the tensors by the names that they were saved with; OSError if a file cannot be read."""
-    import torch
-
-    if weights.tensors is not None:
-        return {name: torch.from_numpy(values) for name, values in weights.tensors.items()}
-    assert weights.folder is not None
-    tensors: dict[str, torch.Tensor] = {}
-    try:
-        for file in weight_files(weights.folder):
-            if file.suffix == ".safetensors":
-                from safetensors.torch import load_file
-
-                tensors |= load_file(file)
-            else:
-                tensors |= torch.load(file, map_location="cpu", weights_only=True)
-    except Exception as error:  # safetensors, pickle and zip raise types of their own
-        raise unreadable(weights, error) from error
-    return tensors
+def weight_files(folder: Path) -> list[Path]:
+    """Return the files that hold the tensors, one or those that an index lists; they need not exist."""
+    index = {} if (folder / _WHOLE).is_file() else _read_json(folder / _INDEX) or {}
+    return [folder / name for name in sorted(set(index.get("weight_map", {}).values())) or [_WHOLE]]
 
 
 def unreadable(weights: EncoderWeights, error: Exception) -> OSError:
-    """The error to raise when reading `weights` failed with `error`."""
+    """Return the error to raise when reading `weights` failed with `error`."""
     reason = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
     return OSError(f"load_encoder: `encoder`: the weights in {weights.folder} cannot be read: {reason}")
+
+
+def check_fit(
+    weights: EncoderWeights, wrong: Iterable[tuple[str, Sequence[int], Sequence[int]]], missing: Iterable[str]
+) -> None:
+    """Raise ValueError if tensors have `wrong` shapes (name, found, wanted), or some are `missing`."""
+    for name, found, wanted in sorted(wrong):
+        raise ValueError(
+            f"load_encoder: `encoder`: the tensor {name} has shape {tuple(found)}, "
+            f"its config.json asks for {tuple(wanted)}"
+        )
+    lacking = sorted(missing)
+    if lacking:
+        raise ValueError(
+            f"load_encoder: `encoder`: the weights lack {len(lacking)} tensors of a {weights.config['model_type']} "
+            f"model, such as {lacking[0]}"
+        )
 
 
 def _read_json(path: Path) -> dict[str, Any] | None:
@@ -114,14 +111,4 @@ def _channels(preprocessor: dict[str, Any]) -> ChannelStats | None:
     values = [preprocessor.get("image_mean"), preprocessor.get("image_std")]
     if not all(isinstance(value, list) and len(value) == 3 for value in values):
         return None
-    mean, std = (tuple(float(channel) for channel in value) for value in values if value)
-    return ChannelStats(mean, std)  # type: ignore[arg-type]
-
-
-def _sha256(files: list[Path]) -> str:
-    sha256 = hashlib.sha256()
-    for file in files:
-        with file.open("rb") as stream:
-            while piece := stream.read(1 << 22):
-                sha256.update(piece)
-    return sha256.hexdigest()
+    return ChannelStats(*(tuple(map(float, value)) for value in values if value))

@@ -21,8 +21,6 @@ from dfd.segmentation.parts import Part
 
 ENDINGS = (".obj", ".glb", ".gltf")
 
-Labels = Int64
-
 
 def export_parts(mesh: Mesh, parts: Sequence[Part], path: str | os.PathLike[str]) -> None:
     """Write a mesh with its parts: faces of an OBJ file in groups "part_1" …, those of a glTF file in material slots.
@@ -52,12 +50,12 @@ def export_parts(mesh: Mesh, parts: Sequence[Part], path: str | os.PathLike[str]
         document.write(target)
 
 
-def _most(corners: Labels) -> Labels:
+def _most(corners: Int64) -> Int64:
     """(F,) the label that most of the three corners (F, 3) have; of three different ones the middle."""
     return np.sort(corners, axis=1)[:, 1]
 
 
-def _split(document: GltfDocument, node: int, of_vertex: Labels) -> None:
+def _split(document: GltfDocument, node: int, of_vertex: Int64) -> None:
     """Make of each primitive of a node one for each part, with the same attributes and a material of its own."""
     content, known = document.own_mesh(node), dict(document.parts())[node]
     of_number = {each.source[2]: each for each in known}

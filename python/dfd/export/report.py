@@ -2,31 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from dfd.export.rig import Rig
 from dfd.export.skinning import Difference, Skin
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RigReport:
     """What was written, and its deviation from `dfd.pose`."""
 
     path: Path
     form: str  # "skin", "morph" or "baked"
-    joints: int  # 0 where there is no skin
-    influences: int  # the most joints that a vertex follows
-    targets: int  # how many morph targets there are
-    pruned: float  # the largest part of a vertex's weight that was pruned, in [0, 1]
-    normalized: int  # vertices whose weights sum to more than 1 or were negative, which no format can store
+    joints: int = 0  # 0 where there is no skin
+    influences: int = 0  # the most joints that a vertex follows
+    targets: int = 0  # how many morph targets there are
+    pruned: float = 0.0  # the largest part of a vertex's weight that was pruned, in [0, 1]
+    normalized: int = 0  # vertices whose weights sum to more than 1 or were negative, which no format can store
     # largest, mean: distances between the vertices in the file and those of `dfd.pose`, mesh units, at the edit or key
     # pose where the largest is
     largest: float
     mean: float
     at: str  # where that is: "the edit", or the name of a key pose
     size: float  # the diagonal of the box around the resting shape, mesh units
-    notes: tuple[str, ...]  # sentences about other differences between the file and the edit
+    notes: tuple[str, ...] = ()  # sentences about other differences between the file and the edit
 
     def __str__(self) -> str:
         what = {
@@ -43,7 +44,7 @@ class RigReport:
 
     def _difference(self) -> str:
         if self.largest <= 1e-6 * self.size:
-            return "as dfd.pose has it"
+            return "no deviation from dfd.pose"
         parts = [f"{value:.2g} ({100 * value / (self.size or 1.0):.2g} %)" for value in (self.largest, self.mean)]
         where = "" if self.at == "the edit" else f", most at {self.at}"
         return f"maximum deviation from dfd.pose: {parts[0]}, {parts[1]} on average{where}"
@@ -60,21 +61,13 @@ def report_of(
     notes: tuple[str, ...] = (),
 ) -> RigReport:
     """The report of a rig in a file that differs from `dfd.pose` by `difference`."""
-    if skin is not None and rig.edit.blending != "linear":
-        notes += (f"the edit blends as {rig.edit.blending}, and a skin linearly",)
-    if skin is not None and any(handle.transform.bends for _, edit in rig.moments() for handle in edit.handles):
-        notes += ("what is bent or twisted is not in a skin: 'morph' and 'baked' have it",)
-    return RigReport(
-        path,
-        form,
-        0 if skin is None else len(rig.joints),
-        0 if skin is None else skin.joints.shape[1],
-        targets,
-        0.0 if skin is None else skin.pruned,
-        0 if skin is None else skin.normalized,
-        difference.largest,
-        difference.mean,
-        difference.at,
-        rig.mesh.diagonal,
-        notes,
-    )
+    skinned: dict[str, Any] = {}
+    if skin is not None:
+        skinned = {"joints": len(rig.joints), "influences": skin.joints.shape[1]}
+        skinned |= {"pruned": skin.pruned, "normalized": skin.normalized}
+        if rig.edit.blending != "linear":
+            notes += (f"the edit blends as {rig.edit.blending}, and a skin linearly",)
+        if any(handle.transform.bends for _, edit in rig.moments() for handle in edit.handles):
+            notes += ("what is bent or twisted is not in a skin: 'morph' and 'baked' have it",)
+    where = {**asdict(difference), "size": rig.mesh.diagonal}
+    return RigReport(path=path, form=form, targets=targets, notes=notes, **skinned, **where)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -50,10 +49,6 @@ class Skin:
             result[rows] = np.einsum("nij,nj->ni", blended[:, :, :3], points[rows]) + blended[:, :, 3]
         return result + rig.origin
 
-    def difference(self, rig: Rig) -> Difference:
-        """The deviation from `dfd.pose` of what readers show."""
-        return differences(rig, [partial(self.shown, moment, rig) for moment in range(len(self.moments))])
-
 
 def skin_of(rig: Rig, most: int | None) -> Skin:
     """The skin of a rig with the `most` heaviest joints of each vertex, all where it is None.
@@ -84,11 +79,11 @@ def skin_of(rig: Rig, most: int | None) -> Skin:
     )
 
 
-def differences(rig: Rig, shown: Sequence[Callable[[], Float64]]) -> Difference:
-    """The deviation from `dfd.pose` of the shapes (V, 3) that a file shows at each of the rig's moments."""
+def difference_of(rig: Rig, shown: Callable[[int, Rig], Float64]) -> Difference:
+    """The deviation from `dfd.pose` of the shape (V, 3) that a file shows at each of the rig's moments."""
     found = Difference()
-    for (name, edit), show in zip(rig.moments(), shown, strict=True):
-        distance = np.linalg.norm(show() - rig.posed(edit), axis=1)
+    for moment, (name, edit) in enumerate(rig.moments()):
+        distance = np.linalg.norm(shown(moment, rig) - rig.posed(edit), axis=1)
         if distance.max() > found.largest:
             found = Difference(float(distance.max()), float(distance.mean()), name)
     return found

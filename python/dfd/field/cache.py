@@ -26,7 +26,7 @@ _ABANDONED = 3600.0  # seconds after which an unfinished file is removed
 
 def find(key: Mapping[str, Any]) -> Field | None:
     """Return the field that `key` made, or None where no entry has it whole."""
-    for path in _entries(f"{hash_key(key)}-"):
+    for path in _entries(hash_key(key)):
         with contextlib.suppress(OSError, ValueError):  # removed by another process, or damaged
             if not _is_of(path, path.read_bytes()):
                 continue
@@ -60,16 +60,15 @@ def store(key: Mapping[str, Any], field: Field) -> None:
 
 def _tidy(newest: Path) -> None:
     """Remove damaged copies of the `newest` entry, unfinished files, and the oldest entries beyond the limit."""
-    for path in _entries(f"{newest.name.partition('-')[0]}-"):
+    for path in _entries(newest.name.partition("-")[0]):
         with contextlib.suppress(OSError):
             if not _is_of(path, path.read_bytes()):
-                _remove(path)
-    now, total = time.time(), 0
+                path.unlink()
     for path in _folder().glob(".*"):
         with contextlib.suppress(OSError):
-            if now - path.stat().st_mtime > _ABANDONED:
-                _remove(path)
-    sizes = []
+            if time.time() - path.stat().st_mtime > _ABANDONED:
+                path.unlink()
+    sizes, total = [], 0
     for path in _entries():
         with contextlib.suppress(OSError):
             state = path.stat()
@@ -77,24 +76,17 @@ def _tidy(newest: Path) -> None:
     for _, _, size, path in sorted(sizes):
         total += size
         if total > LIMIT and path != newest:
-            _remove(path)
+            with contextlib.suppress(OSError):
+                path.unlink()
 
 
 def _folder() -> Path:
     return cache_directory() / "fields"
 
 
-def _entries(start: str = "") -> list[Path]:
-    try:
-        names = [path for path in _folder().iterdir() if path.suffix == ".safetensors" and path.name[0] != "."]
-    except OSError:
-        return []
-    return [path for path in names if path.name.startswith(start)]
-
-
-def _remove(path: Path) -> None:
-    with contextlib.suppress(OSError):
-        path.unlink()
+def _entries(key: str = "[!.]*") -> list[Path]:
+    """The finished entries of a key's hash, or all."""
+    return list(_folder().glob(f"{key}-*.safetensors"))
 
 
 def _is_of(path: Path, content: bytes) -> bool:

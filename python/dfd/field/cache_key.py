@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.files import plain
+
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
@@ -21,7 +23,7 @@ FIELD_VERSION = 2
 def cache_key(mesh: Mesh, **settings: Any) -> dict[str, Any]:
     """Return everything that a field depends on, as values that come back alike from a JSON file."""
     values = {"field_version": FIELD_VERSION, "mesh": mesh.content_hash, **settings}
-    return dict(json.loads(json.dumps(values, default=_plain)))
+    return dict(json.loads(json.dumps(values, default=plain)))
 
 
 def hash_key(key: Mapping[str, Any]) -> str:
@@ -36,8 +38,3 @@ def hash_arrays(*arrays: NDArray[Any]) -> str:
         sha256.update(f"{array.dtype} {array.shape}".encode())
         sha256.update(np.ascontiguousarray(array).data)
     return sha256.hexdigest()
-
-
-def _plain(value: Any) -> Any:
-    """NumPy's numbers as Python's; what else is not JSON by its text, to be refused where it is used."""
-    return value.item() if isinstance(value, np.generic) else repr(value)

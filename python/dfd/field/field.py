@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import hashlib
 import os
 import warnings
 from collections.abc import Mapping
@@ -18,10 +17,11 @@ from numpy.typing import ArrayLike, NDArray
 import dfd._core as _core
 from dfd.common import check, tensors, threads
 from dfd.common.errors import ArgumentError, called
+from dfd.common.files import sha256_of_files
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.field import field_file
 from dfd.field.architecture import Architecture
-from dfd.field.compatibility import check_compatible, surface_points
+from dfd.field.compatibility import POINTS, check_compatible, surface_points
 from dfd.field.component_residuals import ComponentResiduals, components_of_vertices
 
 # torch takes seconds to import, and is needed only to evaluate tensors.
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 # From the center of the shape, in halves of the longest side of its box: the network's float32 tells nothing beyond.
 FARTHEST = 1e6
+RESIDUALS = "residuals."  # begins the names of their arrays in files
 
 
 @dataclass(frozen=True)
@@ -45,11 +46,7 @@ class FieldSource:
     @classmethod
     def of(cls, path: str | os.PathLike[str]) -> FieldSource:
         """The source that `path` is now."""
-        digest = hashlib.sha256()
-        with Path(path).open("rb") as stream:
-            while data := stream.read(1 << 20):
-                digest.update(data)
-        return cls(Path(path), digest.hexdigest())
+        return cls(Path(path), sha256_of_files(Path(path)))
 
 
 class Field:
@@ -82,8 +79,8 @@ class Field:
     residuals
         How features of each component of the surface differ from those of the network; None where they do not.
     surface
-        (P, 3) points of the surface of the shape that the field was distilled from, mesh units, at least two: by them
-        another shape is told. None compares shapes by their boxes alone.
+        (512, 3) points of the surface of the shape that the field was distilled from, mesh units: by them another
+        shape is told. None compares shapes by their boxes alone.
 
     Raises
     ------
@@ -113,7 +110,7 @@ class Field:
         self.scale = check.number("Field", "scale", scale, minimum=0.0, exclusive=True)
         self.settings = dict(settings or {})
         self.residuals = self._checked_residuals(residuals)
-        self.surface = None if surface is None else _frozen("surface", surface, ("P", 3))
+        self.surface = None if surface is None else _frozen("surface", surface, (POINTS, 3))
 
     @property
     def dimension(self) -> int:
@@ -230,11 +227,12 @@ class Field:
 
         Raises OSError if `path` cannot be written; a file that was there stays as it was.
         """
-        residuals = None if self.residuals is None else self.residuals.arrays()
-        content = field_file.Content(
-            self.architecture, self.parameters, self.center, self.scale, self.settings, residuals, self.surface
-        )
-        field_file.write(path, content)
+        arrays = {**self.parameters, "center": self.center, "scale": np.array(self.scale)}
+        if self.surface is not None:
+            arrays["surface"] = self.surface
+        if self.residuals is not None:
+            arrays |= {f"{RESIDUALS}{name}": array for name, array in self.residuals.arrays().items()}
+        field_file.write(path, self.architecture, arrays, self.settings)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, mesh: Mesh | None = None, other_shape: bool = False) -> Field:
@@ -257,19 +255,25 @@ class Field:
         """
         if not Path(path).is_file():
             raise FileNotFoundError(f"Field.load: `path` {os.fspath(path)} does not exist or is no file")
-        content = field_file.read(path)
+        architecture, arrays, settings = field_file.read(path)
+        stored = [name for name in arrays if name.startswith(RESIDUALS)]
+        residuals = {name.removeprefix(RESIDUALS): arrays.pop(name) for name in stored}
+        center, scale = arrays.pop("center", ()), arrays.pop("scale", ())
+        surface = arrays.pop("surface", None)
         try:
             field = Field(
-                content.parameters,
-                octaves=content.architecture.octaves,
-                center=content.center,
-                scale=content.scale,
-                settings=content.settings,
-                residuals=None if content.residuals is None else ComponentResiduals(**content.residuals),
-                surface=content.surface,
+                arrays,
+                octaves=architecture.octaves,
+                center=center,
+                scale=scale,  # type: ignore[arg-type]  # checked there
+                settings=settings,
+                residuals=ComponentResiduals(**residuals) if residuals else None,
+                surface=surface,
             )
-        except ArgumentError as error:
-            reason = f"`{error.argument}` {error.reason}"
+            if field.architecture != architecture:
+                raise ArgumentError("parameters", f"must be those of {architecture}, got {field.architecture}")
+        except (ArgumentError, TypeError) as error:
+            reason = f"`{error.argument}` {error.reason}" if isinstance(error, ArgumentError) else str(error)
             raise ArgumentError("path", f"{os.fspath(path)} is damaged: {reason}", "Field.load") from error
         corners = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
         if not np.isfinite(field(field.center + corners / field.scale)).all():

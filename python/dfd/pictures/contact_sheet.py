@@ -39,7 +39,7 @@ def contact_sheet(rows: Rows, *, title: str = "", cell: int = 320) -> Image.Imag
     margin, gap, between = max(8, cell // 8), max(4, cell // 18), max(8, cell // 7)
     widths = [sum(image.width + gap for image, _ in pictures) - gap for _, pictures in scaled]
     width = max(NARROWEST, *widths)
-    blocks = [_heading(title, width, max(12, cell // 9), INK)] if title else []
+    blocks = [_text(title, width, max(12, cell // 9), INK)] if title else []
     blocks += [_row(heading, pictures, width, gap, cell) for heading, pictures in scaled]
     height = sum(block.height for block in blocks) + between * (len(blocks) - 1)
     page = Image.new("RGB", (width + 2 * margin, height + 2 * margin), "white")
@@ -59,7 +59,7 @@ def heat_bar(height: int) -> UInt8:
     size = max(9, height // 22)
     typeface = font(size)
     long, thick = int(height * 0.6), max(4, height // 26)
-    width = max(thick + 2 * size + max(4, size // 2), int(typeface.getlength("weight")) + 2)
+    width = max(thick + 2 * size + max(4, size // 2), int(typeface.getlength("weight")) + size // 2)
     image = Image.new("RGB", (width, height), "white")
     draw = ImageDraw.Draw(image)
     top = (height - long) // 2
@@ -74,30 +74,28 @@ def heat_bar(height: int) -> UInt8:
 
 def _row(heading: str, pictures: list[tuple[Image.Image, str]], width: int, gap: int, cell: int) -> Image.Image:
     """Draw one heading and its pictures side by side, each with its caption below it."""
-    size = max(9, cell // 19)
-    head = _heading(heading, width, max(10, cell // 14), INK)
-    captions = [wrapped(caption, font(size), image.width) for image, caption in pictures]
-    line, lines = int(size * 1.4), max(len(each) for each in captions)
-    start = head.height + (cell // 32 if heading else 0)
-    row = Image.new("RGB", (width, start + cell + (size // 2 + line * lines if lines else 0)), "white")
+    head, size = _text(heading, width, max(10, cell // 14), INK), max(9, cell // 19)
+    captions = [_text(caption, image.width, size, GRAY, centered=True) for image, caption in pictures]
+    top = head.height + (cell // 32 if heading else 0)
+    below = max(block.height for block in captions)
+    row = Image.new("RGB", (width, top + cell + (size // 2 + below if below else 0)), "white")
     row.paste(head, (0, 0))
-    draw = ImageDraw.Draw(row)
     left = 0
-    for (image, _), text in zip(pictures, captions, strict=True):
-        row.paste(image, (left, start))
-        for index, words in enumerate(text):
-            corner = (left + image.width / 2, start + cell + size // 2 + index * line)
-            draw.text(corner, words, GRAY, font(size), anchor="ma")
+    for (image, _), caption in zip(pictures, captions, strict=True):
+        row.paste(image, (left, top))
+        row.paste(caption, (left, top + cell + size // 2))
         left += image.width + gap
     return row
 
 
-def _heading(text: str, width: int, size: int, ink: tuple[int, int, int]) -> Image.Image:
-    lines = wrapped(text, font(size), width) if text else []
-    block = Image.new("RGB", (width, int(size * 1.3) * len(lines)), "white")
+def _text(text: str, width: int, size: int, ink: tuple[int, int, int], *, centered: bool = False) -> Image.Image:
+    """Draw text `size` pixels high on white, in lines of `width` pixels."""
+    lines, line = wrapped(text, font(size), width), int(size * 1.35)
+    block = Image.new("RGB", (width, line * len(lines)), "white")
     draw = ImageDraw.Draw(block)
     for index, words in enumerate(lines):
-        draw.text((0, index * int(size * 1.3)), words, ink, font(size))
+        corner = (width / 2 if centered else 0, index * line)
+        draw.text(corner, words, ink, font(size), anchor="ma" if centered else "la")
     return block
 
 

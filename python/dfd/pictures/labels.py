@@ -72,7 +72,8 @@ def draw_labels(page: Image.Image, camera: Camera, positions: Float64, labels: S
     """Write a text beside each of `positions` (H, 3), which are in the camera's coordinates."""
     draw, size = ImageDraw.Draw(page), max(11, page.height // 30)
     for row, column, text in zip(*camera.project(positions, page.height), labels, strict=True):
-        _write(draw, (float(column) + 0.7 * size, float(row) - 0.7 * size), text, size, "lm")
+        top = max(float(row) - 0.7 * size, 0.7 * size)  # within the page
+        _write(draw, (float(column) + 0.7 * size, top), text, size, "lm")
 
 
 def draw_axes(page: Image.Image, camera: Camera) -> None:

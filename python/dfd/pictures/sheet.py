@@ -47,10 +47,19 @@ def save_sheet(
         handles = np.reshape(shown.get("handles", ()), (-1, 3))
         first = azimuth_towards(mesh, handles) if azimuth is None else azimuth
         target = handles.mean(axis=0) if zoom != 1 and len(handles) else None
-        where = {"elevation": elevation, "zoom": zoom, "target": target, **options, **shown}
-        angles = [first + 360.0 * side / views for side in range(views)]
-        sheet.append((title, [({**where, "azimuth": angle}, f"{angle % 360:.0f}°") for angle in angles]))
-    _save(path, mesh, sheet, resolution, legend=legend, advance=advance)
+        look = {"elevation": elevation, "zoom": zoom, "target": target, "resolution": resolution, **options, **shown}
+        cells = []
+        for side in range(views):
+            angle = first + 360.0 * side / views
+            cells.append((picture(mesh, azimuth=angle, **look), f"{angle % 360:.0f}°"))
+            advance()
+        if legend and "weights" in shown:
+            cells.append((heat_bar(resolution), ""))
+        sheet.append((title, cells))
+    if len(rows) == views == 1:
+        save_png(path, np.concatenate([image for image, _ in sheet[0][1]], axis=1))
+    else:
+        save_png(path, contact_sheet(sheet, cell=resolution))
 
 
 def save_before_after(
@@ -63,11 +72,13 @@ def save_before_after(
 
     Raises ValueError as `picture` does. Raises OSError if `path` cannot be written.
     """
-    drawn = session_views(deformer, azimuth)
-    held, landed = drawn["before"]["handles"], drawn["after"]["handles"]
-    target = (held.mean(axis=0) + landed.mean(axis=0)) / 2 if zoom != 1 and len(held) else None
-    views = [({**each, "elevation": elevation, "zoom": zoom, "target": target}, name) for name, each in drawn.items()]
-    _save(path, deformer.mesh, [("", views)], BEFORE_AFTER_RESOLUTION, legend=True)
+    views = session_views(deformer, azimuth)
+    held, landed = views["before"]["handles"], views["after"]["handles"]
+    look: dict[str, Any] = {"elevation": elevation, "zoom": zoom, "resolution": BEFORE_AFTER_RESOLUTION}
+    look["target"] = (held.mean(axis=0) + landed.mean(axis=0)) / 2 if zoom != 1 and len(held) else None
+    cells = [(picture(deformer.mesh, **view, **look), name) for name, view in views.items()]
+    cells.insert(2, (heat_bar(BEFORE_AFTER_RESOLUTION), ""))
+    save_png(path, contact_sheet([("", cells)], cell=BEFORE_AFTER_RESOLUTION))
 
 
 def session_views(deformer: Deformer, azimuth: float | None = None) -> dict[str, dict[str, Any]]:
@@ -100,34 +111,3 @@ def parts_view(mesh: Mesh, found: Sequence[Part]) -> dict[str, Any]:
         "handles": mesh.vertices[[part.vertex for part in found]],
         "labels": [str(number) for number in range(1, len(found) + 1)],
     }
-
-
-def _save(
-    path: Path,
-    mesh: Mesh,
-    rows: Sequence[tuple[str, Sequence[tuple[dict[str, Any], str]]]],
-    resolution: int,
-    *,
-    legend: bool,
-    advance: Callable[[], object] = lambda: None,
-) -> None:
-    """Draw rows of views, each what `picture` draws and a caption, with the scale of the heat after those that show it.
-
-    A view by itself fills the page.
-    """
-    drawn = []
-    for title, views in rows:
-        cells = []
-        for options, caption in views:
-            cells.append((picture(mesh, resolution=resolution, **options), caption))
-            advance()
-        last_heat = max((number for number, (options, _) in enumerate(views, 1) if "weights" in options), default=0)
-        if legend and last_heat:
-            cells.insert(last_heat, (heat_bar(resolution), ""))
-        drawn.append((title, cells))
-    if sum(len(views) for _, views in rows) == 1:
-        white = np.full((resolution, max(4, resolution // 40), 3), 255, np.uint8)
-        cells = drawn[0][1]
-        save_png(path, cells[0][0] if len(cells) == 1 else np.concatenate([cells[0][0], cells[1][0], white], axis=1))
-    else:
-        save_png(path, contact_sheet(drawn, cell=resolution))

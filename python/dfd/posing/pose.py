@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 import dfd._core as _core
 from dfd.common import check, tensors, threads
 from dfd.common.errors import ArgumentError
-from dfd.common.linear_algebra import Bool, Float32, Float64
+from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.posing.arguments import (
     empty_like,
     handle_positions,
@@ -220,7 +220,7 @@ class Drag:
         resting[self._moving] = IDENTITY
         self._base = empty_like(self._points)
         _run(rule, self._points, matrix, resting, self._base)
-        self._weights = np.asfortranarray(_effective(rule, matrix)(self._moving), np.float32)
+        self._weights = np.asfortranarray(_effective(rule, matrix, self._moving), np.float32)
         positive = None if rule.positive is None else np.ascontiguousarray(rule.positive[self._moving])
         self._rule = replace(rule, rest=IDENTITY, positive=positive, places=None, mixing=None, overlap="add")
 
@@ -267,7 +267,10 @@ def _rule(
     check.choice(function, "overlap", overlap, Overlap)
     check.choice(function, "blend", blend, Blend)
     if symmetry is not None:
-        _check_plane(function, symmetry)
+        from dfd.symmetry.plane import SymmetryPlane
+
+        if not isinstance(symmetry, SymmetryPlane):
+            raise ArgumentError("symmetry", f"must be a SymmetryPlane, got {type(symmetry).__name__}", function)
     rest = IDENTITY if default is None else read_affine(function, "default", default, None)[0]
     indices = places = positive = mixing = None
     if symmetry is not None or blend != "linear" or overlap == "interpolate":
@@ -281,13 +284,6 @@ def _rule(
         )
     plane = None if symmetry is None else (symmetry.normal, symmetry.offset, symmetry.band)
     return _Rule(rest, plane, positive, None if blend == "linear" else places, mixing, overlap, blend)
-
-
-def _check_plane(function: str, plane: Any) -> None:
-    from dfd.symmetry.plane import SymmetryPlane
-
-    if not isinstance(plane, SymmetryPlane):
-        raise ArgumentError("symmetry", f"must be a SymmetryPlane, got {type(plane).__name__}", function)
 
 
 def _run(
@@ -320,12 +316,10 @@ def _run(
     )
 
 
-def _effective(rule: _Rule, weights: Float32) -> Any:
-    """What gives the (V, M) weights of some handles that displacements are added by."""
+def _effective(rule: _Rule, weights: Float32, moving: Int64) -> NDArray[Any]:
+    """(V, M) the weights of the `moving` handles by which displacements are added."""
     if rule.mixing is not None:
-        mixing = rule.mixing
-        return lambda moving: weights @ mixing[:, moving].astype(np.float32)
+        return weights @ rule.mixing[:, moving].astype(np.float32)
     if rule.overlap == "normalize":
-        sums = np.maximum(weights.sum(axis=1, dtype=np.float64), 1.0)
-        return lambda moving: weights[:, moving] / sums[:, None]
-    return lambda moving: weights[:, moving]
+        return weights[:, moving] / np.maximum(weights.sum(axis=1, dtype=np.float64), 1.0)[:, None]
+    return weights[:, moving]

@@ -22,7 +22,7 @@ def edited(run):
 def test_a_rig_and_weights_are_written(run, folder):
     result = run(*EXPORT, "-o", "rig.glb", "--weights", "weights.npz")
     assert worked(result)
-    assert "rig.glb: 2 joints, up to 2 for a vertex; as dfd.pose has it" in result.stderr
+    assert "rig.glb: 2 joints, up to 2 for a vertex; no deviation from dfd.pose" in result.stderr
     assert "weights.npz: weights of 1 handle\n" in result.stderr
     with np.load("weights.npz") as file:
         assert file["weights"].shape[1] == 1

@@ -79,7 +79,7 @@ def test_equal_seeds_give_equal_fields(tmp_path: Path) -> None:
 
 
 def test_an_unknown_encoder_is_named() -> None:
-    with pytest.raises(ValueError, match="`encoder` must be a folder, a hub name such as"):
+    with pytest.raises(ValueError, match="`encoder` must be a folder that exists, a hub name such as"):
         dfd.distill(dfd.samples.chair(4000).mesh, "dino-of-my-own", **SMALL)
 
 

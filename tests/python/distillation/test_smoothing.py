@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from dfd import Mesh
 from dfd.common.progress import Stages
 from dfd.distillation import smoothing
-from dfd.distillation.targets import PixelTargets
+from dfd.distillation.targets import PixelTargets, PointTargets
 from dfd.geometry.topology import face_areas, sample_surface
 from dfd.views.render import Views, render
 
@@ -30,9 +30,14 @@ def colored(views: Views, color: NDArray[np.floating]) -> PixelTargets:
     return PixelTargets(views, tokens)
 
 
+def smooth(views: Views, pixels: PixelTargets, **how: Any) -> PointTargets:
+    problem = smoothing.build_diffusion(views, pixels.grid, **how)
+    return smoothing.smooth_along_surface(pixels, problem, stages=Stages(show=False))
+
+
 def spread(views: Views, pixels: PixelTargets, **how: Any) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Points, and their targets as features (N, D)."""
-    targets = smoothing.smooth_along_surface(views, pixels, stages=Stages(show=False), **how)
+    targets = smooth(views, pixels, **how)
     return targets.points, targets.features
 
 
@@ -108,18 +113,14 @@ def test_more_smoothing_leaves_neighbors_more_alike_and_all_as_far_apart() -> No
 def test_targets_know_their_piece_where_there_are_several() -> None:
     gap = 0.4
     views = views_of(two_sheets(gap))
-    targets = smoothing.smooth_along_surface(
-        views, colored(views, np.ones((len(views.points), 1))), smoothing=0.3, seed=0, stages=Stages(show=False)
-    )
+    targets = smooth(views, colored(views, np.ones((len(views.points), 1))), smoothing=0.3, seed=0)
     assert targets.component is not None
     assert targets.boxes is not None
     np.testing.assert_array_equal(targets.component, targets.points[:, 1] > 0)
     np.testing.assert_allclose(targets.boxes[1, [1, 4]] - targets.boxes[0, [1, 4]], gap * views.scale, atol=1e-5)
     box = trimesh.creation.box((1, 1, 1))
     one = views_of(Mesh(box.vertices, box.faces))
-    alone = smoothing.smooth_along_surface(
-        one, colored(one, np.ones((len(one.points), 1))), smoothing=0.3, seed=0, stages=Stages(show=False)
-    )
+    alone = smooth(one, colored(one, np.ones((len(one.points), 1))), smoothing=0.3, seed=0)
     assert alone.component is None
     assert alone.boxes is None
 

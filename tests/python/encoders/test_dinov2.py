@@ -22,13 +22,13 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 def test_its_tokens_are_those_of_transformers(dinov2: Saved, size: tuple[int, int]) -> None:
     images = torch.randn(2, 3, *size, generator=torch.Generator().manual_seed(1))
     with torch.no_grad():
-        mine = build_dinov2(find_weights(dinov2.folder), None, None).tokens(images, None)
+        mine = build_dinov2(find_weights(dinov2.folder), None).tokens(images, None)
         wanted = dinov2.model(images).last_hidden_state[:, -mine.shape[1] * mine.shape[2] :].reshape(mine.shape)
     torch.testing.assert_close(mine, wanted, atol=1e-5 * float(wanted.abs().max()), rtol=0)
 
 
 def test_pictures_of_other_lengths_do_not_mix(dinov2: Saved) -> None:
-    tokens = build_dinov2(find_weights(dinov2.folder), 2, None).tokens
+    tokens = build_dinov2(find_weights(dinov2.folder), 2).tokens
     generator = torch.Generator().manual_seed(2)
     images = torch.randn(3, 3, 32, 32, generator=generator)
     patches = torch.rand(3, 4, 4, generator=generator) < 0.5
@@ -44,7 +44,7 @@ def test_pictures_of_other_lengths_do_not_mix(dinov2: Saved) -> None:
 def test_names_of_older_files_are_known(folder: Path) -> None:
     images = torch.randn(1, 3, 32, 32)
     with torch.no_grad():
-        wanted = build_dinov2(find_weights(folder), None, None).tokens(images, None)
+        wanted = build_dinov2(find_weights(folder), None).tokens(images, None)
     file = folder / "model.safetensors"
     tensors = safetensors.torch.load_file(file)
     of_today = {
@@ -61,7 +61,7 @@ def test_names_of_older_files_are_known(folder: Path) -> None:
     safetensors.torch.save_file(older, file)
     assert not any("q_proj" in name for name in older)
     with torch.no_grad():
-        assert torch.equal(build_dinov2(find_weights(folder), None, None).tokens(images, None), wanted)
+        assert torch.equal(build_dinov2(find_weights(folder), None).tokens(images, None), wanted)
 
 
 def test_a_shape_is_distilled_without_transformers(folder: Path) -> None:
@@ -82,4 +82,4 @@ def test_other_networks_are_refused(folder: Path, odd: dict[str, Any]) -> None:
     weights = find_weights(folder)
     weights.config.update(odd)
     with pytest.raises(ValueError, match=f"not a valid dinov2 model: `{next(iter(odd))}` is"):
-        build_dinov2(weights, None, None)
+        build_dinov2(weights, None)

@@ -11,7 +11,7 @@ from tiny_families import Saved, pictures
 
 import dfd
 import dfd.encoders.encode
-from dfd.encoders.encode import Encoder, _fill_in_batches, load_encoder
+from dfd.encoders.encode import Encoder, load_encoder
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -36,13 +36,12 @@ def test_threads_do_not_show(dinov2: Saved) -> None:
 
 
 @pytest.mark.parametrize(("given", "used"), [(50, 48), (52, 56), (3, 8)])
-def test_other_resolutions_are_resized_and_said_once(dinov2: Saved, given: int, used: int) -> None:
+def test_other_resolutions_are_resized_and_said(dinov2: Saved, given: int, used: int) -> None:
     encoder = load_encoder(dinov2.folder, device="cpu")
     assert encoder.nearest_resolution(given) == used
     with pytest.warns(UserWarning, match=f"resolution of {given} is no multiple of the 8 pixels.*resized to {used}"):
         tokens = encoder.encode(pictures(1, given))
     assert tokens.shape == (1, used // 8, used // 8, 16)
-    encoder.encode(pictures(1, given))  # a second warning would fail
 
 
 def test_unknown_precision_and_device_are_refused(dinov2: Saved) -> None:
@@ -77,27 +76,7 @@ def test_tokens_that_are_not_finite_are_refused(dinov2: Saved) -> None:
         encoder.encode(pictures(1, 32))
 
 
-OUT_OF_MEMORY = [torch.cuda.OutOfMemoryError(), RuntimeError("can't allocate memory: you tried")]
-
-
-@pytest.mark.parametrize("error", OUT_OF_MEMORY)
-def test_a_device_with_too_little_memory_gets_smaller_batches(error: RuntimeError) -> None:
-    filled: list[tuple[int, int]] = []
-    limit = 1
-
-    def fill(begin: int, end: int) -> None:
-        if end - begin > limit:
-            raise error
-        filled.append((begin, end))
-
-    _fill_in_batches(5, 4, fill)
-    assert filled == [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5)]
-    limit = 0
-    with pytest.raises(type(error)):
-        _fill_in_batches(5, 4, fill)
-
-
-@pytest.mark.parametrize("error", OUT_OF_MEMORY)
+@pytest.mark.parametrize("error", [torch.cuda.OutOfMemoryError(), RuntimeError("can't allocate memory: you tried")])
 def test_too_little_memory_for_one_image_says_what_to_lower(
     dinov2: Saved, monkeypatch: pytest.MonkeyPatch, error: RuntimeError
 ) -> None:

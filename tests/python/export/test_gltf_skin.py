@@ -72,7 +72,7 @@ def test_a_skin_that_is_not_pruned_is_what_pose_makes(make, session, tmp_path):
     assert report.pruned == 0
     assert report.normalized == 0
     assert report.joints > 1
-    assert "as dfd.pose has it" in str(report)
+    assert "no deviation from dfd.pose" in str(report)
 
 
 def test_counterparts_have_joints_of_their_own_in_their_own_frames(tmp_path, make_session):

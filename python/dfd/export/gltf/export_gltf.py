@@ -13,7 +13,7 @@ from dfd.export.gltf import morph, skin
 from dfd.export.gltf.document import GltfDocument
 from dfd.export.report import RigReport, report_of
 from dfd.export.rig import Rig
-from dfd.export.skinning import skin_of
+from dfd.export.skinning import difference_of, skin_of
 from dfd.mesh.file.gltf.header import Header
 
 NAME = "dfd key poses"
@@ -39,12 +39,13 @@ def export_gltf(rig: Rig, target: Path, form: str, most: int | None) -> RigRepor
             ),
         )
         note = f"the file's own animations no longer move {left}; morph targets would leave them theirs"
-        report = report_of(rig, target, form, found.difference(rig), skin=found, notes=(note,) if left else ())
+        notes = (note,) if left else ()
+        report = report_of(rig, target, form, difference_of(rig, found.shown), skin=found, notes=notes)
     else:
         targets = morph.targets_of(rig)
         nodes = morph.add_targets(document, rig, targets)
         _animate(document, rig, ((node, "weights", targets.weights[1:].ravel()) for node in nodes))
-        report = report_of(rig, target, form, targets.difference(rig), targets=len(targets.names))
+        report = report_of(rig, target, form, difference_of(rig, targets.shown), targets=len(targets.names))
     document.write(target)
     return report
 

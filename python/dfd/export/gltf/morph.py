@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -16,7 +15,6 @@ from dfd.common.linear_algebra import Float64
 from dfd.editing.edit import Edit
 from dfd.export.gltf.document import GltfDocument
 from dfd.export.rig import Rig
-from dfd.export.skinning import Difference, differences
 from dfd.mesh.file import moved_normals
 from dfd.mesh.file.gltf.header import Header, objects
 from dfd.mesh.file.primitives import Primitive
@@ -39,10 +37,6 @@ class MorphTargets:
             if weight:
                 result += weight * (shape - rest).astype(np.float32).astype(np.float64)
         return result
-
-    def difference(self, rig: Rig) -> Difference:
-        """The difference between the morphed shapes of the rig's moments and `dfd.pose`."""
-        return differences(rig, [partial(self.shown, moment, rig) for moment in range(len(rig.poses) + 1)])
 
 
 def targets_of(rig: Rig) -> MorphTargets:
