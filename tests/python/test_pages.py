@@ -30,6 +30,20 @@ def test_the_reference_has_every_public_name(name: str) -> None:
     assert re.search(rf":: (dfd\.)?{name}$", PAGES[Path("docs/reference/python.md")], re.MULTILINE)
 
 
+def test_the_reference_calls_experimental_what_the_package_does() -> None:
+    [marked] = re.findall(r"^__all__ \+= \[(.*)\]$", Path(dfd.__file__).read_text("utf-8"), re.MULTILINE)
+    text = PAGES[Path("docs/reference/python.md")].partition("## Experimental")[2]
+    assert set(re.findall(r":: (\w+)$", text, re.MULTILINE)) - {"dfd"} == set(re.findall(r'"(\w+)"', marked))
+
+
+def test_pages_agree_on_the_precision_of_weights() -> None:
+    rows = [line for line in TEXT.splitlines() if "bench.quality labelled" in line and "precision" in line]
+    rows += re.findall(r"^\| dfd \| .*$", PAGES[Path("docs/compare.md")], re.MULTILINE)
+    rows += re.findall(r"^\| `dinov2-small-focus` \| .*$", PAGES[Path("docs/learned.md")], re.MULTILINE)
+    assert len(rows) >= 3
+    assert {re.findall(r"0\.\d+", row)[0] for row in rows if re.search(r"0\.\d", row)} == {"0.87"}
+
+
 @pytest.mark.parametrize("control", CONTROLS)
 def test_how_it_works_has_every_control(control: str) -> None:
     assert any(f"`{control}" in page.read_text(encoding="utf-8") for page in (DOCS / "how_it_works").glob("*.md"))

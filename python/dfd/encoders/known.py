@@ -38,11 +38,12 @@ class KnownEncoder:
     block: int | None = None
 
 
-# The default, and five as the paper compares them (Fig. 11 and 12).
+# The default, the network that it was tuned from, and five as the paper compares them (Fig. 11 and 12).
 KNOWN_ENCODERS: dict[str, KnownEncoder] = {
     known.name: known
     for known in (
         KnownEncoder(DEFAULT_ENCODER, None, 518, block=9),
+        KnownEncoder("dinov2-small", "facebook/dinov2-small", 518),
         KnownEncoder("dinov2-base", "facebook/dinov2-base", 518),
         KnownEncoder("dinov3-base", "facebook/dinov3-vitb16-pretrain-lvd1689m", 512),
         # CLIP's last blocks serve its class token: patches keep to their own place in the middle of the network.
