@@ -36,7 +36,7 @@ from bench.paper.peers import PEERS
 from bench.paper.peers.biharmonic import OptCtrlPoints
 from bench.paper.peers.peer import Job, PeerError, run, tetrahedra
 from bench.quality.measures import components_of
-from bench.speed.measure import measure
+from bench.speed.measure import together
 from dfd.common.linear_algebra import Int64
 from dfd.common.preset import Preset
 from dfd.geometry.topology import face_components, first_at_place, inspect
@@ -108,12 +108,13 @@ def _dfd_seconds(context: Context, shape: Shape, preset: Preset) -> list[float]:
     mesh, vertex = shape.mesh, shape.at((0.5, 1.0, 0.5))
     features = field.features(mesh)
     weights, transform = dfd.bind(features, [vertex]), np.eye(3, 4)[None] + 0.1
-    calls: Sequence[Callable[[], object]] = (
-        lambda: dfd.bind(field.features(mesh), [vertex]),
-        lambda: dfd.bind(features, [vertex]),
-        lambda: dfd.pose(mesh.vertices, weights, transform),
-    )
-    return [preprocess, *(measure(call, seconds=context.of((0.1, 1.0)), least=3).median for call in calls)]
+    calls: dict[str, Callable[[], object]] = {
+        "bind": lambda: dfd.bind(field.features(mesh), [vertex]),
+        "rebind": lambda: dfd.bind(features, [vertex]),
+        "pose": lambda: dfd.pose(mesh.vertices, weights, transform),
+    }
+    taken = together(calls, seconds=context.of((0.1, 1.0)), least=3)
+    return [preprocess, *(each.median for each in taken.values())]
 
 
 def _peer_seconds(mesh: dfd.Mesh, name: str, patience: float) -> list[float | None]:
