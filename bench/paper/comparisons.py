@@ -276,7 +276,8 @@ def fig21(context: Context) -> Sections:
         sums = [each.weights.sum(axis=1) for each in sessions.values()]
         rows += [[*row, float(each.mean()), float(each.max())] for row, each in zip(own, sums, strict=True)]
     table = Table([*HEADER, "mean sum of weights", "largest sum"], rows)
-    return [Section("Fifty handles", f"{DENSE_TEXT}\n\n{LEGEND}", pictures, table)]
+    text = f"{DENSE_TEXT} Where weights sum to more than 1, Eq. 1 as it is written scales the shape by the sum."
+    return [Section("Fifty handles", f"{text}\n\n{LEGEND}", pictures, table)]
 
 
 def _moved(deformer: dfd.Deformer) -> Float64:

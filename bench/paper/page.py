@@ -335,7 +335,7 @@ def gallery(
     subjects: Iterable[Subject],
     variants: Callable[[Subject], Mapping[str, dfd.Deformer]],
     columns: Sequence[str],
-    measure: Callable[[Subject, dfd.Deformer], Sequence[Any]],
+    measure: Callable[[Subject, dfd.Deformer, dfd.Deformer], Sequence[Any]],
     text: str = "",
     *,
     heading: str = "Results",
@@ -345,15 +345,18 @@ def gallery(
 ) -> Sections:
     """Draw every subject by the sessions of its `variants`, and tabulate what `measure` says of each in `columns`.
 
-    `shown` are views of `session_views`, a row of pictures each; `source` is what `picture` draws of the shape at rest.
+    `measure` is given the first of the sessions as well, from whose side all are seen. `shown` are views of
+    `session_views`, a row of pictures each; `source` is what `picture` draws of the shape at rest.
     """
     drawn, rows = [], []
     for subject in subjects:
         sessions, mesh = variants(subject), subject.shape.mesh
-        angle = getattr(subject.case, "azimuth", None) if azimuth is None else azimuth
-        views = {name: session_views(each, angle) for name, each in sessions.items()}
+        first, angle = next(iter(sessions.values())), getattr(subject.case, "azimuth", azimuth)
+        views: dict[str, dict[str, dict[str, Any]]] = {}
         room = [mesh.vertices, *(each.vertices for each in sessions.values() if each.mesh is mesh)]
         for name, each in sessions.items():
+            views[name] = session_views(each, angle)
+            angle = views[name]["before"]["azimuth"]
             for view in views[name].values():
                 view.update(resolution=RESOLUTION, **({"frame": room} if each.mesh is mesh else {}))
         start = (picture(mesh, **{**next(iter(views.values()))["before"], **source(subject)}), "before")
@@ -366,7 +369,7 @@ def gallery(
             drawn.append((subject.heading, [start, *(cell for row in cells for cell in row)]))
         else:
             drawn += [(f"{subject.heading}: {what}", [start, *row]) for what, row in zip(shown, cells, strict=True)]
-        rows += [[*subject.label, name, *measure(subject, each)] for name, each in sessions.items()]
+        rows += [[*subject.label, name, *measure(subject, each, first)] for name, each in sessions.items()]
     return [Section(heading, text, drawn, Table(["shape", "preset", "variant", *columns], rows))]
 
 
@@ -412,7 +415,8 @@ def write(make: Callable[[Context], Sections], figure: Figure, name: str, folder
             lines += ["", *to_markdown(table.columns, table.rows)]
     decides = figure.number([row for rows in tables.values() for row in rows])
     verdict = figure.verdict(decides, context.quick)
-    said = to_markdown(["", "the paper", "here"], [[figure.measured, figure.paper, f"{decides:.3g}"]])
+    here = f"{decides:.3g}" if np.isfinite(decides) else "not measured"
+    said = to_markdown(["", "the paper", "here"], [[figure.measured, figure.paper, here]])
     lines = [f"# {title}", "", *said, "", verdict, "", *[f"- {note}" for note in context.notes()], *lines]
     settings = {"quick": context.quick, "presets": context.used}
     document = {"page": name, "title": title, "paper": figure.paper, "verdict": verdict, **settings, "tables": tables}

@@ -189,7 +189,7 @@ def gap(mesh: dfd.Mesh, moved: NDArray[np.floating]) -> float | None:
 def fig17(context: Context) -> Sections:
     """Shapes with holes, loose components and non-manifold edges: defects, and one pull."""
 
-    def torn(subject: Subject, each: dfd.Deformer) -> list[Any]:
+    def torn(subject: Subject, each: dfd.Deformer, _: dfd.Deformer) -> list[Any]:
         mesh, counts = subject.shape.mesh, inspect(subject.shape.mesh)
         opened, length = gap(mesh, each.vertices), float(np.linalg.norm(each.vertices - mesh.vertices, axis=1).max())
         part = None if opened is None else 100 * opened / max(length, 1e-12)
@@ -232,7 +232,7 @@ def fig18(context: Context) -> Sections:
                 taken[shape.name, preset] = [rendering, seconds - rendering]
                 yield Subject(shape, case, preset, field)
 
-    def measure(subject: Subject, each: dfd.Deformer) -> list[Any]:
+    def measure(subject: Subject, each: dfd.Deformer, _: dfd.Deformer) -> list[Any]:
         mesh, handle = subject.shape.mesh, subject.case.on(subject.shape)
         start = time.perf_counter()
         weights = dfd.bind(subject.field.features(mesh), [handle["at"]])

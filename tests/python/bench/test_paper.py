@@ -80,9 +80,12 @@ def test_every_figure_of_the_paper_has_a_page_or_a_reason():
     assert set(PAGES) == set(FIGURES)
 
 
-def test_the_reference_names_every_page():
+def test_the_reference_says_of_every_page_what_it_shows_and_what_the_paper_has():
     text = (ROOT / "docs" / "reference" / "paper.md").read_text("utf-8")
-    assert all(f"`{name}`" in text for name in (*PAGES, *CANNOT))
+    for name, make in PAGES.items():
+        assert f"| `{name}` | {make.__doc__.splitlines()[0].rstrip('.')} | {FIGURES[name].paper} |" in text
+    assert all(f"`{name}`" in text for name in CANNOT)
+    assert all(f"`{peer.__module__}.{peer.__name__}`" in text for peer in PEERS.values())
 
 
 def test_a_verdict_follows_from_the_number():
