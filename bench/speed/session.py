@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import argparse
 import multiprocessing
+import resource
+import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -43,7 +46,7 @@ def shape(vertex_count: int) -> dfd.Mesh:
 def steps(vertex_count: int, of_shape: dfd.Field) -> Row:
     """Return the seconds of each of `STEPS` in one session, and the GB by which it raises the process's memory."""
     mesh = shape(vertex_count)
-    before = _resident()
+    before = _peak()
     session = dfd.Deformer(mesh, of_shape, other_shape=True)
     foot, head = int(mesh.vertices[:, 1].argmin()), int(mesh.vertices[:, 2].argmax())
     seconds = {"vertices": float(len(mesh.vertices)), "features": _timed(session.prepare)}
@@ -52,7 +55,7 @@ def steps(vertex_count: int, of_shape: dfd.Field) -> Row:
         frames = [_frame(session, handle, 0.01 * (k + 1)) for k in range(1 + LATER)]
         seconds["first frame" if handle == 1 else "its first frame"] = frames[0]
         seconds["later frame"] = float(np.median(frames[1:]))
-    return seconds | {"memory": _resident(peak=True) - before}
+    return seconds | {"memory": _peak() - before}
 
 
 def measured(vertex_count: int, of_shape: dfd.Field) -> Row:
@@ -66,18 +69,15 @@ def _frame(session: dfd.Deformer, handle: int, down: float) -> float:
     return _timed(lambda: session.vertices)
 
 
-def _timed(call: object) -> float:
+def _timed(call: Callable[[], object]) -> float:
     began = time.perf_counter()
-    call()  # type: ignore[operator]
+    call()
     return time.perf_counter() - began
 
 
-def _resident(*, peak: bool = False) -> float:
-    """Return the memory of this process, GB; Linux alone tells."""
-    key = "VmHWM" if peak else "VmRSS"
-    status = Path("/proc/self/status")
-    lines = status.read_text().splitlines() if status.exists() else []
-    return next((int(line.split()[1]) / 1e6 for line in lines if line.startswith(key)), float("nan"))
+def _peak() -> float:
+    """Return the largest memory that this process had, GB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1e9 if sys.platform == "darwin" else 1e6)
 
 
 def main() -> None:

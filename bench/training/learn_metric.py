@@ -8,7 +8,7 @@ Equal features give equal files. docs/learned.md names the sources of the metric
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = options_of(arguments, "learn_metric", __doc__, FOLDER)
     encoder = load_encoder(options.encoder)
     lessons = []
-    for shape in labelled_shapes(options.meshes, options.lessons, print):
+    for shape in labelled_shapes(options.meshes, options.lessons):
         print(shape.name, flush=True)
         lessons.append(Lesson(shape, cached_vertex_features(CACHE, shape.mesh, encoder)))
     learn(lessons, encoder).save(options.output)
@@ -49,12 +49,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(f"{options.output}\n{REPORT}")
 
 
-def labelled_shapes(folder: Path, lessons: Path | None, say: Callable[[str], None]) -> list[Shape]:
+def labelled_shapes(folder: Path, lessons: Path | None) -> list[Shape]:
     """Every shape to learn from; characters by the merged names of their parts."""
-    found = [*shapes.rigs(folder, say), *shapes.rigs(folder, say, under="upright")]
-    found += [shape for shape in shapes.characters(folder, say) if "rig names" not in shape.name]
+    found = [*shapes.rigs(folder), *shapes.rigs(folder, under="upright"), *shapes.characters(folder)]
     for under in ("rigs", "people") if lessons else ():
-        found += shapes.rigs(lessons, say, under=under)
+        found += shapes.rigs(lessons, under=under)
     return found + shapes.made(FACES)
 
 
