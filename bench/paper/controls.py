@@ -42,13 +42,23 @@ AFFINE = {
 def fig1(context: Context) -> Sections:
     """Edits of the teaser: one handle, mirrored by the plane of symmetry that is found."""
     subjects = context.subjects(SYMMETRY, (2, 4), refined=True)
-    return gallery(subjects, lambda subject: {"edit": subject.pull(symmetric=True)}, ("plane %",), _plane)
+    return gallery(
+        subjects,
+        lambda subject: {"edit": subject.pull(symmetric=True)},
+        ("plane %",),
+        lambda _, session, __: [100 * (session.symmetry is not None)],
+    )
 
 
 def fig2(context: Context) -> Sections:
     """Affine edits by one handle: rotations and scales, some with locality."""
+
+    def flipped(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> list[float]:
+        mesh = subject.shape.mesh
+        return [100 * surface_metrics(mesh, session.vertices).flipped_faces / len(mesh.faces)]
+
     subjects = context.subjects(AFFINE, (3, 6), refined=True)
-    return gallery(subjects, lambda subject: {"edit": subject.pull()}, ("flipped %",), _flipped)
+    return gallery(subjects, lambda subject: {"edit": subject.pull()}, ("flipped %",), flipped)
 
 
 def fig3(context: Context) -> Sections:
@@ -61,15 +71,6 @@ def fig3(context: Context) -> Sections:
 
     subjects = context.subjects(PULLS, (3, 10), refined=True)
     return gallery(subjects, lambda subject: {"edit": subject.pull()}, ("off %",), off)
-
-
-def _plane(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> list[int]:
-    return [100 * (session.symmetry is not None)]
-
-
-def _flipped(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> list[float]:
-    mesh = subject.shape.mesh
-    return [100 * surface_metrics(mesh, session.vertices).flipped_faces / len(mesh.faces)]
 
 
 def fig5(context: Context) -> Sections:

@@ -9,9 +9,9 @@ Labeling", 2010.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +28,7 @@ from bench.quality.measures import (
     soft_iou,
 )
 from bench.quality.shapes import Shape, made
-from dfd.common.linear_algebra import Bool, Float64, Int64
+from dfd.common.linear_algebra import Int64
 from dfd.geometry.topology import face_areas
 from dfd.segmentation.parts import Parts
 
@@ -43,31 +43,15 @@ LEGEND = {
 
 
 @dataclass(frozen=True, eq=False)
-class LabelledShape:
-    """A mesh with the parts that people see in it."""
+class LabelledShape(Shape):
+    """A mesh with the parts that people see in it; a vertex has the label of the faces around it, by area."""
 
-    category: str  # its kind, such as "Ant"
-    kept_back: bool  # whether constants are never chosen on it: half of each category
-    shape: Shape  # mesh, and labels of vertices: of the faces around one the most, by area
-
-    @property
-    def name(self) -> str:
-        """The name of the shape."""
-        return self.shape.name
-
-    @property
-    def mesh(self) -> dfd.Mesh:
-        """The mesh of the shape."""
-        return self.shape.mesh
-
-    @cached_property
-    def areas(self) -> Float64:
-        """(V,) how much of the surface belongs to each vertex."""
-        return area_fractions(self.mesh)
+    category: str = ""  # its kind, such as "Ant"
+    kept_back: bool = True  # whether constants are never chosen on it: half of each category
 
     def judged(self, field: dfd.Field) -> dict[str, float]:
         """Return every number of `LEGEND`, means over the handles of each label and over the labels."""
-        labels, features = self.shape.labels, field.features(self.mesh)
+        labels, features, areas = self.labels, field.features(self.mesh), area_fractions(self.mesh)
         assert labels is not None
         handles = draw_handles(labels, EACH)
         truths = [labels == labels[handle] for handle in handles]
@@ -76,24 +60,21 @@ class LabelledShape:
             "Euclidean precision": partial(euclidean, self.mesh.vertices),
             "geodesic precision": partial(geodesic, dfd.Geodesics(self.mesh)),
         }
-        found: dict[str, Sequence[float]] = {
+        found: dict[str, list[float]] = {
             name: handle_precision(method(handles), labels, handles).tolist() for name, method in methods.items()
         }
         parts = Parts(self.mesh, field.on(self.mesh).rows)
         masks = [parts.part(handle).mask for handle in handles.tolist()]
-        found["part"] = [soft_iou(self.areas, *each) for each in zip(masks, truths, strict=True)]
+        found["part"] = [soft_iou(areas, *each) for each in zip(masks, truths, strict=True)]
         sessions = {"grip": dfd.Deformer(self.mesh, field, features=features)}
         sessions["paper's grip"] = dfd.Deformer(self.mesh, field, preset="paper", features=features)
         for name, session in sessions.items():
-            found[name] = list(self._grips(session, handles, truths))
+            found[name] = []
+            for handle, truth in zip(handles.tolist(), truths, strict=True):
+                held = session.add(handle)
+                found[name].append(soft_iou(areas, session.following[:, 0].astype(np.float64), truth))
+                session.remove(held)
         return {name: mean_over_labels(labels[handles], values) for name, values in found.items()}
-
-    def _grips(self, session: dfd.Deformer, handles: Int64, truths: Sequence[Bool]) -> Iterator[float]:
-        """Yield what each handle holds of its label, and beyond it."""
-        for handle, truth in zip(handles.tolist(), truths, strict=True):
-            held = session.add(handle)
-            yield soft_iou(self.areas, session.following[:, 0].astype(np.float64), truth)
-            session.remove(held)
 
 
 def labelled_shapes(folder: Path | None, *, quick: bool = False) -> Iterator[LabelledShape]:
@@ -105,7 +86,7 @@ def labelled_shapes(folder: Path | None, *, quick: bool = False) -> Iterator[Lab
     """
     if folder is None:
         for shape in made(FEW_FACES if quick else FACES):
-            yield LabelledShape(shape.name, True, shape)
+            yield LabelledShape(shape.name, shape.mesh, shape.labels, shape.parts, shape.name)
         return
     categories = sorted(path for path in folder.iterdir() if any(path.glob("*_labels.txt")))
     if not categories:
@@ -115,17 +96,18 @@ def labelled_shapes(folder: Path | None, *, quick: bool = False) -> Iterator[Lab
         half = len(paths) // 2
         for number, path in enumerate(paths):
             if not quick or number == half:
-                yield LabelledShape(category.name, number >= half, _read(path))
+                yield _read(path, kept_back=number >= half)
 
 
-def _read(path: Path) -> Shape:
+def _read(path: Path, *, kept_back: bool) -> LabelledShape:
     mesh = dfd.load(path)
     names, of_face = _face_labels(path.with_name(f"{path.stem}_labels.txt"), len(mesh.faces))
     votes = np.zeros((len(mesh.vertices), len(names)))
     areas = face_areas(mesh.vertices, mesh.faces)
     for corner in mesh.faces.T:
         np.add.at(votes, (corner, of_face), areas)
-    return Shape(f"{path.parent.name} {path.stem}", mesh, votes.argmax(axis=1), names)
+    category = path.parent.name
+    return LabelledShape(f"{category} {path.stem}", mesh, votes.argmax(axis=1), names, category, kept_back)
 
 
 def _face_labels(path: Path, count: int) -> tuple[tuple[str, ...], Int64]:
