@@ -122,42 +122,7 @@ def farthest(points: Float64, count: int) -> Int64:
     return np.array(chosen, np.int64)
 
 
-# --- one case by all methods
-
-
-def compare(
-    name: str, case: Case, methods: Mapping[str, Callable[[], Float64]]
-) -> tuple[list[list[Any]], dict[str, Float64 | str]]:
-    """Return a row of the table a method, and where the vertices (V, 3) went or why they did not.
-
-    A method that fails stops no other.
-    """
-    rows, results = [], dict[str, Float64 | str]()
-    for method, move in methods.items():
-        try:
-            moved = move()
-            found = surface_metrics(case.mesh, moved)
-        except (PeerError, ValueError, OSError, MemoryError) as error:
-            results[method] = " ".join(str(error).split()) or type(error).__name__
-            rows.append([name, method, *[None] * len(COLUMNS), results[method]])
-            continue
-        size = float(np.linalg.norm(np.ptp(moved, axis=0))) / case.mesh.diagonal
-        note = f"explodes: {size:.3g} times as large" if size > EXPLODED else ""
-        missing = np.linalg.norm(moved[case.handles] - case.targets, axis=1).max() / case.mesh.diagonal
-        volume = None if found.volume is None else 100 * found.volume
-        changes = [100 * float(missing), 100 * found.area, found.angle, 100 * found.edge_length, volume]
-        results[method] = note or moved
-        rows.append([name, method, *changes, found.flipped_faces, size, note])
-    return rows, results
-
-
 # --- methods
-
-
-def methods_of(context: Context, case: Case, ball: float) -> dict[str, Callable[[], Float64]]:
-    """Return every method by its name, ready to be called on `case`: DFD by its handles alone."""
-    own = {NAMES[preset]: lambda preset=preset: pulled(context, case, preset).vertices for preset in PRESETS}
-    return {**own, **{name: partial(deform, name, case, ball) for name in COMPARED}}
 
 
 def pulled(context: Context, case: Case, preset: Preset, *, dense: bool = False) -> dfd.Deformer:
@@ -256,32 +221,56 @@ def fig22(context: Context) -> Sections:
     return _compared(context, pulls(context, (2, 2)))
 
 
-def _compared(context: Context, cases: Cases, text: str = "", *, ball: float = BALL, weights: bool = False) -> Sections:
+def fig21(context: Context) -> Sections:
+    """DFD with fifty handles."""
+    text = f"{DENSE_TEXT} Where weights sum to more than 1, Eq. 1 as it is written scales the shape by the sum."
+    return _compared(context, dense(context, (1, 6)), text, all_handles=True)
+
+
+def _compared(
+    context: Context,
+    cases: Cases,
+    text: str = "",
+    *,
+    ball: float = BALL,
+    weights: bool = False,
+    all_handles: bool = False,
+) -> Sections:
+    """Draw and measure every case by DFD and by the others; with `all_handles` by DFD alone, every point its handle.
+
+    A method that fails stops no other.
+    """
     pictures, rows = [], []
     for name, case in cases:
         context.say(name)
-        own, results = compare(name, case, methods_of(context, case, ball))
+        methods: dict[str, Callable[[], Float64]] = {
+            NAMES[preset]: lambda preset=preset, case=case: pulled(context, case, preset, dense=all_handles).vertices
+            for preset in PRESETS
+        }
+        if not all_handles:
+            methods |= {peer: partial(deform, peer, case, ball) for peer in COMPARED}
+        results: dict[str, Float64 | str] = {}  # where the vertices (V, 3) went, or why they did not
+        for method, move in methods.items():
+            try:
+                results[method] = moved = move()
+                changes, note = measured(case, moved)
+            except (PeerError, ValueError, OSError, MemoryError) as error:
+                changes, note = [None] * len(COLUMNS), " ".join(str(error).split()) or type(error).__name__
+            if note:
+                results[method] = note
+            rows.append([name, method, *changes, note])
         pictures.append(drawn(context, name, case, results, weights=weights))
-        rows += own
     return [Section("Results", f"{text}\n\n{LEGEND}".lstrip(), pictures, Table(HEADER, rows))]
 
 
-def fig21(context: Context) -> Sections:
-    """DFD with fifty handles."""
-    pictures, rows = [], []
-    for name, case in dense(context, (1, 6)):
-        sessions = {NAMES[preset]: pulled(context, case, preset, dense=True) for preset in PRESETS}
-        own, results = compare(name, case, {method: partial(_moved, each) for method, each in sessions.items()})
-        pictures.append(drawn(context, name, case, results))
-        sums = [each.weights.sum(axis=1) for each in sessions.values()]
-        rows += [[*row, float(each.mean()), float(each.max())] for row, each in zip(own, sums, strict=True)]
-    table = Table([*HEADER, "mean sum of weights", "largest sum"], rows)
-    text = f"{DENSE_TEXT} Where weights sum to more than 1, Eq. 1 as it is written scales the shape by the sum."
-    return [Section("Fifty handles", f"{text}\n\n{LEGEND}", pictures, table)]
-
-
-def _moved(deformer: dfd.Deformer) -> Float64:
-    return deformer.vertices
+def measured(case: Case, moved: Float64) -> tuple[list[Any], str]:
+    """Return the numbers of `COLUMNS` for moved vertices (V, 3), and a note if they explode."""
+    found, diagonal = surface_metrics(case.mesh, moved), case.mesh.diagonal
+    size = float(np.linalg.norm(np.ptp(moved, axis=0))) / diagonal
+    missing = float(np.linalg.norm(moved[case.handles] - case.targets, axis=1).max()) / diagonal
+    volume = None if found.volume is None else 100 * found.volume
+    changes = [100 * missing, 100 * found.area, found.angle, 100 * found.edge_length, volume, found.flipped_faces, size]
+    return changes, f"explodes: {size:.3g} times as large" if size > EXPLODED else ""
 
 
 def table2(context: Context) -> Sections:
