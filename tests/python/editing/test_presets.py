@@ -130,7 +130,7 @@ def test_the_paper_is_its_equations(mesh, field, features, symmetry):
         features,
         places,
         fixed=[1500],
-        geodesic=dfd.Geodesics(mesh, bridges=False).distances(places),
+        geodesic=dfd.Geodesics(mesh, bridges=False, sampled=False).distances(places),
         locality=[1.5, 0.5, 0.0],
     )
     assert weights.sum(axis=1).max() > 1.1
