@@ -65,13 +65,12 @@ surfaces. **flipped faces**: folded over against those around them. **size**: of
 **biharmonic** and **BBW** work within tetrahedra of the shape with at most 6,000 faces. The networks of APAP and
 DeepMetaHandles cannot be had."""
 
-Cases = Sequence[tuple[str, "Case"]]  # by name
-
 
 @dataclass(frozen=True)
 class Case:
     """One shape and what is to be done to it."""
 
+    name: str
     mesh: dfd.Mesh
     handles: Int64  # (H,) vertices
     targets: Float64  # (H, 3) where they are to be, mesh units
@@ -81,14 +80,14 @@ class Case:
     dense: bool = False  # whether `held` is enough as it is, without the neighbors of its points
 
 
-def pulls(context: Context, most: tuple[int, int]) -> Cases:
+def pulls(context: Context, most: tuple[int, int]) -> list[Case]:
     """Return pulls of our own on the meshes at hand."""
-    return [(shape.name, case_of(shape.refined(), pull)) for shape, pull in context.cases(PULLS, most)]
+    return [case_of(shape.refined(), pull) for shape, pull in context.cases(PULLS, most)]
 
 
-def dense(context: Context, most: tuple[int, int]) -> Cases:
+def dense(context: Context, most: tuple[int, int]) -> list[Case]:
     """Return shapes with fifty control points and a stretch of our own."""
-    return [(shape.name, _stretched(shape.refined(), by)) for shape, by in context.cases(STRETCHED, most)]
+    return [_stretched(shape.refined(), by) for shape, by in context.cases(STRETCHED, most)]
 
 
 def case_of(shape: Shape, pull: BoxHandle) -> Case:
@@ -98,7 +97,7 @@ def case_of(shape: Shape, pull: BoxHandle) -> Case:
     fixed = np.array([each for each in staying if each != handle["at"]], np.int64)
     target = vertices[[handle["at"]]] + handle["translation"]
     held = np.concatenate([[handle["at"]], fixed])
-    return Case(shape.mesh, held[:1], target, fixed, held, np.concatenate([target, vertices[fixed]]))
+    return Case(shape.name, shape.mesh, held[:1], target, fixed, held, np.concatenate([target, vertices[fixed]]))
 
 
 def _stretched(shape: Shape, by: float) -> Case:
@@ -109,7 +108,7 @@ def _stretched(shape: Shape, by: float) -> Case:
     below = np.maximum(LIFTED - (mesh.vertices[held, 1] - low) / height, 0) / LIFTED
     held_to = mesh.vertices[held] - below[:, None] * np.array([0, by * height, 0])
     handle = int(below.argmax())
-    return Case(mesh, held[[handle]], held_to[[handle]], np.empty(0, np.int64), held, held_to, dense=True)
+    return Case(shape.name, mesh, held[[handle]], held_to[[handle]], np.empty(0, np.int64), held, held_to, dense=True)
 
 
 def farthest(points: Float64, count: int) -> Int64:
@@ -131,7 +130,7 @@ def pulled(context: Context, case: Case, preset: Preset, *, dense: bool = False)
     handles = [
         {"at": int(at), "translation": target - case.mesh.vertices[at]} for at, target in zip(*points, strict=True)
     ]
-    return session(case.mesh, context.field(Shape("", case.mesh), preset), preset, handles)
+    return session(case.mesh, context.field(Shape(case.name, case.mesh), preset), preset, handles)
 
 
 def deform(name: str, case: Case, ball: float) -> Float64:
@@ -158,9 +157,7 @@ def constraints(case: Case, ball: float) -> Job:
 # --- pictures
 
 
-def drawn(
-    context: Context, name: str, case: Case, results: Mapping[str, Float64 | str], *, weights: bool = False
-) -> Pictures:
+def drawn(context: Context, case: Case, results: Mapping[str, Float64 | str], *, weights: bool = False) -> Pictures:
     """The source and every method's outline over it; with `weights`, those that DFD's handle has before its outline."""
     mesh, source = case.mesh, case.mesh.vertices[case.handles]
     where = aim(mesh, source, case.targets, *(each for each in results.values() if not isinstance(each, str)))
@@ -175,7 +172,7 @@ def drawn(
             follows = pulled(context, case, presets[method]).following.max(axis=1)
             found.append((picture(mesh, weights=follows, handles=source, **where), f"{method}: weights"))
         found.append((silhouettes(mesh, moved, where), method))
-    return name, found
+    return case.name, found
 
 
 def marked(case: Case, where: Mapping[str, object], image: UInt8) -> UInt8:
@@ -229,7 +226,7 @@ def fig21(context: Context) -> Sections:
 
 def _compared(
     context: Context,
-    cases: Cases,
+    cases: Sequence[Case],
     text: str = "",
     *,
     ball: float = BALL,
@@ -241,8 +238,8 @@ def _compared(
     A method that fails stops no other.
     """
     pictures, rows = [], []
-    for name, case in cases:
-        context.say(name)
+    for case in cases:
+        context.say(case.name)
         methods: dict[str, Callable[[], Float64]] = {
             NAMES[preset]: lambda preset=preset, case=case: pulled(context, case, preset, dense=all_handles).vertices
             for preset in PRESETS
@@ -258,8 +255,8 @@ def _compared(
                 changes, note = [None] * len(COLUMNS), " ".join(str(error).split()) or type(error).__name__
             if note:
                 results[method] = note
-            rows.append([name, method, *changes, note])
-        pictures.append(drawn(context, name, case, results, weights=weights))
+            rows.append([case.name, method, *changes, note])
+        pictures.append(drawn(context, case, results, weights=weights))
     return [Section("Results", f"{text}\n\n{LEGEND}".lstrip(), pictures, Table(HEADER, rows))]
 
 

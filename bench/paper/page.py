@@ -243,7 +243,7 @@ class Context:
         self, shape: Shape, preset: Preset, *, encoder: Encoder | None = None, stages: Stages | None = None, **more: Any
     ) -> dfd.Field:
         """Return the field of a shape from the user's cache; with `stages`, distill in any case and time it."""
-        self.say(f"distilling {shape.name}, {NAMES[preset]}" + "".join(f", {n} {v}" for n, v in more.items()))
+        self.say(f"field of {shape.name}, {NAMES[preset]}" + "".join(f", {n} {v}" for n, v in more.items()))
         model, settings = encoder or self.loaded(preset), self.distill_settings(preset, **more)
         return dfd.distill(shape.mesh, model, progress=stages or False, cache=stages is None, **settings)
 

@@ -256,7 +256,7 @@ def table1(context: Context) -> Sections:
     rows = []
     for shape, _ in context.cases(TICKED, (1, 2)):
         mesh = shape.refined().mesh
-        sizes = [resampled(shape, count).mesh for count in context.of(TICKED_FACES)]
+        sizes = [resampled(shape, count) for count in context.of(TICKED_FACES)]
         case = case_of(Shape(shape.name, mesh), FOOT)
         for name, paper in TICKS.items():
             context.say(f"{shape.name}, {name}")
@@ -277,8 +277,8 @@ def table1(context: Context) -> Sections:
     return [Section("Ticks", text, table=Table(columns, rows))]
 
 
-def _ticks(context: Context, case: Case, name: str, sizes: Sequence[dfd.Mesh]) -> list[bool]:
-    shape, at, own = Shape("", case.mesh), int(case.handles[0]), name == "DFD"
+def _ticks(context: Context, case: Case, name: str, sizes: Sequence[Shape]) -> list[bool]:
+    shape, at, own = Shape(case.name, case.mesh), int(case.handles[0]), name == "DFD"
     feet, flank = [each for each in map(shape.at, FEET) if each != at], shape.at((0.5, 0.5, 1.0))
     if own:
         session = pulled(context, case, "paper")
@@ -290,9 +290,9 @@ def _ticks(context: Context, case: Case, name: str, sizes: Sequence[dfd.Mesh]) -
     length = np.linalg.norm(case.targets[0] - case.mesh.vertices[at])
     wide, local = (np.linalg.norm(each - case.mesh.vertices, axis=1) / length for each in moved)
     seconds = [
-        _dfd_seconds(context, Shape("", size), "paper")[:3:2]
+        _dfd_seconds(context, size, "paper")[:3:2]
         if own
-        else [each or 0.0 for each in _peer_seconds(size, name, context.of(PATIENCE))[:2]]
+        else [each or 0.0 for each in _peer_seconds(size.mesh, name, context.of(PATIENCE))[:2]]
         for size in sizes
     ]
     alike = bool(wide[feet].min() >= FOLLOWED and wide[flank] < wide[feet].min() / 2)

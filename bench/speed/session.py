@@ -15,8 +15,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 from trimesh.remesh import subdivide
 
 import dfd
@@ -82,17 +80,15 @@ def _peak() -> float:
 
 def main() -> None:
     """Measure, print and draw."""
+    from bench.tables import to_markdown  # asv imports this module from another folder
+
     parser = argparse.ArgumentParser(prog="python -m bench.speed.session", description=__doc__)
     parser.add_argument("--vertices", type=int, nargs="+", default=SIZES, help="default: %(default)s")
     options = parser.parse_args()
     of_shape = field()
     rows = [measured(count, of_shape) for count in options.vertices]
-    table = Table("vertices", *(f"{step}, {'GB' if step == 'memory' else 'ms'}" for step in STEPS))
-    for row in rows:
-        table.add_row(
-            f"{row['vertices']:,.0f}", *(f"{row[step] * (1 if step == 'memory' else 1e3):.3g}" for step in STEPS)
-        )
-    Console(width=140).print(table)
+    columns = ["vertices", *(f"{step}, {'GB' if step == 'memory' else 's'}" for step in STEPS)]
+    print("\n".join(to_markdown(columns, [[int(row["vertices"]), *(row[step] for step in STEPS)] for row in rows])))
     OUTPUT.mkdir(parents=True, exist_ok=True)
     import matplotlib.pyplot as plt  # of the extra `bench`, which asv and the tests do without
 
