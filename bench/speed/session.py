@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import argparse
 import multiprocessing
-import resource
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -44,7 +42,7 @@ def shape(vertex_count: int) -> dfd.Mesh:
 def steps(vertex_count: int, of_shape: dfd.Field) -> Row:
     """Return the seconds of each of `STEPS` in one session, and the GB by which it raises the process's memory."""
     mesh = shape(vertex_count)
-    before = _peak()
+    before = _resident()
     session = dfd.Deformer(mesh, of_shape, other_shape=True)
     foot, head = int(mesh.vertices[:, 1].argmin()), int(mesh.vertices[:, 2].argmax())
     seconds = {"vertices": float(len(mesh.vertices)), "features": _timed(session.prepare)}
@@ -53,7 +51,7 @@ def steps(vertex_count: int, of_shape: dfd.Field) -> Row:
         frames = [_frame(session, handle, 0.01 * (k + 1)) for k in range(1 + LATER)]
         seconds["first frame" if handle == 1 else "its first frame"] = frames[0]
         seconds["later frame"] = float(np.median(frames[1:]))
-    return seconds | {"memory": _peak() - before}
+    return seconds | {"memory": _resident("VmHWM") - before}
 
 
 def measured(vertex_count: int, of_shape: dfd.Field) -> Row:
@@ -73,9 +71,11 @@ def _timed(call: Callable[[], object]) -> float:
     return time.perf_counter() - began
 
 
-def _peak() -> float:
-    """Return the largest memory that this process had, GB."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1e9 if sys.platform == "darwin" else 1e6)
+def _resident(key: str = "VmRSS") -> float:
+    """Return the memory of this process, GB, now or at its peak ("VmHWM"); Linux alone tells."""
+    status = Path("/proc/self/status")  # what `resource` tells of a child begins with its parent's peak
+    lines = status.read_text().splitlines() if status.exists() else []
+    return next((int(line.split()[1]) / 1e6 for line in lines if line.startswith(key)), float("nan"))
 
 
 def main() -> None:
