@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+from trimesh.graph import connected_component_labels
 
 import dfd
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64
@@ -70,8 +69,7 @@ def soft_iou(areas: Float64, weights: NDArray[Any], truth: Bool) -> float:
 def components_of(corners: NDArray[np.integer], count: int) -> Int32:
     """Return the connected component (count,) of each vertex; elements (E, K), such as faces, connect their corners."""
     edges = corners[:, [[a, a + 1] for a in range(corners.shape[1] - 1)]].reshape(-1, 2)
-    graph = coo_array((np.ones(len(edges), bool), (edges[:, 0], edges[:, 1])), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], np.int32)
+    return np.asarray(connected_component_labels(edges, node_count=count), np.int32)
 
 
 # --- weights by methods that know no features
