@@ -14,6 +14,7 @@ import numpy as np
 from PIL import Image
 
 import dfd
+from bench.quality.shapes import SAMPLES
 from bench.tables import to_csv, to_markdown, write_text
 from dfd.common.linear_algebra import Float32, Float64, UInt8
 from dfd.common.preset import Preset
@@ -30,11 +31,6 @@ from dfd.pictures.viewpoint import azimuth_towards
 PRESETS: tuple[Preset, ...] = ("paper", "default")
 NAMES: dict[Preset, str] = {"paper": "paper preset", "default": "dfd default"}
 MESH_ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
-SAMPLES: dict[str, Callable[[], dfd.samples.Sample]] = {
-    "chair": dfd.samples.chair,
-    "quadruped": dfd.samples.quadruped,
-    "robot": dfd.samples.robot,
-}
 BALL = 0.01  # of the longest side: the radius in which the paper gives other methods the neighbors of a point as well
 LONGEST_EDGE = 0.03  # of the diagonal: with longer ones weights, which are exact at vertices alone, look coarse
 QUICK: dict[str, Any] = {"views": 8, "resolution": 196}

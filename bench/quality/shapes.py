@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 import dfd
 from bench.quality.parts import kind_of_part, label_vertices, merged, only, strongest_joints, without_few
 
+SAMPLES = {make.__name__: make for make in (dfd.samples.chair, dfd.samples.quadruped, dfd.samples.robot)}
 UNREADABLE = (ValueError, OSError, KeyError, IndexError, TypeError)  # what a file with a broken skin raises
 
 
@@ -27,11 +28,8 @@ class Shape:
 
 def made(faces: int) -> list[Shape]:
     """The labelled samples of dfd, of about `faces` faces."""
-    found = []
-    for make in (dfd.samples.chair, dfd.samples.quadruped, dfd.samples.robot):
-        sample = make(faces)
-        found.append(Shape(make.__name__, sample.mesh, sample.labels, sample.parts))
-    return found
+    samples = {name: make(faces) for name, make in SAMPLES.items()}
+    return [Shape(name, sample.mesh, sample.labels, sample.parts) for name, sample in samples.items()]
 
 
 def characters(folder: Path) -> Iterator[Shape]:
