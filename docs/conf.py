@@ -25,7 +25,6 @@ extensions = [
     "tools.equations",
     "tools.examples",
     "tools.generated",
-    "tools.links",
 ]
 exclude_patterns = ["tools"]
 

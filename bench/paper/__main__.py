@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -30,6 +31,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.name in CANNOT:
         parser.error(f"{options.name} cannot be made: {CANNOT[options.name]}")
     console = Console(stderr=True, highlight=False)
+    # Pages say which fields were made with --quick, or otherwise changed.
+    warnings.filterwarnings("ignore", "Deformer: `preset` 'paper'", UserWarning)
     if options.meshes is not None and not options.meshes.is_dir():
         parser.error(f"{options.meshes} is not a folder")
     context = Context(

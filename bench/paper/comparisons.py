@@ -65,13 +65,12 @@ surfaces. **flipped faces**: folded over against those around them. **size**: of
 **biharmonic** and **BBW** work within tetrahedra of the shape with at most 6,000 faces. The networks of APAP and
 DeepMetaHandles cannot be had."""
 
-Cases = Sequence[tuple[str, "Case"]]  # by name
-
 
 @dataclass(frozen=True)
 class Case:
     """One shape and what is to be done to it."""
 
+    name: str
     mesh: dfd.Mesh
     handles: Int64  # (H,) vertices
     targets: Float64  # (H, 3) where they are to be, mesh units
@@ -81,14 +80,14 @@ class Case:
     dense: bool = False  # whether `held` is enough as it is, without the neighbors of its points
 
 
-def pulls(context: Context, most: tuple[int, int]) -> Cases:
+def pulls(context: Context, most: tuple[int, int]) -> list[Case]:
     """Return pulls of our own on the meshes at hand."""
-    return [(shape.name, case_of(shape.refined(), pull)) for shape, pull in context.cases(PULLS, most)]
+    return [case_of(shape.refined(), pull) for shape, pull in context.cases(PULLS, most)]
 
 
-def dense(context: Context, most: tuple[int, int]) -> Cases:
+def dense(context: Context, most: tuple[int, int]) -> list[Case]:
     """Return shapes with fifty control points and a stretch of our own."""
-    return [(shape.name, _stretched(shape.refined(), by)) for shape, by in context.cases(STRETCHED, most)]
+    return [_stretched(shape.refined(), by) for shape, by in context.cases(STRETCHED, most)]
 
 
 def case_of(shape: Shape, pull: BoxHandle) -> Case:
@@ -98,7 +97,7 @@ def case_of(shape: Shape, pull: BoxHandle) -> Case:
     fixed = np.array([each for each in staying if each != handle["at"]], np.int64)
     target = vertices[[handle["at"]]] + handle["translation"]
     held = np.concatenate([[handle["at"]], fixed])
-    return Case(shape.mesh, held[:1], target, fixed, held, np.concatenate([target, vertices[fixed]]))
+    return Case(shape.name, shape.mesh, held[:1], target, fixed, held, np.concatenate([target, vertices[fixed]]))
 
 
 def _stretched(shape: Shape, by: float) -> Case:
@@ -109,7 +108,7 @@ def _stretched(shape: Shape, by: float) -> Case:
     below = np.maximum(LIFTED - (mesh.vertices[held, 1] - low) / height, 0) / LIFTED
     held_to = mesh.vertices[held] - below[:, None] * np.array([0, by * height, 0])
     handle = int(below.argmax())
-    return Case(mesh, held[[handle]], held_to[[handle]], np.empty(0, np.int64), held, held_to, dense=True)
+    return Case(shape.name, mesh, held[[handle]], held_to[[handle]], np.empty(0, np.int64), held, held_to, dense=True)
 
 
 def farthest(points: Float64, count: int) -> Int64:
@@ -122,42 +121,7 @@ def farthest(points: Float64, count: int) -> Int64:
     return np.array(chosen, np.int64)
 
 
-# --- one case by all methods
-
-
-def compare(
-    name: str, case: Case, methods: Mapping[str, Callable[[], Float64]]
-) -> tuple[list[list[Any]], dict[str, Float64 | str]]:
-    """Return a row of the table a method, and where the vertices (V, 3) went or why they did not.
-
-    A method that fails stops no other.
-    """
-    rows, results = [], dict[str, Float64 | str]()
-    for method, move in methods.items():
-        try:
-            moved = move()
-            found = surface_metrics(case.mesh, moved)
-        except (PeerError, ValueError, OSError, MemoryError) as error:
-            results[method] = " ".join(str(error).split()) or type(error).__name__
-            rows.append([name, method, *[None] * len(COLUMNS), results[method]])
-            continue
-        size = float(np.linalg.norm(np.ptp(moved, axis=0))) / case.mesh.diagonal
-        note = f"explodes: {size:.3g} times as large" if size > EXPLODED else ""
-        missing = np.linalg.norm(moved[case.handles] - case.targets, axis=1).max() / case.mesh.diagonal
-        volume = None if found.volume is None else 100 * found.volume
-        changes = [100 * float(missing), 100 * found.area, found.angle, 100 * found.edge_length, volume]
-        results[method] = note or moved
-        rows.append([name, method, *changes, found.flipped_faces, size, note])
-    return rows, results
-
-
 # --- methods
-
-
-def methods_of(context: Context, case: Case, ball: float) -> dict[str, Callable[[], Float64]]:
-    """Return every method by its name, ready to be called on `case`: DFD by its handles alone."""
-    own = {NAMES[preset]: lambda preset=preset: pulled(context, case, preset).vertices for preset in PRESETS}
-    return {**own, **{name: partial(deform, name, case, ball) for name in COMPARED}}
 
 
 def pulled(context: Context, case: Case, preset: Preset, *, dense: bool = False) -> dfd.Deformer:
@@ -166,7 +130,7 @@ def pulled(context: Context, case: Case, preset: Preset, *, dense: bool = False)
     handles = [
         {"at": int(at), "translation": target - case.mesh.vertices[at]} for at, target in zip(*points, strict=True)
     ]
-    return session(case.mesh, context.field(Shape("", case.mesh), preset), preset, handles)
+    return session(case.mesh, context.field(Shape(case.name, case.mesh), preset), preset, handles)
 
 
 def deform(name: str, case: Case, ball: float) -> Float64:
@@ -193,9 +157,7 @@ def constraints(case: Case, ball: float) -> Job:
 # --- pictures
 
 
-def drawn(
-    context: Context, name: str, case: Case, results: Mapping[str, Float64 | str], *, weights: bool = False
-) -> Pictures:
+def drawn(context: Context, case: Case, results: Mapping[str, Float64 | str], *, weights: bool = False) -> Pictures:
     """The source and every method's outline over it; with `weights`, those that DFD's handle has before its outline."""
     mesh, source = case.mesh, case.mesh.vertices[case.handles]
     where = aim(mesh, source, case.targets, *(each for each in results.values() if not isinstance(each, str)))
@@ -210,7 +172,7 @@ def drawn(
             follows = pulled(context, case, presets[method]).following.max(axis=1)
             found.append((picture(mesh, weights=follows, handles=source, **where), f"{method}: weights"))
         found.append((silhouettes(mesh, moved, where), method))
-    return name, found
+    return case.name, found
 
 
 def marked(case: Case, where: Mapping[str, object], image: UInt8) -> UInt8:
@@ -256,31 +218,56 @@ def fig22(context: Context) -> Sections:
     return _compared(context, pulls(context, (2, 2)))
 
 
-def _compared(context: Context, cases: Cases, text: str = "", *, ball: float = BALL, weights: bool = False) -> Sections:
+def fig21(context: Context) -> Sections:
+    """DFD with fifty handles."""
+    text = f"{DENSE_TEXT} Where weights sum to more than 1, Eq. 1 as it is written scales the shape by the sum."
+    return _compared(context, dense(context, (1, 6)), text, all_handles=True)
+
+
+def _compared(
+    context: Context,
+    cases: Sequence[Case],
+    text: str = "",
+    *,
+    ball: float = BALL,
+    weights: bool = False,
+    all_handles: bool = False,
+) -> Sections:
+    """Draw and measure every case by DFD and by the others; with `all_handles` by DFD alone, every point its handle.
+
+    A method that fails stops no other.
+    """
     pictures, rows = [], []
-    for name, case in cases:
-        context.say(name)
-        own, results = compare(name, case, methods_of(context, case, ball))
-        pictures.append(drawn(context, name, case, results, weights=weights))
-        rows += own
+    for case in cases:
+        context.say(case.name)
+        methods: dict[str, Callable[[], Float64]] = {
+            NAMES[preset]: lambda preset=preset, case=case: pulled(context, case, preset, dense=all_handles).vertices
+            for preset in PRESETS
+        }
+        if not all_handles:
+            methods |= {peer: partial(deform, peer, case, ball) for peer in COMPARED}
+        results: dict[str, Float64 | str] = {}  # where the vertices (V, 3) went, or why they did not
+        for method, move in methods.items():
+            try:
+                results[method] = moved = move()
+                changes, note = measured(case, moved)
+            except (PeerError, ValueError, OSError, MemoryError) as error:
+                changes, note = [None] * len(COLUMNS), " ".join(str(error).split()) or type(error).__name__
+            if note:
+                results[method] = note
+            rows.append([case.name, method, *changes, note])
+        pictures.append(drawn(context, case, results, weights=weights))
     return [Section("Results", f"{text}\n\n{LEGEND}".lstrip(), pictures, Table(HEADER, rows))]
 
 
-def fig21(context: Context) -> Sections:
-    """DFD with fifty handles."""
-    pictures, rows = [], []
-    for name, case in dense(context, (1, 6)):
-        sessions = {NAMES[preset]: pulled(context, case, preset, dense=True) for preset in PRESETS}
-        own, results = compare(name, case, {method: partial(_moved, each) for method, each in sessions.items()})
-        pictures.append(drawn(context, name, case, results))
-        sums = [each.weights.sum(axis=1) for each in sessions.values()]
-        rows += [[*row, float(each.mean()), float(each.max())] for row, each in zip(own, sums, strict=True)]
-    table = Table([*HEADER, "mean sum of weights", "largest sum"], rows)
-    return [Section("Fifty handles", f"{DENSE_TEXT}\n\n{LEGEND}", pictures, table)]
-
-
-def _moved(deformer: dfd.Deformer) -> Float64:
-    return deformer.vertices
+def measured(case: Case, moved: Float64) -> tuple[list[Any], str]:
+    """Return the numbers of `COLUMNS` for moved vertices (V, 3), and a note if they explode."""
+    found, diagonal = surface_metrics(case.mesh, moved), case.mesh.diagonal
+    size = float(np.linalg.norm(np.ptp(moved, axis=0))) / diagonal
+    missing = float(np.linalg.norm(moved[case.handles] - case.targets, axis=1).max()) / diagonal
+    volume = None if found.volume is None else 100 * found.volume
+    changes = [100 * missing, 100 * found.area, found.angle, 100 * found.edge_length, volume, found.flipped_faces, size]
+    return changes, f"explodes: {size:.3g} times as large" if size > EXPLODED else ""
 
 
 def table2(context: Context) -> Sections:

@@ -34,7 +34,7 @@ SYMMETRY = pulls_of("scorpion", "human_neutral", "koala", "spot", "quadruped")
 AFFINE = {
     "scorpion": BoxHandle((0.0, 0.2, 1.0), scale=(1.5, 1.5, 1.5), locality=1.0),
     "kaykit_chair_A": BoxHandle((0.5, 1.0, 0.1), rotation=(-25, 0, 0), pivot=(0.5, 0.5, 0.15)),
-    "human_neutral": BoxHandle((0.5, 0.95, 0.5), scale=(1.4, 1.4, 1.4), pivot=(0.5, 0.85, 0.5)),
+    "human_neutral": BoxHandle((0.5, 1.0, 0.5), scale=(1.4, 1.4, 1.4), pivot=(0.5, 0.85, 0.5)),
     **TURNS,
 }
 
@@ -42,19 +42,29 @@ AFFINE = {
 def fig1(context: Context) -> Sections:
     """Edits of the teaser: one handle, mirrored by the plane of symmetry that is found."""
     subjects = context.subjects(SYMMETRY, (2, 4), refined=True)
-    return gallery(subjects, lambda subject: {"edit": subject.pull(symmetric=True)}, ("plane %",), _plane)
+    return gallery(
+        subjects,
+        lambda subject: {"edit": subject.pull(symmetric=True)},
+        ("plane %",),
+        lambda _, session, __: [100 * (session.symmetry is not None)],
+    )
 
 
 def fig2(context: Context) -> Sections:
     """Affine edits by one handle: rotations and scales, some with locality."""
+
+    def flipped(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> list[float]:
+        mesh = subject.shape.mesh
+        return [100 * surface_metrics(mesh, session.vertices).flipped_faces / len(mesh.faces)]
+
     subjects = context.subjects(AFFINE, (3, 6), refined=True)
-    return gallery(subjects, lambda subject: {"edit": subject.pull()}, ("flipped %",), _flipped)
+    return gallery(subjects, lambda subject: {"edit": subject.pull()}, ("flipped %",), flipped)
 
 
 def fig3(context: Context) -> Sections:
     """Translations by one handle, with its weights."""
 
-    def off(subject: Subject, session: dfd.Deformer) -> list[float]:
+    def off(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> list[float]:
         handle, mesh = subject.case.on(subject.shape), subject.shape.mesh
         target = mesh.vertices[handle["at"]] + handle["translation"]
         return [100 * float(np.linalg.norm(session.vertices[handle["at"]] - target)) / mesh.diagonal]
@@ -63,19 +73,10 @@ def fig3(context: Context) -> Sections:
     return gallery(subjects, lambda subject: {"edit": subject.pull()}, ("off %",), off)
 
 
-def _plane(subject: Subject, session: dfd.Deformer) -> list[int]:
-    return [100 * (session.symmetry is not None)]
-
-
-def _flipped(subject: Subject, session: dfd.Deformer) -> list[float]:
-    mesh = subject.shape.mesh
-    return [100 * surface_metrics(mesh, session.vertices).flipped_faces / len(mesh.faces)]
-
-
 def fig5(context: Context) -> Sections:
     """Planes of symmetry that are seen, and one handle with and without them."""
 
-    def score(subject: Subject, session: dfd.Deformer) -> list[Any]:
+    def score(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> list[Any]:
         plane = session.symmetry
         if plane is None:
             axes = dfd.symmetry_planes(subject.field, subject.shape.mesh, threshold=2.0, candidates="axes")
@@ -109,7 +110,7 @@ def fig6(context: Context) -> Sections:
     def held(subject: Subject) -> list[int]:
         return [subject.shape.at(point) for point in subject.case.fixed]
 
-    def moved(subject: Subject, session: dfd.Deformer) -> list[float | None]:
+    def moved(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> list[float | None]:
         mesh = subject.shape.mesh
         alike = dfd.bind(subject.field.features(mesh), held(subject))[:, 0] >= ALIKE
         lengths = 100 * np.linalg.norm(session.vertices - mesh.vertices, axis=1) / mesh.diagonal
@@ -131,7 +132,7 @@ def fig6(context: Context) -> Sections:
 def fig7(context: Context) -> Sections:
     """Locality (Eq. 7): one rotation under growing λ."""
 
-    def follows(subject: Subject, session: dfd.Deformer) -> list[float]:
+    def follows(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> list[float]:
         return [100 * float(area_fractions(subject.shape.mesh)[session.following[:, 0] > FOLLOWS].sum())]
 
     return gallery(

@@ -75,7 +75,7 @@ CHAIR = {"leg": LEG, "seat": SEAT, "back": BACK}
 CHAIRS = {
     "kaykit_chair_A": CHAIR,
     "chair_2": CHAIR,
-    "kaykit_armchair": {**CHAIR, "seat": (0.5, 0.45, 0.8), "arm": (0.08, 0.75, 0.75)},
+    "kaykit_armchair": {"seat": (0.5, 0.45, 0.8), "back": BACK, "arm": (0.08, 0.75, 0.75)},  # it has no legs
     "couch_small1": {**CHAIR, "arm": (0.05, 0.85, 0.8)},
     "chair": CHAIR,
     "bench_1": {**CHAIR, "seat": (0.5, 0.45, 0.7), "arm": (0.0, 0.65, 0.7)},
@@ -169,9 +169,9 @@ def fig13(context: Context) -> Sections:
             sessions[name] = session(shape.mesh, field, preset, [subject.case.on(shape)])
         return sessions
 
-    def measure(subject: Subject, each: dfd.Deformer) -> list[float | None]:
+    def measure(subject: Subject, each: dfd.Deformer, fine: dfd.Deformer) -> list[float | None]:
         mesh = subject.shape.mesh
-        off = area_fractions(mesh) @ np.abs(each.weights - subject.pull().weights)[:, 0]
+        off = area_fractions(mesh) @ np.abs(each.weights - fine.weights)[:, 0]
         return [roughness(mesh, each.weights[:, 0]), float(off) if each.preset == "paper" else None]
 
     [section] = gallery(
@@ -213,11 +213,15 @@ def _encoded(context: Context, shown: str, column: str, text: str) -> Sections:
         }
         return {name: replace(subject, field=field).pull() for name, field in fields.items()}
 
-    def measure(subject: Subject, each: dfd.Deformer) -> list[float]:
+    def measure(subject: Subject, each: dfd.Deformer, first: dfd.Deformer) -> list[float | None]:
         mesh = subject.shape.mesh
         if shown == "after":
             return [surface_metrics(mesh, each.vertices).angle]
-        return [correlation(each.weights[:, 0], subject.pull().weights[:, 0], area_fractions(mesh))]
+        if each is first:
+            return [None]
+        both = np.concatenate([each.weights, first.weights], axis=1)
+        covariance = np.cov(both.T, aweights=area_fractions(mesh))
+        return [float(covariance[0, 1] / np.sqrt(np.prod(covariance.diagonal())))]
 
     heading = "Blocks of one encoder, as no other was loaded" if one else "Encoders"
     subjects = context.subjects(HELD, (1, 3))
@@ -247,12 +251,6 @@ def encoders(context: Context) -> tuple[dict[str, Choice], str]:
     if not absent:
         return found, ""
     return found, f"\n\nNot available here: {', '.join(absent)}. The first one: {next(iter(absent.values()))}"
-
-
-def correlation(first: NDArray[np.floating], second: NDArray[np.floating], areas: Float64) -> float:
-    """Pearson's correlation of weights (V,) over a surface whose vertices have `areas` (V,) that sum to 1."""
-    a, b = (values - areas @ values for values in (first.astype(float), second.astype(float)))
-    return float(areas @ (a * b) / max(np.sqrt((areas @ a**2) * (areas @ b**2)), 1e-12))
 
 
 def roughness(mesh: dfd.Mesh, weights: NDArray[np.floating]) -> float:
@@ -286,18 +284,15 @@ def fig19(context: Context) -> Sections:
             features = field(in_box_of(mesh, shape.mesh) if name in known else mesh.vertices)
             handle = {"at": int(np.linalg.norm(features - held, axis=1).argmin()), "translation": DOWN * mesh.diagonal}
             sessions[name] = session(mesh, field, subject.preset, [handle], features=features)
-        first = next(iter(sessions.values()))
-        own.update({id(each): first.weights[:, 0] for name, each in sessions.items() if name not in known})
         return sessions
 
-    def measure(subject: Subject, each: dfd.Deformer) -> list[float | None]:
+    def measure(subject: Subject, each: dfd.Deformer, first: dfd.Deformer) -> list[float | None]:
         mesh, weights, off = each.mesh, each.weights[:, 0], None
-        if id(each) in own:
-            nearest = KDTree(mesh.vertices).query(subject.shape.mesh.vertices)[1]
-            off = float(np.abs(weights[nearest] - own[id(each)]).mean())
+        distance, nearest = KDTree(mesh.vertices).query(first.mesh.vertices)
+        if each is not first and distance.max() < 0.1 * mesh.diagonal:  # another tessellation of the same shape
+            off = float(np.abs(weights[nearest] - first.weights[:, 0]).mean())
         return [len(mesh.faces), 100 * float(area_fractions(mesh)[weights > FOLLOWS].sum()), off]
 
-    own: dict[int, NDArray[np.floating]] = {}  # weights of the shape's own mesh, by the sessions compared with them
     text = (
         "Other tessellations ask the field at their own vertices. Another shape of the class is turned to look the "
         "same way and scaled to the box; its handle is the vertex whose feature is nearest to that of the handle. In "
@@ -331,7 +326,9 @@ def fig20(context: Context) -> Sections:
             part: subject.session([{"at": subject.shape.at(place)}]) for part, place in subject.case.items()
         },
         ("follows %",),
-        lambda subject, each: [100 * float(area_fractions(subject.shape.mesh)[each.following[:, 0] > FOLLOWS].sum())],
+        lambda subject, each, _: [
+            100 * float(area_fractions(subject.shape.mesh)[each.following[:, 0] > FOLLOWS].sum())
+        ],
         f"How much of the surface, in % of its area, has a weight above {FOLLOWS} for each part.",
         shown=["weights"],
         azimuth=35.0,

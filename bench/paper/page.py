@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +14,8 @@ import numpy as np
 from PIL import Image
 
 import dfd
+from bench.quality.shapes import SAMPLES
 from bench.tables import to_csv, to_markdown, write_text
-from dfd.common.files import plain
 from dfd.common.linear_algebra import Float32, Float64, UInt8
 from dfd.common.preset import Preset
 from dfd.common.progress import Stages
@@ -32,11 +31,6 @@ from dfd.pictures.viewpoint import azimuth_towards
 PRESETS: tuple[Preset, ...] = ("paper", "default")
 NAMES: dict[Preset, str] = {"paper": "paper preset", "default": "dfd default"}
 MESH_ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
-SAMPLES: dict[str, Callable[[], dfd.samples.Sample]] = {
-    "chair": dfd.samples.chair,
-    "quadruped": dfd.samples.quadruped,
-    "robot": dfd.samples.robot,
-}
 BALL = 0.01  # of the longest side: the radius in which the paper gives other methods the neighbors of a point as well
 LONGEST_EDGE = 0.03  # of the diagonal: with longer ones weights, which are exact at vertices alone, look coarse
 QUICK: dict[str, Any] = {"views": 8, "resolution": 196}
@@ -173,6 +167,9 @@ class Subject:
         return self.session([{**self.case.on(self.shape), **(changes or {})}], **more)
 
 
+load_once = cache(load_encoder)
+
+
 @dataclass
 class Context:
     """Settings of a run, and what its pages share."""
@@ -183,9 +180,6 @@ class Context:
     settings: Mapping[str, Any] = field(default_factory=dict)  # further keywords of `dfd.distill`, over the presets'
     answers: Path | None = None  # of a user study, see `table2`
     say: Callable[[str], None] = lambda line: None
-    fields: dict[tuple[Any, ...], dfd.Field] = field(default_factory=dict)
-    encoders: dict[tuple[str, int | None, bool], Encoder] = field(default_factory=dict)
-    used: dict[str, dict[str, Any]] = field(default_factory=dict)  # settings of the fields, for NAME.json
 
     @cached_property
     def files(self) -> dict[str, Path]:
@@ -194,13 +188,9 @@ class Context:
         folders = [folder for folder in (Path(known) if known else None, self.folder) if folder]
         return {path.stem: path for folder in folders for path in reversed(_mesh_files(folder))}
 
-    def shape(self, *names: str) -> Shape:
-        """Return the first of `names` that is a file at hand or else a sample; the last name must be a sample's."""
-        for name in names:
-            if name in self.files:
-                return Shape(name, dfd.load(self.files[name]))
-        sample = next(name for name in names if name in SAMPLES)
-        return Shape(sample, SAMPLES[sample]().mesh)
+    def shape(self, name: str) -> Shape:
+        """Return the shape of a file at hand, or else of a sample."""
+        return Shape(name, dfd.load(self.files[name]) if name in self.files else SAMPLES[name]().mesh)
 
     def of(self, most: tuple[Any, Any]) -> Any:
         """Return the first of two numbers in a quick run, the second in a whole one."""
@@ -243,27 +233,15 @@ class Context:
 
     def loaded(self, preset: Preset, encoder: str | Path | None = None, block: int | None = None) -> Encoder:
         """Return the encoder; the paper's sees the background as well."""
-        chosen = self.encoder if encoder is None else encoder
-        key = (str(chosen), block, preset == "paper")
-        if key not in self.encoders:
-            self.encoders[key] = load_encoder(chosen, block=block, background=preset == "paper")
-        return self.encoders[key]
+        return load_once(self.encoder if encoder is None else encoder, block=block, background=preset == "paper")
 
     def field(
         self, shape: Shape, preset: Preset, *, encoder: Encoder | None = None, stages: Stages | None = None, **more: Any
     ) -> dfd.Field:
         """Return the field of a shape from the user's cache; with `stages`, distill in any case and time it."""
-        model = encoder or self.loaded(preset)
-        settings = self.distill_settings(preset, **more)
-        told = {**settings, **model.settings()}
-        key = (shape.mesh.content_hash, *sorted((name, repr(value)) for name, value in told.items()))
-        if stages is not None or key not in self.fields:
-            self.say(f"distilling {shape.name}, {NAMES[preset]}" + "".join(f", {n} {v}" for n, v in more.items()))
-            found = dfd.distill(shape.mesh, model, progress=stages or False, cache=stages is None, **settings)
-            self.fields[key] = found
-            own = {name: value for name, value in found.settings.items() if name != "losses"}
-            self.used.setdefault(NAMES[preset], own)
-        return self.fields[key]
+        self.say(f"field of {shape.name}, {NAMES[preset]}" + "".join(f", {n} {v}" for n, v in more.items()))
+        model, settings = encoder or self.loaded(preset), self.distill_settings(preset, **more)
+        return dfd.distill(shape.mesh, model, progress=stages or False, cache=stages is None, **settings)
 
     def notes(self) -> list[str]:
         """Return what a reader has to know about how a page was made."""
@@ -335,7 +313,7 @@ def gallery(
     subjects: Iterable[Subject],
     variants: Callable[[Subject], Mapping[str, dfd.Deformer]],
     columns: Sequence[str],
-    measure: Callable[[Subject, dfd.Deformer], Sequence[Any]],
+    measure: Callable[[Subject, dfd.Deformer, dfd.Deformer], Sequence[Any]],
     text: str = "",
     *,
     heading: str = "Results",
@@ -345,15 +323,18 @@ def gallery(
 ) -> Sections:
     """Draw every subject by the sessions of its `variants`, and tabulate what `measure` says of each in `columns`.
 
-    `shown` are views of `session_views`, a row of pictures each; `source` is what `picture` draws of the shape at rest.
+    `measure` is given the first of the sessions as well, from whose side all are seen. `shown` are views of
+    `session_views`, a row of pictures each; `source` is what `picture` draws of the shape at rest.
     """
     drawn, rows = [], []
     for subject in subjects:
         sessions, mesh = variants(subject), subject.shape.mesh
-        angle = getattr(subject.case, "azimuth", None) if azimuth is None else azimuth
-        views = {name: session_views(each, angle) for name, each in sessions.items()}
+        first, angle = next(iter(sessions.values())), getattr(subject.case, "azimuth", azimuth)
+        views: dict[str, dict[str, dict[str, Any]]] = {}
         room = [mesh.vertices, *(each.vertices for each in sessions.values() if each.mesh is mesh)]
         for name, each in sessions.items():
+            views[name] = session_views(each, angle)
+            angle = views[name]["before"]["azimuth"]
             for view in views[name].values():
                 view.update(resolution=RESOLUTION, **({"frame": room} if each.mesh is mesh else {}))
         start = (picture(mesh, **{**next(iter(views.values()))["before"], **source(subject)}), "before")
@@ -366,7 +347,7 @@ def gallery(
             drawn.append((subject.heading, [start, *(cell for row in cells for cell in row)]))
         else:
             drawn += [(f"{subject.heading}: {what}", [start, *row]) for what, row in zip(shown, cells, strict=True)]
-        rows += [[*subject.label, name, *measure(subject, each)] for name, each in sessions.items()]
+        rows += [[*subject.label, name, *measure(subject, each, first)] for name, each in sessions.items()]
     return [Section(heading, text, drawn, Table(["shape", "preset", "variant", *columns], rows))]
 
 
@@ -391,31 +372,34 @@ class Figure:
 
 
 def write(make: Callable[[Context], Sections], figure: Figure, name: str, folder: Path, context: Context) -> Path:
-    """Write NAME.md with one PNG per section that has pictures, one CSV per table, and NAME.json with all numbers.
+    """Write NAME.md with one PNG per section that has pictures, and one CSV per table.
 
     Return the path of the Markdown file.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    title, sections = f"{name}: {(make.__doc__ or '').splitlines()[0]}", make(context)
-    lines: list[str] = []
-    tables = {}
+    sections, body = make(context), list[str]()
+    rows: list[dict[str, Any]] = []
     for number, section in enumerate(sections, 1):
-        lines += ["", f"## {section.heading}", *(["", section.text] if section.text else [])]
+        body += ["", f"## {section.heading}", "", section.text]
         sheet = contact_sheet(section.pictures, cell=RESOLUTION) if section.pictures else None
         for image, stem in ((sheet, f"{name}_{number}"), (section.image, f"{name}_{number}_plot")):
             if image is not None:
                 save_png(folder / f"{stem}.png", image)
-                lines += ["", f"![{section.heading}]({stem}.png)"]
+                body += ["", f"![{section.heading}]({stem}.png)"]
         if (table := section.table) is not None:
             write_text(folder / f"{name}_{number}.csv", to_csv(table.columns, table.rows))
-            tables[section.heading] = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
-            lines += ["", *to_markdown(table.columns, table.rows)]
-    decides = figure.number([row for rows in tables.values() for row in rows])
-    verdict = figure.verdict(decides, context.quick)
-    said = to_markdown(["", "the paper", "here"], [[figure.measured, figure.paper, f"{decides:.3g}"]])
-    lines = [f"# {title}", "", *said, "", verdict, "", *[f"- {note}" for note in context.notes()], *lines]
-    settings = {"quick": context.quick, "presets": context.used}
-    document = {"page": name, "title": title, "paper": figure.paper, "verdict": verdict, **settings, "tables": tables}
-    write_text(folder / f"{name}.json", json.dumps(document, indent=2, default=plain) + "\n")
-    write_text(folder / f"{name}.md", "\n".join(lines) + "\n")
+            rows += [dict(zip(table.columns, row, strict=True)) for row in table.rows]
+            body += ["", *to_markdown(table.columns, table.rows)]
+    decides = figure.number(rows)
+    here = f"{decides:.3g}" if np.isfinite(decides) else "not measured"
+    said = to_markdown(["", "the paper", "here"], [[figure.measured, figure.paper, here]])
+    head = [
+        f"# {name}: {(make.__doc__ or '').splitlines()[0]}",
+        "",
+        *said,
+        "",
+        figure.verdict(decides, context.quick),
+        "",
+    ]
+    write_text(folder / f"{name}.md", "\n".join([*head, *(f"- {note}" for note in context.notes()), *body]) + "\n")
     return folder / f"{name}.md"

@@ -36,7 +36,7 @@ from bench.paper.peers import PEERS
 from bench.paper.peers.biharmonic import OptCtrlPoints
 from bench.paper.peers.peer import Job, PeerError, run, tetrahedra
 from bench.quality.measures import components_of
-from bench.speed.measure import measure
+from bench.speed.measure import together
 from dfd.common.linear_algebra import Int64
 from dfd.common.preset import Preset
 from dfd.geometry.topology import face_components, first_at_place, inspect
@@ -108,12 +108,13 @@ def _dfd_seconds(context: Context, shape: Shape, preset: Preset) -> list[float]:
     mesh, vertex = shape.mesh, shape.at((0.5, 1.0, 0.5))
     features = field.features(mesh)
     weights, transform = dfd.bind(features, [vertex]), np.eye(3, 4)[None] + 0.1
-    calls: Sequence[Callable[[], object]] = (
-        lambda: dfd.bind(field.features(mesh), [vertex]),
-        lambda: dfd.bind(features, [vertex]),
-        lambda: dfd.pose(mesh.vertices, weights, transform),
-    )
-    return [preprocess, *(measure(call, seconds=context.of((0.1, 1.0)), least=3).median for call in calls)]
+    calls: dict[str, Callable[[], object]] = {
+        "bind": lambda: dfd.bind(field.features(mesh), [vertex]),
+        "rebind": lambda: dfd.bind(features, [vertex]),
+        "pose": lambda: dfd.pose(mesh.vertices, weights, transform),
+    }
+    taken = together(calls, seconds=context.of((0.1, 1.0)), least=3)
+    return [preprocess, *(each.median for each in taken.values())]
 
 
 def _peer_seconds(mesh: dfd.Mesh, name: str, patience: float) -> list[float | None]:
@@ -188,7 +189,7 @@ def gap(mesh: dfd.Mesh, moved: NDArray[np.floating]) -> float | None:
 def fig17(context: Context) -> Sections:
     """Shapes with holes, loose components and non-manifold edges: defects, and one pull."""
 
-    def torn(subject: Subject, each: dfd.Deformer) -> list[Any]:
+    def torn(subject: Subject, each: dfd.Deformer, _: dfd.Deformer) -> list[Any]:
         mesh, counts = subject.shape.mesh, inspect(subject.shape.mesh)
         opened, length = gap(mesh, each.vertices), float(np.linalg.norm(each.vertices - mesh.vertices, axis=1).max())
         part = None if opened is None else 100 * opened / max(length, 1e-12)
@@ -231,7 +232,7 @@ def fig18(context: Context) -> Sections:
                 taken[shape.name, preset] = [rendering, seconds - rendering]
                 yield Subject(shape, case, preset, field)
 
-    def measure(subject: Subject, each: dfd.Deformer) -> list[Any]:
+    def measure(subject: Subject, each: dfd.Deformer, _: dfd.Deformer) -> list[Any]:
         mesh, handle = subject.shape.mesh, subject.case.on(subject.shape)
         start = time.perf_counter()
         weights = dfd.bind(subject.field.features(mesh), [handle["at"]])
@@ -255,7 +256,7 @@ def table1(context: Context) -> Sections:
     rows = []
     for shape, _ in context.cases(TICKED, (1, 2)):
         mesh = shape.refined().mesh
-        sizes = [resampled(shape, count).mesh for count in context.of(TICKED_FACES)]
+        sizes = [resampled(shape, count) for count in context.of(TICKED_FACES)]
         case = case_of(Shape(shape.name, mesh), FOOT)
         for name, paper in TICKS.items():
             context.say(f"{shape.name}, {name}")
@@ -276,8 +277,8 @@ def table1(context: Context) -> Sections:
     return [Section("Ticks", text, table=Table(columns, rows))]
 
 
-def _ticks(context: Context, case: Case, name: str, sizes: Sequence[dfd.Mesh]) -> list[bool]:
-    shape, at, own = Shape("", case.mesh), int(case.handles[0]), name == "DFD"
+def _ticks(context: Context, case: Case, name: str, sizes: Sequence[Shape]) -> list[bool]:
+    shape, at, own = Shape(case.name, case.mesh), int(case.handles[0]), name == "DFD"
     feet, flank = [each for each in map(shape.at, FEET) if each != at], shape.at((0.5, 0.5, 1.0))
     if own:
         session = pulled(context, case, "paper")
@@ -289,9 +290,9 @@ def _ticks(context: Context, case: Case, name: str, sizes: Sequence[dfd.Mesh]) -
     length = np.linalg.norm(case.targets[0] - case.mesh.vertices[at])
     wide, local = (np.linalg.norm(each - case.mesh.vertices, axis=1) / length for each in moved)
     seconds = [
-        _dfd_seconds(context, Shape("", size), "paper")[:3:2]
+        _dfd_seconds(context, size, "paper")[:3:2]
         if own
-        else [each or 0.0 for each in _peer_seconds(size, name, context.of(PATIENCE))[:2]]
+        else [each or 0.0 for each in _peer_seconds(size.mesh, name, context.of(PATIENCE))[:2]]
         for size in sizes
     ]
     alike = bool(wide[feet].min() >= FOLLOWED and wide[flank] < wide[feet].min() / 2)

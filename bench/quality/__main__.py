@@ -1,8 +1,74 @@
-"""`python -m bench.quality labelled`, `grip` and `anatomy`, see the modules `labelled` and `anatomy`."""
+"""`python -m bench.quality labelled` and `anatomy`: how good weights are, see the modules of these names.
 
-import sys
+All numbers are means over the shapes of a category, and over the categories.
+"""
 
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+import dfd
 from bench.quality import anatomy, labelled
+from bench.tables import to_csv, to_markdown, write_text
+from dfd.encoders.known import DEFAULT_ENCODER
+
+OUTPUT = Path(__file__).resolve().parents[1] / "results" / "quality"
+Row = tuple[str, bool, str, Mapping[str, float]]  # category, whether it is kept back, name, and numbers of a shape
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Judge a folder of shapes; the tables are written after every one."""
+    parser = argparse.ArgumentParser("python -m bench.quality", description=__doc__)
+    parser.add_argument("verb", choices=("labelled", "anatomy"), help="labels of people, or skinned GLB files")
+    parser.add_argument("folder", type=Path, nargs="?", help="folder to judge (labelled: by default samples of dfd)")
+    parser.add_argument("--quick", action="store_true", help="one shape a category")
+    parser.add_argument("--encoder", default=DEFAULT_ENCODER, help="name, folder or name on the hub (%(default)s)")
+    parser.add_argument("--output", type=Path, default=OUTPUT, help="folder to write to (%(default)s)")
+    given = parser.parse_args(arguments)
+    if given.verb == "anatomy" and given.folder is None:
+        parser.error("anatomy needs a folder of skinned GLB files")
+    if given.encoder == DEFAULT_ENCODER:
+        os.environ["HF_HUB_OFFLINE"] = "1"
+    module = anatomy if given.verb == "anatomy" else labelled
+    read = anatomy.rigged_shapes if given.verb == "anatomy" else labelled.labelled_shapes
+    own = "" if given.encoder == DEFAULT_ENCODER else f"_{Path(given.encoder).name}"
+    path = given.output / f"{given.verb}{own}"
+    rows: list[Row] = []
+    for shape in read(given.folder, quick=given.quick):
+        Console(stderr=True, highlight=False).print(shape.name)
+        field = dfd.distill(shape.mesh, given.encoder, progress=False)
+        rows.append((shape.category, shape.kept_back, shape.name, shape.judged(field)))
+        write(path, (module.__doc__ or "").splitlines()[0], rows, module.LEGEND)
+    Console().print(f"{path}.md", highlight=False, soft_wrap=True)
+
+
+def write(path: Path, title: str, rows: Sequence[Row], legend: Mapping[str, str]) -> None:
+    """Write PATH.csv with a row a shape, and PATH.md with a row a category, of all shapes and of each half."""
+    names = list(rows[0][3])
+    halves = {True: "judged", False: "chosen on"}
+    cells = [[category, name, halves[kept], *numbers.values()] for category, kept, name, numbers in rows]
+    lines = [f"# {title}", ""]
+    for heading, half in (("All shapes", None), ("Constants were chosen on these", False), ("Judged on these", True)):
+        some = [row for row in rows if half in (None, row[1])]
+        table = [
+            [category, *np.mean([list(row[3].values()) for row in some if row[0] == category], axis=0).tolist()]
+            for category in dict.fromkeys(row[0] for row in some)
+        ]
+        if table:
+            means = ["mean", *np.mean([row[1:] for row in table], axis=0).tolist()]
+            lines += [f"## {heading}", "", f"{len(some)} shapes.", ""]
+            lines += [*to_markdown(["category", *names], [*table, means], ".3f"), ""]
+    lines += [f"- **{word}**: {meaning}." for word, meaning in legend.items()]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_text(path.with_name(f"{path.name}.csv"), to_csv(["category", "shape", "half", *names], cells))
+    write_text(path.with_name(f"{path.name}.md"), "\n".join(lines) + "\n")
+
 
 if __name__ == "__main__":
-    (anatomy if sys.argv[1:2] == ["anatomy"] else labelled).main()
+    main()

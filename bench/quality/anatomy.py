@@ -6,9 +6,7 @@ ancestors, alone, with its other side, with front and hind limbs, or with all of
 
 from __future__ import annotations
 
-import argparse
 import re
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,17 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 import dfd
-from bench.quality.measures import area_fractions
+from bench.quality.measures import area_fractions, soft_iou
 from bench.quality.parts import kind_of_part, strongest_joints
-from bench.tables import to_markdown, write_text
 from dfd.common.linear_algebra import Bool, Float64, Int64
-from dfd.common.preset import Preset
 from dfd.mesh.file.gltf.header import objects, parents
 
 LARGEST_MEANT = 0.6  # of the surface: larger subtrees are the whole shape
 SMALLEST_JUDGED, LARGEST_JUDGED = 0.003, 0.4  # likewise, of the joints that handles are put on
 HANDLES = 3  # per joint
 HELD_WELL = 0.7  # soft IoU
+LEGEND = {
+    "soft IoU": "Σ min(w, t) / Σ max(w, t) over the surface for the set t that a person may mean and is most alike",
+    "left behind": "the share of what hangs on the joint that a handle does not move",
+    "held well": f"the share of joints with a soft IoU of at least {HELD_WELL}",
+}
 # Feet hang on a root for inverse kinematics; here they hang on the limb that they border on.
 FOOT = re.compile(r"foot|toe|hoof|paw|hand|fist|^ff|^ik", re.IGNORECASE)
 # Parents of joints whose file keeps them in one flat list, by the names of the Unreal mannequin without their side.
@@ -59,6 +60,12 @@ class RiggedShape:
     joints: tuple[str, ...]  # (J,) their names
     parent: Int64  # (J,) the joint that each hangs on, −1 for a root
     of_vertex: Int64  # (V,) the joint that moves each vertex the most, −1 for none
+    kept_back = True  # constants are never chosen on it
+
+    @property
+    def category(self) -> str:
+        """Every shape is a category of its own."""
+        return self.name
 
     def subtree(self, joint: int) -> Bool:
         """(V,) Return which vertices hang on a joint."""
@@ -85,6 +92,37 @@ class RiggedShape:
             joint = int(self.parent[joint])
         return list(found.values())
 
+    def judge(self, vertex: int, weights: NDArray[np.floating]) -> tuple[float, float]:
+        """Return the best soft IoU of weights (V,) with a set that may be meant, and the share left behind."""
+        joint, values = int(self.of_vertex[vertex]), weights.astype(np.float64)
+        own = self.subtree(joint)
+        best = max((soft_iou(self.areas, values, meant) for meant in self.meant(joint)), default=0.0)
+        return best, 1.0 - float(self.areas[own] @ values[own] / self.areas[own].sum())
+
+    def handles(self) -> list[Int64]:
+        """Return up to three vertices of each joint that is judged, those that it moves the most."""
+        generator = np.random.default_rng(0)
+        found = []
+        for joint in range(len(self.joints)):
+            own = np.flatnonzero(self.of_vertex == joint)
+            if len(own) and SMALLEST_JUDGED <= self.areas @ self.subtree(joint) <= LARGEST_JUDGED:
+                found.append(generator.choice(own, min(HANDLES, len(own)), replace=False))
+        return found
+
+    def judged(self, field: dfd.Field) -> dict[str, float]:
+        """Return every number of `LEGEND`, means over the joints."""
+        session = dfd.Deformer(self.mesh, field)
+        rows = []
+        for handles in self.handles():
+            found = []
+            for vertex in handles.tolist():
+                held = session.add(vertex)
+                found.append(self.judge(vertex, session.following[:, 0]))
+                session.remove(held)
+            rows.append(np.mean(found, axis=0))
+        overlap, left = np.transpose(rows)
+        return dict(zip(LEGEND, map(float, (overlap.mean(), left.mean(), (overlap >= HELD_WELL).mean())), strict=True))
+
     def _kin(self, joint: int) -> Iterator[list[int]]:
         """The joint alone, with its other side, with front and hind limbs, and with all of its kind."""
         yield [joint]
@@ -94,17 +132,17 @@ class RiggedShape:
                 yield [other for other, each in enumerate(self.joints) if same(each) == name]
 
 
-def rigged_shapes(folder: Path) -> Iterator[RiggedShape]:
-    """Read the skinned GLB files of a folder whose joints form a tree.
+def rigged_shapes(folder: Path, *, quick: bool = False) -> Iterator[RiggedShape]:
+    """Read the skinned GLB files of a folder whose joints form a tree and are not too small; `quick` the first two.
 
     Raises ValueError if there is none.
     """
     paths = sorted(folder.glob("*.glb"))
     if not paths:
         raise ValueError(f"anatomy: there is no GLB file in {folder}")
-    for path in paths:
+    for path in paths[: 2 if quick else None]:
         shape = read_rigged(path)
-        if shape is not None:
+        if shape is not None and shape.handles():
             yield shape
 
 
@@ -124,63 +162,6 @@ def read_rigged(path: Path) -> RiggedShape | None:
         if FOOT.search(name) and (owner < 0 or (parent[owner] < 0 and not (of_vertex == owner).any())):
             parent[joint] = _bordering(shape, joint)
     return shape
-
-
-def judge(shape: RiggedShape, vertex: int, weights: NDArray[np.floating]) -> tuple[float, float]:
-    """Return the best soft IoU of a handle's weights (V,) with a set that may be meant, and the share left behind."""
-    joint, areas, values = int(shape.of_vertex[vertex]), shape.areas, weights.astype(np.float64)
-    best = 0.0
-    for meant in shape.meant(joint):
-        best = max(best, float(areas @ np.minimum(values, meant) / (areas @ np.maximum(values, meant))))
-    own = shape.subtree(joint)
-    return best, 1.0 - float(areas[own] @ values[own] / areas[own].sum())
-
-
-def draw_handles(shape: RiggedShape) -> list[tuple[int, Int64]]:
-    """Return the joints that are judged, each with up to three vertices that it moves the most."""
-    generator = np.random.default_rng(0)
-    found = []
-    for joint in range(len(shape.joints)):
-        own = np.flatnonzero(shape.of_vertex == joint)
-        if len(own) and SMALLEST_JUDGED <= shape.areas @ shape.subtree(joint) <= LARGEST_JUDGED:
-            found.append((joint, generator.choice(own, min(HANDLES, len(own)), replace=False)))
-    return found
-
-
-def evaluate(shape: RiggedShape, field: dfd.Field, *, preset: Preset = "default") -> tuple[float, float, float]:
-    """Return soft IoU, share left behind and share of joints held well, means over the joints of one shape."""
-    session = dfd.Deformer(shape.mesh, field, preset=preset)
-    rows = []
-    for _, handles in draw_handles(shape):
-        found = []
-        for vertex in handles.tolist():
-            held = session.add(vertex)
-            found.append(judge(shape, vertex, session.following[:, 0]))
-            session.remove(held)
-        rows.append(np.mean(found, axis=0))
-    overlap, left = np.transpose(rows)
-    return float(overlap.mean()), float(left.mean()), float((overlap >= HELD_WELL).mean())
-
-
-def main() -> None:
-    """Print and write the table of `python -m bench.quality anatomy FOLDER`."""
-    parser = argparse.ArgumentParser("python -m bench.quality anatomy", description=__doc__)
-    parser.add_argument("folder", type=Path, help="folder with skinned GLB files")
-    parser.add_argument("--preset", choices=("default", "paper"), default="default", help="of the sessions")
-    parser.add_argument("--output", type=Path, default=Path("bench/results/quality/anatomy.md"), help="%(default)s")
-    given = parser.parse_args(sys.argv[2:])
-    heading, table = ["shape", "soft IoU", "left behind", "held well"], []
-    for shape in rigged_shapes(given.folder):
-        if not draw_handles(shape):
-            continue
-        field = dfd.distill(shape.mesh, progress=False)
-        table.append([shape.name, *evaluate(shape, field, preset=given.preset)])
-        print(*(value if isinstance(value, str) else f"{value:.3f}" for value in table[-1]), flush=True)
-    means = ["mean", *np.mean([row[1:] for row in table], axis=0).tolist()]
-    text = "\n".join(to_markdown(heading, [*table, means], ".3f"))
-    given.output.parent.mkdir(parents=True, exist_ok=True)
-    write_text(given.output, text + "\n")
-    print(text.splitlines()[-1])
 
 
 def _joint_names(mesh: dfd.Mesh) -> list[str]:

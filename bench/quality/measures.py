@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+from trimesh.graph import connected_component_labels
 
 import dfd
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64
-from dfd.distillation.thickness import thicknesses
 from dfd.geometry.topology import face_areas
-from dfd.mesh.normalization import box_normalization
-from dfd.views.raycast import Scene
-
-MOVES = 0.01  # a vertex of less weight stays where it is, as far as anyone can see
 
 Weights = NDArray[np.floating]  # (V, H), a column a handle
 Labels = NDArray[np.integer]  # (V,) the part of each vertex, −1 for none
@@ -59,23 +55,21 @@ def handle_precision(weights: Weights, labels: Labels, handles: Handles) -> Floa
     return precision
 
 
-def part_precision(weights: Weights, labels: Labels, handles: Handles) -> dict[int, float]:
-    """Mean average precision of the handles in every part that has more than its handle."""
-    precision, part = handle_precision(weights, labels, handles), labels[handles]
-    known = ~np.isnan(precision)
-    return {int(each): float(precision[known & (part == each)].mean()) for each in np.unique(part[known])}
+def mean_over_labels(labels: Labels, values: Any) -> float:
+    """Return the mean of values (H,) of handles over each of their `labels` (H,) and over these; NaN is left out."""
+    known = ~np.isnan(values)
+    return float(np.mean([np.asarray(values)[known & (labels == each)].mean() for each in np.unique(labels[known])]))
 
 
-def moving(weights: Weights, labels: Labels) -> float:
-    """Return the share of the vertices with a part that a handle moves, mean over the handles."""
-    return float((weights[labels >= 0] > MOVES).mean())
+def soft_iou(areas: Float64, weights: NDArray[Any], truth: Bool) -> float:
+    """Return Σ min(w, t) / Σ max(w, t) over a surface whose vertices have `areas` (V,), for weights (V,) and a mask."""
+    return float(areas @ np.minimum(weights, truth) / (areas @ np.maximum(weights, truth)))
 
 
 def components_of(corners: NDArray[np.integer], count: int) -> Int32:
     """Return the connected component (count,) of each vertex; elements (E, K), such as faces, connect their corners."""
     edges = corners[:, [[a, a + 1] for a in range(corners.shape[1] - 1)]].reshape(-1, 2)
-    graph = coo_array((np.ones(len(edges), bool), (edges[:, 0], edges[:, 1])), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], np.int32)
+    return np.asarray(connected_component_labels(edges, node_count=count), np.int32)
 
 
 # --- weights by methods that know no features
@@ -90,20 +84,3 @@ def euclidean(vertices: NDArray[np.floating], handles: Handles) -> Float64:
 def geodesic(geodesics: dfd.Geodesics, handles: Handles) -> Float32:
     """Return 1 − distance along the surface over that of the farthest vertex: (V, H)."""
     return 1 - geodesics.distances(handles).T
-
-
-def thickness(mesh: dfd.Mesh, handles: Handles) -> Float64:
-    """Return 1 − |log of the ratio of shape diameters| over the largest such value: (V, H).
-
-    A vertex has the mean of its faces' shape diameters, see `dfd.distillation.thickness`.
-    """
-    center, scale = box_normalization(*mesh.bounds) or (np.zeros(3), 1.0)
-    vertices = (mesh.vertices - center) * scale
-    corners = vertices[mesh.faces]
-    component = components_of(mesh.faces, len(vertices))[mesh.faces[:, 0]]
-    thick = thicknesses(Scene(vertices, mesh.faces), corners, corners.mean(axis=1), component)
-    around = np.log(np.maximum(thick, 1e-3)).repeat(3)
-    total, count = (np.bincount(mesh.faces.ravel(), each, len(vertices)) for each in (around, np.ones_like(around)))
-    value = total / np.maximum(count, 1)
-    apart = np.abs(value[:, None] - value[handles])
-    return np.asarray(1 - apart / np.maximum(apart.max(axis=0), 1e-300))

@@ -66,11 +66,8 @@ FAMILIES = (
 
 
 def merged(joint: str) -> str | None:
-    """The part that every character has: head, torso, arm, hand, leg or foot; None for a joint of no such part."""
-    for part, pattern in MERGED:
-        if re.search(pattern, joint.lower()):
-            return part
-    return None
+    """The part that every character has, see `MERGED`; None for a joint of no such part."""
+    return next((part for part, pattern in MERGED if re.search(pattern, joint.lower())), None)
 
 
 def kind_of_part(joint: str) -> str | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 import dfd
 from bench.quality.parts import kind_of_part, label_vertices, merged, only, strongest_joints, without_few
 
+SAMPLES = {make.__name__: make for make in (dfd.samples.chair, dfd.samples.quadruped, dfd.samples.robot)}
 UNREADABLE = (ValueError, OSError, KeyError, IndexError, TypeError)  # what a file with a broken skin raises
 
 
@@ -27,24 +28,21 @@ class Shape:
 
 def made(faces: int) -> list[Shape]:
     """The labelled samples of dfd, of about `faces` faces."""
-    found = []
-    for make in (dfd.samples.chair, dfd.samples.quadruped, dfd.samples.robot):
-        sample = make(faces)
-        found.append(Shape(make.__name__, sample.mesh, sample.labels, sample.parts))
-    return found
+    samples = {name: make(faces) for name, make in SAMPLES.items()}
+    return [Shape(name, sample.mesh, sample.labels, sample.parts) for name, sample in samples.items()]
 
 
-def characters(folder: Path, say: Callable[[str], None]) -> Iterator[Shape]:
+def characters(folder: Path) -> Iterator[Shape]:
     """Yield every skinned GLB in `folder` with the merged names of its parts, whole and without accessories.
 
-    Tell `say` what cannot be read and leave it out.
+    What cannot be read is printed and left out.
     """
     for path in sorted(folder.glob("*.glb")):
         try:
             whole = dfd.load(path, pose="bind")
             joints = strongest_joints(whole)
         except UNREADABLE as error:
-            say(f"{path.name}: {error}")
+            print(f"{path.name}: {error}")
             continue
         skinned = np.array([joint is not None for joint in joints])
         if not skinned.any():
@@ -56,16 +54,16 @@ def characters(folder: Path, say: Callable[[str], None]) -> Iterator[Shape]:
             yield Shape(f"{path.stem} without accessories, merged names", bare, labels[old], parts)
 
 
-def rigs(folder: Path, say: Callable[[str], None], *, under: str = "rigs") -> Iterator[Shape]:
+def rigs(folder: Path, *, under: str = "rigs") -> Iterator[Shape]:
     """Every skinned GLB in the folder `under` of `folder`, with kinds of parts by the rule for animals and people.
 
-    What cannot be read, or has no two kinds of parts, is told to `say` and left out.
+    What cannot be read, or has no two kinds of parts, is printed and left out.
     """
     for path in sorted((folder / under).glob("*.glb")):
         try:
             yield rig(path)
         except UNREADABLE as error:
-            say(f"{path.name}: {error}")
+            print(f"{path.name}: {error}")
 
 
 def rig(path: Path) -> Shape:

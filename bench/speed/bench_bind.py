@@ -7,7 +7,6 @@ import numpy as np
 import dfd
 
 from .made_input import MadeInput, make_input
-from .measure import reading
 
 VERTICES = 500_000
 
@@ -27,15 +26,10 @@ class Bind:
         """Allocate the weights."""
         self.handles = made.handles(handles)
         self.out = np.empty((VERTICES, handles), np.float32)
-        self.read = reading(made.compact.blocks)
 
     def time_bind(self, made: MadeInput, handles: int) -> None:
         """Weights into an array that is there already."""
         dfd.bind(made.compact, self.handles, out=self.out)
-
-    def time_read_ceiling(self, made: MadeInput, handles: int) -> None:
-        """Reading the same bytes."""
-        self.read()
 
 
 class Constrained:

@@ -45,7 +45,7 @@ class Render:
 
     def setup(self, faces: int) -> None:
         """Make the mesh."""
-        self.mesh = dfd.Mesh(*torus(faces))
+        self.mesh = torus(faces)
 
     def time_render(self, faces: int) -> None:
         """Pictures, and the surface points behind their pixels."""

@@ -30,7 +30,7 @@ class Symmetry:
 
     def setup(self) -> None:
         """Make the mesh and a field that sees both sides alike."""
-        self.mesh = dfd.Mesh(*torus(20_000))
+        self.mesh = torus(20_000)
         self.field = mirrored_field()
 
     def time_planes(self) -> None:
@@ -46,7 +46,7 @@ class Geodesics:
 
     def setup(self, faces: int) -> None:
         """Prepare what handles are measured with."""
-        self.mesh = dfd.Mesh(*torus(faces))
+        self.mesh = torus(faces)
         self.geodesics = dfd.Geodesics(self.mesh)
         self.geodesics.prepare()
         self.handles = np.linspace(0, len(self.mesh.vertices) - 1, 10).astype(np.int64)

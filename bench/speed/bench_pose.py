@@ -7,7 +7,6 @@ import numpy as np
 import dfd
 
 from .made_input import MadeInput, make_input
-from .measure import copying
 
 VERTICES = 500_000
 
@@ -32,7 +31,6 @@ class Pose:
         self.plane = dfd.SymmetryPlane((1.0, 0.0, 0.0), 0.0, band=0.01)
         self.positions = self.vertices[made.handles(handles)]
         self.drag = dfd.Drag(self.vertices, self.weights, self.transforms, [0])
-        self.copy = copying(28 * VERTICES)
 
     def time_pose(self, made: MadeInput, handles: int, dtype: str) -> None:
         """All handles move."""
@@ -47,7 +45,3 @@ class Pose:
     def time_drag(self, made: MadeInput, handles: int, dtype: str) -> None:
         """One handle moves, the others rest."""
         self.drag.pose(self.transforms[:1], out=self.out)
-
-    def time_copy_ceiling(self, made: MadeInput, handles: int, dtype: str) -> None:
-        """Copying 28 bytes a vertex."""
-        self.copy()

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 
 import dfd
-from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
+from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.field.architecture import Architecture
 
 WIDTH = 384  # of the features of a small vision transformer
@@ -66,16 +67,8 @@ def mirrored_field() -> dfd.Field:
     return dfd.Field(parameters)
 
 
-def torus(face_count: int) -> tuple[Float64, Int32]:
-    """Vertices (V, 3) and faces (F, 3) of a bumpy torus of about so many faces."""
+def torus(face_count: int) -> dfd.Mesh:
+    """A torus of about so many faces."""
     around = max(int(np.sqrt(face_count / 6)), 4)
-    along = max(face_count // (2 * around), 4)
-    u, v = np.meshgrid(np.arange(along) * 2 * np.pi / along, np.arange(around) * 2 * np.pi / around, indexing="ij")
-    radius = 0.35 + 0.05 * np.sin(5 * u) * np.cos(2 * v)
-    ring = 1 + radius * np.cos(v)
-    vertices = np.stack([ring * np.cos(u), radius * np.sin(v), ring * np.sin(u)], axis=-1).reshape(-1, 3)
-    index = np.arange(along * around).reshape(along, around)
-    right, down = np.roll(index, -1, axis=0), np.roll(index, -1, axis=1)
-    across = np.roll(right, -1, axis=1)
-    corners = [np.stack([index, down, right], -1), np.stack([right, down, across], -1)]
-    return vertices, np.concatenate(corners).reshape(-1, 3).astype(np.int32)
+    made = trimesh.creation.torus(1.0, 0.35, major_sections=max(face_count // (2 * around), 4), minor_sections=around)
+    return dfd.Mesh(made.vertices, made.faces)

@@ -26,15 +26,6 @@ class Timing:
     median: float
     spread: float
 
-    def scaled(self, factor: float) -> Timing:
-        """Return the same times `factor`."""
-        return Timing(self.best * factor, self.median * factor, self.spread * factor)
-
-
-def measure(call: Callable[[], object], *, seconds: float = 1.0, least: int = 5, most: int = 400) -> Timing:
-    """Time `call` again and again for about `seconds`, after one call that does not count."""
-    return together({"": call}, seconds=seconds, least=least, most=most)[""]
-
 
 def together(
     calls: dict[str, Callable[[], object]], *, seconds: float = 1.0, least: int = 5, most: int = 400
@@ -67,18 +58,6 @@ def reading(array: NDArray[Any]) -> Callable[[], object]:
         return torch.from_numpy(array.reshape(-1).view(np.int64)).sum
 
 
-def moving(sources: list[NDArray[Any]], target: NDArray[Any]) -> Callable[[], object]:
-    """A call that reads some arrays and writes another."""
-    reads, into = [reading(source) for source in sources], torch.from_numpy(target)
-
-    def call() -> None:
-        for read in reads:
-            read()
-        into.fill_(1.0)
-
-    return call
-
-
 def copying(byte_count: int) -> Callable[[], object]:
     """A call that reads half of so many bytes and writes the other half."""
     source = torch.ones(max(byte_count // 8, 1))
@@ -86,7 +65,7 @@ def copying(byte_count: int) -> Callable[[], object]:
     return lambda: target.copy_(source)
 
 
-def product(rows: int, inner: int, columns: int) -> tuple[Callable[[], object], float]:
-    """A call that multiplies float32 matrices into memory that is there already, and how many operations that takes."""
+def product(rows: int, inner: int, columns: int) -> Callable[[], object]:
+    """A call that multiplies float32 matrices into memory that is there already."""
     left, right, into = torch.ones(rows, inner), torch.ones(inner, columns), torch.empty(rows, columns)
-    return lambda: torch.mm(left, right, out=into), 2.0 * rows * inner * columns
+    return lambda: torch.mm(left, right, out=into)

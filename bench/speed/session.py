@@ -9,11 +9,10 @@ from __future__ import annotations
 import argparse
 import multiprocessing
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 from trimesh.remesh import subdivide
 
 import dfd
@@ -52,7 +51,7 @@ def steps(vertex_count: int, of_shape: dfd.Field) -> Row:
         frames = [_frame(session, handle, 0.01 * (k + 1)) for k in range(1 + LATER)]
         seconds["first frame" if handle == 1 else "its first frame"] = frames[0]
         seconds["later frame"] = float(np.median(frames[1:]))
-    return seconds | {"memory": _resident(peak=True) - before}
+    return seconds | {"memory": _resident("VmHWM") - before}
 
 
 def measured(vertex_count: int, of_shape: dfd.Field) -> Row:
@@ -66,33 +65,30 @@ def _frame(session: dfd.Deformer, handle: int, down: float) -> float:
     return _timed(lambda: session.vertices)
 
 
-def _timed(call: object) -> float:
+def _timed(call: Callable[[], object]) -> float:
     began = time.perf_counter()
-    call()  # type: ignore[operator]
+    call()
     return time.perf_counter() - began
 
 
-def _resident(*, peak: bool = False) -> float:
-    """Return the memory of this process, GB; Linux alone tells."""
-    key = "VmHWM" if peak else "VmRSS"
-    status = Path("/proc/self/status")
+def _resident(key: str = "VmRSS") -> float:
+    """Return the memory of this process, GB, now or at its peak ("VmHWM"); Linux alone tells."""
+    status = Path("/proc/self/status")  # what `resource` tells of a child begins with its parent's peak
     lines = status.read_text().splitlines() if status.exists() else []
     return next((int(line.split()[1]) / 1e6 for line in lines if line.startswith(key)), float("nan"))
 
 
 def main() -> None:
     """Measure, print and draw."""
+    from bench.tables import to_markdown  # asv imports this module from another folder
+
     parser = argparse.ArgumentParser(prog="python -m bench.speed.session", description=__doc__)
     parser.add_argument("--vertices", type=int, nargs="+", default=SIZES, help="default: %(default)s")
     options = parser.parse_args()
     of_shape = field()
     rows = [measured(count, of_shape) for count in options.vertices]
-    table = Table("vertices", *(f"{step}, {'GB' if step == 'memory' else 'ms'}" for step in STEPS))
-    for row in rows:
-        table.add_row(
-            f"{row['vertices']:,.0f}", *(f"{row[step] * (1 if step == 'memory' else 1e3):.3g}" for step in STEPS)
-        )
-    Console(width=140).print(table)
+    columns = ["vertices", *(f"{step}, {'GB' if step == 'memory' else 's'}" for step in STEPS)]
+    print("\n".join(to_markdown(columns, [[int(row["vertices"]), *(row[step] for step in STEPS)] for row in rows])))
     OUTPUT.mkdir(parents=True, exist_ok=True)
     import matplotlib.pyplot as plt  # of the extra `bench`, which asv and the tests do without
 

@@ -8,15 +8,16 @@ Equal features give equal files. docs/learned.md names the sources of the metric
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy.linalg
 
 import dfd
 from bench.quality import shapes
-from bench.quality.measures import draw_handles, moving, part_precision
+from bench.quality.measures import draw_handles, handle_precision, mean_over_labels
 from bench.quality.shapes import Shape
 from bench.tables import to_markdown, write_text
 from bench.training.learn_kinds import learn_kinds
@@ -40,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = options_of(arguments, "learn_metric", __doc__, FOLDER)
     encoder = load_encoder(options.encoder)
     lessons = []
-    for shape in labelled_shapes(options.meshes, options.lessons, print):
+    for shape in labelled_shapes(options.meshes, options.lessons):
         print(shape.name, flush=True)
         lessons.append(Lesson(shape, cached_vertex_features(CACHE, shape.mesh, encoder)))
     learn(lessons, encoder).save(options.output)
@@ -48,12 +49,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(f"{options.output}\n{REPORT}")
 
 
-def labelled_shapes(folder: Path, lessons: Path | None, say: Callable[[str], None]) -> list[Shape]:
+def labelled_shapes(folder: Path, lessons: Path | None) -> list[Shape]:
     """Every shape to learn from; characters by the merged names of their parts."""
-    found = [*shapes.rigs(folder, say), *shapes.rigs(folder, say, under="upright")]
-    found += [shape for shape in shapes.characters(folder, say) if "rig names" not in shape.name]
+    found = [*shapes.rigs(folder), *shapes.rigs(folder, under="upright"), *shapes.characters(folder)]
     for under in ("rigs", "people") if lessons else ():
-        found += shapes.rigs(lessons, say, under=under)
+        found += shapes.rigs(lessons, under=under)
     return found + shapes.made(FACES)
 
 
@@ -82,45 +82,43 @@ def discriminants(lessons: Sequence[Lesson]) -> tuple[Float32, Float32]:
     return np.ascontiguousarray(of_features, np.float32), np.ascontiguousarray(THICKNESS * of_bands, np.float32)
 
 
-def judged(lesson: Lesson, features: Float32) -> tuple[float, float]:
-    """Return the precision and the share of vertices that move on a lesson's shape with other features."""
+def precision(lesson: Lesson, features: Float32) -> float:
+    """Return the mean average precision on a lesson's shape with other features, over several draws of handles."""
     labels, found = lesson.shape.labels, []
     for seed in range(SEEDS):
         handles = draw_handles(labels, EACH, seed)
-        weights = dfd.bind(features, handles)
-        precision = np.mean(list(part_precision(weights, labels, handles).values()))
-        found.append((float(precision), moving(weights, labels)))
-    precision, moves = np.mean(found, axis=0).tolist()
-    return precision, moves
+        own = handle_precision(dfd.bind(features, handles), labels, handles)
+        found.append(mean_over_labels(labels[handles], own))
+    return float(np.mean(found))
 
 
 def report(lessons: Sequence[Lesson]) -> str:
-    """Precision and how many vertices move, each shape through the metric that the other families gave."""
-    lines = [
-        "# A learned metric",
-        "",
-        "Each shape judged without its family; precision, and the share of vertices that a handle moves by more than "
-        "0.01, by the plain distance and by the learned one; at the vertices, before a field is fitted.",
-        "",
-    ]
-    columns, rows = ["family", "shape", "precision, none", "learned", "moving, none", "learned"], []
-    gains: dict[str, list[float]] = {}
+    """Return the precision on each shape by features alone, and through the metric that the other families gave."""
+    rows: list[list[Any]] = []
     for family in dict.fromkeys(each.family for each in lessons):
         others = [each for each in lessons if each.family != family]
         if not others:
             continue
-        tested = [each for each in lessons if each.family == family]
         metric = Metric(*discriminants(others), "", 0, learn_kinds(others))
-        for lesson in tested:
-            thickness = lesson.seen.thickness
-            mapped = metric.mapped(lesson.seen.features, thickness, np.random.default_rng(0), mean=lesson.mean)
-            (plain, moves), (learned, moves_learned) = judged(lesson, lesson.seen.features), judged(lesson, mapped)
-            rows.append([family, lesson.shape.name, plain, learned, moves, moves_learned])
-            gains.setdefault(family, []).append(learned - plain)
+        for lesson in (each for each in lessons if each.family == family):
+            features, thickness = lesson.seen.features, lesson.seen.thickness
+            mapped = metric.mapped(features, thickness, np.random.default_rng(0), mean=lesson.mean)
+            rows.append([family, lesson.shape.name, precision(lesson, features), precision(lesson, mapped)])
+    gains: dict[str, list[float]] = {}
+    for family, _, alone, learned in rows:
+        gains.setdefault(family, []).append(learned - alone)
     by_family = {family: float(np.mean(some)) for family, some in gains.items()}
     told = ", ".join(f"{family} {gain:+.3f}" for family, gain in by_family.items())
-    lines += to_markdown(columns, rows, ".3f")
-    return "\n".join([*lines, "", f"Gain by family, mean {np.mean(list(by_family.values())):+.4f}: {told}.", ""])
+    lines = [
+        "# A learned metric",
+        "",
+        "Each shape judged without its family; precision at the vertices, before a field is fitted.",
+        "",
+        *to_markdown(["family", "shape", "features alone", "learned"], rows, ".3f"),
+        "",
+        f"Gain by family, mean {np.mean(list(by_family.values())):+.4f}: {told}.",
+    ]
+    return "\n".join([*lines, ""])
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import dfd
+from bench.quality.shapes import SAMPLES
 from bench.tables import to_markdown, write_text
 from bench.training.sources import RESULTS, options_of, upright_files
 from bench.training.up_lessons import (
@@ -70,8 +71,8 @@ def upright_shapes(folder: Path, lessons: Path | None = None) -> Iterator[tuple[
     for path in upright_files(folder, lessons):
         known = LESSONS if lessons and path.is_relative_to(lessons) else ""
         yield f"{known}{path.parent.name}/{path.stem}", dfd.load(path)
-    for make in (dfd.samples.chair, dfd.samples.quadruped, dfd.samples.robot):
-        yield make.__name__, make().mesh
+    for name, make in SAMPLES.items():
+        yield name, make().mesh
 
 
 def lesson(name: str, mesh: dfd.Mesh, encoder: Encoder) -> UpLesson:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cache
+from operator import attrgetter
 
 import numpy as np
 from scipy.optimize import minimize
@@ -65,14 +66,8 @@ class UpLesson:
         return sum(self.sides, self.corners)
 
 
-def by_family(lesson: UpLesson) -> str:
-    """Leave a shape's family out when it is judged."""
-    return lesson.family
-
-
-def by_shape(lesson: UpLesson) -> str:
-    """Leave the shape alone out when it is judged."""
-    return lesson.name
+# What is left out when a shape is judged: its family, or itself.
+by_family, by_shape = attrgetter("family"), attrgetter("name")
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,8 +201,8 @@ def left_out_choices(lessons: tuple[UpLesson, ...], group: Group) -> dict[str, C
     return found
 
 
-def learned_odds(lessons: tuple[UpLesson, ...], without: Collection[str] = (), start: Float64 | None = None) -> Float64:
-    """(3, 9) see `UpProbe.odds`, of all lessons but those of some names; `start` only saves time.
+def learned_odds(lessons: tuple[UpLesson, ...], without: Collection[str] = ()) -> Float64:
+    """(3, 9) see `UpProbe.odds`, of all lessons but those of some names.
 
     From votes that never saw a shape's family, and from votes that only never saw the shape: what comes to be judged
     is sometimes of a known family and sometimes not.
@@ -223,11 +218,10 @@ def learned_odds(lessons: tuple[UpLesson, ...], without: Collection[str] = (), s
         [each.along for each in some],
         [choice for each in some for choice in each.tilted],
     )
-    starts = [None] * len(kinds) if start is None else start
-    return np.stack([fit_odds(kind, first) for kind, first in zip(kinds, starts, strict=True)])
+    return np.stack([fit_odds(kind) for kind in kinds])
 
 
-def fit_odds(choices: Sequence[Choice], start: Float64 | None = None) -> Float64:
+def fit_odds(choices: Sequence[Choice]) -> Float64:
     """Log-odds (T,) of what speaks for candidates, by conditional logistic regression: one of the right ones is chosen.
 
     Choices of which none is right teach nothing: without any others the odds are 0.
@@ -250,8 +244,7 @@ def fit_odds(choices: Sequence[Choice], start: Float64 | None = None) -> Float64
         slope = rows.T @ (chances - chances * right / np.repeat(of_right, size)) + SHRINK * odds
         return float(-np.log(of_right).sum() + SHRINK / 2 * odds @ odds), slope
 
-    first = np.zeros(rows.shape[1]) if start is None else start * spread
-    odds: Float64 = minimize(loss, first, jac=True, method="L-BFGS-B").x / spread
+    odds: Float64 = minimize(loss, np.zeros(rows.shape[1]), jac=True, method="L-BFGS-B").x / spread
     return odds
 
 
@@ -270,11 +263,10 @@ def left_out_odds(lessons: tuple[UpLesson, ...], group: Group) -> dict[str, Odds
     A fold is some groups: nine numbers hardly know one of hundreds of shapes.
     """
     found: dict[str, Odds] = {}
-    start = learned_odds(lessons)
     groups = list(dict.fromkeys(map(group, lessons)))
     for fold in (set(groups[first::FOLDS]) for first in range(FOLDS)):
         names = {each.name for each in lessons if group(each) in fold}
-        at_once, along, _ = learned_odds(lessons, names, start)
+        at_once, along, _ = learned_odds(lessons, names)
         for each in lessons:
             if each.name in names:
                 told = left_out_choices(lessons, group)[each.name]

@@ -32,6 +32,7 @@ from typer.testing import CliRunner
 import dfd
 from dfd.cli import app as command_line
 from dfd.pictures.picture import picture
+from dfd.pictures.sheet import session_views
 from dfd.pictures.viewpoint import azimuth_towards, viewpoint
 from dfd.views.raycast import Scene
 
@@ -145,22 +146,19 @@ class _Page:
 
 def _before_after(session: dfd.Deformer) -> list[Cell]:
     """A session at rest, what follows its handles, and what came of it."""
-    where = _camera([session])
-    return [
-        ("before", [_rest(session, where)]),
-        ("what follows", [_rest(session, where, weights=_following(session))]),
-        ("after", [_moved(session, where)]),
-    ]
+    views = _views(session, [session])
+    captions = {"before": "before", "weights": "what follows", "after": "after"}
+    return [(caption, [_transparent(session.mesh, **views[name])]) for name, caption in captions.items()]
 
 
 def _strip(cells: dict[str, Any]) -> list[Cell]:
     """A picture for each caption; of sessions, what follows their handles and what came of it."""
     sessions = [value for value in cells.values() if isinstance(value, dfd.Deformer)]
-    where = _camera(sessions) if sessions else {}
     drawn: list[Cell] = []
     for caption, value in cells.items():
         if isinstance(value, dfd.Deformer):
-            drawn.append((caption, [_rest(value, where, weights=_following(value)), _moved(value, where)]))
+            views = _views(value, sessions)
+            drawn.append((caption, [_transparent(value.mesh, **views[name]) for name in ("weights", "after")]))
         elif isinstance(value, np.ndarray):
             drawn.append((caption, [np.dstack([value, np.full(value.shape[:2], 255, np.uint8)])]))
         else:
@@ -169,28 +167,14 @@ def _strip(cells: dict[str, Any]) -> list[Cell]:
     return drawn
 
 
-def _camera(sessions: list[dfd.Deformer]) -> dict[str, Any]:
-    """One camera for all of them, from where the handles show."""
+def _views(session: dfd.Deformer, sessions: list[dfd.Deformer]) -> dict[str, dict[str, Any]]:
+    """What `picture` draws of one of several sessions, all by one camera, from where the handles show."""
     mesh = sessions[0].mesh
     places = np.array([handle.place.position for each in sessions for handle in each.handles]).reshape(-1, 3)
     # Never from behind: people know a shape by its front.
     azimuth = float(np.clip((azimuth_towards(mesh, places) + 180) % 360 - 180, -45, 45))
-    return {"azimuth": azimuth, "frame": [mesh.vertices, *(each.vertices for each in sessions)]}
-
-
-def _following(session: dfd.Deformer) -> NDArray[np.floating]:
-    return session.following.max(axis=1, initial=0.0)
-
-
-def _rest(session: dfd.Deformer, where: dict[str, Any], **options: Any) -> NDArray[np.uint8]:
-    places = np.array([handle.place.position for handle in session.handles]).reshape(-1, 3)
-    fixed = np.array([one.position for one in session.fixed]).reshape(-1, 3)
-    return _transparent(session.mesh, handles=places, fixed=fixed, **where, **options)
-
-
-def _moved(session: dfd.Deformer, where: dict[str, Any]) -> NDArray[np.uint8]:
-    landed = np.array([handle.landed for handle in session.report().handles]).reshape(-1, 3)
-    return _transparent(session.mesh, vertices=session.vertices, handles=landed, **where)
+    frame = [mesh.vertices, *(each.vertices for each in sessions)]
+    return {name: {**view, "frame": frame} for name, view in session_views(session, azimuth).items()}
 
 
 def _transparent(mesh: dfd.Mesh, **options: Any) -> NDArray[np.uint8]:

@@ -7,6 +7,7 @@ import runpy
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import typer
 from typer.testing import CliRunner
@@ -28,6 +29,20 @@ MODULES = sorted(set(re.findall(r"python -m ((?:dfd|bench)[\w.]*)", TEXT)))
 @pytest.mark.parametrize("name", dfd.__all__)
 def test_the_reference_has_every_public_name(name: str) -> None:
     assert re.search(rf":: (dfd\.)?{name}$", PAGES[Path("docs/reference/python.md")], re.MULTILINE)
+
+
+def test_the_reference_calls_experimental_what_the_package_does() -> None:
+    [marked] = re.findall(r"^__all__ \+= \[(.*)\]$", Path(dfd.__file__).read_text("utf-8"), re.MULTILINE)
+    text = PAGES[Path("docs/reference/python.md")].partition("## Experimental")[2]
+    assert set(re.findall(r":: (\w+)$", text, re.MULTILINE)) - {"dfd"} == set(re.findall(r'"(\w+)"', marked))
+
+
+def test_pages_agree_on_the_precision_of_weights() -> None:
+    rows = [line for line in TEXT.splitlines() if "bench.quality labelled" in line and "precision" in line]
+    rows += re.findall(r"^\| dfd \| .*$", PAGES[Path("docs/compare.md")], re.MULTILINE)
+    rows += re.findall(r"^\| `dinov2-small-focus` \| .*$", PAGES[Path("docs/learned.md")], re.MULTILINE)
+    assert len(rows) >= 3
+    assert {re.findall(r"0\.\d+", row)[0] for row in rows if re.search(r"0\.\d", row)} == {"0.87"}
 
 
 @pytest.mark.parametrize("control", CONTROLS)
@@ -54,6 +69,24 @@ def test_every_command_has_the_options_that_the_pages_give_it(name: str) -> None
     known = {option for each in own for option in (*each.opts, *each.secondary_opts)} | {"--help"}
     assert {word for line in lines for word in re.findall(r"(?<!\S)--?[a-z][\w-]*", line)} <= known
     assert CliRunner().invoke(commands, [name, "--help"]).exit_code == 0
+
+
+@pytest.mark.slow
+def test_the_front_page_does_the_same_in_python_and_on_the_command_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    dfd.samples.quadruped(4_000).mesh.save("bull.glb")
+    readme = PAGES[Path("README.md")]
+    [code] = re.findall(r"^```python\n(.*?)^```$", readme, re.MULTILINE | re.DOTALL)
+    exec(compile(code, "README.md", "exec"), {})
+    by_python = dfd.load("moved.glb").vertices
+    Path("moved.glb").unlink()
+    [command] = re.findall(r"^    dfd (deform .*)$", readme, re.MULTILINE)
+    result = CliRunner().invoke(commands, command.split())
+    assert result.exit_code == 0, result.output
+    np.testing.assert_allclose(dfd.load("moved.glb").vertices, by_python, atol=1e-5)
+    assert np.abs(by_python - dfd.load("bull.glb").vertices).max() == pytest.approx(0.2, abs=1e-3)
 
 
 @pytest.mark.filterwarnings("ignore:.*found in sys.modules:RuntimeWarning")  # other tests import them

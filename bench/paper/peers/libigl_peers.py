@@ -1,4 +1,7 @@
-"""Methods of libigl: ARAP, and bounded biharmonic weights."""
+"""Methods of libigl: ARAP, and bounded biharmonic weights.
+
+Checked in tests/python/bench/test_paper.py: both interpolate their control points, and translate with them.
+"""
 
 from __future__ import annotations
 

@@ -11,8 +11,10 @@ import os
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import TimeoutError as FutureTimeoutError
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -172,35 +174,20 @@ def in_child(function: Callable[..., Any], *arguments: Any, seconds: float) -> A
 
     Raises PeerError if it raises, dies, or takes longer than `seconds`.
     """
-    context = multiprocessing.get_context("spawn")
-    ours, theirs = context.Pipe()
-    child = context.Process(target=_answer, args=(theirs,), daemon=True)
-    child.start()
-    theirs.close()
-    try:
-        ours.send((function, arguments))  # not at the start, where a child that dies at once would never be noticed
-        if not ours.poll(seconds):
-            raise PeerError(f"takes longer than {seconds:g} s")
-        fine, result = ours.recv()
-    except (EOFError, BrokenPipeError, ConnectionResetError):
-        child.join()
-        raise PeerError(f"crashes (exit code {child.exitcode})") from None
-    finally:
-        child.kill()
-        child.join()
-        ours.close()
-    if not fine:
-        raise PeerError(result)
-    return result
-
-
-def _answer(connection: Connection) -> None:
-    function, arguments = connection.recv()
-    try:
-        answer = (True, function(*arguments))
-    except Exception as error:  # whatever a peer raises is its result
-        answer = (False, (str(error).splitlines() or [type(error).__name__])[0])
-    connection.send(answer)
+    others = set(multiprocessing.active_children())
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        answer = pool.submit(function, *arguments)
+        try:
+            return answer.result(seconds)
+        except FutureTimeoutError:
+            raise PeerError(f"takes longer than {seconds:g} s") from None
+        except BrokenProcessPool:
+            raise PeerError("crashes") from None
+        except Exception as error:  # whatever a peer raises is its result
+            raise PeerError((str(error).splitlines() or [type(error).__name__])[0]) from None
+        finally:
+            for child in set(multiprocessing.active_children()) - others:
+                child.kill()
 
 
 # --- tetrahedra

@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, get_args
 
@@ -16,11 +17,11 @@ from dfd.common import tensors
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Int64
 
-__all__ = ["array", "choice", "ending", "field", "number", "vertex_indices", "warn", "whole"]
+__all__ = ["array", "choice", "ending", "field", "keywords", "number", "vertex_indices", "warn", "whole"]
 
 
-def _describe(shape: Sequence[int | str | None]) -> str:
-    names = ["*" if size is None else str(size) for size in shape]
+def _describe(shape: Sequence[int | str]) -> str:
+    names = [str(size) for size in shape]
     return f"({', '.join(names)}{',' if len(names) == 1 else ''})"
 
 
@@ -28,14 +29,14 @@ def array(
     function: str | None,
     name: str,
     value: Any,
-    shape: Sequence[int | str | None],
+    shape: Sequence[int | str],
     *,
     dtype: Any = np.float32,
     finite: bool = True,
 ) -> NDArray[Any]:
     """Return `value` as a C-contiguous array of `dtype`, copied only when it must be.
 
-    `shape` lists the wanted sizes: a number is exact, a name such as ``"V"`` or ``None`` stands for any size.
+    `shape` lists the wanted sizes: a number is exact, a name such as ``"V"`` stands for any size.
 
     Raises ValueError if `value` is not numeric, a masked array or a tensor that NumPy cannot look into, has another
     shape, or (with `finite`) holds NaN or infinity.
@@ -110,6 +111,15 @@ def choice(function: str | None, name: str, value: Any, options: Any) -> Any:
     if not isinstance(value, str) or value not in words:
         raise ArgumentError(name, f"must be one of {', '.join(words)}, got {value!r}", function)
     return value
+
+
+def keywords(given: Iterable[str], known: Collection[str], kind: str) -> None:
+    """Raise TypeError if a keyword of `given` is none of the `known` ones, each of which is a `kind`."""
+    for name in given:
+        if name not in known:
+            close = get_close_matches(name, known, 1)
+            meant = f"; did you mean {close[0]}?" if close else ""
+            raise TypeError(f"{name!r} is no {kind}; these are {', '.join(known)}{meant}")
 
 
 def ending(function: str | None, name: str, path: str | os.PathLike[str], endings: Sequence[str]) -> str:

@@ -89,9 +89,8 @@ def controls_on(mesh: Mesh, given: Mapping[str, Any]) -> dict[str, Any]:
     `mask` is no region or holds no vertex. Raises TypeError if there is no control of a name.
     """
     found = {name: value for name, value in dict(given).items() if value is not None}
+    check.keywords(found, CONTROLS, "control of a handle")
     for name, value in found.items():
-        if name not in CONTROLS:
-            raise TypeError(f"{name!r} is no control of a handle; these are {', '.join(CONTROLS)}")
         if name == "excluded_counterparts":
             found[name] = _points_on(mesh, value)
         elif CONTROLS[name].unit == "length":

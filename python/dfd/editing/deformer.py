@@ -58,8 +58,9 @@ class Deformer:
         and 4 to 8 to the letter. Whatever is said of a handle or set of the session goes before it.
     features
         (V, D) features of the vertices when they are at hand, in full or as `dfd.compact` makes them; the field is then
-        asked for points in space alone. Otherwise it is asked once they are needed, above 16,384 vertices for compact
-        ones, whose weights are within 0.01 of exact, judged by a sample (`features.error`); full ones never exist.
+        asked for points in space alone. Otherwise it is asked once they are needed: with the preset "paper" for full
+        ones, else above 16,384 vertices for compact ones, whose weights are within 0.01 of exact, judged by a sample
+        (`features.error`).
     other_shape
         Take a field of another shape all the same.
 
@@ -94,10 +95,10 @@ class Deformer:
             check_compatible(self.field, self.mesh, allowed_by="other_shape=True")
         self._weights = HandleWeights(self.mesh, field, features)
         self._posed = PosedShape(self.mesh, self._weights)
-        self._warn_of_field(preset)
         self._start(start)
 
     def _start(self, edit: Edit) -> None:
+        self._follow(edit.preset)
         self._history = History(edit)
         self._next_id = 1 + max((handle.id for handle in edit.handles), default=0)
 
@@ -288,6 +289,7 @@ class Deformer:
 
         Raises ValueError if a vertex of `edit` is none of the mesh, or a region of it is empty there.
         """
+        self._follow(edit.preset)
         self._commit(edit_on(self.mesh, edit), "edit", merge)
         self._next_id = max(self._next_id, 1 + max((handle.id for handle in edit.handles), default=0))
 
@@ -321,12 +323,14 @@ class Deformer:
     def preset(self, preset: Preset) -> None:
         with called("Deformer.preset"):
             self._commit(with_preset(self.edit, preset, self.mesh))
-            self._warn_of_field(preset)
+            self._follow(preset)
 
-    def _warn_of_field(self, preset: Preset) -> None:
-        """Warn where the paper's session has a field that was distilled otherwise than in the paper."""
+    def _follow(self, preset: Preset) -> None:
+        """Let the paper's session ask for full features, and warn where its field was distilled otherwise."""
         from dfd.distillation.settings import DistillSettings
 
+        if preset == "paper":
+            self._weights.rows.full = True
         made = self.field.settings
         paper = DistillSettings(preset="paper").as_dict() if preset == "paper" else {}
         if differ := [name for name, value in paper.items() if name != "seed" and name in made and made[name] != value]:

@@ -97,10 +97,11 @@ class Rules:
     blend: Literal["auto", "linear"] = "auto"
     # reach_targets: whether handles get back what fixed points take from them where they are held (Eq. 6)
     reach_targets: bool = True
-    # mirrored_locality, bridges: whether the distances of Eq. 7 also start at the handle's mirror image, and whether
-    # they cross small gaps between components
+    # mirrored_locality, bridges, sampled_distances: whether the distances of Eq. 7 also start at the handle's mirror
+    # image, whether they cross small gaps between components, and whether samples stand for a large mesh
     mirrored_locality: bool = True
     bridges: bool = True
+    sampled_distances: bool = True
     # band: half width of the blend band at a mirror plane, relative to the longest side of the box (Eq. 8)
     band: float = DEFAULT_BAND
     # candidates, threshold: which planes symmetry "auto" takes, as in `dfd.symmetry_planes`
@@ -127,6 +128,7 @@ PRESETS: dict[Preset, Rules] = {
         reach_targets=False,
         mirrored_locality=False,
         bridges=False,
+        sampled_distances=False,
         band=0.0,
         candidates="axes",
         threshold=0.1,

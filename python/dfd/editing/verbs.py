@@ -18,6 +18,7 @@ from dfd.editing.edit import Edit, Handle, box_center, symmetry_on
 from dfd.editing.influence.held_parts import bend_vector, pivot_on
 from dfd.editing.influence.regions import VertexSet
 from dfd.editing.points import Place, place_on
+from dfd.editing.presets import CONTROLS
 from dfd.posing.transforms import MOTIONS, PivotAt, Transform, frame_of_normal
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 def add(edit: Edit, weights: HandleWeights, handle: int, at: Any, *, name: str | None, **given: Any) -> Edit:
     """Return `edit` with a new handle of that id at the end."""
+    check.keywords(given, (*MOTIONS, *CONTROLS), "motion or control of a handle")
     place = place_of(weights, at)
     parts: Any = {part: value for part, value in given.items() if part in MOTIONS}
     others: Any = {control: value for control, value in given.items() if control not in parts}
@@ -39,6 +41,7 @@ def add(edit: Edit, weights: HandleWeights, handle: int, at: Any, *, name: str |
 
 def move(edit: Edit, weights: HandleWeights, handle: int, given: Mapping[str, Any]) -> Edit:
     """Return `edit` with other parts of a handle's transform."""
+    check.keywords(given, MOTIONS, "motion of a handle")
     held = edit.handle(handle)
     moved = edit.replaced(replace(held, transform=_transform(held.transform, weights, held.place, given)))
     return _on_part(moved, weights, handle, given, held.transform)
@@ -72,6 +75,7 @@ def set_symmetry(
 
 def set_default(edit: Edit, weights: HandleWeights, given: Mapping[str, Any]) -> Edit:
     """Return `edit` with the default transform D₀ that is given; None if it moves nothing."""
+    check.keywords(given, MOTIONS, "motion")
     if unknown := given.keys() - {name for name, said in MOTIONS.items() if not said.of_part}:
         raise TypeError(f"{unknown.pop()!r} is for what a handle holds, and the default transform has no handle")
     transform = Transform().changed(**given)

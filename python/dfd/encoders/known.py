@@ -15,9 +15,10 @@ class KnownEncoder(NamedTuple):
     block: int | None = None  # the block whose tokens are used, counted from 1; None is the last one
 
 
-# The default, and five as the paper compares them (Fig. 11 and 12).
+# The default, the network that it was tuned from, and five as the paper compares them (Fig. 11 and 12).
 KNOWN_ENCODERS = {
     DEFAULT_ENCODER: KnownEncoder(None, 9),
+    "dinov2-small": KnownEncoder("facebook/dinov2-small"),
     "dinov2-base": KnownEncoder("facebook/dinov2-base"),
     "dinov3-base": KnownEncoder("facebook/dinov3-vitb16-pretrain-lvd1689m"),
     # CLIP's last blocks serve its class token: patches keep to their own place in the middle of the network.

@@ -62,7 +62,7 @@ def with_sorted_header(content: bytes) -> bytes:
 def _metadata(content: bytes) -> dict[str, str]:
     length = int.from_bytes(content[:8], "little")
     if length > len(content) - 8:
-        raise ValueError("is cut short or no field")
+        raise ValueError(f"the header has {length:,} bytes, the file {len(content):,}")
     header = json.loads(content[8 : 8 + length])
     found = header.get("__metadata__", {}) if isinstance(header, dict) else {}
     return {name: text for name, text in found.items() if isinstance(text, str)} if isinstance(found, dict) else {}

@@ -58,7 +58,7 @@ def read_affine(function: str, name: str, value: Any, count: int | None) -> Floa
         leading = "" if count is None else f"{count}, "
         shape = np.shape(value) if count is None else array.shape
         raise ArgumentError(name, f"must have shape ({leading}3, 4) or ({leading}4, 4), got {shape}", function)
-    result = check.array(function, name, array, (None, None, 4), dtype=np.float64)
+    result = check.array(function, name, array, ("H", "R", 4), dtype=np.float64)
     if result.shape[1] == 4 and np.abs(result[:, 3] - (0.0, 0.0, 0.0, 1.0)).max(initial=0.0) > 1e-6:
         wrong = np.abs(result[:, 3] - (0.0, 0.0, 0.0, 1.0)).max(axis=1).argmax()
         raise ArgumentError(name, f"must have the bottom row [0, 0, 0, 1], got {result[wrong, 3].tolist()}", function)

@@ -305,7 +305,7 @@ def _linear(rotation: Vector, scale: Vector, axes: Frame | None) -> Float64:
 def _numbers(name: str, value: Any) -> Float64:
     if value is None or np.isscalar(value) or getattr(value, "ndim", 1) == 0:
         return check.array("Transform", name, value, (), dtype=np.float64).reshape(())
-    return check.array("Transform", name, value, (None,), dtype=np.float64)
+    return check.array("Transform", name, value, ("N",), dtype=np.float64)
 
 
 def _triple(numbers: Float64) -> Vector:

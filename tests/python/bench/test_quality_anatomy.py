@@ -4,7 +4,7 @@ import numpy as np
 import trimesh
 
 import dfd
-from bench.quality.anatomy import RiggedShape, judge
+from bench.quality.anatomy import RiggedShape
 from bench.quality.measures import area_fractions
 
 
@@ -29,7 +29,7 @@ def two_legs():
 def test_a_band_leaves_the_foot_behind():
     shape = two_legs()
     vertex = int(np.flatnonzero(shape.of_vertex == 1)[0])
-    whole, left = judge(shape, vertex, np.isin(shape.of_vertex, [1, 2]))
+    whole, left = shape.judge(vertex, np.isin(shape.of_vertex, [1, 2]))
     assert (whole, left) == (1.0, 0.0)
-    band, left = judge(shape, vertex, shape.of_vertex == 1)
+    band, left = shape.judge(vertex, shape.of_vertex == 1)
     assert np.allclose((band, left), 0.5)

@@ -71,8 +71,8 @@ def test_a_radius_ends_smoothly_where_it_says(session, geodesics_of, labeled, fo
 @pytest.fixture
 def geodesics_of():
     def replaced(session):
-        session._weights.by_features._distances._geodesics[True] = Counting(session.mesh)
-        return session._weights.by_features._distances._geodesics[True]
+        session._weights.by_features._distances._geodesics[True, True] = Counting(session.mesh)
+        return session._weights.by_features._distances._geodesics[True, True]
 
     return replaced
 
@@ -215,6 +215,7 @@ def test_a_point_of_space_has_the_normal_of_the_nearest_vertex(session, mesh):
         ({"mask": "y>0", "mask_feather": "wide"}, r"Deformer.add: `mask_feather` must be a length or a percentage"),
         ({"mask": "top"}, r"Deformer.add: `mask` must be a region, got 'top'"),
         ({"mask": "y>70"}, r"Deformer.add: `mask` must hold a vertex, but the side"),
+        ({"rotation": np.ones((2, 2))}, r"Deformer.add: `rotation` must have shape \(N,\), got \(2, 2\)"),
         ({"axes": np.ones((3, 3))}, r"Deformer.add: `axes` must be 3 unit vectors at right angles"),
     ],
 )
@@ -224,6 +225,18 @@ def test_odd_controls_are_refused_by_name(session, given, message):
     assert session.handles == ()
 
 
-def test_names_that_are_not_settings_are_refused(session):
-    with pytest.raises(TypeError, match="'stretch' is no control of a handle; these are reach, falloff"):
-        session.add(5, stretch=2)
+@pytest.mark.parametrize(
+    ("verb", "given", "message"),
+    [
+        ("add", "stretch", "'stretch' is no motion or control of a handle; these are translation, .*, reach, falloff"),
+        ("add", "translate", "did you mean translation"),
+        ("move", "rotate", "'rotate' is no motion of a handle; .*did you mean rotation"),
+        ("change", "reech", "'reech' is no control of a handle; .*did you mean reach"),
+        ("set_default", "translate", "'translate' is no motion; .*did you mean translation"),
+    ],
+)
+def test_names_that_are_not_settings_are_refused(session, verb, given, message):
+    handle = session.add(5)
+    first = {"add": [6], "set_default": []}.get(verb, [handle])
+    with pytest.raises(TypeError, match=message):
+        getattr(session, verb)(*first, **{given: 2})

@@ -20,6 +20,7 @@ from dfd.distillation.settings import DistillSettings
 from dfd.editing.controls import Controls, controls_of
 from dfd.editing.edit import Handle
 from dfd.editing.edit_file import edit_schema, from_document
+from dfd.editing.influence import handle_features
 from dfd.editing.points import place_on
 from dfd.editing.presets import CONTROLS, PARTLESS_REACH, PRESETS
 from dfd.editing.transfer import transfer
@@ -129,7 +130,7 @@ def test_the_paper_is_its_equations(mesh, field, features, symmetry):
         features,
         places,
         fixed=[1500],
-        geodesic=dfd.Geodesics(mesh, bridges=False).distances(places),
+        geodesic=dfd.Geodesics(mesh, bridges=False, sampled=False).distances(places),
         locality=[1.5, 0.5, 0.0],
     )
     assert weights.sum(axis=1).max() > 1.1
@@ -161,6 +162,18 @@ def test_planes_of_auto_are_those_across_axes_within_epsilon(mesh, field, featur
     assert asked == [{"candidates": "axes", "threshold": 0.1}, {"candidates": "any", "threshold": "relative"}]
     with pytest.raises(ValueError, match="`candidates` and `threshold` are for the plane auto, got 'x'"):
         session.set_symmetry("x", threshold=0.1)
+
+
+def test_the_paper_binds_full_features_of_any_number_of_vertices(mesh, field, monkeypatch, tmp_path):
+    monkeypatch.setattr(handle_features, "MOST_EXACT", 100)
+    paper = dfd.Deformer(mesh, field, preset="paper")
+    paper.save(tmp_path / "edit.json")
+    assert isinstance(paper.features, np.ndarray)
+    assert isinstance(dfd.Deformer.load(tmp_path / "edit.json", mesh, field).features, np.ndarray)
+    switched, default = dfd.Deformer(mesh, field), dfd.Deformer(mesh, field)
+    switched.preset = "paper"
+    assert isinstance(switched.features, np.ndarray)
+    assert isinstance(default.features, dfd.CompactFeatures)
 
 
 # --- a session and its file

@@ -187,3 +187,11 @@ def test_wrong_file_is_refused(field: Field, tmp_path: Path, metadata: dict, ten
     rewrite(field, path, metadata, tensors)
     with pytest.raises(ValueError, match=message):
         Field.load(path)
+
+
+def test_a_file_that_is_cut_short_is_refused_once(field: Field, tmp_path: Path) -> None:
+    path = tmp_path / "a.safetensors"
+    field.save(path)
+    path.write_bytes(path.read_bytes()[:100])
+    with pytest.raises(ValueError, match=r"is cut short or no field: the header has [\d,]+ bytes, the file 100$"):
+        Field.load(path)

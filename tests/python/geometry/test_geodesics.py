@@ -32,11 +32,11 @@ def on_sphere(mesh: Mesh, handle: int) -> np.ndarray:
     return np.arccos(np.clip(mesh.vertices @ mesh.vertices[handle], -1, 1)) / np.pi
 
 
-@pytest.mark.parametrize("subdivisions", [4, 6])
-def test_distances_on_a_sphere_are_angles(subdivisions: int) -> None:
-    """Once over all vertices, and once over samples of 40,962."""
+@pytest.mark.parametrize(("subdivisions", "sampled"), [(4, True), (6, True), (6, False)])
+def test_distances_on_a_sphere_are_angles(subdivisions: int, sampled: bool) -> None:
+    """Over all vertices, over samples of 40,962, and over all of these."""
     mesh = sphere_of(subdivisions)
-    geodesics = Geodesics(mesh)
+    geodesics = Geodesics(mesh, sampled=sampled)
     assert geodesics.extent == pytest.approx(np.pi, rel=0.01)
     found = geodesics.distances([5, 1000, 2500])
     assert found.dtype == np.float32

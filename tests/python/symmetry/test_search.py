@@ -10,6 +10,7 @@ from symmetry.shapes import FoldedField, about_y, creature, mirror_x, mirror_xz,
 
 import dfd
 from dfd.mesh.mesh import Mesh
+from dfd.symmetry import search
 from dfd.symmetry.search import scored_planes
 
 TURNS = [np.eye(3), *Rotation.random(3, random_state=7).as_matrix()]
@@ -85,6 +86,15 @@ def test_the_planes_of_the_paper_stay_available() -> None:
     assert all(plane.signed_distance([mesh.bounds.mean(axis=0)])[0] == pytest.approx(0, abs=1e-9) for plane in planes)
     (plane,) = dfd.symmetry_planes(field, mesh, candidates="axes")
     assert plane.normal == (1.0, 0.0, 0.0)
+
+
+def test_the_score_of_the_paper_is_of_all_vertices(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(search, "_SCORED_VERTICES", 10)
+    monkeypatch.setattr(search, "_AT_ONCE", 100)
+    field, mesh = FoldedField(mirror_x), creature()
+    for plane in dfd.symmetry_planes(field, mesh, threshold=9.0, candidates="axes"):
+        apart = np.linalg.norm(field(mesh.vertices) - field(plane.reflect(mesh.vertices)), axis=1)
+        assert plane.score == pytest.approx(apart.mean(), abs=1e-6)
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e6])

@@ -10,7 +10,7 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Fixed, Handle
-from dfd.editing.influence.distances import Distances
+from dfd.editing.influence.distances import Distances, Measured
 from dfd.editing.points import Place
 from dfd.editing.presets import PARTLESS_REACH, WITHIN_PART
 from dfd.weights.bind import bind
@@ -33,7 +33,7 @@ class Key(NamedTuple):
     place: Place
     controls: Controls  # the controls that change the column
     sources: tuple[int, ...]  # the vertices where geodesic distances start; empty without locality
-    bridges: bool  # whether these distances cross small gaps
+    measured: Measured  # how these distances are measured
 
 
 class FeatureWeights:
@@ -92,7 +92,7 @@ class FeatureWeights:
     def locality(self, edit: Edit, handle: Handle) -> tuple[tuple[int, ...], Float32 | None, float]:
         """Return where geodesic distances of a handle start, (V,) distances in [0, 1] or None, and λ of Eq. 7."""
         key = self._key(handle, edit)
-        distances, power = self._distances.falloff(key.sources, key.controls, key.bridges)
+        distances, power = self._distances.falloff(key.sources, key.controls, key.measured)
         return key.sources, None if distances is None else distances[0], power
 
     def near(self, edit: Edit, handle: Handle, vertices: Int64) -> Float64:
@@ -137,14 +137,15 @@ class FeatureWeights:
         near = controls.locality > 0 or controls.radius is not None
         plane = edit.symmetry if edit.rules.mirrored_locality else None
         sources = self._distances.sources(self._rows.vertices(handle.place), handle.place, plane) if near else ()
-        return Key(handle.place, controls, sources, edit.rules.bridges and near)
+        measured = Measured(edit.rules.bridges and near, edit.rules.sampled_distances or not near)
+        return Key(handle.place, controls, sources, measured)
 
     def _bind(self, key: Key, column: Float32) -> None:
         """Write the weights (V,) of a handle to `column` (Eq. 4 to 7)."""
         place, controls = key.place, key.controls
         part = self._grips.part(place) if controls.reach == "part" else None
         reach = controls.reach if controls.reach != "part" else PARTLESS_REACH if part is None else WITHIN_PART
-        geodesic, locality = self._distances.falloff(key.sources, controls, key.bridges)
+        geodesic, locality = self._distances.falloff(key.sources, controls, key.measured)
         bind(
             self._rows.features,
             self._rows.points([place]),

@@ -39,12 +39,13 @@ class HandleFeatures:
         self._field = field
         self._on_mesh = FieldOnMesh(field, mesh)
         self._features = None if features is None else _checked(features, (len(mesh.vertices), field.dimension))
+        self.full = False  # whether those of the field are kept in full for any number of vertices
         self._members: dict[Region, Indices] = {}
         self._representatives: dict[Region, Indices] = {}
 
     @property
     def features(self) -> Float32 | CompactFeatures:
-        """(V, D) features of the vertices: in full up to 16,384 vertices, compact beyond, or what was given."""
+        """(V, D) features of the vertices: in full up to 16,384 vertices or if `full`, else compact, or as given."""
         self.prepare()
         assert self._features is not None
         return self._features
@@ -53,7 +54,7 @@ class HandleFeatures:
         """Ask the field for the features, unless they are there; `progress` hears how many further rows are done."""
         if self._features is not None:
             return
-        if len(self._mesh.vertices) > MOST_EXACT:
+        if len(self._mesh.vertices) > MOST_EXACT and not self.full:
             self._features = compact(self._on_mesh, progress=progress)
         else:
             self._features = self._field.features(self._mesh)
