@@ -57,7 +57,7 @@ def inspect(mesh: Mesh) -> Topology:
         duplicate_faces=int(_repeats_earlier(faces).sum()),
         unreferenced_vertices=int((np.bincount(mesh.faces.ravel(), minlength=len(mesh.vertices)) == 0).sum()),
         extents=(float(mesh.extents[0]), float(mesh.extents[1]), float(mesh.extents[2])),
-        parts=mesh.part_count,
+        parts=len(mesh.parts),
         materials=len(look.materials) if look else 0,
         textures=len(textures),
     )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Literal, Protocol
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +14,6 @@ from dfd.common.linear_algebra import Float32, Float64, Int32, Int64, UInt8
 GRAY = 0.8  # display-referred color of a surface without a material
 
 Wrap = Literal["repeat", "mirror", "clamp"]
-
-
-class _Digest(Protocol):
-    def update(self, data: bytes, /) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -83,17 +80,14 @@ class Appearance:
                 opaque = each.alpha_mode == "OPAQUE" or result[here, 3] >= each.alpha_cutoff
                 result[here, 3] = opaque
 
-    def update_hash(self, digest: _Digest) -> None:
-        """Feed everything that `albedo` depends on to a hash."""
-        arrays: list[NDArray[Any] | None] = [self.corner_faces, self.face_material, self.uv, self.colors]
+    def content(self) -> Iterator[bytes]:
+        """Yield everything that `albedo` depends on, for a hash."""
         for material in self.materials:
-            settings = (material.color, material.wrap, material.alpha_mode, material.alpha_cutoff)
-            digest.update(repr(settings).encode())
-            arrays.append(material.texture)
-        for values in arrays:
-            digest.update(b"none" if values is None else str(values.shape).encode())
-            if values is not None:
-                digest.update(np.ascontiguousarray(values).tobytes())
+            yield repr((material.color, material.wrap, material.alpha_mode, material.alpha_cutoff)).encode()
+        textures = (material.texture for material in self.materials)
+        for values in (self.corner_faces, self.face_material, self.uv, self.colors, *textures):
+            yield b"none" if values is None else str(values.shape).encode()
+            yield b"" if values is None else values.tobytes()
 
 
 def srgb(linear: NDArray[np.floating]) -> Float32:

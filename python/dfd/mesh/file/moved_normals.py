@@ -21,7 +21,7 @@ def follow(
     get one new normal, the sum of the normals of their faces weighted by area. Rows of another normal are
     across a sharp edge. Where no face moved, the file's normals are kept bit for bit.
     """
-    own = [each.normals for each in scene.primitives]
+    own = [each.geometry.normals for each in scene.primitives]
     if not changed.any() or all(normals is None for normals in own):
         return own
     placed = np.concatenate(
