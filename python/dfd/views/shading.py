@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dfd.common.linear_algebra import Float32, Int32, UInt8
+from dfd.common.linear_algebra import Float32, Int32, UInt8, unit
 from dfd.mesh.appearance import GRAY, blend
+from dfd.mesh.normals import face_normals
 from dfd.views.raycast import Hits, Scene
 
 if TYPE_CHECKING:
@@ -105,10 +106,7 @@ def facing(
     length = np.sqrt(np.einsum("kc,kc->k", normal, normal))
     lost = np.flatnonzero(length < _CANCELLED)
     if len(lost):
-        first, second, third = (vertices[corners[lost, corner]].astype(np.float64) for corner in range(3))
-        crossed = np.cross(second - first, third - first)
-        crossed /= np.maximum(np.linalg.norm(crossed, axis=1), np.finfo(np.float32).tiny)[:, None]
-        normal[lost], length[lost] = crossed, 1
+        normal[lost], length[lost] = unit(face_normals(vertices, corners[lost])), 1
     towards = np.abs(np.einsum("kc,kc->k", normal, directions.take(hits.ray, axis=0)))
     return np.minimum(towards / length, np.float32(1))
 
