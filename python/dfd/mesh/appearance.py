@@ -130,23 +130,18 @@ def _sample(material: Material, uv: Float32) -> Float32:
 
 def _texels(coordinate: Float32, size: int, wrap: Wrap) -> tuple[Int64, Int64, Float32]:
     """Return the texels before and after a coordinate (N,) and the fraction (N, 1) between them."""
-    if wrap == "repeat":
-        coordinate = coordinate - np.floor(coordinate)  # first, so that far repeats stay exact
-    elif wrap == "mirror":
-        coordinate = coordinate - 2 * np.floor(coordinate / 2)
+    period = {"repeat": 1, "mirror": 2, "clamp": 0}[wrap]
+    if period:  # first, so that far repeats stay exact
+        coordinate = coordinate - period * np.floor(coordinate / period)
     else:
-        coordinate = np.clip(coordinate, 0, 1)
+        coordinate = coordinate.clip(0, 1)
     position = coordinate * np.float32(size) - np.float32(0.5)
     before = np.floor(position)
-    fraction = (position - before)[:, None]
-    first = before.astype(np.int64)
-    second = first + 1
-    if wrap == "repeat":
-        return first % size, second % size, fraction
+    texels = before.astype(np.int64) + [[0], [1]]
+    texels = texels % (period * size) if period else texels.clip(0, size - 1)
     if wrap == "mirror":
-        first, second = first % (2 * size), second % (2 * size)
-        return np.minimum(first, 2 * size - 1 - first), np.minimum(second, 2 * size - 1 - second), fraction
-    return np.clip(first, 0, size - 1), np.clip(second, 0, size - 1), fraction
+        texels = np.minimum(texels, 2 * size - 1 - texels)
+    return texels[0], texels[1], (position - before)[:, None]
 
 
 def _mix(a: UInt8 | Float32, b: UInt8 | Float32, part: Float32) -> Float32:

@@ -38,17 +38,16 @@ class Shading:
         `ray` of the hits is the pixel's index.
         """
         origin = camera.position.astype(np.float32)
-        pixels = camera.may_show(self._vertices, self._faces, resolution)
-        directions = camera.ray_directions(resolution, pixels)
+        directions = camera.ray_directions(resolution)
         hits = self._scene.cast(origin, directions)
         image = np.full((resolution * resolution, 3), 255, np.uint8)
         rgba = self.colors(hits, directions)
         if (rgba[:, 3] < 1).any():
             hits, color = self._see_through(origin, directions, hits, rgba)
-            image[pixels] = _bytes(color)
+            image = _bytes(color)
         else:
-            image[pixels[hits.ray]] = _bytes(rgba[:, :3])
-        return image.reshape(resolution, resolution, 3), hits.of_rays(pixels)
+            image[hits.ray] = _bytes(rgba[:, :3])
+        return image.reshape(resolution, resolution, 3), hits
 
     def colors(self, hits: Hits, directions: Float32) -> Float32:
         """Lit color and opacity of each hit, (K, 4) in [0, 1]; `directions` are those of all rays."""
