@@ -131,10 +131,8 @@ def _sample(material: Material, uv: Float32) -> Float32:
 def _texels(coordinate: Float32, size: int, wrap: Wrap) -> tuple[Int64, Int64, Float32]:
     """Return the texels before and after a coordinate (N,) and the fraction (N, 1) between them."""
     period = {"repeat": 1, "mirror": 2, "clamp": 0}[wrap]
-    if period:  # first, so that far repeats stay exact
-        coordinate = coordinate - period * np.floor(coordinate / period)
-    else:
-        coordinate = coordinate.clip(0, 1)
+    # first, so that far repeats stay exact
+    coordinate = coordinate - period * np.floor(coordinate / period) if period else coordinate.clip(0, 1)
     position = coordinate * np.float32(size) - np.float32(0.5)
     before = np.floor(position)
     texels = before.astype(np.int64) + [[0], [1]]
