@@ -16,7 +16,6 @@ from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, UInt8, group_
 from dfd.samples.implicit import Shape
 
 _FIRST_SPACING = 1 / 40  # of a first grid, from whose face count the final spacing follows
-_BLOCK = 4  # grid steps per block of the coarse grid that finds the surface
 _MOST_GRID_FACES = 60_000  # finer meshes are subdivided from a coarser grid
 _CORNERS = np.array([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 _EDGES = [  # (axis, start corner, end corner), ordered by axis and start
@@ -54,8 +53,9 @@ def _half(
 ) -> tuple[Float64, Int32]:
     """Return the surface net of the half x >= 0, its rim exactly at x = 0."""
     origin = np.array([-spacing / 2, low[1], low[2]])  # the first layer of cells straddles the plane of symmetry
-    blocks = tuple(int(np.ceil((high[i] - origin[i]) / (_BLOCK * spacing))) for i in range(3))
-    values = _values_near_surface(shape, origin, spacing, blocks)
+    count = np.ceil((np.array(high) - origin) / spacing).astype(int) + 1
+    points = origin + spacing * np.ascontiguousarray(np.indices(count).reshape(3, -1).T)
+    values = shape.distance(points).reshape(count)
     inside = values < 0
     cells = tuple(n - 1 for n in values.shape)
     code = np.zeros(cells, np.uint8)  # which corners of each cell lie inside
@@ -68,19 +68,6 @@ def _half(
     number[tuple(crossed.T)] = np.arange(len(crossed), dtype=np.int32)
     quads = np.concatenate([_quads(inside, number, first, sheet, axis) for axis in range(3)])
     return vertices, _triangles(vertices, quads)
-
-
-def _values_near_surface(shape: Shape, origin: Float64, spacing: float, blocks: tuple[int, ...]) -> Float64:
-    """Return the distance at every grid point: exact near the surface, elsewhere only of correct sign."""
-    corner = np.stack(np.meshgrid(*[np.arange(n + 1) for n in blocks], indexing="ij"), axis=-1)
-    coarse = shape.distance(origin + _BLOCK * spacing * corner.reshape(-1, 3)).reshape(corner.shape[:3])
-    values = coarse.repeat(_BLOCK, 0).repeat(_BLOCK, 1).repeat(_BLOCK, 2)
-    # the surface is no nearer than a corner's distance; twice the diagonal, since an ellipsoid's is approximate
-    near = np.argwhere(np.abs(coarse) < 2 * np.sqrt(3) * _BLOCK * spacing) * _BLOCK
-    within = np.stack(np.meshgrid(*[np.arange(_BLOCK)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    points = (near[:, None] + within).reshape(-1, 3)
-    values[tuple(points.T)] = shape.distance(origin + spacing * points)
-    return values
 
 
 def _connected(vertices: Float64, triangles: Int32) -> tuple[Float64, Int32]:
