@@ -117,9 +117,7 @@ def _has_area(vertices: Float64, faces: Int32) -> Bool:
 def _edge_uses(faces: Int32) -> Int64:
     """Return how many faces each edge has."""
     ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
-    key = np.sort(ends.min(axis=1) << 32 | ends.max(axis=1))
-    starts = np.flatnonzero(np.concatenate([[True], key[1:] != key[:-1]])) if len(key) else np.zeros(0, int)
-    return np.diff(starts, append=len(key))
+    return np.unique(ends.min(axis=1) << 32 | ends.max(axis=1), return_counts=True)[1]
 
 
 def _repeats_earlier(faces: Int32) -> Bool:
