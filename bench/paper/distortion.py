@@ -9,9 +9,10 @@ from igl.copyleft import cgal
 from numpy.typing import ArrayLike, NDArray
 
 from dfd.common import check
-from dfd.common.linear_algebra import Bool, Float64
+from dfd.common.linear_algebra import Bool, Float64, distinct_pairs, group_sums, unit
 from dfd.geometry.topology import face_areas, first_at_place
 from dfd.mesh.mesh import Mesh
+from dfd.mesh.normals import face_normals
 
 MOST_TESTED = 200_000  # faces that are tested for self-intersection: exact arithmetic takes seconds there
 
@@ -41,15 +42,15 @@ def surface_metrics(mesh: Mesh, vertices: ArrayLike) -> SurfaceMetrics:
     """
     moved = check.array("surface_metrics", "vertices", vertices, mesh.vertices.shape, dtype=np.float64)
     # In units of the shape, around its middle: lengths far from 1 lose nothing.
-    center, unit = mesh.bounds.mean(axis=0), max(mesh.diagonal, np.finfo(float).tiny)
-    resting, moved = (mesh.vertices - center) / unit, (moved - center) / unit
+    center, size = mesh.bounds.mean(axis=0), max(mesh.diagonal, np.finfo(float).tiny)
+    resting, moved = (mesh.vertices - center) / size, (moved - center) / size
     faces = first_at_place(mesh)[mesh.faces]
     areas = face_areas(resting, faces)
     faces, areas = faces[areas > 0], areas[areas > 0]
     if len(faces) == 0:
         raise ValueError("surface_metrics: `mesh` must have a face with an area, got none")
     fraction = areas / areas.sum()
-    edges = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+    edges = distinct_pairs(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), len(resting))[0]
     before, after = (np.linalg.norm(each[edges[:, 0]] - each[edges[:, 1]], axis=1) for each in (resting, moved))
     turned = np.abs(_angles(moved, faces) - _angles(resting, faces)).mean(axis=1)
     return SurfaceMetrics(
@@ -84,13 +85,10 @@ def _volume_change(resting: Float64, moved: Float64, faces: NDArray[np.integer])
 
 def _folded(vertices: Float64, faces: NDArray[np.integer]) -> Bool:
     """(F,) which faces look away from the mean of the faces across their edges."""
-    corners = vertices[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
-    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    _, edge = np.unique(edges, axis=0, return_inverse=True)
-    around = np.stack([np.bincount(edge.ravel(), np.repeat(axis, 3)) for axis in normals.T], axis=1)
-    others = around[edge.ravel()].reshape(-1, 3, 3).sum(axis=1) - 3 * normals
+    normals = unit(face_normals(vertices, faces))
+    edges, edge = distinct_pairs(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), len(vertices))
+    around = group_sums(edge, np.repeat(normals, 3, axis=0), len(edges))
+    others = around[edge].reshape(-1, 3, 3).sum(axis=1) - 3 * normals
     return (others * normals).sum(axis=1) < FOLD
 
 

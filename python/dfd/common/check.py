@@ -106,8 +106,8 @@ def whole(function: str | None, name: str, value: Any, *, minimum: int, maximum:
 
 
 def choice(function: str | None, name: str, value: Any, options: Any) -> Any:
-    """Return `value`, one of the words of the Literal type `options`."""
-    words = get_args(options)
+    """Return `value`, one of the words `options`: a tuple of them, or their Literal type."""
+    words = options if isinstance(options, tuple) else get_args(options)
     if not isinstance(value, str) or value not in words:
         raise ArgumentError(name, f"must be one of {', '.join(words)}, got {value!r}", function)
     return value

@@ -116,25 +116,22 @@ def check_fields(value: Any) -> None:
     owner: type = type(value)
     function = owner.__name__
     for name, (kind, said) in about(owner).items():
-        given, kinds = getattr(value, name), (kind, *get_args(kind))
-        words = next(
-            (each for each in kinds if get_origin(each) is Literal and isinstance(get_args(each)[0], str)), None
-        )
+        given, kinds, words = getattr(value, name), (kind, *get_args(kind)), words_of(kind)
         if given is None and type(None) in kinds:
             continue
         if bool in kinds:
             if not isinstance(given, bool):
                 raise ArgumentError(name, f"must be True or False, got {given!r}", function)
         elif float in kinds and said is not None:
-            if isinstance(given, str) and words is not None and given in get_args(words):
+            if isinstance(given, str) and given in words:
                 continue
-            if isinstance(given, str) and words is not None:
+            if isinstance(given, str) and words:
                 bound = f"above {said.minimum:g}" if said.exclusive else f"of at least {said.minimum:g}"
-                choices = ", ".join(f'"{word}"' for word in get_args(words))
+                choices = ", ".join(f'"{word}"' for word in words)
                 raise ArgumentError(name, f"must be {choices} or a number {bound}, got {given!r}", function)
             number = check.number(
                 function, name, given, minimum=said.minimum, maximum=said.maximum, exclusive=said.exclusive
             )
             object.__setattr__(value, name, number)
-        elif words is not None:
+        elif words and isinstance(words[0], str):
             check.choice(function, name, given, words)

@@ -1,4 +1,4 @@
-"""Arrays by the type of their numbers, for annotations; vectors of length 1."""
+"""Arrays by the type of their numbers, for annotations; vectors of length 1; sums of groups and distinct pairs."""
 
 from __future__ import annotations
 
@@ -19,6 +19,21 @@ def unit(rows: NDArray[np.floating], *, least: float = 0.0) -> Float64:
     """Return the rows (N, D) scaled to length 1; rows no longer than `least` become 0."""
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
     return np.divide(rows, lengths, out=np.zeros(np.shape(rows)), where=lengths > least, casting="same_kind")
+
+
+def group_sums(group: NDArray[np.integer], rows: NDArray[np.floating], count: int) -> Float64:
+    """Return the sums (`count`, D) of the `rows` (N, D) of each `group` (N,), numbered below `count`."""
+    return np.stack([np.bincount(group, column, count) for column in rows.T], axis=1)
+
+
+def distinct_pairs(pairs: NDArray[np.integer], count: int) -> tuple[Int64, Int64]:
+    """Return the distinct `pairs` (N, 2) of numbers below `count`, in either order, and which of them each is.
+
+    The distinct ones (E, 2) are ascending, the lower number first.
+    """
+    low, high = np.sort(pairs, axis=1).astype(np.int64).T
+    keys, which = np.unique(low * count + high, return_inverse=True)
+    return np.stack(np.divmod(keys, count), axis=1), which.reshape(-1)
 
 
 Real = TypeVar("Real", np.float32, np.float64)

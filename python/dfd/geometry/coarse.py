@@ -13,7 +13,7 @@ from scipy.sparse import csr_array, eye_array
 from scipy.spatial import cKDTree
 
 import dfd._core as _core
-from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64
+from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64, distinct_pairs, group_sums
 from dfd.common.threads import get_num_threads
 from dfd.geometry.surface_graph import surface_graph, surface_links
 from dfd.geometry.topology import first_at_place
@@ -149,13 +149,11 @@ def _gathered(mesh: Mesh, links: Int32) -> Int32:
 def _contracted(mesh: Mesh, links: Int32, of_vertex: Int32) -> csr_array:
     """The graph (N, N) between nodes, with the distances between their centers."""
     center = _centers(mesh.vertices, of_vertex)
-    found = [np.zeros(0, np.int64)]
+    found = [np.zeros((0, 2), np.int64)]
     for ends in _edges(mesh, links):
-        one, other = of_vertex[ends].T
-        between = one != other
-        low, high = np.minimum(one, other)[between], np.maximum(one, other)[between]
-        found.append(np.unique(low.astype(np.int64) * len(center) + high))
-    low, high = np.divmod(np.unique(np.concatenate(found)), len(center))
+        nodes = of_vertex[ends]
+        found.append(distinct_pairs(nodes[nodes[:, 0] != nodes[:, 1]], len(center))[0])
+    low, high = distinct_pairs(np.concatenate(found), len(center))[0].T
     length = np.maximum(np.linalg.norm(center[low] - center[high], axis=1), 1e-12)
     both = np.concatenate([low, high]), np.concatenate([high, low])
     graph = csr_array((np.concatenate([length, length]), both), shape=(len(center), len(center)))
@@ -172,5 +170,5 @@ def _edges(mesh: Mesh, links: Int32) -> Iterator[Int32]:
 
 def _centers(vertices: Float64, of_vertex: Int32) -> Float64:
     """(N, 3) mean positions of the vertices of each node."""
-    size = np.bincount(of_vertex)
-    return np.stack([np.bincount(of_vertex, axis) / size for axis in vertices.T], axis=1)
+    size = np.bincount(of_vertex)[:, None]
+    return group_sums(of_vertex, vertices, len(size)) / size

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dfd.common.linear_algebra import Float64, Int32, Int64
+from dfd.common.linear_algebra import Float64, Int32, Int64, distinct_pairs
 from dfd.geometry.topology import face_sizes
 
 _ROUNDS = 16  # of halving the longest edges
@@ -41,12 +41,10 @@ def _halved(vertices: Float64, faces: Int32, longest: float) -> tuple[Float64, I
     long = np.linalg.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1) > longest
     if not long.any():
         return None
-    low, high = np.sort(ends[long], axis=1).astype(np.int64).T
-    keys, number = np.unique(low * len(vertices) + high, return_inverse=True)
-    a, b = np.divmod(keys, len(vertices))
+    edges, number = distinct_pairs(ends[long], len(vertices))
     middle = np.full((len(faces), 3), -1, np.int64)  # of the sides from corner 0 to 1, 1 to 2, 2 to 0
-    middle[long.reshape(-1, 3)] = len(vertices) + number.reshape(-1)
-    points = np.concatenate([vertices, (vertices[a] + vertices[b]) / 2])
+    middle[long.reshape(-1, 3)] = len(vertices) + number
+    points = np.concatenate([vertices, vertices[edges].mean(axis=1)])
     return points, _cut(points, faces.astype(np.int64), middle).astype(np.int32)
 
 

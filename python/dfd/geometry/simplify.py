@@ -11,6 +11,7 @@ from dfd.common.linear_algebra import Float64, Int32
 from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.normalization import normalization
+from dfd.mesh.normals import face_normals
 
 
 def simplify(mesh: Mesh, face_count: int) -> Mesh:
@@ -25,9 +26,8 @@ def simplify(mesh: Mesh, face_count: int) -> Mesh:
     face_count = check.whole("simplify", "face_count", face_count, minimum=4)
     if len(mesh.faces) <= face_count:
         return mesh
-    first, second, third = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
     # Around faces without area every collapse counts as a fold.
-    faces = mesh.faces[np.cross(second - first, third - first).any(axis=1)]
+    faces = mesh.faces[face_normals(mesh.vertices, mesh.faces).any(axis=1)]
     if len(faces) == 0:
         return mesh
     # Quadrics hold squared coordinates: at the origin and with size 1, rounding is least.

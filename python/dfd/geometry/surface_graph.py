@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 import dfd._core as _core
-from dfd.common.linear_algebra import Bool, Float64, Int32, Int64
+from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, distinct_pairs
 from dfd.geometry.topology import face_sizes, first_at_place, points_on_faces
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.weld import weld
@@ -116,9 +116,7 @@ def _across(points: Float64, vertex: Int64, label: Int64, gap: float) -> Int64:
     kept, crowded = _thinned(points, label[vertex], gap / 2)
     pairs = kept[cKDTree(points[kept]).query_pairs(gap, output_type="ndarray")]
     ends = vertex[np.concatenate([pairs, crowded])]
-    ends = np.sort(ends[label[ends[:, 0]] != label[ends[:, 1]]], axis=1)
-    keys = np.unique(ends[:, 0] * len(label) + ends[:, 1])
-    return np.stack(np.divmod(keys, len(label)), axis=1)
+    return distinct_pairs(ends[label[ends[:, 0]] != label[ends[:, 1]]], len(label))[0]
 
 
 def _samples(vertices: Float64, faces: Int32, own: Int64, spacing: float) -> tuple[Float64, Int64]:

@@ -57,7 +57,7 @@ def inspect(mesh: Mesh) -> Topology:
         duplicate_faces=int(_repeats_earlier(faces).sum()),
         unreferenced_vertices=int((np.bincount(mesh.faces.ravel(), minlength=len(mesh.vertices)) == 0).sum()),
         extents=(float(mesh.extents[0]), float(mesh.extents[1]), float(mesh.extents[2])),
-        parts=mesh.part_count,
+        parts=len(mesh.parts),
         materials=len(look.materials) if look else 0,
         textures=len(textures),
     )
@@ -117,9 +117,7 @@ def _has_area(vertices: Float64, faces: Int32) -> Bool:
 def _edge_uses(faces: Int32) -> Int64:
     """Return how many faces each edge has."""
     ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
-    key = np.sort(ends.min(axis=1) << 32 | ends.max(axis=1))
-    starts = np.flatnonzero(np.concatenate([[True], key[1:] != key[:-1]])) if len(key) else np.zeros(0, int)
-    return np.diff(starts, append=len(key))
+    return np.unique(ends.min(axis=1) << 32 | ends.max(axis=1), return_counts=True)[1]
 
 
 def _repeats_earlier(faces: Int32) -> Bool:

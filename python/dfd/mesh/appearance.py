@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Literal, Protocol
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +14,6 @@ from dfd.common.linear_algebra import Float32, Float64, Int32, Int64, UInt8
 GRAY = 0.8  # display-referred color of a surface without a material
 
 Wrap = Literal["repeat", "mirror", "clamp"]
-
-
-class _Digest(Protocol):
-    def update(self, data: bytes, /) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -83,17 +80,14 @@ class Appearance:
                 opaque = each.alpha_mode == "OPAQUE" or result[here, 3] >= each.alpha_cutoff
                 result[here, 3] = opaque
 
-    def update_hash(self, digest: _Digest) -> None:
-        """Feed everything that `albedo` depends on to a hash."""
-        arrays: list[NDArray[Any] | None] = [self.corner_faces, self.face_material, self.uv, self.colors]
+    def content(self) -> Iterator[bytes]:
+        """Yield everything that `albedo` depends on, for a hash."""
         for material in self.materials:
-            settings = (material.color, material.wrap, material.alpha_mode, material.alpha_cutoff)
-            digest.update(repr(settings).encode())
-            arrays.append(material.texture)
-        for values in arrays:
-            digest.update(b"none" if values is None else str(values.shape).encode())
-            if values is not None:
-                digest.update(np.ascontiguousarray(values).tobytes())
+            yield repr((material.color, material.wrap, material.alpha_mode, material.alpha_cutoff)).encode()
+        textures = (material.texture for material in self.materials)
+        for values in (self.corner_faces, self.face_material, self.uv, self.colors, *textures):
+            yield b"none" if values is None else str(values.shape).encode()
+            yield b"" if values is None else values.tobytes()
 
 
 def srgb(linear: NDArray[np.floating]) -> Float32:
@@ -136,23 +130,16 @@ def _sample(material: Material, uv: Float32) -> Float32:
 
 def _texels(coordinate: Float32, size: int, wrap: Wrap) -> tuple[Int64, Int64, Float32]:
     """Return the texels before and after a coordinate (N,) and the fraction (N, 1) between them."""
-    if wrap == "repeat":
-        coordinate = coordinate - np.floor(coordinate)  # first, so that far repeats stay exact
-    elif wrap == "mirror":
-        coordinate = coordinate - 2 * np.floor(coordinate / 2)
-    else:
-        coordinate = np.clip(coordinate, 0, 1)
+    period = {"repeat": 1, "mirror": 2, "clamp": 0}[wrap]
+    # first, so that far repeats stay exact
+    coordinate = coordinate - period * np.floor(coordinate / period) if period else coordinate.clip(0, 1)
     position = coordinate * np.float32(size) - np.float32(0.5)
     before = np.floor(position)
-    fraction = (position - before)[:, None]
-    first = before.astype(np.int64)
-    second = first + 1
-    if wrap == "repeat":
-        return first % size, second % size, fraction
+    texels = before.astype(np.int64) + [[0], [1]]
+    texels = texels % (period * size) if period else texels.clip(0, size - 1)
     if wrap == "mirror":
-        first, second = first % (2 * size), second % (2 * size)
-        return np.minimum(first, 2 * size - 1 - first), np.minimum(second, 2 * size - 1 - second), fraction
-    return np.clip(first, 0, size - 1), np.clip(second, 0, size - 1), fraction
+        texels = np.minimum(texels, 2 * size - 1 - texels)
+    return texels[0], texels[1], (position - before)[:, None]
 
 
 def _mix(a: UInt8 | Float32, b: UInt8 | Float32, part: Float32) -> Float32:

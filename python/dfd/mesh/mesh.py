@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeGuard
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +54,7 @@ class Mesh:
     representative: Int32  # (V,) the vertex whose index faces have for each vertex's position
     appearance: Appearance | None  # what colors the surface; None where nothing is known
     source: Path | None  # the file it was read from
+    scene: SceneFile | None  # the scene of that file; None for a mesh made from arrays
 
     def __init__(
         self, vertices: Any, faces: Any, *, appearance: Appearance | None = None, scene: SceneFile | None = None
@@ -82,18 +83,18 @@ class Mesh:
         )
         self.appearance = appearance
         self.source = scene.path if scene else None
-        self._scene = scene
+        self.scene = scene
 
     def __repr__(self) -> str:
         name = f"{self.source.name}: " if self.source else ""
-        parts = f", {self.part_count} parts" if self.part_count > 1 else ""
+        parts = f", {len(self.parts)} parts" if len(self.parts) > 1 else ""
         return f"Mesh({name}{len(self.vertices)} vertices, {len(self.faces)} faces{parts})"
 
     @cached_property
     def bounds(self) -> Float64:
         """(2, 3) smallest and largest coordinates; vertices of a file that no face uses do not count."""
         places = self.vertices
-        if self._scene is not None:  # of arrays, unused vertices count too
+        if self.scene is not None:  # of arrays, unused vertices count too
             used = np.zeros(len(self.vertices), bool)
             used[self.faces] = True
             places = self.vertices if used.all() else self.vertices[used]
@@ -107,10 +108,10 @@ class Mesh:
     @cached_property
     def parts(self) -> tuple[MeshPart, ...]:
         """The parts of the scene, in the order of their faces; one that holds everything for a mesh of arrays."""
-        if self._scene is None:
+        if self.scene is None:
             return (MeshPart("mesh", slice(0, len(self.faces)), _frozen(self._corners_of(slice(None)))),)
         found = []
-        for name, group in groupby(self._scene.primitives, lambda each: each.part):
+        for name, group in groupby(self.scene.primitives, lambda each: each.part):
             first, *others = group
             faces = slice(first.faces.start, (others or [first])[-1].faces.stop)
             found.append(MeshPart(name, faces, _frozen(self._corners_of(faces))))
@@ -124,16 +125,6 @@ class Mesh:
         used = np.zeros(len(self.vertices), bool)
         used[corners] = True
         return np.flatnonzero(used).astype(np.int64)
-
-    @property
-    def scene(self) -> SceneFile | None:
-        """The scene of the file it was read from; None for a mesh made from arrays."""
-        return self._scene
-
-    @property
-    def part_count(self) -> int:
-        """How many parts the scene of its file has; 1 for a mesh made from arrays."""
-        return len(self.parts)
 
     @cached_property
     def part_names(self) -> tuple[str, ...]:
@@ -150,7 +141,7 @@ class Mesh:
         for part in self.parts:
             if part.name == name:
                 return part.vertices
-        primitives = self._scene.primitives if self._scene else ()
+        primitives = self.scene.primitives if self.scene else ()
         materials = [each for each in primitives if each.geometry.material and each.geometry.material.name == name]
         if used := [each for each in primitives if each.name == name] or (materials if name else []):
             return np.unique(np.concatenate([self.faces[each.faces] for each in used])).astype(np.int64)
@@ -178,9 +169,9 @@ class Mesh:
     @cached_property
     def _groups(self) -> dict[str, Int64]:
         """The file's own vertices of each group; its text is parsed again when first asked for."""
-        if self._scene is None or self._scene.source is None or self._scene.ending != ".obj":
+        if self.scene is None or self.scene.source is None or self.scene.ending != ".obj":
             return {}
-        return face_groups(self._scene.source.data.tobytes())
+        return face_groups(self.scene.source.data.tobytes())
 
     @property
     def diagonal(self) -> float:
@@ -200,7 +191,8 @@ class Mesh:
             digest.update(f"{values.shape}".encode())
             digest.update(values.data)
         if self.appearance is not None:
-            self.appearance.update_hash(digest)
+            for piece in self.appearance.content():
+                digest.update(piece)
         return digest.hexdigest()
 
     def save(self, path: str | os.PathLike[str], vertices: Any | None = None) -> None:
@@ -218,7 +210,7 @@ class Mesh:
         from dfd.mesh.file.write import write
 
         moved = self._moved("Mesh.save", vertices)
-        write(path, moved, self.faces, appearance=self.appearance, scene=self._scene)
+        write(path, moved, self.faces, appearance=self.appearance, scene=self.scene)
 
     def to_trimesh(self, vertices: Any | None = None) -> trimesh.Trimesh:
         """Return the mesh as a `trimesh.Trimesh` with the same vertices and faces in the same order.
@@ -286,9 +278,10 @@ def load(
         fewer than three corners: they are left out.
     """
     check.choice("load", "pose", pose, _Pose)
+    known = sys.modules.get("trimesh")  # not imported to find out
     if isinstance(source, str | os.PathLike):
         scene = read(source, at_rest=pose == "rest")
-    elif _is_of_trimesh(source):
+    elif known is not None and isinstance(source, known.Trimesh | known.Scene):
         from dfd.mesh.file.in_trimesh import of_trimesh
 
         try:
@@ -303,12 +296,6 @@ def load(
             f"got {type(source).__name__}"
         )
     return Mesh(scene.vertices, scene.faces, appearance=scene.appearance, scene=scene)
-
-
-def _is_of_trimesh(source: object) -> TypeGuard[trimesh.Trimesh | trimesh.Scene]:
-    """Whether it is one of trimesh's shapes; trimesh is not imported to find out."""
-    known = sys.modules.get("trimesh")
-    return known is not None and isinstance(source, known.Trimesh | known.Scene)
 
 
 def as_mesh(source: MeshLike) -> Mesh:

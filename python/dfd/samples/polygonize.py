@@ -10,14 +10,12 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, UInt8
+import dfd._core as _core
+from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, UInt8, group_sums
 from dfd.samples.implicit import Shape
 
 _FIRST_SPACING = 1 / 40  # of a first grid, from whose face count the final spacing follows
-_BLOCK = 4  # grid steps per block of the coarse grid that finds the surface
 _MOST_GRID_FACES = 60_000  # finer meshes are subdivided from a coarser grid
 _CORNERS = np.array([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 _EDGES = [  # (axis, start corner, end corner), ordered by axis and start
@@ -42,7 +40,9 @@ def polygonize(
     vertices, triangles = _connected(*_half(shape, low, high, spacing))
     vertices = _even_out(shape, vertices, triangles, spacing)
     for _ in range(halvings):
-        vertices, triangles = _subdivide(vertices, triangles)
+        import trimesh  # most of a second, and few shapes are as fine
+
+        vertices, triangles = trimesh.remesh.subdivide(vertices, triangles)
         spacing /= 2
         vertices = shape.project(vertices, spacing, 1)
     return _with_mirror_image(vertices, triangles)
@@ -53,8 +53,9 @@ def _half(
 ) -> tuple[Float64, Int32]:
     """Return the surface net of the half x >= 0, its rim exactly at x = 0."""
     origin = np.array([-spacing / 2, low[1], low[2]])  # the first layer of cells straddles the plane of symmetry
-    blocks = tuple(int(np.ceil((high[i] - origin[i]) / (_BLOCK * spacing))) for i in range(3))
-    values = _values_near_surface(shape, origin, spacing, blocks)
+    count = np.ceil((np.array(high) - origin) / spacing).astype(int) + 1
+    points = origin + spacing * np.ascontiguousarray(np.indices(count).reshape(3, -1).T)
+    values = shape.distance(points).reshape(count)
     inside = values < 0
     cells = tuple(n - 1 for n in values.shape)
     code = np.zeros(cells, np.uint8)  # which corners of each cell lie inside
@@ -69,23 +70,9 @@ def _half(
     return vertices, _triangles(vertices, quads)
 
 
-def _values_near_surface(shape: Shape, origin: Float64, spacing: float, blocks: tuple[int, ...]) -> Float64:
-    """Return the distance at every grid point: exact near the surface, elsewhere only of correct sign."""
-    corner = np.stack(np.meshgrid(*[np.arange(n + 1) for n in blocks], indexing="ij"), axis=-1)
-    coarse = shape.distance(origin + _BLOCK * spacing * corner.reshape(-1, 3)).reshape(corner.shape[:3])
-    values = coarse.repeat(_BLOCK, 0).repeat(_BLOCK, 1).repeat(_BLOCK, 2)
-    # the surface is no nearer than a corner's distance; twice the diagonal, since an ellipsoid's is approximate
-    near = np.argwhere(np.abs(coarse) < 2 * np.sqrt(3) * _BLOCK * spacing) * _BLOCK
-    within = np.stack(np.meshgrid(*[np.arange(_BLOCK)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    points = (near[:, None] + within).reshape(-1, 3)
-    values[tuple(points.T)] = shape.distance(origin + spacing * points)
-    return values
-
-
 def _connected(vertices: Float64, triangles: Int32) -> tuple[Float64, Int32]:
     """Return the largest component: on a coarse grid the thin tip of a horn can be disconnected."""
-    links = coo_array((np.ones(triangles.size, bool), (triangles.ravel(), triangles[:, [1, 2, 0]].ravel())))
-    component = connected_components(links, directed=False)[1]
+    component = _core.components(len(vertices), triangles, np.zeros((0, 2), np.int32))
     kept = component == np.bincount(component).argmax()
     number = np.cumsum(kept, dtype=np.int32) - np.int32(1)
     return vertices[kept], number[triangles[kept[triangles[:, 0]]]]
@@ -162,27 +149,14 @@ def _triangles(vertices: Float64, quads: Int32) -> Int32:
 def _even_out(shape: Shape, vertices: Float64, triangles: Int32, spacing: float) -> Float64:
     """Move vertices towards the middle of their neighbors and back onto the surface, a few times."""
     vertices = shape.project(vertices, spacing, 2)
-    start = triangles.ravel()
-    end = triangles[:, [1, 2, 0]].ravel()
-    ends, starts = np.concatenate([end, start]), np.concatenate([start, end])
+    sides = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    starts, ends = np.concatenate([sides, sides[:, ::-1]]).T
     neighbors = np.bincount(starts, minlength=len(vertices))[:, None]
     for last in (False, False, True):
-        middle = np.stack([np.bincount(starts, axis[ends], len(vertices)) for axis in vertices.T], axis=1) / neighbors
+        middle = group_sums(starts, vertices[ends], len(vertices)) / neighbors
         middle[vertices[:, 0] == 0, 0] = 0.0
         vertices = shape.project((vertices + middle) / 2, spacing / 2, 2 if last else 1)
     return vertices
-
-
-def _subdivide(vertices: Float64, triangles: Int32) -> tuple[Float64, Int32]:
-    """Cut every triangle into four at the middles of its edges."""
-    edges = np.sort(np.stack([triangles, triangles[:, [1, 2, 0]]], axis=-1).reshape(-1, 2), axis=1)
-    key = edges[:, 0].astype(np.int64) * len(vertices) + edges[:, 1]
-    distinct, edge = np.unique(key, return_inverse=True)
-    middles = (vertices[distinct // len(vertices)] + vertices[distinct % len(vertices)]) / 2
-    ab, bc, ca = (edge.reshape(-1, 3) + len(vertices)).astype(np.int32).T
-    a, b, c = triangles.T
-    four = np.stack([a, ab, ca, b, bc, ab, c, ca, bc, ab, bc, ca], axis=1).reshape(-1, 3)
-    return np.concatenate([vertices, middles]), four
 
 
 def _with_mirror_image(vertices: Float64, triangles: Int32) -> tuple[Float64, Int32]:

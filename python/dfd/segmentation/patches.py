@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
 import dfd._core as _core
-from dfd.common.linear_algebra import Bool, Float64, Int64
+from dfd.common.linear_algebra import Bool, Float64, Int64, distinct_pairs, group_sums, unit
 from dfd.geometry.coarse import RUN, Nodes, nodes_of
 from dfd.geometry.topology import first_at_place
 
@@ -99,7 +99,7 @@ class Patches:
         pairs, length = np.concatenate([pairs, links]), np.concatenate([length, np.zeros(len(links))])
         self.node_borders = Borders(pairs, length, center, self._even(normal, pairs))
         apart = PACKING * self.spacing
-        places = np.column_stack([center, TURNED * apart * _unit(normal)])
+        places = np.column_stack([center, TURNED * apart * unit(normal)])
         used = np.flatnonzero(nodes.used)
         seeds = used[_spread(places[used], apart)]
         self.of_node = _nearest(nodes.graph, seeds, center)
@@ -107,9 +107,9 @@ class Patches:
         count = len(seeds)
         weight = np.maximum(area, 1e-9 * area.sum())
         self.area = np.bincount(self.of_node, weight, minlength=count) / weight.sum()
-        middle = _summed(self.of_node, center * weight[:, None], count) / (self.area * weight.sum())[:, None]
+        middle = group_sums(self.of_node, center * weight[:, None], count) / (self.area * weight.sum())[:, None]
         # Not of unit length: around a thin limb normals cancel, and their noise is no crease.
-        turned = _summed(self.of_node, normal, count) / (self.area * weight.sum())[:, None]
+        turned = group_sums(self.of_node, normal, count) / (self.area * weight.sum())[:, None]
         self.borders = Borders(*_contracted(self.of_node, pairs, length, count), middle, turned)
 
     def means(self, features: Callable[[Indices], NDArray[np.floating]]) -> Float64:
@@ -131,7 +131,7 @@ class Patches:
         near = csr_array((np.ones(len(ends)), tuple(ends.T)), shape=(count, count))
         for _ in range(min(round(np.sqrt(count / COUNT)), 6)):
             normal = near @ normal
-        return _unit(normal)
+        return unit(normal)
 
 
 class Distal:
@@ -199,11 +199,10 @@ def _contracted(
     of: NDArray[np.integer], pairs: NDArray[np.integer], length: Float64, count: int
 ) -> tuple[Indices, Float64]:
     """Return pairs (E, 2) of the groups `of` nodes, once each, with the sums of their borders."""
-    ends = np.sort(of[pairs].astype(np.int64), axis=1)
+    ends = of[pairs]
     apart = ends[:, 0] != ends[:, 1]
-    key, which = np.unique(ends[apart] @ [count, 1], return_inverse=True)
-    joined: Float64 = np.bincount(which, length[apart], minlength=len(key)).astype(np.float64)
-    return np.stack(np.divmod(key, count), axis=1).astype(np.int64), joined
+    joined, which = distinct_pairs(ends[apart], count)
+    return joined, np.bincount(which, length[apart], len(joined)).astype(np.float64)
 
 
 def _links(graph: csr_array, pairs: Indices) -> Indices:
@@ -242,12 +241,3 @@ def _nearest(graph: csr_array, seeds: Indices, center: Float64) -> Indices:
     if lost.any():
         found[lost] = cKDTree(center[seeds]).query(center[lost])[1]
     return found
-
-
-def _summed(group: NDArray[np.integer], values: Float64, count: int) -> Float64:
-    """Return (count, 3) the sums of `values` (N, 3) by `group` (N,)."""
-    return np.stack([np.bincount(group, axis, minlength=count) for axis in values.T], axis=1)
-
-
-def _unit(vectors: Float64) -> Float64:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)

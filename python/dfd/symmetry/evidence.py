@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
+from dfd.common.linear_algebra import Float32, Float64, Int32, Int64, unit
 from dfd.field.field import Field
 from dfd.geometry.topology import even_points, face_areas
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.normalization import box_normalization
+from dfd.mesh.normals import face_normals
 
 POINTS = 2_000
 LOOK_ALIKES = 6  # of each asking point, among those farther away than _APART
@@ -90,9 +91,8 @@ def _surface_points(vertices: Float64, faces: Int32) -> tuple[Float64, Float64]:
         chosen = np.unique(faces)[:: max(1, len(vertices) // POINTS)]
         return vertices[chosen], np.zeros((len(chosen), 3))
     face, weights = even_points(areas, POINTS)
-    corners = vertices[faces[face]]
-    crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return np.einsum("nk,nkd->nd", weights, corners), crossed / np.linalg.norm(crossed, axis=1, keepdims=True)
+    normals = unit(face_normals(vertices, faces[face]))
+    return np.einsum("nk,nkd->nd", weights, vertices[faces[face]]), normals
 
 
 def _change_with_distance(points: Float64, features: Float32) -> tuple[Float64, float]:

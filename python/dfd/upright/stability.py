@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
-from dfd.common.linear_algebra import Float64, Int32
+from dfd.common.linear_algebra import Float64, Int32, unit
 from dfd.common.threads import get_num_threads
 from dfd.geometry.topology import sample_surface
+from dfd.mesh.normals import face_normals
 from dfd.views.cameras import fibonacci_directions
 
 EVIDENCE = ("stable", "facing up", "base", "near the base", "middle", "mirrors upright", "mirrors flat")
@@ -36,9 +37,7 @@ class StabilityCues:
     def __init__(self, vertices: NDArray[np.floating], faces: Int32) -> None:
         generator = np.random.default_rng(0)
         self.points, face = sample_surface(vertices, faces, POINTS, generator)
-        corners = vertices[faces[face]].astype(np.float64)
-        crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        self.normals = crossed / np.maximum(np.linalg.norm(crossed, axis=1, keepdims=True), np.finfo(np.float64).tiny)
+        self.normals = unit(face_normals(vertices, faces[face]))
         self.rim = _hull_vertices(np.unique(vertices[np.unique(faces)].astype(np.float64), axis=0))
         self.middle = self.points.mean(axis=0)
         self.diagonal = float(np.linalg.norm(np.ptp(self.rim, axis=0)))

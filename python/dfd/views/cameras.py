@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import reduce
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dfd.common import check
-from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64
+from dfd.common.linear_algebra import Bool, Float32, Float64
 
 Framing = Literal["shape", "paper"]
 
@@ -19,9 +18,6 @@ PAPER_DISTANCE = 2.8  # from the origin of normalized coordinates, likewise
 MARGIN = 1.06  # a framed shape leaves this much room, so that no patch at its rim is cut
 CLEARANCE = 0.2  # of half the shape's size, between it and the eye, also for a needle seen from its tip
 _MIRROR_IMAGES = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0], [1.0, 1.0, -1.0], [-1.0, 1.0, -1.0]])
-_NEAREST = 1e-6  # to the eye, of what is in front of it
-_SQUARE = 8  # pixels along its side
-_ROOM = 1.5  # pixels around a triangle: more than a robust ray strays
 _CHUNK = 1 << 12  # points that are measured together: their products stay in the cache
 
 
@@ -42,48 +38,13 @@ class Camera:
         """Half the picture's width at distance 1."""
         return float(np.tan(np.radians(self.field_of_view) / 2))
 
-    def ray_directions(self, resolution: int, pixels: Int64 | None = None) -> Float32:
-        """Unit directions through the centers of `pixels` (N,), numbered row by row from the top left: (N, 3).
-
-        None: of all pixels, (resolution², 3).
-        """
-        row, column = np.divmod(np.arange(resolution * resolution) if pixels is None else pixels, resolution)
+    def ray_directions(self, resolution: int) -> Float32:
+        """Unit directions through the centers of the pixels, row by row from the top left: (resolution², 3)."""
         across = ((np.arange(resolution) + 0.5) / resolution * 2 - 1) * self.half_width
-        x, y = across[column], -across[row]
+        x, y = np.tile(across, resolution), np.repeat(-across, resolution)
         # NumPy is slow along axes of three: the long axis comes last until the end.
         local = np.stack([x, y, np.full(len(x), -1.0)]) / np.sqrt(1 + x * x + y * y)
         return np.ascontiguousarray((np.array([self.right, self.up, self.back]).T @ local).T, np.float32)
-
-    def may_show(self, vertices: Float32, faces: Int32, resolution: int) -> Int64:
-        """Pixels (N,), ascending, that may show some of the `faces` (F, 3) of `vertices` (V, 3): no other one does.
-
-        They are those of squares of 8 x 8 pixels that the rectangles around the faces reach. All pixels may where there
-        are more faces than pixels, which are not gone through, or a corner of a face is not in front of the eye.
-        """
-        every = np.arange(resolution * resolution)
-        if len(faces) > len(every):
-            return every
-        corners = np.ascontiguousarray(faces.T, np.intp)
-        used = np.zeros(len(vertices), bool)
-        used[corners] = True
-        if not ((self.position - vertices[used]) @ self.back > _NEAREST).all():
-            return every
-        with np.errstate(all="ignore"):  # what no face uses may be anywhere
-            row, column = self.project(vertices, resolution)
-            side = -(-resolution // _SQUARE)
-            top, bottom = _squares(row, corners, side)
-            left, right = _squares(column, corners, side)
-        seen = (bottom >= 0) & (top < side) & (right >= 0) & (left < side)
-        top, left = top[seen].clip(0), left[seen].clip(0)
-        below, beyond = bottom[seen].clip(max=side - 1) + 1, right[seen].clip(max=side - 1) + 1
-        # A rectangle adds 1 from its first corner on and takes it away beyond its other sides: sums along rows and
-        # columns then count the rectangles over each square.
-        steps = np.zeros((side + 1) * (side + 1), np.int64)
-        for line, across, sign in ((top, left, 1), (top, beyond, -1), (below, left, -1), (below, beyond, 1)):
-            steps += sign * np.bincount(line * (side + 1) + across, minlength=len(steps))
-        covered = steps.reshape(side + 1, side + 1).cumsum(axis=0).cumsum(axis=1)[:side, :side] > 0
-        shown = covered.repeat(_SQUARE, axis=0).repeat(_SQUARE, axis=1)[:resolution, :resolution]
-        return np.flatnonzero(shown)
 
     def in_mesh(self, frame: Float64) -> Camera:
         """Return this camera, whose coordinates lie along the rows of `frame` (3, 3), in the coordinates of those."""
@@ -173,18 +134,6 @@ def _place(
         position = (to_right - to_left) / 2 * right + (to_top - to_bottom) / 2 * up + distance * back
         cameras.append(Camera(position, right, up, back, field_of_view))
     return cameras
-
-
-def _squares(
-    pixels: Float64,  # (V,) along an axis of the picture
-    corners: NDArray[np.intp],  # (3, F)
-    side: int,
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """First and last square that each face reaches, (F,): −1 and `side` are those beside the picture."""
-    first, last = (np.floor(((pixels + room) / _SQUARE).clip(-1, side)).astype(np.int16) for room in (-_ROOM, _ROOM))
-    least = reduce(np.minimum, (first.take(vertices) for vertices in corners))
-    most = reduce(np.maximum, (last.take(vertices) for vertices in corners))
-    return least.astype(np.intp), most.astype(np.intp)
 
 
 def _largest_along(normals: Float64, points: NDArray[np.floating[Any]]) -> Float64:

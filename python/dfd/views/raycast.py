@@ -26,10 +26,6 @@ class Hits:
         """The chosen of them; `chosen` is (K,) bool, or their numbers in the order wanted."""
         return Hits(self.ray[chosen], self.face[chosen], self.barycentric[chosen], self.distance[chosen])
 
-    def of_rays(self, numbers: Int64) -> Hits:
-        """The same, of rays that have these `numbers` (N,), ascending, among others."""
-        return Hits(numbers[self.ray], self.face, self.barycentric, self.distance)
-
 
 class Scene:
     """Triangles in normalized coordinates, ready to be hit; front and back faces alike.

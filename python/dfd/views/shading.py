@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dfd.common.linear_algebra import Float32, Int32, UInt8
+from dfd.common.linear_algebra import Float32, Int32, UInt8, unit
 from dfd.mesh.appearance import GRAY, blend
+from dfd.mesh.normals import face_normals
 from dfd.views.raycast import Hits, Scene
 
 if TYPE_CHECKING:
@@ -37,17 +38,16 @@ class Shading:
         `ray` of the hits is the pixel's index.
         """
         origin = camera.position.astype(np.float32)
-        pixels = camera.may_show(self._vertices, self._faces, resolution)
-        directions = camera.ray_directions(resolution, pixels)
+        directions = camera.ray_directions(resolution)
         hits = self._scene.cast(origin, directions)
         image = np.full((resolution * resolution, 3), 255, np.uint8)
         rgba = self.colors(hits, directions)
         if (rgba[:, 3] < 1).any():
             hits, color = self._see_through(origin, directions, hits, rgba)
-            image[pixels] = _bytes(color)
+            image = _bytes(color)
         else:
-            image[pixels[hits.ray]] = _bytes(rgba[:, :3])
-        return image.reshape(resolution, resolution, 3), hits.of_rays(pixels)
+            image[hits.ray] = _bytes(rgba[:, :3])
+        return image.reshape(resolution, resolution, 3), hits
 
     def colors(self, hits: Hits, directions: Float32) -> Float32:
         """Lit color and opacity of each hit, (K, 4) in [0, 1]; `directions` are those of all rays."""
@@ -105,10 +105,7 @@ def facing(
     length = np.sqrt(np.einsum("kc,kc->k", normal, normal))
     lost = np.flatnonzero(length < _CANCELLED)
     if len(lost):
-        first, second, third = (vertices[corners[lost, corner]].astype(np.float64) for corner in range(3))
-        crossed = np.cross(second - first, third - first)
-        crossed /= np.maximum(np.linalg.norm(crossed, axis=1), np.finfo(np.float32).tiny)[:, None]
-        normal[lost], length[lost] = crossed, 1
+        normal[lost], length[lost] = unit(face_normals(vertices, corners[lost])), 1
     towards = np.abs(np.einsum("kc,kc->k", normal, directions.take(hits.ray, axis=0)))
     return np.minimum(towards / length, np.float32(1))
 

@@ -38,7 +38,7 @@ def mesh_message(mesh: Mesh, *, number: int, name: str, warnings: Sequence[str])
         name=name,
         vertices=len(mesh.vertices),
         faces=len(mesh.faces),
-        parts=mesh.part_count,
+        parts=len(mesh.parts),
         center=tuple(center_of(mesh).tolist()),
         diagonal=mesh.diagonal,
         groups=_material_runs(none if mesh.appearance is None else mesh.appearance.face_material),
@@ -115,8 +115,8 @@ def _row_normals(mesh: Mesh, rows: Int32) -> Float64:
         return normals
     all_normals = np.zeros((len(vertex), 3))
     for primitive in scene.primitives:
-        if primitive.normals is not None:
-            all_normals[primitive.rows] = primitive.normals_to_scene(primitive.normals)
+        if primitive.geometry.normals is not None:
+            all_normals[primitive.rows] = primitive.normals_to_scene(primitive.geometry.normals)
     file_normals = all_normals[vertex >= 0]
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         file_normals = file_normals / np.linalg.norm(file_normals, axis=1, keepdims=True)

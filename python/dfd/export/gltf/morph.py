@@ -69,7 +69,7 @@ def add_targets(document: GltfDocument, rig: Rig, targets: MorphTargets) -> list
     rest = _at_rows(document, rig.mesh.vertices)
     moved = [_at_rows(document, shape) for shape in targets.shapes]
     normals = [moved_normals.follow(each, rest, (each != rest).any(axis=1), document.scene) for each in moved]
-    before = [each.normals for each in document.scene.primitives]
+    before = [each.geometry.normals for each in document.scene.primitives]
     number_of = {id(each): number for number, each in enumerate(document.scene.primitives)}
     nodes = []
     for node, primitives in document.parts():

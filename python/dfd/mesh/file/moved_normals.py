@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from dfd.common.linear_algebra import Bool, Float64, Int64
+from dfd.common.linear_algebra import Bool, Float64, Int64, group_sums
 from dfd.mesh.file.scene_file import SceneFile
+from dfd.mesh.normals import face_normals
 from dfd.mesh.weld import weld
 
 
@@ -21,7 +22,7 @@ def follow(
     get one new normal, the sum of the normals of their faces weighted by area. Rows of another normal are
     across a sharp edge. Where no face moved, the file's normals are kept bit for bit.
     """
-    own = [each.normals for each in scene.primitives]
+    own = [each.geometry.normals for each in scene.primitives]
     if not changed.any() or all(normals is None for normals in own):
         return own
     placed = np.concatenate(
@@ -55,6 +56,4 @@ def follow(
 
 def _sums(vertices: Float64, scene: SceneFile, faces: Int64, count: int) -> Float64:
     """Return for each group of rows the sum (count, 3) of its faces' normals times twice their areas."""
-    corners = vertices[scene.vertex[scene.corner_faces]]
-    crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return np.stack([np.bincount(faces.ravel(), np.repeat(axis, 3), count) for axis in crossed.T], axis=1)
+    return group_sums(faces.ravel(), np.repeat(face_normals(vertices, scene.faces), 3, axis=0), count)

@@ -55,11 +55,6 @@ class Primitive(MeshInstance):
     rows: slice  # its vertices among all rows of the file
     faces: slice  # its faces among all faces
 
-    @property
-    def normals(self) -> Float64 | None:
-        """(rows, 3) the file's normals, in the geometry's own coordinates; None where it has none."""
-        return self.geometry.normals
-
     def to_scene(self, points: Float64) -> Float64:
         """Return where points (rows, 3) of the geometry are in the scene."""
         if self.transform is IDENTITY:
@@ -91,13 +86,9 @@ class Primitive(MeshInstance):
 
     @property
     def mirrored(self) -> bool:
-        """Whether the scene shows the geometry inside out."""
-        linear = self.transform[..., :3, :3]
-        if linear.ndim == 2:
-            (a, b, c), (d, e, f), (g, h, i) = linear.tolist()
-            return bool(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) < 0)
+        """Whether the scene shows the geometry inside out; of a skin, most of its rows."""
         with np.errstate(over="ignore", invalid="ignore"):
-            return bool(np.mean(np.linalg.det(linear) < 0) > 0.5)  # of a skin, most of its rows
+            return bool(np.mean(np.linalg.det(self.transform[..., :3, :3]) < 0) > 0.5)
 
     def _linear(self, rows: Any) -> Float64:
         return self.transform[:3, :3] if self.transform.ndim == 2 else self.transform[rows, :3, :3]

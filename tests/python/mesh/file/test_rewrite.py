@@ -58,7 +58,7 @@ def test_ply_keeps_its_order_type_and_all_else(order: str, kind: str, tmp_path: 
     else:  # lines of the face and of what did not move stay
         pairs = zip(old.splitlines(), new.splitlines(), strict=True)
         assert sum(before != after for before, after in pairs) <= 8
-    before, after = (each.scene.primitives[0].normals for each in (mesh, again))  # type: ignore[union-attr]
+    before, after = (each.scene.primitives[0].geometry.normals for each in (mesh, again))  # type: ignore[union-attr]
     assert not np.allclose(before, after, atol=1e-2)
     assert np.allclose(np.linalg.norm(after, axis=1), 1, atol=1e-3)
 

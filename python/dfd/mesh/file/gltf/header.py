@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib.util
 import json
 from collections.abc import Iterator
-from typing import Any, cast
+from typing import Any, TypeGuard, cast
 
 from dfd.mesh.file.assets import shortened
 
@@ -241,6 +241,11 @@ def _check_nodes(header: Header) -> None:
 def is_index(value: object, count: int) -> bool:
     """Whether a value of the header names one of `count` things."""
     return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < count
+
+
+def are_numbers(value: object) -> TypeGuard[list[float]]:
+    """Whether a value of the header is a list of numbers."""
+    return isinstance(value, list) and all(type(each) in (int, float) for each in value)
 
 
 def reference(owner: Header, name: str, count: int, what: str) -> int:

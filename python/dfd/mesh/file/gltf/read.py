@@ -17,7 +17,7 @@ from dfd.mesh.appearance import srgb
 from dfd.mesh.file.assets import AssetFolder, shortened
 from dfd.mesh.file.gltf import glb
 from dfd.mesh.file.gltf.data import GltfData
-from dfd.mesh.file.gltf.header import Header, is_index, objects, parents, primitives
+from dfd.mesh.file.gltf.header import Header, are_numbers, is_index, objects, parents, primitives
 from dfd.mesh.file.gltf.header import read as read_header
 from dfd.mesh.file.gltf.materials import GltfMaterials
 from dfd.mesh.file.gltf.rest import closed_seams, joint_matrices, morph_weights, morphed, skin_transforms
@@ -164,14 +164,21 @@ def from_below(uv: NDArray[Any], transform: Float64 | None) -> Float64:
 
 
 def shown_nodes(header: Header) -> set[int]:
-    """Return the nodes of the scene that is shown."""
-    nodes, found = objects(header, "nodes"), set()
-    layer = _roots(header)
+    """Return the nodes of the scene that is shown; all of them where the file has no scene."""
+    nodes, scenes = objects(header, "nodes"), objects(header, "scenes")
+    if not scenes:
+        return set(range(len(nodes)))
+    index = header.get("scene", 0)
+    if not is_index(index, len(scenes)):
+        raise ValueError(f"its scene is {shortened(index)}, but there are {len(scenes)}")
+    roots = scenes[index].get("nodes", [])
+    if not isinstance(roots, list) or not all(is_index(each, len(nodes)) for each in roots):
+        raise ValueError("its scene has nodes that are not there")
+    found = set(roots)
+    layer = found
     while layer:
-        node = layer.pop()
-        if node not in found:
-            found.add(node)
-            layer.extend(nodes[node].get("children", []))
+        layer = {child for node in layer for child in nodes[node].get("children", [])} - found
+        found |= layer
     return found
 
 
@@ -189,20 +196,6 @@ def world_transforms(header: Header) -> dict[int, Float64]:
     return found
 
 
-def _roots(header: Header) -> list[int]:
-    nodes, scenes = objects(header, "nodes"), objects(header, "scenes")
-    if not scenes:
-        below = parents(header)
-        return [i for i in range(len(nodes)) if i not in below]
-    index = header.get("scene", 0)
-    if not is_index(index, len(scenes)):
-        raise ValueError(f"its scene is {shortened(index)}, but there are {len(scenes)}")
-    roots = scenes[index].get("nodes", [])
-    if not isinstance(roots, list) or not all(is_index(each, len(nodes)) for each in roots):
-        raise ValueError("its scene has nodes that are not there")
-    return [int(root) for root in roots]
-
-
 def _local_transform(node: Header, index: int) -> Float64 | None:
     """Return the transform (4, 4) of a node to its parent's coordinates: its matrix, or T · R · S; None without."""
     if not node.keys() & {"matrix", "translation", "rotation", "scale"}:
@@ -210,9 +203,7 @@ def _local_transform(node: Header, index: int) -> Float64 | None:
 
     def numbers(name: str, default: list[float]) -> Float64:
         values = node.get(name, default)
-        if not isinstance(values, list) or len(values) != len(default):
-            raise ValueError(f"node {index} has {name} {shortened(values)}")
-        if not all(isinstance(each, int | float) and not isinstance(each, bool) for each in values):
+        if not are_numbers(values) or len(values) != len(default):
             raise ValueError(f"node {index} has {name} {shortened(values)}")
         return np.array(values, np.float64)
 

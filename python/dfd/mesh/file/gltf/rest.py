@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from dfd.common.linear_algebra import Float64, Int64
+from dfd.common.linear_algebra import Float64
 from dfd.mesh.file.assets import shortened
 from dfd.mesh.file.gltf.data import GltfData
-from dfd.mesh.file.gltf.header import Header, is_index, objects
+from dfd.mesh.file.gltf.header import Header, are_numbers, is_index, item, objects
 from dfd.mesh.weld import weld
 
 _SEAM = 1e-4  # of the largest side; rows at one position that skinning separates by less stay one vertex
@@ -22,9 +22,7 @@ _SEAM = 1e-4  # of the largest side; rows at one position that skinning separate
 def morph_weights(node: Header, mesh: Header) -> tuple[float, ...]:
     """Return the default weights of morph targets: the node's, or else its mesh's."""
     values = node.get("weights", mesh.get("weights", []))
-    if not isinstance(values, list) or not all(
-        isinstance(each, int | float) and not isinstance(each, bool) and np.isfinite(each) for each in values
-    ):
+    if not are_numbers(values) or not all(np.isfinite(each) for each in values):
         raise ValueError(f"a mesh has morph weights {shortened(values)}")
     return tuple(map(float, values))
 
@@ -44,63 +42,48 @@ def morphed(values: Float64, name: str, primitive: Header, weights: tuple[float,
 
 def joint_matrices(skin: Any, data: GltfData, world: Mapping[int, Float64]) -> Float64 | None:
     """Return the skinning matrix of each joint of a skin, (J, 4, 4); None where there is no such skin."""
-    skins, nodes = objects(data.header, "skins"), objects(data.header, "nodes")
-    if not is_index(skin, len(skins)):
+    content, nodes = item(data.header, "skins", skin), objects(data.header, "nodes")
+    if content is None:
         return None
-    joints = skins[skin].get("joints")
+    joints = content.get("joints")
     if not isinstance(joints, list) or not joints or not all(is_index(each, len(nodes)) for each in joints):
         raise ValueError(f"skin {skin} has joints {shortened(joints)}, which are not all in the file")
+    placed = np.stack([world[each] for each in joints])
+    if "inverseBindMatrices" not in content:
+        return placed
+    inverse = data.accessor(content["inverseBindMatrices"])
+    if inverse.shape[1] != 16 or len(inverse) < len(joints):
+        raise ValueError(f"a skin has {len(inverse)} inverse bind matrices for {len(joints)} joints")
     with np.errstate(over="ignore", invalid="ignore"):  # `place` checks finiteness
-        return np.stack([world[each] for each in joints]) @ inverse_binds(skins[skin], data)
-
-
-def inverse_binds(skin: Header, data: GltfData) -> Float64:
-    """Return the inverse bind matrices (J, 4, 4) of a skin, the identity where it has none."""
-    count = len(skin["joints"])
-    if "inverseBindMatrices" not in skin:
-        return np.tile(np.eye(4), (count, 1, 1))
-    inverse = data.accessor(skin["inverseBindMatrices"])
-    if inverse.shape[1] != 16 or len(inverse) < count:
-        raise ValueError(f"a skin has {len(inverse)} inverse bind matrices for {count} joints")
-    return inverse[:count].reshape(-1, 4, 4).swapaxes(1, 2).astype(np.float64)
-
-
-def joints_and_weights(primitive: Header, data: GltfData, rows: int, joint_count: int) -> list[tuple[Int64, Float64]]:
-    """Return the joints and weights (rows, 4) of each pair of attributes; weights that are not positive are 0.
-
-    Raises ValueError if there are other counts, or a vertex follows a joint that is not there.
-    """
-    found = []
-    for name in sorted(each for each in primitive["attributes"] if each.startswith("WEIGHTS_")):
-        other = name.replace("WEIGHTS_", "JOINTS_")
-        numbers, stored = data.attribute(primitive, other), data.attribute(primitive, name)
-        if numbers is None or stored is None:
-            continue
-        if numbers.shape != (rows, 4) or stored.shape != (rows, 4):
-            raise ValueError(f"a skinned primitive has {len(stored)} weights for {rows} vertices")
-        weights = np.where(np.isfinite(stored), stored, 0).astype(np.float64)
-        joints = np.where(weights > 0, numbers, 0).astype(np.int64)
-        if len(joints) and joints.max() >= joint_count:
-            raise ValueError(f"a skinned primitive follows joint {joints.max()} of a skin of {joint_count}")
-        found.append((joints, np.maximum(weights, 0.0)))
-    return found
+        return placed @ inverse[: len(joints)].reshape(-1, 4, 4).swapaxes(1, 2).astype(np.float64)
 
 
 def skin_transforms(primitive: Header, data: GltfData, rows: int, matrices: Float64) -> Float64 | None:
     """Return the transform (rows, 4, 4) from each vertex to the scene, None for a primitive without weights.
 
-    Weights are divided by their sum; a vertex without weights follows the first joint, as in three.js.
+    Weights are divided by their sum, and those that are not positive are 0; a vertex without weights follows the first
+    joint, as in three.js.
+
+    Raises ValueError if there are other counts, or a vertex follows a joint that is not there.
     """
-    pairs = joints_and_weights(primitive, data, rows, len(matrices))
-    if not pairs:
-        return None
-    total = np.sum([weights.sum(axis=1) for _, weights in pairs], axis=0)
-    flat = matrices.reshape(-1, 16)
-    blended = np.zeros((rows, 16))
+    flat, total, blended, weighted = matrices.reshape(-1, 16), np.zeros(rows), np.zeros((rows, 16)), False
     with np.errstate(over="ignore", invalid="ignore"):
-        for joints, weights in pairs:
+        for name in sorted(each for each in primitive["attributes"] if each.startswith("WEIGHTS_")):
+            numbers = data.attribute(primitive, name.replace("WEIGHTS_", "JOINTS_"))
+            stored = data.attribute(primitive, name)
+            if numbers is None or stored is None:
+                continue
+            if numbers.shape != (rows, 4) or stored.shape != (rows, 4):
+                raise ValueError(f"a skinned primitive has {len(stored)} weights for {rows} vertices")
+            weights = np.where(np.isfinite(stored), stored, 0).astype(np.float64).clip(min=0)
+            joints = np.where(weights > 0, numbers, 0).astype(np.int64)
+            if joints.max(initial=0) >= len(flat):
+                raise ValueError(f"a skinned primitive follows joint {joints.max()} of a skin of {len(flat)}")
+            weighted, total = True, total + weights.sum(axis=1)
             for column in range(4):
                 blended += weights[:, column, None] * flat[joints[:, column]]
+        if not weighted:
+            return None
         blended = np.where(total[:, None] > 0, blended / np.where(total > 0, total, 1)[:, None], flat[0])
     blended[:, 12:] = (0, 0, 0, 1)
     return blended.reshape(-1, 4, 4)

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.mesh.file.assets import shortened
 
-_INDENTED = 64  # spaces before a keyword that are skipped for all lines at once
 _CORNER = re.compile(rb"[-+]?\d+(/[-+]?\d*){0,2}")
 _STATEMENTS = ("o", "g", "usemtl", "mtllib")
 
@@ -120,22 +119,21 @@ class _Lines:
         runs = np.flatnonzero(np.diff(lines, prepend=-2) > 1)  # where lines begin that follow each other
         last = np.append(runs[1:], len(lines))[: len(runs)] - 1
         starts, ends = self._starts[lines], self._ends[lines] + 1
-        text = bytearray().join(
+        kept = bytearray().join(
             self._data[start:end] for start, end in zip(starts[runs].tolist(), ends[last].tolist(), strict=True)
         )
-        text += b"\n" * (len(text) and text[-1] != ord("\n"))
+        kept += b"\n" * (len(kept) and kept[-1] != ord("\n"))
         stops = np.cumsum(ends - starts)
         shifts = ends - stops
-        array = np.frombuffer(text, np.uint8)
+        array = np.frombuffer(kept, np.uint8)
         for i in range(len(keyword)):
             array[self._begins[lines] - shifts + i] = ord(" ")
-        if b"#" in text:
-            _blank_comments(text)
-        words = array > ord(" ")  # no control character is part of a word either
+        text = re.sub(rb"#[^\n]*", lambda found: b" " * len(found[0]), kept) if b"#" in kept else bytes(kept)
+        words = np.frombuffer(text, np.uint8) > ord(" ")  # no control character is part of a word either
         edges = np.flatnonzero(words[1:] != words[:-1]) + 1  # the first and last bytes are separators
         first, end = edges[::2], edges[1::2]
         counts = np.diff(np.searchsorted(first, stops), prepend=0)
-        return Tokens(lines, counts, first, end, bytes(text), shifts)
+        return Tokens(lines, counts, first, end, text, shifts)
 
     def statements(self) -> tuple[tuple[int, str, str], ...]:
         """Return the lines that name parts and materials."""
@@ -160,27 +158,9 @@ class _Lines:
 
     def _after_indent(self, starts: Int64) -> Int64:
         """Return the first byte of each line that is no space or tab."""
-        begins = starts.copy()
-        left = np.arange(len(starts))
-        for _ in range(_INDENTED):
-            here = self._bytes[begins[left]]
-            left = left[(here == ord(" ")) | (here == ord("\t"))]
-            if not len(left):
-                return begins
-            begins[left] += 1
-        for line in left:
-            rest = self._data[begins[line] : self._ends[line]]
-            begins[line] += len(rest) - len(rest.lstrip(b" \t"))
-        return begins
-
-
-def _blank_comments(text: bytearray) -> None:
-    """Put spaces in place of what follows a `#`, up to the end of its line."""
-    at = text.find(b"#")
-    while at >= 0:
-        end = text.index(b"\n", at)
-        text[at:end] = b" " * (end - at)
-        at = text.find(b"#", end)
+        blank = (self._bytes == ord(" ")) | (self._bytes == ord("\t"))
+        stops = np.flatnonzero(blank[:-1] & ~blank[1:]) + 1  # of runs of blanks; the last byte is none
+        return np.where(blank[starts], np.append(stops, 0)[np.searchsorted(stops, starts, side="right")], starts)
 
 
 def _values(tokens: Tokens, keyword: str, at_least: int) -> tuple[Float64, Int64]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.common.linear_algebra import Float64
+from dfd.common.linear_algebra import Float64, unit
 from dfd.mesh.file.assets import shortened
 from dfd.mesh.file.edits import Edits, triples
 from dfd.mesh.file.obj.text import decoded
@@ -188,9 +188,7 @@ def _binary_stl(data: bytes) -> NDArray[Any] | None:
 def _face_normals(corners: Float64) -> Float64:
     """Return the unit normals (F, 3) of triangles (F, 3, 3), zero for those without area."""
     with np.errstate(over="ignore", invalid="ignore"):
-        crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        length = np.linalg.norm(crossed, axis=1, keepdims=True)
-        return np.nan_to_num(np.divide(crossed, length, out=np.zeros_like(crossed), where=length > 0))
+        return np.nan_to_num(unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])))
 
 
 def _turned(normals: NDArray[Any], before: Float64, after: Float64) -> Float64:

@@ -360,11 +360,11 @@ def encode(geometry: Geometry) -> bytes:
     """Return a little-endian file; coordinates have 64 bits where 32-bit floats are too coarse."""
     vertex = _named("xyz", geometry.vertices, "<f4" if far_origin(geometry.vertices) is None else "<f8")
     vertex |= _named(("nx", "ny", "nz"), geometry.normals, "<f4") | _named("st", geometry.uv, "<f4")
-    vertex |= _named(_CHANNELS, _bytes(geometry.colors), "u1")
+    vertex |= _named(_CHANNELS, geometry.colors, "u1")
     for name, values in geometry.attributes.items():
         if values.shape == (len(geometry.vertices),) and re.fullmatch(r"\w+", name) and values.dtype.kind in "iuf":
             vertex.setdefault(name, values if values.dtype.itemsize <= 4 else values.astype("f8"))
-    channels = _named(_CHANNELS, _bytes(geometry.face_colors), "u1")
+    channels = _named(_CHANNELS, geometry.face_colors, "u1")
     head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(geometry.vertices)}"]
     head += [f"property {_SPELLED[values.dtype.str[1:]]} {name}" for name, values in vertex.items()]
     head += [f"element face {len(geometry.faces)}", "property list uchar int vertex_indices"]
@@ -375,12 +375,11 @@ def encode(geometry: Geometry) -> bytes:
 
 
 def _named(names: Sequence[str], values: NDArray[Any] | None, dtype: str) -> dict[str, NDArray[Any]]:
-    """Return the columns of an array (N, K) by their names, none without an array."""
-    return {} if values is None else dict(zip(names, values.astype(dtype).T, strict=True))
-
-
-def _bytes(colors: Float32 | None) -> Float32 | None:
-    return None if colors is None else np.rint(colors * 255)
+    """Return the columns of an array (N, K) by their names, none without an array; "u1" is for colors in [0, 1]."""
+    if values is None:
+        return {}
+    stored = np.rint(values * 255) if dtype == "u1" else values
+    return dict(zip(names, stored.astype(dtype).T, strict=True))
 
 
 def _rows(columns: dict[str, NDArray[Any]]) -> bytes:
