@@ -42,6 +42,11 @@ class Page:
         self.session = answer.get("session")
         return answer
 
+    def resumes(self) -> bool:
+        """Connect and say hello; whether it is the session of before."""
+        before = self.session
+        return bool(self.open()["session"] == before)
+
     def connect(self) -> None:
         """Connect, and say nothing."""
         self._open = ExitStack()
@@ -84,6 +89,13 @@ class Page:
         """Send a request and wait for its answer."""
         number = self.say(type, **fields)
         return self.until(lambda message: message["id"] == number)
+
+    def hold(self, vertex: int, **transform: Any) -> int:
+        """Take hold of a vertex, and set the transform there if one is given; the new handle."""
+        handle: int = self.ask("add", at=vertex)["handle"]
+        if transform:
+            self.ask("move", handle=handle, transform=transform, settle=True)
+        return handle
 
     def until(self, wanted: Callable[[dict[str, Any]], bool], patience: float = PATIENCE) -> dict[str, Any]:
         """The next message that is wanted."""

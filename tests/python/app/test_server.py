@@ -50,8 +50,8 @@ def test_a_websocket_of_another_site_is_refused(app: RunningApp) -> None:
         "no json",
         '{"type": "nothing", "id": 77}',
         '{"type": "move", "id": 77, "handle": 99, "transform": {}}',
-        '{"type": "probe", "id": 77, "at": {"vertex": 100000000}}',
-        '{"type": "add", "id": 77, "at": {"vertex": 1}, "transform": {"scale": [1e308, 1e308, 1e308]}}',
+        '{"type": "probe", "id": 77, "vertex": 100000000}',
+        '{"type": "add", "id": 77, "at": 1, "transform": {"scale": [1e308, 1e308, 1e308]}}',
         '{"type": "add", "id": 77, "at": {"mask": "AAAA"}}',
         '{"type": "release", "id": 77, "index": 0}',
         '{"type": "open_sample", "id": 77, "name": "../../etc/passwd"}',
@@ -64,7 +64,7 @@ def test_what_makes_no_sense_is_a_failure_and_nothing_else(page: Page, text: str
     assert failure["id"] == (77 if "77" in text else 0)
     assert failure["message"]
     assert not failure["fatal"]
-    answer = page.ask("add", at={"vertex": 5})
+    answer = page.ask("add", at=5)
     assert answer["type"] == "done"
     assert len(page.last("state")["handles"]) == 1
 
@@ -76,10 +76,10 @@ def test_a_binary_message_is_a_failure(page: Page) -> None:
 
 
 def test_a_message_that_is_too_long_ends_the_connection_and_not_the_session(page: Page) -> None:
-    page.ask("add", at={"vertex": 5})
+    page.ask("add", at=5)
     page.write(json.dumps({"id": 1, "type": "open_sample", "name": "x" * MESSAGE_BYTES}))
     assert page.closed_with() == 1009
-    assert page.open()["resumed"]
+    assert page.resumes()
     page.alive()
     assert len(page.last("state")["handles"]) == 1
 

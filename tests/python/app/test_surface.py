@@ -19,9 +19,9 @@ from dfd.mesh.mesh import Mesh
 
 
 def sent(mesh: Mesh) -> tuple[dict[str, Any], dict[str, Any]]:
-    header, arrays = unpack(mesh_message(mesh, number=3, name="a mesh", warnings=["a warning"]))
+    header, arrays = unpack(mesh_message(mesh, name="a mesh", warnings=["a warning"]))
     assert header["type"] == "mesh"
-    assert (header["mesh"], header["name"], header["warnings"]) == (3, "a mesh", ["a warning"])
+    assert (header["name"], header["warnings"]) == ("a mesh", ["a warning"])
     assert (header["vertices"], header["faces"]) == (len(mesh.vertices), len(mesh.faces))
     assert len(arrays["positions"]) == len(arrays["vertex"]) == len(arrays["normals"])
     corners = arrays["positions"][arrays["triangles"]].astype(np.float64) + center_of(mesh)

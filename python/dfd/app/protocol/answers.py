@@ -44,10 +44,7 @@ class SessionMessage(Answer):
     """Who the tab is, and what the server can do."""
 
     type: Literal["session"] = "session"
-    version: int = VERSION
     session: Identifier
-    resumed: bool  # whether it is the session that the tab asked for
-    dfd: str  # version of the package
     samples: tuple[SampleEntry, ...]
     upload_bytes: int  # the largest upload, all files together
     formats: tuple[str, ...]  # endings that `POST /upload` takes
@@ -156,10 +153,9 @@ class ProgressMessage(Answer):
 
 
 class ReportMessage(Answer):
-    """What the edit does to the shape, in numbers and as a sentence."""
+    """What the edit does to the shape, as a sentence."""
 
     type: Literal["report"] = "report"
-    moved: float  # part of the vertices, in [0, 1]
     text: str
 
 
@@ -183,7 +179,6 @@ class SimilarPoint(Model):
 
     vertex: int  # its name
     position: Vector
-    weight: float  # how similar it looks, in [0, 1]
     on: bool  # whether it moves along
 
 
@@ -200,8 +195,8 @@ class AxisMessage(Answer):
 
     type: Literal["axis"] = "axis"
     handle: int
-    pivots: dict[PivotAt, Vector]  # mesh units, at rest
-    auto: Vector  # what it turns about where nothing is said
+    pivots: tuple[PivotAt, ...]
+    auto: Vector  # where that is if nothing is said, mesh units, at rest
     base: Vector | None  # of the part's axis; null where nothing that is held has one
     tip: Vector | None
 

@@ -56,7 +56,6 @@ class MeshMessage(Binary):
     """
 
     type: Literal["mesh"] = "mesh"
-    mesh: int  # counts the meshes of this session; 0 is none
     name: str
     vertices: int
     faces: int

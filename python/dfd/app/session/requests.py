@@ -19,15 +19,12 @@ from dfd.app.protocol.parts import (
     Controls,
     Index,
     PartChange,
-    PartPlace,
     Place,
-    PointPlace,
     PoseTransform,
     PoseTransforms,
-    RegionPlace,
+    Region,
     Text,
     Transform,
-    VertexPlace,
 )
 from dfd.app.protocol.requests import Request, call, request
 from dfd.app.session import exports
@@ -38,15 +35,14 @@ from dfd.common.preset import Preset
 from dfd.editing.edit import Fixed
 from dfd.editing.influence.held_parts import pivot_on
 from dfd.editing.points import place_on
-from dfd.editing.presets import PRESETS
 from dfd.editing.suggestions import suggest_handles
-from dfd.posing.transforms import PivotAt, Vector, vector
+from dfd.posing.transforms import PivotAt, vector
 from dfd.symmetry.plane import SymmetryPlane
 
 if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
 
-NO_TRANSFORM, NO_CONTROLS = Transform(), Controls()
+NO_CONTROLS = Controls()
 
 
 def answer(session: Session, message: Request) -> None:
@@ -80,13 +76,15 @@ request(Session.set_poses)
 
 # --- queries
 
+MOST_SUGGESTIONS = 12
+
 
 @request
-def probe(session: Session, at: VertexPlace | PointPlace) -> bytes:
-    """About what a new handle at `at` would hold; a newer request replaces it unanswered. Answer: `heat`."""
+def probe(session: Session, vertex: Index) -> bytes:
+    """About what a new handle at a vertex would hold; a newer request replaces it unanswered. Answer: `heat`."""
     deformer = session.require_deformer()
-    place = place_on(deformer.mesh, _at(session, at))
-    return heat_message(probed(deformer, place), request=session.after, vertex=place.vertex)
+    place = place_on(deformer.mesh, vertex)
+    return heat_message(probed(deformer, place), request=session.after, vertex=vertex)
 
 
 @request
@@ -106,12 +104,12 @@ def features(session: Session) -> bytes:
 
 
 @request
-def suggest(session: Session, count: Annotated[int, Field(ge=1, le=64)] = 12) -> answers.Answer:
+def suggest(session: Session) -> answers.Answer:
     """Good places for handles, one for each kind of part. Answer: `suggestions`."""
     deformer, planes = session.require_deformer(), session.view_state.planes.get("default", ())
     mesh, finder = deformer.mesh, deformer.bound.grips.finder
     found: list[answers.Suggestion] = []
-    for each in suggest_handles(mesh, deformer.features, count=count, planes=planes, finder=finder):
+    for each in suggest_handles(mesh, deformer.features, count=MOST_SUGGESTIONS, planes=planes, finder=finder):
         similar = f", {len(each.counterparts)} alike" if len(each.counterparts) > 1 else ""
         x, y, z = mesh.vertices[each.vertex].tolist()
         found.append(answers.Suggestion(vertex=each.vertex, position=(x, y, z), name=f"Part {len(found) + 1}{similar}"))
@@ -124,8 +122,7 @@ def counterparts(session: Session, handle: int) -> answers.Answer:
     places = []
     for counterpart, on in session.require_deformer().counterparts(handle):
         x, y, z = map(float, counterpart.position)
-        weight, vertex = float(counterpart.weight), int(counterpart.vertex)
-        places.append(answers.SimilarPoint(vertex=vertex, position=(x, y, z), weight=weight, on=on))
+        places.append(answers.SimilarPoint(vertex=int(counterpart.vertex), position=(x, y, z), on=on))
     return answers.SimilarMessage(handle=handle, places=tuple(places))
 
 
@@ -136,14 +133,12 @@ def axis(session: Session, handle: int) -> answers.Answer:
     edit = deformer.edit
     held = edit.handle(handle)
     part = next(iter(deformer.bound.held_parts(edit, held)), None)
+    pivots: tuple[PivotAt, ...] = ("point",)
     auto = held.place.position
-    pivots: dict[PivotAt, Vector] = {"point": auto}
     if part is None:
         return answers.AxisMessage(handle=handle, pivots=pivots, auto=auto, base=None, tip=None)
-    pivots.update({place: pivot_on(part, place, held, edit.symmetry)[0] for place in ("base", "middle", "hinge")})
-    if edit.symmetry is not None:
-        pivots["plane"] = pivot_on(part, "plane", held, edit.symmetry)[0]
-    if PRESETS[edit.preset].pivot == "auto":
+    pivots += ("base", "middle", "hinge") if edit.symmetry is None else ("base", "middle", "hinge", "plane")
+    if edit.rules.pivot == "auto":
         auto = pivot_on(part, None, held, edit.symmetry)[0]
     base, tip = (vector("axis", part.axis.nodes[end]) for end in (0, -1))
     return answers.AxisMessage(handle=handle, pivots=pivots, auto=auto, base=base, tip=tip)
@@ -153,12 +148,10 @@ def axis(session: Session, handle: int) -> answers.Answer:
 
 
 @request
-def add(
-    session: Session, at: Place, transform: Transform = NO_TRANSFORM, controls: Controls = NO_CONTROLS
-) -> answers.Answer:
+def add(session: Session, at: Place) -> answers.Answer:
     """Add a handle. Answer: `done` with the `handle`."""
-    given = {"at": _at(session, at), **_transform_parts(transform), **_controls(session, controls)}
-    return answers.DoneMessage(handle=session.change(lambda deformer: deformer.add(**given)))
+    place = _known(session, at)
+    return answers.DoneMessage(handle=session.change(lambda deformer: deformer.add(place)))
 
 
 @request
@@ -196,7 +189,7 @@ def move(
     A drag is a plain move, then moves with `merge`, together one step of undo; those are answered by `done` alone. The
     last one has `settle`, is answered by `state` and `report` as well, and may carry `controls` changed meanwhile.
     """
-    parts, changed = _transform_parts(transform), _controls(session, controls)
+    parts, changed = transform.model_dump(exclude_none=True), _controls(session, controls)
     if merge and not (settle or changed):
         session.require_deformer().move(handle, **parts, merge=True)
         session.note_shown()
@@ -229,13 +222,9 @@ def reset(session: Session, handle: int | None = None) -> None:
 
 
 @request
-def change(
-    session: Session, handle: int, at: Place | None = None, controls: Controls = NO_CONTROLS, merge: bool = False
-) -> None:
-    """Set a handle's position or controls; with `merge`, one step with the preceding change of that handle."""
+def change(session: Session, handle: int, controls: Controls, merge: bool = False) -> None:
+    """Set a handle's name or controls; with `merge`, one step with the preceding change of that handle."""
     given = _controls(session, controls)
-    if at is not None:
-        given["at"] = _at(session, at)
     if isinstance(given.get("mask"), str) and given["mask"] == "part":
         given["mask"] = session.require_parts().of(session.require_deformer().edit.handle(handle))
     session.change(lambda deformer: deformer.change(handle, **given), ("change", handle), merge=merge)
@@ -251,10 +240,10 @@ def remove(session: Session, handle: int) -> None:
 
 
 @request
-def fix(session: Session, at: Place, strength: Annotated[float, Field(ge=0, le=1)] = 1.0) -> None:
+def fix(session: Session, at: Place) -> None:
     """Fix a point or region, and everything similar to it."""
-    place = _at(session, at)
-    session.change(lambda deformer: deformer.fix(place, strength=strength))
+    place = _known(session, at)
+    session.change(lambda deformer: deformer.fix(place))
 
 
 @request
@@ -285,7 +274,7 @@ def _fixed(session: Session, index: int) -> Fixed:
 @request
 def set_symmetry(
     session: Session,
-    plane: SymmetryPlane | Literal["auto", "x", "y", "z"] | None,
+    plane: SymmetryPlane | Literal["x", "y", "z"] | None,
     band: Annotated[float, Field(ge=0)] | None = None,
     merge: bool = False,
 ) -> None:
@@ -302,7 +291,7 @@ def set_preset(session: Session, preset: Preset) -> None:
 @request
 def set_default(session: Session, transform: Transform, merge: bool = False) -> None:
     """Set D₀, the transform where weights sum to less than 1; all null removes it. `merge` is as in `set_symmetry`."""
-    parts = _transform_parts(transform)
+    parts = transform.model_dump(exclude_none=True)
     session.change(lambda deformer: deformer.set_default(**parts), "default", merge=merge)
 
 
@@ -385,19 +374,13 @@ def _move_all(deformer: Any, transforms: Sequence[PoseTransform]) -> None:
 # --- from messages to arguments of `Deformer`
 
 
-def _at(session: Session, place: Place) -> Any:
-    if isinstance(place, VertexPlace):
-        return place.vertex
-    if isinstance(place, PartPlace):
-        return session.require_parts().at(place.part)
-    return place.point if isinstance(place, PointPlace) else _members(session, place)
-
-
-def _members(session: Session, place: RegionPlace) -> Any:
-    """The vertices of a region, in order."""
+def _known(session: Session, value: Any) -> Any:
+    """Return a value as `Deformer` takes it: of a region the vertices, in order; all else as it is."""
+    if not isinstance(value, Region):
+        return value
     count = len(session.require_deformer().mesh.vertices)
     try:
-        data = base64.b64decode(place.mask, validate=True)
+        data = base64.b64decode(value.mask, validate=True)
     except binascii.Error:
         raise ValueError("A region's mask must be bytes written as base64") from None
     if len(data) != -(-count // 8):
@@ -408,13 +391,5 @@ def _members(session: Session, place: RegionPlace) -> Any:
     return members
 
 
-def _transform_parts(transform: Transform) -> dict[str, Any]:
-    return transform.model_dump(exclude_none=True)
-
-
 def _controls(session: Session, controls: Controls) -> dict[str, Any]:
-    return {
-        name: _members(session, value) if isinstance(value, RegionPlace) else value
-        for name, value in controls
-        if value is not None
-    }
+    return {name: _known(session, value) for name, value in controls if value is not None}

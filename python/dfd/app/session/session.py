@@ -50,7 +50,7 @@ class Session:
         self._send, self._post = send, post
         self._preparation: Preparation | None = None
         self._progress: ProgressMessage | None = None  # the last one sent, while its task runs
-        self._number, self._warnings = 0, list[str]()
+        self._warnings: list[str] = []  # of reading the shape
         self.after = 0  # the number of the newest request
         self._names: dict[str, str] = {}  # path of each opened file: its name as the user knows it
         self._uploads: list[Path] = []  # folders of the uploads that the open shape came from
@@ -64,7 +64,7 @@ class Session:
         self.deformer: Deformer | None = None
         self.columns: Columns | None = None
         if deformer is not None:
-            self._number, self.mesh = 1, deformer.mesh
+            self.mesh = deformer.mesh
             self.name = deformer.mesh.source.name if deformer.mesh.source else "mesh"
             self.field_ready(deformer, None, "file", [])
 
@@ -88,11 +88,10 @@ class Session:
         self._tell_progress("open", "read")
         try:
             mesh, warnings = read_shape(source)
-            message = mesh_message(mesh, number=self._number + 1, name=name, warnings=warnings)
+            message = mesh_message(mesh, name=name, warnings=warnings)
         finally:
             self._tell_progress("open", "done")
         self.close_shape()
-        self._number += 1
         self.name, self.mesh, self._warnings, self._pending_edit = name, mesh, warnings, edit
         self._send(message)
         self._preparation = Preparation(mesh, source, self.options, self.folder, self, self._post)
@@ -228,7 +227,7 @@ class Session:
         if self.mesh is None:
             self.send(StartMessage())
             return
-        self._send(mesh_message(self.mesh, number=self._number, name=self.name, warnings=self._warnings))
+        self._send(mesh_message(self.mesh, name=self.name, warnings=self._warnings))
         if self.columns is not None:
             self.columns.forget()
         self.after = 0

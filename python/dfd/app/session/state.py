@@ -145,8 +145,5 @@ def check_drawable(deformer: Deformer) -> None:
 
 def report(deformer: Deformer) -> ReportMessage:
     """How much moved, how far, and whether the handles reached their targets."""
-    if not deformer.handles and deformer.default is None:
-        return ReportMessage(moved=0.0, text="Nothing has moved")
-    found = deformer.report()
-    text = str(found)
-    return ReportMessage(moved=found.moved, text=text[:1].upper() + text[1:])
+    text = str(deformer.report())
+    return ReportMessage(text=text[:1].upper() + text[1:])

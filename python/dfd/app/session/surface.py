@@ -26,15 +26,14 @@ def center_of(mesh: Mesh) -> Float64:
     return mesh.bounds[0] / 2 + mesh.bounds[1] / 2
 
 
-def mesh_message(mesh: Mesh, *, number: int, name: str, warnings: Sequence[str]) -> bytes:
-    """The message that shows `mesh`, the `number`-th of its session."""
+def mesh_message(mesh: Mesh, *, name: str, warnings: Sequence[str]) -> bytes:
+    """The message that shows `mesh`."""
     rows, corner_faces = _rows(mesh)
     textures, materials = _materials(mesh)
     none = np.zeros(len(mesh.faces), np.int32)
     return pack(
         MeshMessage,
         {**_row_arrays(mesh, rows), "triangles": corner_faces.astype(np.uint32), **textures},
-        mesh=number,
         name=name,
         vertices=len(mesh.vertices),
         faces=len(mesh.faces),

@@ -7,7 +7,6 @@ import contextlib
 import shutil
 import threading
 from collections.abc import AsyncIterator
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from starlette.applications import Starlette
@@ -110,15 +109,9 @@ class _Server:
             await page.send_text(FailureMessage(id=number, message=reason, fatal=True).model_dump_json())
             await page.close(SESSION_ENDED)
             return None
-        tab, resumed = self._sessions.open(hello.session)
+        tab = self._sessions.open(hello.session)
         answer = SessionMessage(
-            id=number,
-            session=tab.name,
-            resumed=resumed,
-            dfd=_version(),
-            samples=SAMPLES,
-            upload_bytes=self._upload_bytes,
-            formats=FORMATS,
+            id=number, session=tab.name, samples=SAMPLES, upload_bytes=self._upload_bytes, formats=FORMATS
         )
         await page.send_text(answer.model_dump_json())
         return tab
@@ -173,10 +166,3 @@ async def _send_all(page: WebSocket, outbox: Outbox) -> None:
 
 def _refusal(status: int, sentence: str) -> JSONResponse:
     return JSONResponse({"message": sentence}, status)
-
-
-def _version() -> str:
-    try:
-        return version("dfd")
-    except PackageNotFoundError:
-        return "not installed"

@@ -4,7 +4,7 @@ import { decode, type Received, type Request } from "../protocol/binary_messages
 import { store } from "../store/state";
 import { problem } from "./toasts";
 
-export const PROTOCOL = 1;
+const PROTOCOL = 1;
 const SESSION_KEY = "dfd-session";
 
 /** Close codes after which another try would only be refused again. */

@@ -4,14 +4,12 @@ import type { Received } from "../protocol/binary_messages";
 import { surfaceOf } from "../posing/held";
 import type { StateMessage } from "../protocol/messages";
 import { CLOSED, serverPoses, store, type State } from "../store/state";
-import { PROTOCOL } from "./connection";
 import { note, problem } from "./toasts";
 
 export function receive({ message, payload }: Received): void {
   switch (message.type) {
     case "session":
       store.set({ session: message });
-      if (message.version !== PROTOCOL) problem("The page is of another version than the server: reload it.");
       break;
     case "start":
       store.set({ ...CLOSED, page: "start" });

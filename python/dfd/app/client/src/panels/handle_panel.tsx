@@ -149,7 +149,7 @@ const PIVOTS: Record<PivotAt, string> = {
 
 /** What it turns about: found by the session, unless it is chosen. */
 function PivotChoice({ handle, axis }: { readonly handle: HandleState; readonly axis: AxisMessage | null }) {
-  const known = axis?.handle === handle.handle ? Object.keys(axis.pivots) : ["point"];
+  const known = axis?.handle === handle.handle ? axis.pivots : (["point"] as const);
   const value = handle.pivot_at ?? (handle.pivot_set ? "as set" : "auto");
   return (
     <Select
