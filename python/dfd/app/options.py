@@ -8,7 +8,6 @@ from dataclasses import field as dataclass_field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dfd.app.protocol.answers import SampleEntry
 from dfd.common.preset import Preset
 from dfd.encoders.known import DEFAULT_ENCODER
 
@@ -64,17 +63,15 @@ class SessionOptions:
         return {"encoder": self.encoder, **preset, **self.distill}
 
 
-SAMPLES = tuple(
-    SampleEntry(name=name, title=name.capitalize(), faces=20_000) for name in ("quadruped", "chair", "robot")
-)
+SAMPLES = ("quadruped", "chair", "robot")  # of the start page
+SAMPLE_FACES = 20_000
 
 
-def sample_entry(name: str) -> SampleEntry:
-    """The sample of that name; raises ValueError if there is none."""
-    for entry in SAMPLES:
-        if entry.name == name:
-            return entry
-    raise ValueError(f"There is no sample {name!r}; there are {', '.join(entry.name for entry in SAMPLES)}")
+def check_sample(name: str) -> str:
+    """Return the name of a sample; raises ValueError if there is none of that name."""
+    if name not in SAMPLES:
+        raise ValueError(f"There is no sample {name!r}; there are {', '.join(SAMPLES)}")
+    return name
 
 
 def read_shape(source: Source) -> tuple[Mesh, list[str]]:
@@ -85,7 +82,7 @@ def read_shape(source: Source) -> tuple[Mesh, list[str]]:
     if isinstance(source, str):
         import dfd.samples as samples
 
-        return getattr(samples, source)(sample_entry(source).faces).mesh, []
+        return getattr(samples, check_sample(source))(SAMPLE_FACES).mesh, []
     from dfd.mesh.mesh import load
 
     with warnings.catch_warnings(record=True) as caught:

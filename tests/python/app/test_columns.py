@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from app_page import unpack
 from numpy.typing import NDArray
 
-from dfd.app.protocol.binary_messages import unpack
 from dfd.app.session.columns import Columns, heat_message, probed
 from dfd.app.session.state import ViewState, state_message
 from dfd.editing.deformer import Deformer

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import pytest
 from app_page import Page
@@ -11,7 +12,6 @@ from websockets.sync.client import connect
 
 from dfd.app.web.launch import RunningApp
 from dfd.app.web.server import MESSAGE_BYTES
-from dfd.app.web.sessions import SESSION_ENDED
 
 # --- the page's files
 
@@ -51,7 +51,7 @@ def test_a_websocket_of_another_site_is_refused(app: RunningApp) -> None:
         '{"type": "nothing", "id": 77}',
         '{"type": "move", "id": 77, "handle": 99, "transform": {}}',
         '{"type": "probe", "id": 77, "vertex": 100000000}',
-        '{"type": "add", "id": 77, "at": 1, "transform": {"scale": [1e308, 1e308, 1e308]}}',
+        '{"type": "set_default", "id": 77, "transform": {"scale": [1e308, 1e308, 1e308]}}',
         '{"type": "add", "id": 77, "at": {"mask": "AAAA"}}',
         '{"type": "release", "id": 77, "index": 0}',
         '{"type": "open_sample", "id": 77, "name": "../../etc/passwd"}',
@@ -63,7 +63,6 @@ def test_what_makes_no_sense_is_a_failure_and_nothing_else(page: Page, text: str
     failure = page.until(lambda message: message["type"] == "failure")
     assert failure["id"] == (77 if "77" in text else 0)
     assert failure["message"]
-    assert not failure["fatal"]
     answer = page.ask("add", at=5)
     assert answer["type"] == "done"
     assert len(page.last("state")["handles"]) == 1
@@ -84,12 +83,10 @@ def test_a_message_that_is_too_long_ends_the_connection_and_not_the_session(page
     assert len(page.last("state")["handles"]) == 1
 
 
-@pytest.mark.parametrize("hello", ['{"type": "undo", "id": 1}', "nonsense", '{"type": "hello", "id": 1, "version": 0}'])
-def test_who_does_not_say_hello_is_told_and_sent_away(app: RunningApp, hello: str) -> None:
-    page = Page(app)
-    page.connect()
-    page.write(hello)
-    answer = page.hear()
-    assert (answer["type"], answer["fatal"]) == ("failure", True)
-    assert page.closed_with() == SESSION_ENDED
+@pytest.mark.parametrize("name", ["", "0" * 32, "../.."])
+def test_who_asks_for_a_session_that_there_is_not_gets_a_new_one(app: RunningApp, name: str) -> None:
+    page = Page(app, session=name)
+    page.open()
+    assert re.fullmatch("[0-9a-f]{32}", page.session or "")
+    assert page.session != name
     page.close()

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from app_page import unpack
 from PIL import Image
 
 import dfd
-from dfd.app.protocol.binary_messages import unpack
 from dfd.app.session.surface import center_of, mesh_message
 from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.mesh import Mesh

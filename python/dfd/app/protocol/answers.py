@@ -10,7 +10,6 @@ from dfd.app.protocol.parts import (
     SHOWN,
     ControlEntry,
     Frame,
-    Identifier,
     KeyPose,
     Model,
     PartChange,
@@ -23,8 +22,6 @@ from dfd.common.preset import Preset
 from dfd.posing.transforms import PivotAt
 from dfd.symmetry.plane import SymmetryPlane
 
-VERSION = 1
-
 
 class Answer(Model):
     """Every message of the server: `id` is that of the request it answers, 0 where it comes unasked."""
@@ -32,20 +29,12 @@ class Answer(Model):
     id: int = 0
 
 
-class SampleEntry(Model):
-    """A sample of the start page."""
-
-    name: str
-    title: str
-    faces: int
-
-
 class SessionMessage(Answer):
-    """Who the tab is, and what the server can do."""
+    """The first message: who the tab is, and what the server can do."""
 
     type: Literal["session"] = "session"
-    session: Identifier
-    samples: tuple[SampleEntry, ...]
+    session: str  # with this name, a tab goes on where it was
+    samples: tuple[str, ...]
     upload_bytes: int  # the largest upload, all files together
     formats: tuple[str, ...]  # endings that `POST /upload` takes
     controls: tuple[ControlEntry, ...] = control_entries()
@@ -130,7 +119,6 @@ class DoneMessage(Answer):
     """It was done."""
 
     type: Literal["done"] = "done"
-    handle: int | None = None  # the new one
 
 
 class FailureMessage(Answer):
@@ -138,7 +126,6 @@ class FailureMessage(Answer):
 
     type: Literal["failure"] = "failure"
     message: str
-    fatal: bool = False  # whether the session has ended with it
 
 
 class ProgressMessage(Answer):

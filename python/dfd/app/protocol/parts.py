@@ -14,7 +14,6 @@ from dfd.posing.transforms import PivotAt
 Vector = tuple[float, float, float]
 Frame = tuple[Vector, Vector, Vector]
 Index = Annotated[int, Field(ge=0)]
-Identifier = Annotated[str, Field(pattern=r"^[0-9a-f]{32}$")]
 Text = Annotated[str, Field(min_length=1, max_length=1000)]
 # How a handle takes another part: the next size, with another part, or what the file makes one thing.
 PartChange = Literal["smaller", "larger", "add", "remove", "scene_part", "material", "component"]

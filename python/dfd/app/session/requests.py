@@ -148,10 +148,10 @@ def axis(session: Session, handle: int) -> answers.Answer:
 
 
 @request
-def add(session: Session, at: Place) -> answers.Answer:
-    """Add a handle. Answer: `done` with the `handle`."""
+def add(session: Session, at: Place) -> None:
+    """Add a handle."""
     place = _known(session, at)
-    return answers.DoneMessage(handle=session.change(lambda deformer: deformer.add(place)))
+    session.change(lambda deformer: deformer.add(place))
 
 
 @request

@@ -117,7 +117,7 @@ def positions_message(deformer: Deformer, *, request: int) -> bytes:
     posed, mesh = deformer.vertices, deformer.mesh
     normals = updated_normals(mesh.normals, mesh.vertices, posed, mesh.faces)
     positions = (posed - center_of(deformer.mesh)).astype(np.float32)
-    return pack(PositionsMessage, {"positions": positions, "normals": packed_normals(normals)}, id=request)
+    return pack(PositionsMessage(id=request), positions=positions, normals=packed_normals(normals))
 
 
 def feature_colors_message(deformer: Deformer, *, request: int) -> bytes:
@@ -126,7 +126,7 @@ def feature_colors_message(deformer: Deformer, *, request: int) -> bytes:
     colors = feature_colors(features)
     packed = np.full((len(colors), 4), 255, np.uint8)
     packed[:, :3] = np.rint(colors * 255)
-    return pack(ColorsMessage, {"colors": packed}, id=request)
+    return pack(ColorsMessage(id=request), colors=packed)
 
 
 LARGEST = 1e30  # shaders multiply it with coordinates in 32-bit floats
@@ -135,12 +135,15 @@ LARGEST = 1e30  # shaders multiply it with coordinates in 32-bit floats
 def check_drawable(deformer: Deformer) -> None:
     """Reject transforms that the page could not draw.
 
-    Raises ValueError if a number of a handle's transform, mesh units, is beyond 1e30.
+    Raises ValueError if a number of a handle's transform or of D₀, mesh units, is beyond 1e30.
     """
-    for handle in deformer.handles:
-        size = float(np.abs(handle.matrix).max())
+    matrices = {f"handle {handle.id}": handle.matrix for handle in deformer.handles}
+    if deformer.default is not None:
+        matrices["the rest of the shape"] = deformer.default.matrix(box_center(deformer.mesh))
+    for name, matrix in matrices.items():
+        size = float(np.abs(matrix).max())
         if size > LARGEST:
-            raise ValueError(f"The transform of handle {handle.id} must stay below {LARGEST:g}, got {size:.3g}")
+            raise ValueError(f"The transform of {name} must stay below {LARGEST:g}, got {size:.3g}")
 
 
 def report(deformer: Deformer) -> ReportMessage:

@@ -42,7 +42,7 @@ export async function previewPart(how: PartChange | null): Promise<boolean> {
   if (how === null || selected === null) return true;
   const answer = await ask({ type: "take_part", handle: selected, how, preview: true }, true);
   if (answer && previewed === how && store.get().selected === selected)
-    store.set({ probe: { vertex: null, weights: answer.payload.get("values", "uint16") } });
+    store.set({ probe: { vertex: null, weights: answer.payload.get("values", "U16") } });
   return answer !== null;
 }
 
