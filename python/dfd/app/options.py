@@ -27,32 +27,27 @@ Source = OpenedFile | str  # where a shape comes from: a file, or the sample of 
 
 
 @dataclass(frozen=True)
-class Upload:
-    """What to open of an upload, whose files are in `folder`."""
+class Opening:
+    """What to open: a mesh with its field and its edit, or these for the mesh that is open."""
 
-    folder: Path
     mesh: Source | None = None
     field: OpenedFile | None = None
     edit: OpenedFile | None = None
+    folder: Path | None = None  # where the files of an upload are; it is deleted when they are closed
 
 
 @dataclass(frozen=True)
-class SessionOptions:
-    """What every new session opens, and how it makes fields.
+class SessionOptions(Opening):
+    """What every new session opens, without a mesh the start page, and how it makes fields.
 
     Attributes
     ----------
-    mesh, field, edit
-        What a new session shows; without a mesh, the start page.
     preset
         What sessions start with, and by which fields are distilled.
     encoder, distill
         The encoder's name or folder, and further keywords of `dfd.distill`.
     """
 
-    mesh: Source | None = None
-    field: OpenedFile | None = None
-    edit: OpenedFile | None = None
     preset: Preset = "default"
     encoder: str = DEFAULT_ENCODER
     distill: dict[str, Any] = dataclass_field(default_factory=dict)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
+from dfd.app.options import Opening
 from dfd.app.protocol import answers
 from dfd.app.protocol.parts import (
     Controls,
@@ -65,7 +66,7 @@ def answer(session: Session, message: Request) -> None:
 @request
 def open_sample(session: Session, name: Text) -> None:
     """Open one of the samples that `session` lists."""
-    session.open_shape(name)
+    session.open(Opening(mesh=name))
 
 
 request(Session.close_mesh)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from dfd.app.options import OpenedFile, SessionOptions, Source, Upload, read_shape
+from dfd.app.options import OpenedFile, Opening, SessionOptions, Source, read_shape
 from dfd.app.protocol.answers import Answer, FailureMessage, FieldState, ProgressMessage, StartMessage
 from dfd.app.protocol.parts import KeyPoses
 from dfd.app.session.columns import Columns
@@ -73,17 +73,32 @@ class Session:
     def begin(self) -> None:
         """Open what the options name, for the first page."""
         try:
-            if self.options.mesh is not None:
-                self.open_shape(self.options.mesh, self.options.field, self.options.edit)
+            self.open(self.options)
         finally:
             if self._preparation is None:
                 self.attach()
 
-    def open_shape(self, source: Source, field: OpenedFile | None = None, edit: OpenedFile | None = None) -> None:
-        """Show another shape in place of the present one, which stays open if the new one cannot be read.
+    def open(self, given: Opening) -> None:
+        """Open a mesh with its field and its edit, or these for the open mesh.
 
-        Raises ValueError, OSError as `dfd.load` does.
+        Raises ValueError, OSError if a file cannot be read; what was open before stays open.
         """
+        try:
+            if given.mesh is not None:
+                self._open_mesh(given.mesh, find_field=given.field is None)
+            if given.field is not None:
+                self._open_field(given.field)
+            if given.edit is not None:
+                self._open_edit(given.edit)
+        except BaseException:
+            if given.folder is not None:
+                shutil.rmtree(given.folder, ignore_errors=True)
+            raise
+        if given.folder is not None:
+            self._uploads.append(given.folder)
+
+    def _open_mesh(self, source: Source, *, find_field: bool) -> None:
+        """Show another shape in place of the present one."""
         name = source.capitalize() if isinstance(source, str) else self._named(source)
         self._tell_progress("open", "read")
         try:
@@ -92,15 +107,12 @@ class Session:
         finally:
             self._tell_progress("open", "done")
         self.close_shape()
-        self.name, self.mesh, self._warnings, self._pending_edit = name, mesh, warnings, edit
+        self.name, self.mesh, self._warnings = name, mesh, warnings
         self._send(message)
         self._preparation = Preparation(mesh, source, self.options, self.folder, self, self._post)
-        self._tell_field("preparing")
-        if field is None:
-            self._preparation.find_cached()
-        else:
-            self._named(field)
-            self._preparation.open(field.path, "file")
+        if find_field:
+            self._tell_field("preparing")
+            self._preparation.find()
 
     def _named(self, file: OpenedFile) -> str:
         """Return the name of a file, by which messages call it from now on."""
@@ -122,22 +134,7 @@ class Session:
         self.close_shape()
         self.send(StartMessage())
 
-    def open_upload(self, upload: Upload) -> None:
-        """Open uploaded files: a mesh with its field and edit, or a field and an edit for the open mesh."""
-        try:
-            if upload.mesh is not None:
-                self.open_shape(upload.mesh, upload.field, upload.edit)
-            else:
-                if upload.field is not None:
-                    self.open_field(upload.field)
-                if upload.edit is not None:
-                    self.open_edit(upload.edit)
-        except BaseException:
-            shutil.rmtree(upload.folder, ignore_errors=True)
-            raise
-        self._uploads.append(upload.folder)
-
-    def open_field(self, field: OpenedFile) -> None:
+    def _open_field(self, field: OpenedFile) -> None:
         """Load the field from a file."""
         if self._preparation is None:
             raise ValueError("Open a mesh before its field")
@@ -146,7 +143,7 @@ class Session:
         self._tell_field("preparing")
         self._preparation.open(field.path, "file")
 
-    def open_edit(self, edit: OpenedFile) -> None:
+    def _open_edit(self, edit: OpenedFile) -> None:
         """Apply the edit in a file as one step, once the field is ready."""
         if self.mesh is None:
             raise ValueError("Open a mesh before its edit")
@@ -173,15 +170,11 @@ class Session:
 
     # --- called by the background work
 
-    def field_missing(self) -> None:
-        """The cache has no field: distill one."""
-        self._tell_field("none")
-        self.distill()
-
     def field_progress(self, task: str, stage: str, done: int, total: int | None, seconds_left: float | None) -> None:
         """Forward progress to the page."""
-        if task == "prepare" and self.view_state.field.status == "distilling":
-            self._tell_field("preparing")
+        status = "distilling" if task == "distill" else "preparing"
+        if self.view_state.field.status != status:
+            self._tell_field(status)
         self._tell_progress(task, stage, done, total, seconds_left)
 
     def field_ready(self, deformer: Deformer, path: Path | None, origin: str, warnings: list[str]) -> None:
@@ -195,7 +188,7 @@ class Session:
         pending_edit, self._pending_edit = self._pending_edit, None
         self.tell_state()
         if pending_edit is not None:
-            self.guarded(0, lambda: self.open_edit(pending_edit))
+            self.guarded(0, lambda: self._open_edit(pending_edit))
 
     def field_prepared(self, planes: Mapping[Preset, Sequence[SymmetryPlane]]) -> None:
         """Store the symmetry planes, by preset; parts can be found without delay from now on.
@@ -209,15 +202,11 @@ class Session:
             deformer.set_symmetry(found[0], band=band_on(deformer.mesh, deformer.preset))
         self.tell_state()
 
-    def field_failed(self, task: str, error: Exception) -> None:
-        """Report the failure; the shape stays visible, and an earlier field stays in use."""
-        self._tell_progress(task, "failed")
-        self.fail(0, sentence(error))
-        self._tell_field("none" if self.deformer is None else "ready")
-
-    def field_cancelled(self) -> None:
-        """The distillation was stopped."""
-        self._tell_progress("distill", "cancelled")
+    def field_ended(self, task: str, error: Exception | None) -> None:
+        """There is no new field, for an error or because it was stopped; an earlier one stays in use."""
+        self._tell_progress(task, "cancelled" if error is None else "failed")
+        if error is not None:
+            self.fail(0, sentence(error))
         self._tell_field("none" if self.deformer is None else "ready")
 
     # --- called for the page

@@ -115,7 +115,7 @@ class _Server:
             return _refusal(400, str(error))
         except OSError as error:
             return _refusal(507, f"The files could not be kept: {error.strerror}")
-        tab.call(lambda: tab.session.open_upload(upload))
+        tab.call(lambda: tab.session.open(upload))
         return JSONResponse({})
 
     async def download(self, request: Request) -> Response:

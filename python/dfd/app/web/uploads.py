@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 from typing import IO
 
-from dfd.app.options import OpenedFile, Upload
+from dfd.app.options import OpenedFile, Opening
 from dfd.mesh.file.read import ENDINGS
 
 FIELD, EDIT = ".safetensors", ".json"
@@ -27,7 +27,7 @@ UNREADABLE = (zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, lzma.LZMAErr
               EOFError, OSError, struct.error)  # fmt: skip
 
 
-def receive(files: Sequence[tuple[str, IO[bytes]]], folder: Path, most_bytes: int) -> Upload:
+def receive(files: Sequence[tuple[str, IO[bytes]]], folder: Path, most_bytes: int) -> Opening:
     """Put `files`, with the names that the browser gave, into a new folder inside `folder`; return what to open.
 
     The mesh, the field and the edit get names of ours. What a mesh names beside itself (materials, textures, buffers)
@@ -50,7 +50,7 @@ def receive(files: Sequence[tuple[str, IO[bytes]]], folder: Path, most_bytes: in
     except BaseException:
         shutil.rmtree(place, ignore_errors=True)
         raise
-    return Upload(place, mesh, field, edit)
+    return Opening(mesh, field, edit, place)
 
 
 class _Kept:
