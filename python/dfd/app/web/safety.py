@@ -100,7 +100,7 @@ class Guard:
             await self._app(scope, receive, send)
             return
         request = HTTPConnection(scope)
-        refusal = self._check_origin(request)
+        foreign = refusal = self._check_origin(request)
         if refusal is None and not self._rules.knows_token(request.cookies.get(self._rules.cookie)):
             refusal = self._admit(request)
         if scope["type"] == "http":
@@ -109,6 +109,9 @@ class Guard:
             await self._app(scope, receive, send)
         else:
             await receive()
+            if foreign is None:
+                # Browsers tell a page the code of a connection that was accepted alone.
+                await send({"type": "websocket.accept"})
             await send({"type": "websocket.close", "code": NOT_ALLOWED})
 
     def _check_origin(self, request: HTTPConnection) -> Response | None:
