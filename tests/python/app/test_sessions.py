@@ -57,9 +57,7 @@ def test_two_tabs_have_one_shape_and_each_its_own_edit(page: Page, new_page: Pag
     page.hold(5, translation=[0, -0.3, 0])
     new_page.ask("undo")
     assert all(message["type"] != "state" or not message["handles"] for message in new_page.heard)
-    one, other = session_of(page).deformer, session_of(new_page).deformer
-    assert one is not None
-    assert other is not None
+    one, other = session_of(page).require().deformer, session_of(new_page).require().deformer
     assert one.features is other.features
     assert one.bound.grips.parts is other.bound.grips.parts
     assert one.bound.grips.finder is other.bound.grips.finder

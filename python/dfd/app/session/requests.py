@@ -83,7 +83,7 @@ MOST_SUGGESTIONS = 12
 @request
 def probe(session: Session, vertex: Index) -> bytes:
     """About what a new handle at a vertex would hold; a newer request replaces it unanswered. Answer: `heat`."""
-    deformer = session.require_deformer()
+    deformer = session.require().deformer
     place = place_on(deformer.mesh, vertex)
     return heat_message(probed(deformer, place), request=session.after, vertex=vertex)
 
@@ -95,19 +95,20 @@ def compute(session: Session, transforms: PoseTransforms | None = None) -> bytes
     Answer: `positions`; a newer request replaces it unanswered.
     """
     with _posed_by(session, transforms):
-        return positions_message(session.require_deformer(), request=session.after)
+        return positions_message(session.require().deformer, request=session.after)
 
 
 @request
 def features(session: Session) -> bytes:
     """Colors of the features' main directions. Answer: `colors`."""
-    return feature_colors_message(session.require_deformer(), request=session.after)
+    return feature_colors_message(session.require().deformer, request=session.after)
 
 
 @request
 def suggest(session: Session) -> answers.Answer:
     """Good places for handles, one for each kind of part. Answer: `suggestions`."""
-    deformer, planes = session.require_deformer(), session.view_state.planes.get("default", ())
+    editing = session.require()
+    deformer, planes = editing.deformer, editing.planes.get("default", ())
     mesh, finder = deformer.mesh, deformer.bound.grips.finder
     found: list[answers.Suggestion] = []
     for each in suggest_handles(mesh, deformer.features, count=MOST_SUGGESTIONS, planes=planes, finder=finder):
@@ -121,7 +122,7 @@ def suggest(session: Session) -> answers.Answer:
 def counterparts(session: Session, handle: int) -> answers.Answer:
     """The handle's similar points, and whether each follows the handle. Answer: `similar`."""
     places = []
-    for counterpart, on in session.require_deformer().counterparts(handle):
+    for counterpart, on in session.require().deformer.counterparts(handle):
         x, y, z = map(float, counterpart.position)
         places.append(answers.SimilarPoint(vertex=int(counterpart.vertex), position=(x, y, z), on=on))
     return answers.SimilarMessage(handle=handle, places=tuple(places))
@@ -130,7 +131,7 @@ def counterparts(session: Session, handle: int) -> answers.Answer:
 @request
 def axis(session: Session, handle: int) -> answers.Answer:
     """What a handle may turn about, and the axis along which it bends what it holds. Answer: `axis`."""
-    deformer = session.require_deformer()
+    deformer = session.require().deformer
     edit = deformer.edit
     held = edit.handle(handle)
     part = next(iter(deformer.bound.held_parts(edit, held)), None)
@@ -163,7 +164,7 @@ def take_part(
 
     With `preview` the edit stays, and the answer is `heat`: what the handle would hold.
     """
-    parts, deformer = session.require_parts(), session.require_deformer()
+    parts, deformer = session.require().parts, session.require().deformer
     held = deformer.edit.handle(handle)
     chosen = parts.taken(held, how, vertex)
     mask = chosen if parts.limits(held) else None
@@ -192,7 +193,7 @@ def move(
     """
     parts, changed = transform.model_dump(exclude_none=True), _controls(session, controls)
     if merge and not (settle or changed):
-        session.require_deformer().move(handle, **parts, merge=True)
+        session.require().deformer.move(handle, **parts, merge=True)
         session.note_shown()
         return
 
@@ -227,7 +228,7 @@ def change(session: Session, handle: int, controls: Controls, merge: bool = Fals
     """Set a handle's name or controls; with `merge`, one step with the preceding change of that handle."""
     given = _controls(session, controls)
     if isinstance(given.get("mask"), str) and given["mask"] == "part":
-        given["mask"] = session.require_parts().of(session.require_deformer().edit.handle(handle))
+        given["mask"] = session.require().parts.of(session.require().deformer.edit.handle(handle))
     session.change(lambda deformer: deformer.change(handle, **given), ("change", handle), merge=merge)
 
 
@@ -259,14 +260,14 @@ def change_fixed(
     session: Session, index: Index, strength: Annotated[float, Field(ge=0, le=1)], merge: bool = False
 ) -> None:
     """Set the strength of the fixed place at `index`; with `merge`, one step with the preceding such change."""
-    fixed = session.require_deformer().fixed
+    fixed = session.require().deformer.fixed
     changed = replace(_fixed(session, index), strength=strength)
     after = (*fixed[:index], changed, *fixed[index + 1 :])
     session.change(lambda deformer: deformer.apply(replace(deformer.edit, fixed=after)), ("fixed", index), merge=merge)
 
 
 def _fixed(session: Session, index: int) -> Fixed:
-    fixed = session.require_deformer().fixed
+    fixed = session.require().deformer.fixed
     if index >= len(fixed):
         raise ValueError(f"There is no fixed place {index}: there are {len(fixed)}")
     return fixed[index]
@@ -299,14 +300,14 @@ def set_default(session: Session, transform: Transform, merge: bool = False) -> 
 @request
 def undo(session: Session) -> None:
     """Undo the newest step."""
-    if session.require_deformer().undo():
+    if session.require().deformer.undo():
         session.tell_state()
 
 
 @request
 def redo(session: Session) -> None:
     """Redo the step that was undone last."""
-    if session.require_deformer().redo():
+    if session.require().deformer.redo():
         session.tell_state()
 
 
@@ -329,7 +330,7 @@ def export(
 
     "rig" is a GLB with joints, "morph" one with morph targets, "animation" one of the key poses. Answer: `download`.
     """
-    deformer, poses, number = session.require_deformer(), session.view_state.poses, secrets.token_hex(16)
+    deformer, poses, number = session.require().deformer, session.poses, secrets.token_hex(16)
     folder = session.folder / number
     folder.mkdir()
     try:
@@ -352,7 +353,7 @@ def _posed_by(session: Session, transforms: Sequence[PoseTransform] | None) -> I
     if transforms is None:
         yield
         return
-    deformer = session.require_deformer()
+    deformer = session.require().deformer
     with _tried(deformer):
         _move_all(deformer, transforms)
         yield
@@ -379,7 +380,7 @@ def _known(session: Session, value: Any) -> Any:
     """Return a value as `Deformer` takes it: of a region the vertices, in order; all else as it is."""
     if not isinstance(value, Region):
         return value
-    count = len(session.require_deformer().mesh.vertices)
+    count = len(session.require().deformer.mesh.vertices)
     try:
         data = base64.b64decode(value.mask, validate=True)
     except binascii.Error:
