@@ -113,8 +113,8 @@ def suggest(session: Session) -> answers.Answer:
     found: list[answers.Suggestion] = []
     for each in suggest_handles(mesh, deformer.features, count=MOST_SUGGESTIONS, planes=planes, finder=finder):
         similar = f", {len(each.counterparts)} alike" if len(each.counterparts) > 1 else ""
-        x, y, z = mesh.vertices[each.vertex].tolist()
-        found.append(answers.Suggestion(vertex=each.vertex, position=(x, y, z), name=f"Part {len(found) + 1}{similar}"))
+        position = vector("position", mesh.vertices[each.vertex])
+        found.append(answers.Suggestion(vertex=each.vertex, position=position, name=f"Part {len(found) + 1}{similar}"))
     return answers.SuggestionsMessage(suggestions=tuple(found))
 
 
@@ -123,8 +123,8 @@ def counterparts(session: Session, handle: int) -> answers.Answer:
     """The handle's similar points, and whether each follows the handle. Answer: `similar`."""
     places = []
     for counterpart, on in session.require().deformer.counterparts(handle):
-        x, y, z = map(float, counterpart.position)
-        places.append(answers.SimilarPoint(vertex=int(counterpart.vertex), position=(x, y, z), on=on))
+        position = vector("position", counterpart.position)
+        places.append(answers.SimilarPoint(vertex=int(counterpart.vertex), position=position, on=on))
     return answers.SimilarMessage(handle=handle, places=tuple(places))
 
 
