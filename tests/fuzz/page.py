@@ -38,25 +38,23 @@ TRANSFORM = {
 CONTROLS = {"reach": 0.7, "falloff": 0.8, "counterparts": "own_pivot", "locality": 1.0, "strength": 0.5, "name": "a"}
 TURNED = {"handle": 1, "translation": [0, 0.1, 0], "rotation": [0, 0, 90], "scale": ONE, "twist": 10}
 ASKED: list[dict[str, Any]] = [  # all but those that start processes or open samples
-    *({"type": "add", "at": at} for at in ({"point": [0.5, 1, 1]}, {"mask": MASK}, {"part": 2})),
-    {"type": "add", "at": {"vertex": 7}, "transform": TRANSFORM, "controls": CONTROLS},
-    *({"type": "probe", "at": at} for at in ({"vertex": 3}, {"point": [9, 9, 9]})),
+    *({"type": "add", "at": at} for at in (7, {"mask": MASK})),
+    {"type": "probe", "vertex": 3},
     *({"type": "take_part", "handle": 1, "how": how} for how in ("smaller", "larger")),
     {"type": "take_part", "vertex": 1, "handle": 1, "how": "add"},
-    *({"type": name} for name in ("features", "undo", "redo", "clear", "cancel")),
-    {"type": "suggest", "count": 3},
+    *({"type": name} for name in ("features", "suggest", "undo", "redo", "clear", "cancel")),
     *({"type": name, "handle": 1} for name in ("counterparts", "axis", "reset", "remove")),
     *({"type": name, "transforms": [TURNED]} for name in ("compute", "pose")),
     {"type": "move", "handle": 1, "transform": TRANSFORM, "controls": CONTROLS, "merge": True, "settle": True},
-    {"type": "change", "handle": 1, "at": {"vertex": 2}, "controls": {**CONTROLS, "mask": {"mask": MASK}}},
+    {"type": "change", "handle": 1, "controls": {**CONTROLS, "mask": {"mask": MASK}}},
     {"type": "change", "handle": 1, "controls": {"mask": "part", "excluded_counterparts": [1], "radius": "10 %"}},
-    {"type": "fix", "at": {"vertex": 4}, "strength": 0.5},
+    {"type": "fix", "at": 4},
     {"type": "release", "index": 0},
     {"type": "change_fixed", "index": 0, "strength": 0.2, "merge": True},
     {"type": "set_symmetry", "plane": {"normal": [1, 0, 0], "offset": 0.5}, "band": 0.1},
     {"type": "set_symmetry", "plane": "x"},
     {"type": "set_preset", "preset": "paper"},
-    {"type": "set_default", "transform": {"translation": [0, 1, 0], "rotation": [0, 0, 0, 1]}},
+    {"type": "set_default", "transform": {"translation": [0, 1, 0], "rotation": [0, 0, 10]}},
     {"type": "set_poses", "poses": [{"name": "p", "seconds": 1, "transforms": [TURNED]}]},
     *({"type": "export", "format": kind, "transforms": [TURNED]} for kind in get_args(Kind)),
 ]
@@ -64,11 +62,11 @@ ASKED: list[dict[str, Any]] = [  # all but those that start processes or open sa
 
 def page_input() -> st.SearchStrategy[bytes]:
     """A list of requests, which begins with a handle."""
-    first = {"type": "add", "at": {"vertex": 0}, "transform": {"translation": [0, 0.1, 0]}}
+    first = [{"type": "add", "at": 0}, {"type": "move", "handle": 1, "transform": {"translation": [0, 0.1, 0]}}]
     one = st.sampled_from(ASKED)
     damaged = st.one_of(one, one.flatmap(damaged_json))
     several = st.lists(damaged, min_size=1, max_size=6)
-    return several.map(lambda asked: json.dumps([first, *asked]).encode())
+    return several.map(lambda asked: json.dumps([*first, *asked]).encode())
 
 
 def ask_all(path: Path) -> None:

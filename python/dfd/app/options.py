@@ -8,7 +8,6 @@ from dataclasses import field as dataclass_field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dfd.app.protocol.answers import SampleEntry
 from dfd.common.preset import Preset
 from dfd.encoders.known import DEFAULT_ENCODER
 
@@ -28,32 +27,27 @@ Source = OpenedFile | str  # where a shape comes from: a file, or the sample of 
 
 
 @dataclass(frozen=True)
-class Upload:
-    """What to open of an upload, whose files are in `folder`."""
+class Opening:
+    """What to open: a mesh with its field and its edit, or these for the mesh that is open."""
 
-    folder: Path
     mesh: Source | None = None
     field: OpenedFile | None = None
     edit: OpenedFile | None = None
+    folder: Path | None = None  # where the files of an upload are; it is deleted when they are closed
 
 
 @dataclass(frozen=True)
-class SessionOptions:
-    """What every new session opens, and how it makes fields.
+class SessionOptions(Opening):
+    """What every new session opens, without a mesh the start page, and how it makes fields.
 
     Attributes
     ----------
-    mesh, field, edit
-        What a new session shows; without a mesh, the start page.
     preset
         What sessions start with, and by which fields are distilled.
     encoder, distill
         The encoder's name or folder, and further keywords of `dfd.distill`.
     """
 
-    mesh: Source | None = None
-    field: OpenedFile | None = None
-    edit: OpenedFile | None = None
     preset: Preset = "default"
     encoder: str = DEFAULT_ENCODER
     distill: dict[str, Any] = dataclass_field(default_factory=dict)
@@ -64,17 +58,15 @@ class SessionOptions:
         return {"encoder": self.encoder, **preset, **self.distill}
 
 
-SAMPLES = tuple(
-    SampleEntry(name=name, title=name.capitalize(), faces=20_000) for name in ("quadruped", "chair", "robot")
-)
+SAMPLES = ("quadruped", "chair", "robot")  # of the start page
+SAMPLE_FACES = 20_000
 
 
-def sample_entry(name: str) -> SampleEntry:
-    """The sample of that name; raises ValueError if there is none."""
-    for entry in SAMPLES:
-        if entry.name == name:
-            return entry
-    raise ValueError(f"There is no sample {name!r}; there are {', '.join(entry.name for entry in SAMPLES)}")
+def check_sample(name: str) -> str:
+    """Return the name of a sample; raises ValueError if there is none of that name."""
+    if name not in SAMPLES:
+        raise ValueError(f"There is no sample {name!r}; there are {', '.join(SAMPLES)}")
+    return name
 
 
 def read_shape(source: Source) -> tuple[Mesh, list[str]]:
@@ -85,7 +77,7 @@ def read_shape(source: Source) -> tuple[Mesh, list[str]]:
     if isinstance(source, str):
         import dfd.samples as samples
 
-        return getattr(samples, source)(sample_entry(source).faces).mesh, []
+        return getattr(samples, check_sample(source))(SAMPLE_FACES).mesh, []
     from dfd.mesh.mesh import load
 
     with warnings.catch_warnings(record=True) as caught:

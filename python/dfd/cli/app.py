@@ -37,7 +37,7 @@ def app(
     if mesh is None and sample is None and (field or edit):
         raise ValueError(f"MESH must be given: it is what `{'--field' if field else '--edit'}` is for")
     try:
-        from dfd.app.options import OpenedFile, SessionOptions, sample_entry
+        from dfd.app.options import OpenedFile, SessionOptions, check_sample
         from dfd.app.web.launch import serve
         from dfd.app.web.safety import loopback
     except ImportError as error:
@@ -45,7 +45,7 @@ def app(
     files = (None if path is None else OpenedFile(path.name, path.resolve()) for path in (mesh, field, edit))
     opened_mesh, opened_field, opened_edit = files
     start = SessionOptions(
-        mesh=opened_mesh if sample is None else sample_entry(sample).name,
+        mesh=opened_mesh if sample is None else check_sample(sample),
         field=opened_field,
         edit=opened_edit,
         preset=preset or "default",

@@ -11,17 +11,23 @@ from pathlib import Path
 from typing import Any
 
 import httpx2 as httpx
+from numpy.typing import NDArray
+from safetensors.numpy import load
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-from dfd.app.protocol.answers import VERSION
-from dfd.app.protocol.binary_messages import unpack
 from dfd.app.web.launch import RunningApp
 
 ROOT = Path(__file__).parents[3]
 CLIENT = ROOT / "python" / "dfd" / "app" / "client"
 SCREENS = ROOT / "build" / "screens"
 PATIENCE = 120.0  # seconds; a busy machine imports torch slowly
+
+
+def unpack(message: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """The fields and the arrays of a message."""
+    header = json.loads(message[8 : 8 + int.from_bytes(message[:8], "little")])
+    return json.loads(header["__metadata__"]["message"]), load(message)
 
 
 @dataclass
@@ -36,18 +42,23 @@ class Page:
     _socket: ClientConnection | None = None
 
     def open(self) -> dict[str, Any]:
-        """Connect and say hello."""
+        """Connect with the session of before, if there is one; the greeting."""
         self.connect()
-        answer = self.ask("hello", version=VERSION, session=self.session)
-        self.session = answer.get("session")
-        return answer
+        greeting = self.hear()
+        self.session = greeting["session"]
+        return greeting
+
+    def resumes(self) -> bool:
+        """Connect; whether it is the session of before."""
+        before = self.session
+        return bool(self.open()["session"] == before)
 
     def connect(self) -> None:
-        """Connect, and say nothing."""
+        """Connect, and hear nothing."""
         self._open = ExitStack()
         self._socket = self._open.enter_context(
             connect(
-                f"ws://127.0.0.1:{self.app.port}/ws",
+                f"ws://127.0.0.1:{self.app.port}/ws?session={self.session or ''}",
                 origin=f"http://127.0.0.1:{self.app.port}",  # type: ignore[arg-type]
                 additional_headers={"Cookie": f"{self.app.rules.cookie}={self.app.rules.token}"},
                 max_size=None,
@@ -84,6 +95,14 @@ class Page:
         """Send a request and wait for its answer."""
         number = self.say(type, **fields)
         return self.until(lambda message: message["id"] == number)
+
+    def hold(self, vertex: int, **transform: Any) -> int:
+        """Take hold of a vertex, and set the transform there if one is given; the new handle."""
+        self.ask("add", at=vertex)
+        handle: int = self.last("state")["handles"][-1]["handle"]
+        if transform:
+            self.ask("move", handle=handle, transform=transform, settle=True)
+        return handle
 
     def until(self, wanted: Callable[[dict[str, Any]], bool], patience: float = PATIENCE) -> dict[str, Any]:
         """The next message that is wanted."""

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from app_page import unpack
 from numpy.typing import NDArray
 
-from dfd.app.protocol.binary_messages import unpack
-from dfd.app.session.columns import Columns, heat_message, probed
-from dfd.app.session.state import ViewState, state_message
+from dfd.app.session.columns import heat_message, probed
+from dfd.app.session.state import NO_FIELD, Editing, state_message
 from dfd.editing.deformer import Deformer
 from dfd.editing.points import place_on
 
@@ -19,19 +19,19 @@ class Client:
     """Keeps columns as the page does, and poses by them."""
 
     def __init__(self, deformer: Deformer) -> None:
-        self.deformer, self.columns = deformer, Columns(deformer)
+        self.deformer, self.editing = deformer, Editing(deformer)
         self.weights: dict[int, NDArray[np.float64]] = {}
         self.received = 0
 
     def listen(self) -> list[dict[str, Any]]:
         """The handles, once all columns have come."""
-        message = self.columns.message()
+        message = self.editing.columns.message()
         self.received = 0
         if message is not None:
             header, arrays = unpack(message)
             self.received = len(header["columns"])
             self.weights |= dict(zip(header["columns"], arrays["values"] / 65535, strict=True))
-        handles = state_message(ViewState(), self.deformer, self.columns, after=0).model_dump()["handles"]
+        handles = state_message(NO_FIELD, (), self.editing, after=0).model_dump()["handles"]
         used = {column["column"] for handle in handles for column in handle["columns"]}
         self.weights = {number: self.weights[number] for number in used}
         return list(handles)

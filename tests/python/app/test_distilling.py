@@ -39,7 +39,7 @@ def test_the_mesh_is_shown_at_once_and_comes_alive(bare: RunningApp) -> None:
     assert {"render", "encode", "fit"} <= set(stages)
     assert any(message["total"] and message["done"] == message["total"] for message in told)
     assert all(message["seconds_left"] is None or message["seconds_left"] >= 0 for message in told)
-    assert page.ask("add", at={"vertex": 5})["type"] == "done"
+    assert page.ask("add", at=5)["type"] == "done"
 
     other = Page(bare)
     other.open()
@@ -59,7 +59,7 @@ def test_a_distillation_can_be_stopped_and_begun_again(shape: Shape, static: Pat
         page = Page(running)
         page.open()
         page.until(lambda message: message["type"] == "progress" and message["stage"] == "fit")
-        assert page.ask("add", at={"vertex": 5})["type"] == "failure"
+        assert page.ask("add", at=5)["type"] == "failure"
         page.say("cancel")
         page.until(lambda message: message["type"] == "progress" and message["stage"] == "cancelled")
         assert page.until(lambda message: message["type"] == "state")["field"]["status"] == "none"
@@ -81,7 +81,7 @@ def test_an_encoder_that_is_not_there_is_said(shape: Shape, static: Path, tmp_pa
         page.open()
         failure = page.until(lambda message: message["type"] == "failure")
         assert "nothing" in failure["message"]
-        assert page.ask("add", at={"vertex": 5})["type"] == "failure"
+        assert page.ask("add", at=5)["type"] == "failure"
         page.close()
     finally:
         running.stop()

@@ -130,7 +130,7 @@ def test_a_notebook_and_its_page_share_the_session(shown: RunningApp, deformer: 
     page = Page(shown)
     page.open()
     page.alive()
-    page.ask("add", at={"vertex": 5}, transform={"translation": [0, -0.3, 0]})
+    page.hold(5, translation=[0, -0.3, 0])
     assert deformer.handles[0].transform.translation == (0, -0.3, 0)
     deformer.move(1, translation=(0, 0.2, 0))
     state = page.until(lambda message: message["type"] == "state")
@@ -138,7 +138,7 @@ def test_a_notebook_and_its_page_share_the_session(shown: RunningApp, deformer: 
     positions = page.ask("compute")["arrays"]["positions"]
     np.testing.assert_allclose(positions + page.last("mesh")["center"], deformer.vertices, atol=1e-6)
     page.close()
-    assert page.open()["resumed"]
+    assert page.resumes()
     assert page.alive()["handles"]
     page.close()
 

@@ -57,7 +57,7 @@ def test_a_file_that_is_none_is_said_and_what_was_open_stays(page: Page, name: s
     page.upload({name: content})
     failure = page.until(lambda message: message["type"] == "failure")
     assert "/" not in failure["message"], "no place of this machine"
-    assert page.ask("add", at={"vertex": 5})["type"] == "done"
+    assert page.ask("add", at=5)["type"] == "done"
 
 
 def test_uploads_are_refused_before_they_are_read(options: SessionOptions, static: Path) -> None:

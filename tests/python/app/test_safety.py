@@ -38,8 +38,8 @@ def client(rules: Rules | None = None, *, known: bool = True, host: str = HOST) 
 
 
 def refused(browser: TestClient, path: str, headers: dict[str, str]) -> None:
-    with pytest.raises(WebSocketDisconnect) as closed, browser.websocket_connect(path, headers=headers):
-        pass
+    with pytest.raises(WebSocketDisconnect) as closed, browser.websocket_connect(path, headers=headers) as socket:
+        socket.receive_text()
     assert closed.value.code == NOT_ALLOWED
 
 

@@ -30,9 +30,9 @@ def leave(page: Page) -> None:
 
 
 def test_a_reload_loses_nothing(page: Page) -> None:
-    handle = page.ask("add", at={"vertex": 5}, transform={"translation": [0, -0.3, 0]})["handle"]
+    handle = page.hold(5, translation=[0, -0.3, 0])
     leave(page)
-    assert page.open()["resumed"]
+    assert page.resumes()
     state = page.alive()
     assert [each["handle"] for each in state["handles"]] == [handle]
     assert state["can_undo"]
@@ -42,7 +42,7 @@ def test_a_reload_loses_nothing(page: Page) -> None:
 
 def test_a_tab_that_opens_a_session_takes_it_over(page: Page) -> None:
     other = Page(page.app, session=page.session)
-    assert other.open()["resumed"]
+    assert other.resumes()
     assert page.closed_with() == OPENED_ELSEWHERE
     other.alive()
     other.close()
@@ -54,12 +54,10 @@ def test_two_tabs_have_one_shape_and_each_its_own_edit(page: Page, new_page: Pag
     for each in (page, new_page):
         if not each.last("state")["field"]["parts"]:
             each.until(lambda message: message["type"] == "state" and message["field"]["parts"])
-    page.ask("add", at={"vertex": 5}, transform={"translation": [0, -0.3, 0]})
+    page.hold(5, translation=[0, -0.3, 0])
     new_page.ask("undo")
     assert all(message["type"] != "state" or not message["handles"] for message in new_page.heard)
-    one, other = session_of(page).deformer, session_of(new_page).deformer
-    assert one is not None
-    assert other is not None
+    one, other = session_of(page).require().deformer, session_of(new_page).require().deformer
     assert one.features is other.features
     assert one.bound.grips.parts is other.bound.grips.parts
     assert one.bound.grips.finder is other.bound.grips.finder
@@ -76,10 +74,11 @@ def test_of_the_sessions_that_no_page_shows_the_oldest_end(app: RunningApp, page
     leave(left[1])
     leave(left[0])
     new = Page(app)
-    assert not new.open()["resumed"]
+    new.open()
+    assert new.session not in [each.session for each in left]
     assert [folder.is_dir() for folder in folders] == [True, False], "the one that was left first has ended"
-    assert left[0].open()["resumed"]
-    assert not left[1].open()["resumed"]
+    assert left[0].resumes()
+    assert not left[1].resumes()
     for each in (new, *left):
         each.close()
     assert page.ask("undo")["type"] == "done", "one that a page shows goes on"

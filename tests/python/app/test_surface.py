@@ -9,19 +9,19 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from app_page import unpack
 from PIL import Image
 
 import dfd
-from dfd.app.protocol.binary_messages import unpack
 from dfd.app.session.surface import center_of, mesh_message
 from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.mesh import Mesh
 
 
 def sent(mesh: Mesh) -> tuple[dict[str, Any], dict[str, Any]]:
-    header, arrays = unpack(mesh_message(mesh, number=3, name="a mesh", warnings=["a warning"]))
+    header, arrays = unpack(mesh_message(mesh, name="a mesh", warnings=["a warning"]))
     assert header["type"] == "mesh"
-    assert (header["mesh"], header["name"], header["warnings"]) == (3, "a mesh", ["a warning"])
+    assert (header["name"], header["warnings"]) == ("a mesh", ["a warning"])
     assert (header["vertices"], header["faces"]) == (len(mesh.vertices), len(mesh.faces))
     assert len(arrays["positions"]) == len(arrays["vertex"]) == len(arrays["normals"])
     corners = arrays["positions"][arrays["triangles"]].astype(np.float64) + center_of(mesh)

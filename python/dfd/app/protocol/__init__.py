@@ -1,17 +1,13 @@
 """What the page and the server say to each other over the WebSocket at /ws.
 
-The page sends JSON texts, each with a `type` and a number `id` of its own choosing. The server answers every one that
-succeeds by one message with the same `id` (`done` unless another is named below) and one that does not by `failure`.
-What it sends unasked has the `id` 0: before the answer to any change the `columns` that the page has not got, then
-`state`. Numbers are finite, lengths are in mesh units, angles in degrees.
+The page connects with its session of before, if it has one: /ws?session=…. It is greeted by `session`, which says
+which one it has got, and by all that there is. It sends JSON texts, each with a `type` and a number `id` of its own
+choosing. The server answers every one that succeeds by one message with the same `id` (`done` unless another is named
+below) and one that does not by `failure`. What it sends unasked has the `id` 0: before the answer to any change the
+`columns` that the page has not got, then `state`. Numbers are finite, lengths are in mesh units, angles in degrees.
 
-A message of the server is a JSON text, or binary where it carries arrays:
-
-    bytes 0 … 3      N, the length of the header, unsigned, little-endian
-    bytes 4 … 4+N    the header, JSON in UTF-8, padded with spaces so that 4 + N is a multiple of 8
-    then             the buffers one after the other, each padded with zeros to a multiple of 8, little-endian
-
-`buffers` of the header describes each with its name, type, shape and offset in bytes from the end of the header.
+A message of the server is a JSON text or, where it carries arrays, a file of safetensors. There the JSON text is the
+entry "message" of the metadata.
 
 A handle has a column of weights W, a value per vertex (`columns`), or one for each of its counterparts:
 

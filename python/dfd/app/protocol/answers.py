@@ -10,7 +10,6 @@ from dfd.app.protocol.parts import (
     SHOWN,
     ControlEntry,
     Frame,
-    Identifier,
     KeyPose,
     Model,
     PartChange,
@@ -23,8 +22,6 @@ from dfd.common.preset import Preset
 from dfd.posing.transforms import PivotAt
 from dfd.symmetry.plane import SymmetryPlane
 
-VERSION = 1
-
 
 class Answer(Model):
     """Every message of the server: `id` is that of the request it answers, 0 where it comes unasked."""
@@ -32,23 +29,12 @@ class Answer(Model):
     id: int = 0
 
 
-class SampleEntry(Model):
-    """A sample of the start page."""
-
-    name: str
-    title: str
-    faces: int
-
-
 class SessionMessage(Answer):
-    """Who the tab is, and what the server can do."""
+    """The first message: who the tab is, and what the server can do."""
 
     type: Literal["session"] = "session"
-    version: int = VERSION
-    session: Identifier
-    resumed: bool  # whether it is the session that the tab asked for
-    dfd: str  # version of the package
-    samples: tuple[SampleEntry, ...]
+    session: str  # with this name, a tab goes on where it was
+    samples: tuple[str, ...]
     upload_bytes: int  # the largest upload, all files together
     formats: tuple[str, ...]  # endings that `POST /upload` takes
     controls: tuple[ControlEntry, ...] = control_entries()
@@ -133,7 +119,6 @@ class DoneMessage(Answer):
     """It was done."""
 
     type: Literal["done"] = "done"
-    handle: int | None = None  # the new one
 
 
 class FailureMessage(Answer):
@@ -141,7 +126,6 @@ class FailureMessage(Answer):
 
     type: Literal["failure"] = "failure"
     message: str
-    fatal: bool = False  # whether the session has ended with it
 
 
 class ProgressMessage(Answer):
@@ -156,10 +140,9 @@ class ProgressMessage(Answer):
 
 
 class ReportMessage(Answer):
-    """What the edit does to the shape, in numbers and as a sentence."""
+    """What the edit does to the shape, as a sentence."""
 
     type: Literal["report"] = "report"
-    moved: float  # part of the vertices, in [0, 1]
     text: str
 
 
@@ -183,7 +166,6 @@ class SimilarPoint(Model):
 
     vertex: int  # its name
     position: Vector
-    weight: float  # how similar it looks, in [0, 1]
     on: bool  # whether it moves along
 
 
@@ -200,8 +182,8 @@ class AxisMessage(Answer):
 
     type: Literal["axis"] = "axis"
     handle: int
-    pivots: dict[PivotAt, Vector]  # mesh units, at rest
-    auto: Vector  # what it turns about where nothing is said
+    pivots: tuple[PivotAt, ...]
+    auto: Vector  # where that is if nothing is said, mesh units, at rest
     base: Vector | None  # of the part's axis; null where nothing that is held has one
     tip: Vector | None
 

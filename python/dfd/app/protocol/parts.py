@@ -12,10 +12,8 @@ from dfd.editing.edit import Edit
 from dfd.posing.transforms import PivotAt
 
 Vector = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]  # x, y, z, w
 Frame = tuple[Vector, Vector, Vector]
 Index = Annotated[int, Field(ge=0)]
-Identifier = Annotated[str, Field(pattern=r"^[0-9a-f]{32}$")]
 Text = Annotated[str, Field(min_length=1, max_length=1000)]
 # How a handle takes another part: the next size, with another part, or what the file makes one thing.
 PartChange = Literal["smaller", "larger", "add", "remove", "scene_part", "material", "component"]
@@ -27,44 +25,26 @@ class Model(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
-class VertexPlace(Model):
-    """At a vertex."""
-
-    vertex: Index
-
-
-class PointPlace(Model):
-    """At any point, mesh units."""
-
-    point: Vector
-
-
-class RegionPlace(Model):
+class Region(Model):
     """A set of vertices as one: `mask` is a bit per vertex, lowest bit first, in bytes written as base64."""
 
     mask: Annotated[str, Field(min_length=4, pattern=r"^[A-Za-z0-9+/]+={0,2}$")]
 
 
-class PartPlace(Model):
-    """The part that a vertex is on, with its counterparts."""
-
-    part: Index
-
-
-Place = VertexPlace | PointPlace | RegionPlace | PartPlace
+Place = Index | Region  # a vertex, or several as one
 
 
 class Transform(Model):
     """Scale along `axes`, then rotation, then translation, about the pivot.
 
-    Null leaves a part as it is, or at rest where it is new. `rotation` is a rotation vector in degrees or a quaternion;
-    `axes` are one a row, "auto" for the mesh's own, and "normal" for a frame whose third axis is the surface's normal
-    at the handle. A pivot of "auto" is found once the handle turns or scales. `bend`, a rotation vector or an upward
-    angle, and `twist`, in degrees, come first, along the axis of the part that is held, at the `joint` or all along it.
+    Null leaves a part as it is. `rotation` is a rotation vector in degrees; `axes` are one a row, "auto" for the mesh's
+    own, and "normal" for a frame whose third axis is the surface's normal at the handle. A pivot of "auto" is found
+    once the handle turns or scales. `bend`, a rotation vector or an upward angle, and `twist`, in degrees, come first,
+    along the axis of the part that is held, at the `joint` or all along it.
     """
 
     translation: Vector | None = None
-    rotation: Vector | Quaternion | None = None
+    rotation: Vector | None = None
     scale: Vector | None = None
     pivot: Vector | PivotAt | Literal["auto"] | None = None
     axes: Frame | Literal["normal", "auto"] | None = None
@@ -74,7 +54,7 @@ class Transform(Model):
 
 
 class NamedControls(Model):
-    """What a handle holds and how; null leaves a control as it is, or at its default where the handle is new."""
+    """What a handle holds and how; null leaves it as it is."""
 
     name: Text | None = None
 
@@ -93,7 +73,7 @@ class ControlEntry(Model):
 # Controls that are another type in messages than in an edit: in requests, and in the state.
 GIVEN: dict[str, Any] = {
     "radius": float | str,
-    "mask": RegionPlace | Literal["everywhere", "part"],
+    "mask": Region | Literal["everywhere", "part"],
     "excluded_counterparts": Annotated[tuple[Index, ...], Field(max_length=1000)],  # vertices
 }
 SHOWN: dict[str, Any] = {

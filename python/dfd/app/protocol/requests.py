@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_type_hints
 
 from pydantic import Field, TypeAdapter, ValidationError, create_model
 
-from dfd.app.protocol.parts import Identifier, Model
+from dfd.app.protocol.parts import Model
 
 Handler = TypeVar("Handler", bound=Callable[..., Any])
 LARGEST_NUMBER = 2**53  # that JavaScript counts to
@@ -22,14 +22,6 @@ class Request(Model):
 
     id: Annotated[int, Field(ge=1, le=LARGEST_NUMBER)]
     type: str
-
-
-class Hello(Request):
-    """First of all; with the `session` of before, a tab goes on where it was. Answer: `session`, then all there is."""
-
-    type: Literal["hello"]
-    version: int
-    session: Identifier | None = None
 
 
 class RequestError(ValueError):

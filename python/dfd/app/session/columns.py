@@ -58,12 +58,12 @@ class Columns:
         if not new:
             return None
         numbers = tuple(range(self._count - len(new) + 1, self._count + 1))
-        return pack(ColumnsMessage, {"values": np.stack(new)}, columns=numbers)
+        return pack(ColumnsMessage(columns=numbers), values=np.stack(new))
 
 
 def heat_message(weights: Float32, *, request: int, vertex: int | None = None) -> bytes:
     """The message that shows `weights` (V,) as a heat map."""
-    return pack(HeatMessage, {"values": _packed(weights)}, id=request, vertex=vertex)
+    return pack(HeatMessage(id=request, vertex=vertex), values=_packed(weights))
 
 
 def probed(deformer: Deformer, place: Place) -> Float32:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.editing.influence.recent import Recent
 from dfd.editing.influence.regions import VertexSet, members
 from dfd.geometry.coarse import nodes_of
 
@@ -27,7 +28,7 @@ class ShapeParts:
     def __init__(self, deformer: Deformer) -> None:
         self._deformer, self._mesh = deformer, deformer.mesh
         self.ready = False  # whether what the first part would have to wait for is done
-        self._found: dict[tuple[int, Level, bool], VertexSet] = {}
+        self._found: Recent[VertexSet] = Recent(MOST_KEPT)
         self._origins: dict[VertexSet, int] = {}  # the vertex for which a part was chosen
 
     @property
@@ -52,12 +53,7 @@ class ShapeParts:
 
     def at(self, vertex: int, level: Level = "part", *, alike: bool = True) -> VertexSet:
         """The part that a vertex is on."""
-        key = (vertex, level, alike)
-        if key not in self._found:
-            if len(self._found) >= MOST_KEPT:
-                self._found.clear()
-            self._found[key] = self._deformer.part(vertex, level=level, alike=alike)
-        return self._found[key]
+        return self._found.get((vertex, level, alike), lambda: self._deformer.part(vertex, level=level, alike=alike))
 
     def taken(self, handle: Handle, how: PartChange, vertex: int | None = None) -> VertexSet:
         """Return what a handle holds after it took another part; `vertex` is where the part of "add" and "remove" is.

@@ -62,8 +62,8 @@ class Preparation:
         self._process: DistillProcess | None = None
         self._shared: SharedShape | None = None
 
-    def find_cached(self) -> None:
-        """Search the cache for a field of the shape, and open it."""
+    def find(self) -> None:
+        """Search the cache for a field of the shape, and open it; distill it if there is none."""
         self._start("prepare", self._find)
 
     def open(self, path: Path, origin: str) -> None:
@@ -91,7 +91,7 @@ class Preparation:
             try:
                 work()
             except Exception as error:
-                self._tell("field_failed", task, error)
+                self._tell("field_ended", task, error)
 
         threading.Thread(target=run, name=f"dfd-{task}", daemon=True).start()
 
@@ -112,7 +112,7 @@ class Preparation:
         settings, device_name = DistillSettings(**given), None if device is None else str(device)
         found = find_distilled(self._mesh, encoder, settings, device=device_name) if use_cache else None
         if found is None:
-            self._tell("field_missing")
+            self._distill()
             return
         path = self._folder / "cached.field.safetensors"
         found.save(path)
@@ -142,7 +142,7 @@ class Preparation:
         except ValueError:
             if not self._stopped.is_set():
                 raise
-            self._tell("field_cancelled")
+            self._tell("field_ended", "distill", None)
         else:
             self._prepare(path, "distilled")
 

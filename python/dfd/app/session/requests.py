@@ -14,20 +14,18 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
+from dfd.app.options import Opening
 from dfd.app.protocol import answers
 from dfd.app.protocol.parts import (
     Controls,
     Index,
     PartChange,
-    PartPlace,
     Place,
-    PointPlace,
     PoseTransform,
     PoseTransforms,
-    RegionPlace,
+    Region,
     Text,
     Transform,
-    VertexPlace,
 )
 from dfd.app.protocol.requests import Request, call, request
 from dfd.app.session import exports
@@ -38,14 +36,13 @@ from dfd.common.preset import Preset
 from dfd.editing.edit import Fixed
 from dfd.editing.influence.held_parts import pivot_on
 from dfd.editing.points import place_on
-from dfd.editing.presets import PRESETS
-from dfd.posing.transforms import PivotAt, Vector, vector
+from dfd.posing.transforms import PivotAt, vector
 from dfd.symmetry.plane import SymmetryPlane
 
 if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
 
-NO_TRANSFORM, NO_CONTROLS = Transform(), Controls()
+NO_CONTROLS = Controls()
 MOST_SUGGESTED = 12  # markers over the shape: more hide it
 
 
@@ -69,7 +66,7 @@ def answer(session: Session, message: Request) -> None:
 @request
 def open_sample(session: Session, name: Text) -> None:
     """Open one of the samples that `session` lists."""
-    session.open_shape(name)
+    session.open(Opening(mesh=name))
 
 
 request(Session.close_mesh)
@@ -82,11 +79,11 @@ request(Session.set_poses)
 
 
 @request
-def probe(session: Session, at: VertexPlace | PointPlace) -> bytes:
-    """About what a new handle at `at` would hold; a newer request replaces it unanswered. Answer: `heat`."""
-    deformer = session.require_deformer()
-    place = place_on(deformer.mesh, _at(session, at))
-    return heat_message(probed(deformer, place), request=session.after, vertex=place.vertex)
+def probe(session: Session, vertex: Index) -> bytes:
+    """About what a new handle at a vertex would hold; a newer request replaces it unanswered. Answer: `heat`."""
+    deformer = session.require().deformer
+    place = place_on(deformer.mesh, vertex)
+    return heat_message(probed(deformer, place), request=session.after, vertex=vertex)
 
 
 @request
@@ -96,24 +93,24 @@ def compute(session: Session, transforms: PoseTransforms | None = None) -> bytes
     Answer: `positions`; a newer request replaces it unanswered.
     """
     with _posed_by(session, transforms):
-        return positions_message(session.require_deformer(), request=session.after)
+        return positions_message(session.require().deformer, request=session.after)
 
 
 @request
 def features(session: Session) -> bytes:
     """Colors of the features' main directions. Answer: `colors`."""
-    return feature_colors_message(session.require_deformer(), request=session.after)
+    return feature_colors_message(session.require().deformer, request=session.after)
 
 
 @request
 def suggest(session: Session) -> answers.Answer:
     """Good places for handles: a vertex far inside each of the largest parts. Answer: `suggestions`."""
-    deformer = session.require_deformer()
+    deformer = session.require().deformer
     found: list[answers.Suggestion] = []
     for number, part in enumerate(deformer.bound.grips.parts.cut()[:MOST_SUGGESTED], start=1):
         alike = f", {part.pieces} alike" if part.pieces > 1 else ""
-        x, y, z = deformer.mesh.vertices[part.vertex].tolist()
-        found.append(answers.Suggestion(vertex=part.vertex, position=(x, y, z), name=f"Part {number}{alike}"))
+        position = vector("position", deformer.mesh.vertices[part.vertex])
+        found.append(answers.Suggestion(vertex=part.vertex, position=position, name=f"Part {number}{alike}"))
     return answers.SuggestionsMessage(suggestions=tuple(found))
 
 
@@ -121,28 +118,25 @@ def suggest(session: Session) -> answers.Answer:
 def counterparts(session: Session, handle: int) -> answers.Answer:
     """The handle's similar points, and whether each follows the handle. Answer: `similar`."""
     places = []
-    for counterpart, on in session.require_deformer().counterparts(handle):
-        x, y, z = map(float, counterpart.position)
-        weight, vertex = float(counterpart.weight), int(counterpart.vertex)
-        places.append(answers.SimilarPoint(vertex=vertex, position=(x, y, z), weight=weight, on=on))
+    for counterpart, on in session.require().deformer.counterparts(handle):
+        position = vector("position", counterpart.position)
+        places.append(answers.SimilarPoint(vertex=int(counterpart.vertex), position=position, on=on))
     return answers.SimilarMessage(handle=handle, places=tuple(places))
 
 
 @request
 def axis(session: Session, handle: int) -> answers.Answer:
     """What a handle may turn about, and the axis along which it bends what it holds. Answer: `axis`."""
-    deformer = session.require_deformer()
+    deformer = session.require().deformer
     edit = deformer.edit
     held = edit.handle(handle)
     part = next(iter(deformer.bound.held_parts(edit, held)), None)
+    pivots: tuple[PivotAt, ...] = ("point",)
     auto = held.place.position
-    pivots: dict[PivotAt, Vector] = {"point": auto}
     if part is None:
         return answers.AxisMessage(handle=handle, pivots=pivots, auto=auto, base=None, tip=None)
-    pivots.update({place: pivot_on(part, place, held, edit.symmetry)[0] for place in ("base", "middle", "hinge")})
-    if edit.symmetry is not None:
-        pivots["plane"] = pivot_on(part, "plane", held, edit.symmetry)[0]
-    if PRESETS[edit.preset].pivot == "auto":
+    pivots += ("base", "middle", "hinge") if edit.symmetry is None else ("base", "middle", "hinge", "plane")
+    if edit.rules.pivot == "auto":
         auto = pivot_on(part, None, held, edit.symmetry)[0]
     base, tip = (vector("axis", part.axis.nodes[end]) for end in (0, -1))
     return answers.AxisMessage(handle=handle, pivots=pivots, auto=auto, base=base, tip=tip)
@@ -152,12 +146,10 @@ def axis(session: Session, handle: int) -> answers.Answer:
 
 
 @request
-def add(
-    session: Session, at: Place, transform: Transform = NO_TRANSFORM, controls: Controls = NO_CONTROLS
-) -> answers.Answer:
-    """Add a handle. Answer: `done` with the `handle`."""
-    given = {"at": _at(session, at), **_transform_parts(transform), **_controls(session, controls)}
-    return answers.DoneMessage(handle=session.change(lambda deformer: deformer.add(**given)))
+def add(session: Session, at: Place) -> None:
+    """Add a handle."""
+    place = _known(session, at)
+    session.change(lambda deformer: deformer.add(place))
 
 
 @request
@@ -168,7 +160,7 @@ def take_part(
 
     With `preview` the edit stays, and the answer is `heat`: what the handle would hold.
     """
-    parts, deformer = session.require_parts(), session.require_deformer()
+    parts, deformer = session.require().parts, session.require().deformer
     held = deformer.edit.handle(handle)
     chosen = parts.taken(held, how, vertex)
     mask = chosen if parts.limits(held) else None
@@ -195,9 +187,9 @@ def move(
     A drag is a plain move, then moves with `merge`, together one step of undo; those are answered by `done` alone. The
     last one has `settle`, is answered by `state` and `report` as well, and may carry `controls` changed meanwhile.
     """
-    parts, changed = _transform_parts(transform), _controls(session, controls)
+    parts, changed = transform.model_dump(exclude_none=True), _controls(session, controls)
     if merge and not (settle or changed):
-        session.require_deformer().move(handle, **parts, merge=True)
+        session.require().deformer.move(handle, **parts, merge=True)
         session.note_shown()
         return
 
@@ -228,15 +220,11 @@ def reset(session: Session, handle: int | None = None) -> None:
 
 
 @request
-def change(
-    session: Session, handle: int, at: Place | None = None, controls: Controls = NO_CONTROLS, merge: bool = False
-) -> None:
-    """Set a handle's position or controls; with `merge`, one step with the preceding change of that handle."""
+def change(session: Session, handle: int, controls: Controls, merge: bool = False) -> None:
+    """Set a handle's name or controls; with `merge`, one step with the preceding change of that handle."""
     given = _controls(session, controls)
-    if at is not None:
-        given["at"] = _at(session, at)
     if isinstance(given.get("mask"), str) and given["mask"] == "part":
-        given["mask"] = session.require_parts().of(session.require_deformer().edit.handle(handle))
+        given["mask"] = session.require().parts.of(session.require().deformer.edit.handle(handle))
     session.change(lambda deformer: deformer.change(handle, **given), ("change", handle), merge=merge)
 
 
@@ -250,10 +238,10 @@ def remove(session: Session, handle: int) -> None:
 
 
 @request
-def fix(session: Session, at: Place, strength: Annotated[float, Field(ge=0, le=1)] = 1.0) -> None:
+def fix(session: Session, at: Place) -> None:
     """Fix a point or region, and everything similar to it."""
-    place = _at(session, at)
-    session.change(lambda deformer: deformer.fix(place, strength=strength))
+    place = _known(session, at)
+    session.change(lambda deformer: deformer.fix(place))
 
 
 @request
@@ -268,14 +256,14 @@ def change_fixed(
     session: Session, index: Index, strength: Annotated[float, Field(ge=0, le=1)], merge: bool = False
 ) -> None:
     """Set the strength of the fixed place at `index`; with `merge`, one step with the preceding such change."""
-    fixed = session.require_deformer().fixed
+    fixed = session.require().deformer.fixed
     changed = replace(_fixed(session, index), strength=strength)
     after = (*fixed[:index], changed, *fixed[index + 1 :])
     session.change(lambda deformer: deformer.apply(replace(deformer.edit, fixed=after)), ("fixed", index), merge=merge)
 
 
 def _fixed(session: Session, index: int) -> Fixed:
-    fixed = session.require_deformer().fixed
+    fixed = session.require().deformer.fixed
     if index >= len(fixed):
         raise ValueError(f"There is no fixed place {index}: there are {len(fixed)}")
     return fixed[index]
@@ -284,7 +272,7 @@ def _fixed(session: Session, index: int) -> Fixed:
 @request
 def set_symmetry(
     session: Session,
-    plane: SymmetryPlane | Literal["auto", "x", "y", "z"] | None,
+    plane: SymmetryPlane | Literal["x", "y", "z"] | None,
     band: Annotated[float, Field(ge=0)] | None = None,
     merge: bool = False,
 ) -> None:
@@ -301,21 +289,21 @@ def set_preset(session: Session, preset: Preset) -> None:
 @request
 def set_default(session: Session, transform: Transform, merge: bool = False) -> None:
     """Set D₀, the transform where weights sum to less than 1; all null removes it. `merge` is as in `set_symmetry`."""
-    parts = _transform_parts(transform)
+    parts = transform.model_dump(exclude_none=True)
     session.change(lambda deformer: deformer.set_default(**parts), "default", merge=merge)
 
 
 @request
 def undo(session: Session) -> None:
     """Undo the newest step."""
-    if session.require_deformer().undo():
+    if session.require().deformer.undo():
         session.tell_state()
 
 
 @request
 def redo(session: Session) -> None:
     """Redo the step that was undone last."""
-    if session.require_deformer().redo():
+    if session.require().deformer.redo():
         session.tell_state()
 
 
@@ -338,7 +326,7 @@ def export(
 
     "rig" is a GLB with joints, "morph" one with morph targets, "animation" one of the key poses. Answer: `download`.
     """
-    deformer, poses, number = session.require_deformer(), session.view_state.poses, secrets.token_hex(16)
+    deformer, poses, number = session.require().deformer, session.poses, secrets.token_hex(16)
     folder = session.folder / number
     folder.mkdir()
     try:
@@ -361,7 +349,7 @@ def _posed_by(session: Session, transforms: Sequence[PoseTransform] | None) -> I
     if transforms is None:
         yield
         return
-    deformer = session.require_deformer()
+    deformer = session.require().deformer
     with _tried(deformer):
         _move_all(deformer, transforms)
         yield
@@ -384,19 +372,13 @@ def _move_all(deformer: Any, transforms: Sequence[PoseTransform]) -> None:
 # --- from messages to arguments of `Deformer`
 
 
-def _at(session: Session, place: Place) -> Any:
-    if isinstance(place, VertexPlace):
-        return place.vertex
-    if isinstance(place, PartPlace):
-        return session.require_parts().at(place.part)
-    return place.point if isinstance(place, PointPlace) else _members(session, place)
-
-
-def _members(session: Session, place: RegionPlace) -> Any:
-    """The vertices of a region, in order."""
-    count = len(session.require_deformer().mesh.vertices)
+def _known(session: Session, value: Any) -> Any:
+    """Return a value as `Deformer` takes it: of a region the vertices, in order; all else as it is."""
+    if not isinstance(value, Region):
+        return value
+    count = len(session.require().deformer.mesh.vertices)
     try:
-        data = base64.b64decode(place.mask, validate=True)
+        data = base64.b64decode(value.mask, validate=True)
     except binascii.Error:
         raise ValueError("A region's mask must be bytes written as base64") from None
     if len(data) != -(-count // 8):
@@ -407,13 +389,5 @@ def _members(session: Session, place: RegionPlace) -> Any:
     return members
 
 
-def _transform_parts(transform: Transform) -> dict[str, Any]:
-    return transform.model_dump(exclude_none=True)
-
-
 def _controls(session: Session, controls: Controls) -> dict[str, Any]:
-    return {
-        name: _members(session, value) if isinstance(value, RegionPlace) else value
-        for name, value in controls
-        if value is not None
-    }
+    return {name: _known(session, value) for name, value in controls if value is not None}

@@ -9,13 +9,11 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from dfd.app.options import OpenedFile, SessionOptions, Source, Upload, read_shape
+from dfd.app.options import OpenedFile, Opening, SessionOptions, Source, read_shape
 from dfd.app.protocol.answers import Answer, FailureMessage, FieldState, ProgressMessage, StartMessage
 from dfd.app.protocol.parts import KeyPoses
-from dfd.app.session.columns import Columns
-from dfd.app.session.parts import ShapeParts
 from dfd.app.session.preparation import Preparation
-from dfd.app.session.state import ViewState, check_drawable, report, state_message
+from dfd.app.session.state import NO_FIELD, Editing, check_drawable, report, state_message
 from dfd.app.session.surface import mesh_message
 from dfd.editing.edit import Edit, band_on
 from dfd.editing.edit_file import read_edit
@@ -50,21 +48,19 @@ class Session:
         self._send, self._post = send, post
         self._preparation: Preparation | None = None
         self._progress: ProgressMessage | None = None  # the last one sent, while its task runs
-        self._number, self._warnings = 0, list[str]()
+        self._warnings: list[str] = []  # of reading the shape
         self.after = 0  # the number of the newest request
         self._names: dict[str, str] = {}  # path of each opened file: its name as the user knows it
         self._uploads: list[Path] = []  # folders of the uploads that the open shape came from
         self.exports: dict[str, Path] = {}  # files to download, by number
-        self._shown_edit: Edit | None = None  # as last sent to the page
-        self._unreported = False  # whether a report is due
         self._pending_edit: OpenedFile | None = None  # opened once the field is ready
         self.name = "mesh"  # of the shape
         self.mesh: Mesh | None = None
-        self.view_state = ViewState()
-        self.deformer: Deformer | None = None
-        self.columns: Columns | None = None
+        self.field = NO_FIELD
+        self.poses: KeyPoses = ()
+        self.editing: Editing | None = None  # once there is a field
         if deformer is not None:
-            self._number, self.mesh = 1, deformer.mesh
+            self.mesh = deformer.mesh
             self.name = deformer.mesh.source.name if deformer.mesh.source else "mesh"
             self.field_ready(deformer, None, "file", [])
 
@@ -73,35 +69,46 @@ class Session:
     def begin(self) -> None:
         """Open what the options name, for the first page."""
         try:
-            if self.options.mesh is not None:
-                self.open_shape(self.options.mesh, self.options.field, self.options.edit)
+            self.open(self.options)
         finally:
             if self._preparation is None:
                 self.attach()
 
-    def open_shape(self, source: Source, field: OpenedFile | None = None, edit: OpenedFile | None = None) -> None:
-        """Show another shape in place of the present one, which stays open if the new one cannot be read.
+    def open(self, given: Opening) -> None:
+        """Open a mesh with its field and its edit, or these for the open mesh.
 
-        Raises ValueError, OSError as `dfd.load` does.
+        Raises ValueError, OSError if a file cannot be read; what was open before stays open.
         """
+        try:
+            if given.mesh is not None:
+                self._open_mesh(given.mesh, find_field=given.field is None)
+            if given.field is not None:
+                self._open_field(given.field)
+            if given.edit is not None:
+                self._open_edit(given.edit)
+        except BaseException:
+            if given.folder is not None:
+                shutil.rmtree(given.folder, ignore_errors=True)
+            raise
+        if given.folder is not None:
+            self._uploads.append(given.folder)
+
+    def _open_mesh(self, source: Source, *, find_field: bool) -> None:
+        """Show another shape in place of the present one."""
         name = source.capitalize() if isinstance(source, str) else self._named(source)
         self._tell_progress("open", "read")
         try:
             mesh, warnings = read_shape(source)
-            message = mesh_message(mesh, number=self._number + 1, name=name, warnings=warnings)
+            message = mesh_message(mesh, name=name, warnings=warnings)
         finally:
             self._tell_progress("open", "done")
         self.close_shape()
-        self._number += 1
-        self.name, self.mesh, self._warnings, self._pending_edit = name, mesh, warnings, edit
+        self.name, self.mesh, self._warnings = name, mesh, warnings
         self._send(message)
         self._preparation = Preparation(mesh, source, self.options, self.folder, self, self._post)
-        self._tell_field("preparing")
-        if field is None:
-            self._preparation.find_cached()
-        else:
-            self._named(field)
-            self._preparation.open(field.path, "file")
+        if find_field:
+            self._tell_field("preparing")
+            self._preparation.find()
 
     def _named(self, file: OpenedFile) -> str:
         """Return the name of a file, by which messages call it from now on."""
@@ -112,9 +119,9 @@ class Session:
         """Drop the shape and everything that belongs to it."""
         if self._preparation is not None:
             self._preparation.drop()
-        self._preparation = self._progress = self._shown_edit = self._pending_edit = None
-        self.mesh = self.deformer = self.columns = None
-        self.view_state, self._unreported = ViewState(), False
+        self._preparation = self._progress = self._pending_edit = None
+        self.mesh = self.editing = None
+        self.field, self.poses = NO_FIELD, ()
         while self._uploads:
             shutil.rmtree(self._uploads.pop(), ignore_errors=True)
 
@@ -123,22 +130,7 @@ class Session:
         self.close_shape()
         self.send(StartMessage())
 
-    def open_upload(self, upload: Upload) -> None:
-        """Open uploaded files: a mesh with its field and edit, or a field and an edit for the open mesh."""
-        try:
-            if upload.mesh is not None:
-                self.open_shape(upload.mesh, upload.field, upload.edit)
-            else:
-                if upload.field is not None:
-                    self.open_field(upload.field)
-                if upload.edit is not None:
-                    self.open_edit(upload.edit)
-        except BaseException:
-            shutil.rmtree(upload.folder, ignore_errors=True)
-            raise
-        self._uploads.append(upload.folder)
-
-    def open_field(self, field: OpenedFile) -> None:
+    def _open_field(self, field: OpenedFile) -> None:
         """Load the field from a file."""
         if self._preparation is None:
             raise ValueError("Open a mesh before its field")
@@ -147,12 +139,12 @@ class Session:
         self._tell_field("preparing")
         self._preparation.open(field.path, "file")
 
-    def open_edit(self, edit: OpenedFile) -> None:
+    def _open_edit(self, edit: OpenedFile) -> None:
         """Apply the edit in a file as one step, once the field is ready."""
         if self.mesh is None:
             raise ValueError("Open a mesh before its edit")
         self._named(edit)
-        if self.deformer is None:
+        if self.editing is None:
             self._pending_edit = edit
             return
         read = read_edit(edit.path, self.mesh)
@@ -162,7 +154,7 @@ class Session:
         """Distill the shape's field in the background. Sends `progress`, then `state` and `columns`."""
         if self._preparation is None:
             raise ValueError("Open a mesh first")
-        if self.view_state.field.status != "none":
+        if self.field.status != "none":
             raise ValueError("The shape has a field, or one is being made")
         self._tell_field("distilling")
         self._preparation.distill()
@@ -174,52 +166,44 @@ class Session:
 
     # --- called by the background work
 
-    def field_missing(self) -> None:
-        """The cache has no field: distill one."""
-        self._tell_field("none")
-        self.distill()
-
     def field_progress(self, task: str, stage: str, done: int, total: int | None, seconds_left: float | None) -> None:
         """Forward progress to the page."""
-        if task == "prepare" and self.view_state.field.status == "distilling":
-            self._tell_field("preparing")
+        status = "distilling" if task == "distill" else "preparing"
+        if self.field.status != status:
+            self._tell_field(status)
         self._tell_progress(task, stage, done, total, seconds_left)
 
     def field_ready(self, deformer: Deformer, path: Path | None, origin: str, warnings: list[str]) -> None:
         """The shape can be edited."""
-        self.deformer, self.columns = deformer, Columns(deformer)
-        self.view_state.parts = parts = ShapeParts(deformer)
-        self.view_state.field = FieldState(status="ready", origin=origin, parts=parts.ways if path is None else ())
+        self.editing = Editing(deformer)
+        self.field = FieldState(status="ready", origin=origin, parts=self.editing.parts.ways if path is None else ())
         self._tell_progress("prepare", "done")
         for warning in warnings:
             self.fail(0, warning)
         pending_edit, self._pending_edit = self._pending_edit, None
         self.tell_state()
         if pending_edit is not None:
-            self.guarded(0, lambda: self.open_edit(pending_edit))
+            self.guarded(0, lambda: self._open_edit(pending_edit))
 
     def field_prepared(self, planes: Mapping[Preset, Sequence[SymmetryPlane]]) -> None:
         """Store the symmetry planes, by preset; parts can be found without delay from now on.
 
         The best plane is on from the start, unless something was edited meanwhile.
         """
-        parts, deformer = self.require_parts(), self.require_deformer()
-        self.view_state.planes, parts.ready = planes, True
-        self.view_state.field = self.view_state.field.model_copy(update={"parts": parts.ways})
+        editing = self.require()
+        deformer, parts = editing.deformer, editing.parts
+        editing.planes, parts.ready = planes, True
+        self.field = self.field.model_copy(update={"parts": parts.ways})
         if (found := planes.get(deformer.preset)) and deformer.edit == Edit(preset=deformer.preset):
             deformer.set_symmetry(found[0], band=band_on(deformer.mesh, deformer.preset))
         self.tell_state()
 
-    def field_failed(self, task: str, error: Exception) -> None:
-        """Report the failure; the shape stays visible, and an earlier field stays in use."""
-        self._tell_progress(task, "failed")
-        self.fail(0, sentence(error))
-        self._tell_field("none" if self.deformer is None else "ready")
-
-    def field_cancelled(self) -> None:
-        """The distillation was stopped."""
-        self._tell_progress("distill", "cancelled")
-        self._tell_field("none" if self.deformer is None else "ready")
+    def field_ended(self, task: str, error: Exception | None) -> None:
+        """There is no new field, for an error or because it was stopped; an earlier one stays in use."""
+        self._tell_progress(task, "cancelled" if error is None else "failed")
+        if error is not None:
+            self.fail(0, sentence(error))
+        self._tell_field("none" if self.editing is None else "ready")
 
     # --- called for the page
 
@@ -228,9 +212,9 @@ class Session:
         if self.mesh is None:
             self.send(StartMessage())
             return
-        self._send(mesh_message(self.mesh, number=self._number, name=self.name, warnings=self._warnings))
-        if self.columns is not None:
-            self.columns.forget()
+        self._send(mesh_message(self.mesh, name=self.name, warnings=self._warnings))
+        if self.editing is not None:
+            self.editing.columns.forget()
         self.after = 0
         self.tell_state()
         if self._progress is not None:
@@ -247,24 +231,18 @@ class Session:
         """Report that request `number` failed, without paths of this machine."""
         self.send(FailureMessage(id=number, message=without_paths(why, self._names, self.folder)))
 
-    def require_deformer(self) -> Deformer:
-        """The editing session; raises ValueError if there is none yet."""
-        if self.deformer is None:
+    def require(self) -> Editing:
+        """Return the shape that can be edited; raises ValueError if there is none yet."""
+        if self.editing is None:
             raise ValueError("Open a mesh first" if self.mesh is None else "The shape has no field yet: wait for it")
-        return self.deformer
-
-    def require_parts(self) -> ShapeParts:
-        """The parts of the shape; raises ValueError if there is no field yet."""
-        self.require_deformer()
-        assert self.view_state.parts is not None
-        return self.view_state.parts
+        return self.editing
 
     def change(self, work: Callable[[Deformer], Result], topic: Hashable = None, *, merge: bool = False) -> Result:
         """Change the edit and send the result to the page; if anything fails, the edit is unchanged.
 
         With `merge`, the change joins the newest step if that has the same `topic`.
         """
-        deformer = self.require_deformer()
+        deformer = self.require().deformer
         with deformer.step(topic, merge=merge):
             result = work(deformer)
             check_drawable(deformer)
@@ -274,7 +252,8 @@ class Session:
 
     def note_shown(self) -> None:
         """Record that the page has drawn the present edit itself."""
-        self._shown_edit = self.require_deformer().edit
+        editing = self.require()
+        editing.shown = editing.deformer.edit
 
     # --- messages
 
@@ -286,31 +265,30 @@ class Session:
         """Send the missing columns, then the present state."""
         if self.mesh is None:
             return
-        if self.deformer is None or self.columns is None:
-            self.send(state_message(self.view_state, after=self.after))
-            return
-        self._shown_edit = self.deformer.edit
-        columns = self.columns.message()
-        if columns is not None:
-            self._send(columns)
-        self.send(state_message(self.view_state, self.deformer, self.columns, after=self.after))
-        self._unreported = True
+        editing = self.editing
+        if editing is not None:
+            editing.shown, editing.unreported = editing.deformer.edit, True
+            columns = editing.columns.message()
+            if columns is not None:
+                self._send(columns)
+        self.send(state_message(self.field, self.poses, editing, after=self.after))
 
     def set_poses(self, poses: KeyPoses) -> None:
         """Replace the key poses; they are not part of the edit, nor of undo."""
-        self.require_deformer()
-        self.view_state.poses = poses
+        self.require()
+        self.poses = poses
         self.tell_state()
 
     def run_deferred(self) -> None:
         """Do deferred work between requests: send an edit that was changed from outside, and the report."""
-        if self.deformer is None:
+        editing = self.editing
+        if editing is None:
             return
-        if self.deformer.edit is not self._shown_edit:
+        if editing.deformer.edit is not editing.shown:
             self.tell_state()
-        if self._unreported:
-            self._unreported = False
-            self.send(report(self.deformer))
+        if editing.unreported:
+            editing.unreported = False
+            self.send(report(editing.deformer))
 
     def end(self) -> None:
         """Stop background work."""
@@ -318,7 +296,7 @@ class Session:
             self._preparation.drop()
 
     def _tell_field(self, status: str) -> None:
-        self.view_state.field = self.view_state.field.model_copy(update={"status": status})
+        self.field = self.field.model_copy(update={"status": status})
         self.tell_state()
 
     def _tell_progress(

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from dataclasses import field as dataclass_field
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dfd.app.protocol import parts
 from dfd.app.protocol.answers import ColumnState, FieldState, FixedState, HandleState, ReportMessage, StateMessage
 from dfd.app.protocol.binary_messages import ColorsMessage, PositionsMessage, pack
-from dfd.app.protocol.parts import KeyPose, PoseTransform
+from dfd.app.protocol.parts import KeyPoses, PoseTransform
 from dfd.app.session.columns import Columns
 from dfd.app.session.parts import ShapeParts
 from dfd.app.session.surface import center_of, packed_normals
@@ -25,7 +24,7 @@ from dfd.pictures.colors import feature_colors
 
 if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
-    from dfd.editing.edit import Fixed, Handle
+    from dfd.editing.edit import Edit, Fixed, Handle
     from dfd.mesh.mesh import Mesh
     from dfd.posing.transforms import Transform
     from dfd.symmetry.plane import SymmetryPlane
@@ -35,43 +34,41 @@ MOTION = (*(name for name in parts.Transform.model_fields if name != "pivot"), "
 NO_FIELD = FieldState(status="none", origin=None)
 
 
-@dataclass
-class ViewState:
-    """The parts of a state message that are not the edit."""
+class Editing:
+    """A shape that can be edited, and what else is shown of it."""
 
-    field: FieldState = NO_FIELD
-    parts: ShapeParts | None = None
-    planes: Mapping[Preset, Sequence[SymmetryPlane]] = dataclass_field(default_factory=dict)  # by each preset's rules
-    poses: tuple[KeyPose, ...] = ()
+    def __init__(self, deformer: Deformer) -> None:
+        self.deformer, self.columns, self.parts = deformer, Columns(deformer), ShapeParts(deformer)
+        self.planes: Mapping[Preset, Sequence[SymmetryPlane]] = {}  # by each preset's rules
+        self.shown: Edit | None = None  # as last sent to the page
+        self.unreported = False  # whether a report is due
 
 
-def state_message(
-    view_state: ViewState, deformer: Deformer | None = None, columns: Columns | None = None, *, after: int
-) -> StateMessage:
-    """The state of an editing session, or of a shape without a field, which cannot be edited yet."""
-    common: dict[str, Any] = {"after": after, "field": view_state.field, "poses": view_state.poses}
-    if deformer is None or columns is None:
-        return StateMessage(preset="default", **common)
+def state_message(field: FieldState, poses: KeyPoses, editing: Editing | None, *, after: int) -> StateMessage:
+    """The state of a shape, which can only be edited once it has a field."""
+    if editing is None:
+        return StateMessage(preset="default", field=field, poses=poses, after=after)
+    deformer = editing.deformer
     mesh, preset = deformer.mesh, deformer.preset
     return StateMessage(
         handles=tuple(
-            _handle(deformer, handle, columns.of_handle(index), view_state.parts)
+            _handle(deformer, handle, editing.columns.of_handle(index), editing.parts)
             for index, handle in enumerate(deformer.handles)
         ),
         fixed=tuple(_fixed(mesh, fixed) for fixed in deformer.fixed),
         symmetry=deformer.symmetry,
-        planes=tuple(replace(plane, band=band_on(mesh, preset)) for plane in view_state.planes.get(preset, ())),
+        planes=tuple(replace(plane, band=band_on(mesh, preset)) for plane in editing.planes.get(preset, ())),
         default=None if deformer.default is None else _default(deformer.default, box_center(mesh)),
         preset=preset,
         can_undo=deformer.can_undo,
         can_redo=deformer.can_redo,
-        **common,
+        field=field,
+        poses=poses,
+        after=after,
     )
 
 
-def _handle(
-    deformer: Deformer, handle: Handle, columns: tuple[ColumnState, ...], parts: ShapeParts | None
-) -> HandleState:
+def _handle(deformer: Deformer, handle: Handle, columns: tuple[ColumnState, ...], parts: ShapeParts) -> HandleState:
     transform, controls = handle.transform, handle.controls
     values = {
         **{name: getattr(transform, name) for name in MOTION},
@@ -90,7 +87,7 @@ def _handle(
         pivot=handle.pivot,
         pivot_set=transform.pivot is not None,
         reach_by=controls.reach if isinstance(controls.reach, str) else "number",
-        mask_part=parts is not None and parts.limits(handle),
+        mask_part=parts.limits(handle),
         region=_size(deformer.mesh, handle.place.region),
         columns=columns,
         moved=not transform.rests,
@@ -117,7 +114,7 @@ def positions_message(deformer: Deformer, *, request: int) -> bytes:
     posed, mesh = deformer.vertices, deformer.mesh
     normals = updated_normals(mesh.normals, mesh.vertices, posed, mesh.faces)
     positions = (posed - center_of(deformer.mesh)).astype(np.float32)
-    return pack(PositionsMessage, {"positions": positions, "normals": packed_normals(normals)}, id=request)
+    return pack(PositionsMessage(id=request), positions=positions, normals=packed_normals(normals))
 
 
 def feature_colors_message(deformer: Deformer, *, request: int) -> bytes:
@@ -126,7 +123,7 @@ def feature_colors_message(deformer: Deformer, *, request: int) -> bytes:
     colors = feature_colors(features)
     packed = np.full((len(colors), 4), 255, np.uint8)
     packed[:, :3] = np.rint(colors * 255)
-    return pack(ColorsMessage, {"colors": packed}, id=request)
+    return pack(ColorsMessage(id=request), colors=packed)
 
 
 LARGEST = 1e30  # shaders multiply it with coordinates in 32-bit floats
@@ -135,18 +132,18 @@ LARGEST = 1e30  # shaders multiply it with coordinates in 32-bit floats
 def check_drawable(deformer: Deformer) -> None:
     """Reject transforms that the page could not draw.
 
-    Raises ValueError if a number of a handle's transform, mesh units, is beyond 1e30.
+    Raises ValueError if a number of a handle's transform or of D₀, mesh units, is beyond 1e30.
     """
-    for handle in deformer.handles:
-        size = float(np.abs(handle.matrix).max())
+    matrices = {f"handle {handle.id}": handle.matrix for handle in deformer.handles}
+    if deformer.default is not None:
+        matrices["the rest of the shape"] = deformer.default.matrix(box_center(deformer.mesh))
+    for name, matrix in matrices.items():
+        size = float(np.abs(matrix).max())
         if size > LARGEST:
-            raise ValueError(f"The transform of handle {handle.id} must stay below {LARGEST:g}, got {size:.3g}")
+            raise ValueError(f"The transform of {name} must stay below {LARGEST:g}, got {size:.3g}")
 
 
 def report(deformer: Deformer) -> ReportMessage:
     """How much moved, how far, and whether the handles reached their targets."""
-    if not deformer.handles and deformer.default is None:
-        return ReportMessage(moved=0.0, text="Nothing has moved")
-    found = deformer.report()
-    text = str(found)
-    return ReportMessage(moved=found.moved, text=text[:1].upper() + text[1:])
+    text = str(deformer.report())
+    return ReportMessage(text=text[:1].upper() + text[1:])

@@ -14,6 +14,7 @@ from dfd.app.protocol.binary_messages import Group, MaterialEntry, MeshMessage, 
 from dfd.common.linear_algebra import Float64, Int32, UInt8
 from dfd.mesh.appearance import Material
 from dfd.mesh.mesh import Mesh
+from dfd.posing.transforms import vector
 
 LONGEST_TEXTURE = 4096  # texels along a side, supported by every graphics card
 JPEG_QUALITY = 92
@@ -26,25 +27,23 @@ def center_of(mesh: Mesh) -> Float64:
     return mesh.bounds[0] / 2 + mesh.bounds[1] / 2
 
 
-def mesh_message(mesh: Mesh, *, number: int, name: str, warnings: Sequence[str]) -> bytes:
-    """The message that shows `mesh`, the `number`-th of its session."""
+def mesh_message(mesh: Mesh, *, name: str, warnings: Sequence[str]) -> bytes:
+    """The message that shows `mesh`."""
     rows, corner_faces = _rows(mesh)
     textures, materials = _materials(mesh)
     none = np.zeros(len(mesh.faces), np.int32)
-    return pack(
-        MeshMessage,
-        {**_row_arrays(mesh, rows), "triangles": corner_faces.astype(np.uint32), **textures},
-        mesh=number,
+    message = MeshMessage(
         name=name,
         vertices=len(mesh.vertices),
         faces=len(mesh.faces),
         parts=len(mesh.parts),
-        center=tuple(center_of(mesh).tolist()),
+        center=vector("center", center_of(mesh)),
         diagonal=mesh.diagonal,
         groups=_material_runs(none if mesh.appearance is None else mesh.appearance.face_material),
         materials=materials,
         warnings=tuple(warnings),
     )
+    return pack(message, **_row_arrays(mesh, rows), triangles=corner_faces.astype(np.uint32), **textures)
 
 
 def _row_arrays(mesh: Mesh, rows: Int32) -> Arrays:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import html
 import signal
 import socket
@@ -86,7 +85,7 @@ class RunningApp:
             # uvicorn raises the signal again after its shutdown; the default action would skip the cleanup below.
             signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
         try:
-            asyncio.run(self.server.serve(sockets=[self._socket]))
+            self.server.run(sockets=[self._socket])
         finally:
             self._socket.close()
             self._root.cleanup()
@@ -107,15 +106,11 @@ class RunningApp:
 
 def _listen(host: str, port: int) -> socket.socket:
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    listening = socket.socket(family, socket.SOCK_STREAM)
     try:
-        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listening.bind((host, port))
-        listening.listen(128)
+        return socket.create_server((host, port), family=family, backlog=128)
     except OSError as error:
-        listening.close()
-        raise OSError(error.errno, f"cannot listen at {host}:{port}: {error.strerror}") from None
-    return listening
+        reason = (error.strerror or "").partition(" (while")[0]  # without the address once more
+        raise OSError(error.errno, f"cannot listen at {host}:{port}: {reason}") from None
 
 
 def check_built(static: Path = STATIC) -> None:

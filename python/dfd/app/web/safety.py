@@ -13,9 +13,9 @@ import secrets
 import socket
 from collections.abc import Collection
 from dataclasses import dataclass, field
-from urllib.parse import parse_qs, urlencode
 
-from starlette.datastructures import Headers, MutableHeaders
+from starlette.datastructures import MutableHeaders
+from starlette.requests import HTTPConnection
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -26,6 +26,13 @@ CONTENT = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; font-src 'self'; "
     "connect-src 'self'; media-src blob:; worker-src 'self'; manifest-src 'self'; base-uri 'none'; form-action 'none'; "
 )
+HEADERS = {
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Permissions-Policy": "camera=(), microphone=(), geolocation=()",
+}
 
 
 @dataclass(frozen=True)
@@ -56,21 +63,28 @@ class Rules:
         DNS, and the names of the machine.
         """
         name = name.lower()
-        if name in LOOPBACK_NAMES or name == self.host.lower():
+        if name in (*LOOPBACK_NAMES, self.host.lower()):
             return True
         if loopback(self.host):
             return False
-        return _is_address(name) or name in (socket.gethostname().lower(), socket.getfqdn().lower())
+        return _address(name) is not None or name in (socket.gethostname().lower(), socket.getfqdn().lower())
+
+    def knows_token(self, given: str | None) -> bool:
+        """Whether a text is the token, in a time that does not depend on how much of it is right."""
+        return hmac.compare_digest((given or "").encode(), self.token.encode())
+
+    @property
+    def headers(self) -> dict[str, str]:
+        """The headers that every response has."""
+        if self.frame_ancestors:
+            return {**HEADERS, "Content-Security-Policy": f"{CONTENT}frame-ancestors {' '.join(self.frame_ancestors)}"}
+        return {**HEADERS, "Content-Security-Policy": f"{CONTENT}frame-ancestors 'none'", "X-Frame-Options": "DENY"}
 
 
 def loopback(host: str) -> bool:
     """Whether only this machine reaches a server that listens at `host`."""
-    if host.lower() == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
+    address = _address(host)
+    return host.lower() == "localhost" if address is None else address.is_loopback
 
 
 class Guard:
@@ -85,82 +99,63 @@ class Guard:
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
-        headers = Headers(scope=scope)
-        refusal = self._check_origin(scope, headers)
-        if refusal is None and not self._has_cookie(headers):
-            refusal = self._admit(scope, headers)
-        if scope["type"] == "websocket":
-            if refusal is None:
-                await self._app(scope, receive, send)
-            else:
-                await receive()
-                await send({"type": "websocket.close", "code": NOT_ALLOWED})
-            return
-        await (refusal or self._app)(scope, receive, self._with_headers(send))
+        request = HTTPConnection(scope)
+        foreign = refusal = self._check_origin(request)
+        if refusal is None and not self._rules.knows_token(request.cookies.get(self._rules.cookie)):
+            refusal = self._admit(request)
+        if scope["type"] == "http":
+            await (refusal or self._app)(scope, receive, self._with_headers(send))
+        elif refusal is None:
+            await self._app(scope, receive, send)
+        else:
+            await receive()
+            if foreign is None:
+                # Browsers tell a page the code of a connection that was accepted alone.
+                await send({"type": "websocket.accept"})
+            await send({"type": "websocket.close", "code": NOT_ALLOWED})
 
-    def _check_origin(self, scope: Scope, headers: Headers) -> Response | None:
+    def _check_origin(self, request: HTTPConnection) -> Response | None:
         """The refusal of a request with another Host or Origin; None for one of this server."""
-        hosts = headers.getlist("host")
+        hosts, origins = request.headers.getlist("host"), request.headers.getlist("origin")
         if len(hosts) != 1 or not self._rules.knows_host(_without_port(hosts[0])):
             return PlainTextResponse("This server has another host name.", 421)
-        origins = headers.getlist("origin")
-        needs_origin = scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD")
+        needs_origin = request.scope.get("method") not in ("GET", "HEAD")  # a WebSocket has no method
         if (needs_origin or origins) and origins != [f"http://{hosts[0]}"]:
             return PlainTextResponse("Requests from pages of other sites are not allowed.", 403)
         return None
 
-    def _has_cookie(self, headers: Headers) -> bool:
-        """Whether one of the cookies is ours; those of other programs on this machine may have any characters."""
-        pairs = (each.partition("=") for value in headers.getlist("cookie") for each in value.split(";"))
-        known = (value.strip() for name, _, value in pairs if name.strip() == self._rules.cookie)
-        return any(_equal(value, self._rules.token) for value in known)
-
-    def _admit(self, scope: Scope, headers: Headers) -> Response:
+    def _admit(self, request: HTTPConnection) -> Response:
         """Set the cookie if the request has the token, else refuse it."""
-        if scope["type"] == "http" and scope["method"] == "GET":
-            query = parse_qs(scope["query_string"].decode("latin-1"))
-            if _equal(query.pop("token", [""])[0], self._rules.token):
-                rest = urlencode(query, doseq=True)
+        if request.scope.get("method") == "GET":
+            if self._rules.knows_token(request.query_params.get("token")):
+                rest = request.url.remove_query_params("token").query
                 # A path with two leading slashes would redirect to another server.
-                path = "/" + scope["path"].lstrip("/\\")
+                path = "/" + request.scope["path"].lstrip("/\\")
                 response = RedirectResponse(f"{path}{'?' if rest else ''}{rest}", 303)
                 response.set_cookie(self._rules.cookie, self._rules.token, httponly=True, samesite="strict")
                 return response
+            headers = request.headers
             if headers.get("sec-fetch-site") == "cross-site" and headers.get("sec-fetch-mode") == "navigate":
                 # A link from another site omits SameSite=strict cookies; a refresh from this page sends them.
                 return Response(status_code=200, headers={"Refresh": "0; url=/"})
         return PlainTextResponse("Open the address that dfd printed: it contains the token.", 403)
 
     def _with_headers(self, send: Send) -> Send:
-        ancestors = " ".join(self._rules.frame_ancestors) or "'none'"
-
         async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
-                headers["Content-Security-Policy"] = f"{CONTENT}frame-ancestors {ancestors}"
-                headers["X-Content-Type-Options"] = "nosniff"
-                headers["Referrer-Policy"] = "no-referrer"
-                headers["Cross-Origin-Opener-Policy"] = "same-origin"
-                headers["Cross-Origin-Resource-Policy"] = "same-origin"
-                headers["Permissions-Policy"] = "camera=(), microphone=(), geolocation=()"
+                headers.update(self._rules.headers)
                 headers.setdefault("Cache-Control", "no-store")
-                if not self._rules.frame_ancestors:
-                    headers["X-Frame-Options"] = "DENY"
             await send(message)
 
         return send_with_headers
 
 
-def _equal(one: str, other: str) -> bool:
-    return hmac.compare_digest(one.encode(), other.encode())
-
-
-def _is_address(name: str) -> bool:
+def _address(name: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
     try:
-        ipaddress.ip_address(name)
+        return ipaddress.ip_address(name)
     except ValueError:
-        return False
-    return True
+        return None
 
 
 def _without_port(host: str) -> str:

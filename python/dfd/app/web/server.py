@@ -7,7 +7,6 @@ import contextlib
 import shutil
 import threading
 from collections.abc import AsyncIterator
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from starlette.applications import Starlette
@@ -24,16 +23,14 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from dfd.app.options import SAMPLES
-from dfd.app.protocol.answers import VERSION, FailureMessage, SessionMessage
-from dfd.app.protocol.requests import Hello
+from dfd.app.protocol.answers import FailureMessage, SessionMessage
 from dfd.app.web.safety import Guard, Rules
-from dfd.app.web.sessions import SESSION_ENDED, Outbox, Sessions, Tab
+from dfd.app.web.sessions import Outbox, Sessions
 from dfd.app.web.uploads import FORMATS, MOST_FILES, receive
 
 STATIC = Path(__file__).parents[1] / "static"
 MESSAGE_BYTES = 1 << 20  # the longest message of a page
 UPLOAD_BYTES = 1 << 30  # an upload's files together, unpacked
-HELLO_SECONDS = 10.0
 
 
 class PageFiles(StaticFiles):
@@ -78,50 +75,22 @@ class _Server:
         self._upload_bytes = upload_bytes
 
     async def socket(self, page: WebSocket) -> None:
-        """Carry messages between a page and its session for as long as the page is there."""
+        """Carry messages between a page and its session, or a new one, for as long as the page is there."""
         await page.accept()
-        with contextlib.suppress(WebSocketDisconnect):
-            tab = await self._greet(page)
-            if tab is None:
-                return
-            outbox = tab.attach()
-            sending = asyncio.create_task(_send_all(page, outbox))
-            try:
-                while (message := await page.receive())["type"] != "websocket.disconnect":
-                    if message.get("text") is None:
-                        tab.tell(FailureMessage(message="Messages of the page must be text").model_dump_json())
-                    else:
-                        tab.ask(message["text"])
-            finally:
-                sending.cancel()
-                self._sessions.leave(tab, outbox)
-
-    async def _greet(self, page: WebSocket) -> Tab | None:
-        """The tab of a page that says hello; None, once it is told why, of one that does not."""
-        number = 0
+        tab = self._sessions.open(page.query_params.get("session"))
+        outbox = tab.attach()
+        greeting = SessionMessage(session=tab.name, samples=SAMPLES, upload_bytes=self._upload_bytes, formats=FORMATS)
+        tab.tell(greeting.model_dump_json())
+        sending = asyncio.create_task(_send_all(page, outbox))
         try:
-            text = await asyncio.wait_for(page.receive_text(), HELLO_SECONDS)
-            hello = Hello.model_validate_json(text)
-            number = hello.id
-            if hello.version != VERSION:
-                raise ValueError("The page and the server are of different versions: reload the page")
-        except (ValueError, KeyError, asyncio.TimeoutError) as error:
-            reason = str(error) if number else "The first message must be hello"
-            await page.send_text(FailureMessage(id=number, message=reason, fatal=True).model_dump_json())
-            await page.close(SESSION_ENDED)
-            return None
-        tab, resumed = self._sessions.open(hello.session)
-        answer = SessionMessage(
-            id=number,
-            session=tab.name,
-            resumed=resumed,
-            dfd=_version(),
-            samples=SAMPLES,
-            upload_bytes=self._upload_bytes,
-            formats=FORMATS,
-        )
-        await page.send_text(answer.model_dump_json())
-        return tab
+            while (message := await page.receive())["type"] != "websocket.disconnect":
+                if message.get("text") is None:
+                    tab.tell(FailureMessage(message="Messages of the page must be text").model_dump_json())
+                else:
+                    tab.ask(message["text"])
+        finally:
+            sending.cancel()
+            self._sessions.leave(tab, outbox)
 
     async def upload(self, request: Request) -> Response:
         """Take files for a session and have it open them; what comes of it, the page hears over its WebSocket."""
@@ -146,7 +115,7 @@ class _Server:
             return _refusal(400, str(error))
         except OSError as error:
             return _refusal(507, f"The files could not be kept: {error.strerror}")
-        tab.call(lambda: tab.session.open_upload(upload))
+        tab.call(lambda: tab.session.open(upload))
         return JSONResponse({})
 
     async def download(self, request: Request) -> Response:
@@ -173,10 +142,3 @@ async def _send_all(page: WebSocket, outbox: Outbox) -> None:
 
 def _refusal(status: int, sentence: str) -> JSONResponse:
     return JSONResponse({"message": sentence}, status)
-
-
-def _version() -> str:
-    try:
-        return version("dfd")
-    except PackageNotFoundError:
-        return "not installed"

@@ -124,18 +124,18 @@ class Sessions:
         """The session of that name."""
         return self._tabs.get(name or "")
 
-    def open(self, name: str | None) -> tuple[Tab, bool]:
-        """The session of that name, or a new one; and whether it is the one asked for."""
+    def open(self, name: str | None) -> Tab:
+        """The session of that name, or a new one."""
         if (found := self.find(name)) is not None:
-            return found, True
+            return found
         if self._deformer is not None and self._tabs:
-            return next(iter(self._tabs.values())), False
+            return next(iter(self._tabs.values()))
         for tab in [each for each in self._tabs.values() if not each.attended][:-MOST_UNATTENDED]:
             self._tabs.pop(tab.name).end()
         folder = self._root / secrets.token_hex(16)
         folder.mkdir()
         self._tabs[folder.name] = tab = Tab(folder, self._options, self._deformer)
-        return tab, False
+        return tab
 
     def leave(self, tab: Tab, outbox: Outbox) -> None:
         """Note that a page has gone."""

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 from typing import IO
 
-from dfd.app.options import OpenedFile, Upload
+from dfd.app.options import OpenedFile, Opening
 from dfd.mesh.file.read import ENDINGS
 
 FIELD, EDIT = ".safetensors", ".json"
@@ -27,7 +27,7 @@ UNREADABLE = (zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, lzma.LZMAErr
               EOFError, OSError, struct.error)  # fmt: skip
 
 
-def receive(files: Sequence[tuple[str, IO[bytes]]], folder: Path, most_bytes: int) -> Upload:
+def receive(files: Sequence[tuple[str, IO[bytes]]], folder: Path, most_bytes: int) -> Opening:
     """Put `files`, with the names that the browser gave, into a new folder inside `folder`; return what to open.
 
     The mesh, the field and the edit get names of ours. What a mesh names beside itself (materials, textures, buffers)
@@ -50,7 +50,7 @@ def receive(files: Sequence[tuple[str, IO[bytes]]], folder: Path, most_bytes: in
     except BaseException:
         shutil.rmtree(place, ignore_errors=True)
         raise
-    return Upload(place, mesh, field, edit)
+    return Opening(mesh, field, edit, place)
 
 
 class _Kept:
@@ -73,15 +73,18 @@ class _Kept:
             raise ValueError(f"{_shown(name)} is damaged or not a zip that can be read: {reason}") from None
 
     def keep(self, name: str, stream: IO[bytes]) -> None:
-        """Write one file, unless its name is harmful and nobody needs it."""
+        """Write one file, one of `FORMATS` under a new name, and no other whose name is harmful."""
         if len(self.paths) >= MOST_FILES:
             raise ValueError(f"An upload must have at most {MOST_FILES} files")
         steps = [step for step in name.replace("\\", "/").split("/") if step != "."]
+        said, ending = "/".join(steps), _ending(name)
         harmless = len(steps) <= DEEPEST and all(SAFE.fullmatch(step) for step in steps)
-        if not harmless and _ending(name) not in FORMATS:
+        if ending in FORMATS:
+            steps = [*(steps[:-1] if harmless else []), f"{secrets.token_hex(8)}{ending}"]
+        elif not harmless:
             return
-        path = self._place.joinpath(*(steps if harmless else [f"{len(self.paths)}{_ending(name)}"]))
-        if name in self.paths or path.exists() or not all(each.is_dir() for each in path.parents if each.exists()):
+        path = self._place.joinpath(*steps)
+        if said in self.paths or path.exists() or not all(each.is_dir() for each in path.parents if each.exists()):
             raise ValueError(f"An upload must have each file once, got {_shown(name)} twice")
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("xb") as target:
@@ -90,18 +93,14 @@ class _Kept:
                 if self._left < 0:
                     raise ValueError("The files are larger than this server takes")
                 target.write(chunk)
-        self.paths[name] = path
+        self.paths[said] = path
 
     def single(self, endings: Sequence[str], *, ignore_several: bool = False) -> OpenedFile | None:
-        """The one file with one of `endings`, renamed in its folder, where what it names is; None if there is none."""
+        """The one file with one of `endings`; None if there is none."""
         names = [name for name in self.paths if _ending(name) in endings]
         if len(names) > 1 and not ignore_several:
             raise ValueError(f"Open one {_ending(names[0])} file at a time, got {', '.join(map(_last, names[:5]))}")
-        if len(names) != 1:
-            return None
-        path = self.paths[names[0]]
-        target = path.with_name(f"{secrets.token_hex(8)}{path.suffix.lower()}")
-        return OpenedFile(name=_last(names[0]), path=path.rename(target))
+        return OpenedFile(name=_last(names[0]), path=self.paths[names[0]]) if len(names) == 1 else None
 
 
 def _ending(name: str) -> str:

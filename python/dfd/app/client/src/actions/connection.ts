@@ -4,7 +4,6 @@ import { decode, type Received, type Request } from "../protocol/binary_messages
 import { store } from "../store/state";
 import { problem } from "./toasts";
 
-export const PROTOCOL = 1;
 const SESSION_KEY = "dfd-session";
 
 /** Close codes after which another try would only be refused again. */
@@ -67,13 +66,13 @@ function connect(): void {
   store.set({ link: socket ? "lost" : "connecting" });
   const address = new URL("ws", location.href);
   address.protocol = address.protocol === "https:" ? "wss:" : "ws:";
-  address.search = address.hash = "";
+  address.hash = "";
+  address.search = new URLSearchParams({ session: sessionStorage.getItem(SESSION_KEY) ?? "" }).toString();
   const own = new WebSocket(address);
   own.binaryType = "arraybuffer";
   own.onopen = () => {
     wait = FIRST_WAIT;
     store.set({ link: "open" });
-    send({ type: "hello", version: PROTOCOL, session: sessionStorage.getItem(SESSION_KEY) });
   };
   own.onmessage = ({ data }: MessageEvent<string | ArrayBuffer>) => {
     try {

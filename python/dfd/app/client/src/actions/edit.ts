@@ -11,7 +11,7 @@ export type PartChange = TakePart["how"];
 export function hold(vertex: number): void {
   const there = store.get().edit?.handles.find((handle) => handle.vertex === vertex);
   if (there) select(there.handle);
-  else send({ type: "add", at: { vertex } });
+  else send({ type: "add", at: vertex });
 }
 
 export function select(handle: number | null): void {
@@ -21,7 +21,7 @@ export function select(handle: number | null): void {
 export function toggleFixed(vertex: number): void {
   const index = store.get().edit?.fixed.findIndex((fixed) => fixed.vertex === vertex) ?? -1;
   if (index >= 0) send({ type: "release", index });
-  else send({ type: "fix", at: { vertex } });
+  else send({ type: "fix", at: vertex });
 }
 
 /** Have the selected handle hold another part, or add the part at a vertex to it or remove it. */
@@ -42,7 +42,7 @@ export async function previewPart(how: PartChange | null): Promise<boolean> {
   if (how === null || selected === null) return true;
   const answer = await ask({ type: "take_part", handle: selected, how, preview: true }, true);
   if (answer && previewed === how && store.get().selected === selected)
-    store.set({ probe: { vertex: null, weights: answer.payload.get("values", "uint16") } });
+    store.set({ probe: { vertex: null, weights: answer.payload.get("values", "U16") } });
   return answer !== null;
 }
 

@@ -4,14 +4,12 @@ import type { Received } from "../protocol/binary_messages";
 import { surfaceOf } from "../posing/held";
 import type { StateMessage } from "../protocol/messages";
 import { CLOSED, serverPoses, store, type State } from "../store/state";
-import { PROTOCOL } from "./connection";
 import { note, problem } from "./toasts";
 
 export function receive({ message, payload }: Received): void {
   switch (message.type) {
     case "session":
       store.set({ session: message });
-      if (message.version !== PROTOCOL) problem("The page is of another version than the server: reload it.");
       break;
     case "start":
       store.set({ ...CLOSED, page: "start" });
@@ -24,9 +22,9 @@ export function receive({ message, payload }: Received): void {
         meshArrays: payload,
         surface: surfaceOf(
           message.vertices,
-          payload.get("positions", "float32"),
-          payload.get("triangles", "uint32"),
-          payload.get("vertex", "uint32"),
+          payload.get("positions", "F32"),
+          payload.get("triangles", "U32"),
+          payload.get("vertex", "U32"),
         ),
       });
       message.warnings.forEach((warning) => note(warning));
@@ -35,11 +33,11 @@ export function receive({ message, payload }: Received): void {
       store.set(followed(message));
       break;
     case "columns":
-      store.set({ columns: withColumns(message.columns, payload.get("values", "uint16")) });
+      store.set({ columns: withColumns(message.columns, payload.get("values", "U16")) });
       break;
     case "heat": {
       if (message.vertex === null || store.get().hover?.vertex !== message.vertex) break;
-      store.set({ probe: { vertex: message.vertex, weights: payload.get("values", "uint16") } });
+      store.set({ probe: { vertex: message.vertex, weights: payload.get("values", "U16") } });
       break;
     }
     case "progress": {
@@ -60,18 +58,17 @@ export function receive({ message, payload }: Received): void {
       store.set({ axis: message });
       break;
     case "colors":
-      store.set({ featureColors: payload.get("colors", "uint8") });
+      store.set({ featureColors: payload.get("colors", "U8") });
       break;
     case "positions":
       if (!serverPoses(store.get())) break;
       store.set({
-        posed: { positions: payload.get("positions", "float32"), normals: payload.get("normals", "int16") },
+        posed: { positions: payload.get("positions", "F32"), normals: payload.get("normals", "I16") },
       });
       break;
     case "failure":
       problem(message.message);
       takeBack(message.id);
-      if (message.fatal) store.set({ ended: message.message });
       break;
     case "done":
     case "download":

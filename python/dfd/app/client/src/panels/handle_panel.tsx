@@ -149,7 +149,7 @@ const PIVOTS: Record<PivotAt, string> = {
 
 /** What it turns about: found by the session, unless it is chosen. */
 function PivotChoice({ handle, axis }: { readonly handle: HandleState; readonly axis: AxisMessage | null }) {
-  const known = axis?.handle === handle.handle ? Object.keys(axis.pivots) : ["point"];
+  const known = axis?.handle === handle.handle ? axis.pivots : (["point"] as const);
   const value = handle.pivot_at ?? (handle.pivot_set ? "as set" : "auto");
   return (
     <Select
@@ -235,9 +235,14 @@ function Counterparts({ state, handle }: { readonly state: State; readonly handl
   );
 }
 
-const WAYS: readonly (readonly [way: PartChange, hint: string])[] = [
+type Way = readonly [way: PartChange, hint: string];
+
+const SIZES: readonly Way[] = [
   ["smaller", "Hold the next smaller part ([)"],
   ["larger", "Hold the next larger part (])"],
+];
+/** What the file makes one thing. */
+const UNITS: readonly Way[] = [
   ["scene_part", "Hold all of this part of the scene"],
   ["material", "Hold all that has this material"],
   ["component", "Hold all that is connected with it"],
@@ -260,19 +265,21 @@ function PartButtons({ ways, handle: { handle, columns } }: PartButtonsProps) {
     });
   }, [pointed, held]);
   const leave = () => setPointed(null);
+  const button = ([way, hint]: Way) => (
+    <Button
+      key={way}
+      text={titled(way)}
+      style="small"
+      title={missing.includes(way) ? "There is none here" : hint}
+      disabled={ways.length === 0 || missing.includes(way)}
+      onPoint={() => setPointed(way)}
+      onPress={() => changePart(way)}
+    />
+  );
   return (
-    <div class="buttons" role="group" aria-label="Held part" onPointerLeave={leave} onFocusOut={leave}>
-      {WAYS.filter(([way], i) => i < 2 || ways.includes(way)).map(([way, hint]) => (
-        <Button
-          key={way}
-          text={titled(way)}
-          style="small"
-          title={missing.includes(way) ? "There is none here" : hint}
-          disabled={ways.length === 0 || missing.includes(way)}
-          onPoint={() => setPointed(way)}
-          onPress={() => changePart(way)}
-        />
-      ))}
+    <div role="group" aria-label="Held part" onPointerLeave={leave} onFocusOut={leave}>
+      <div class="buttons">{SIZES.map(button)}</div>
+      <div class="buttons">{UNITS.filter(([way]) => ways.includes(way)).map(button)}</div>
     </div>
   );
 }

@@ -1,7 +1,7 @@
 import { send } from "../actions/connection";
 import { chooseFiles, megabytes } from "../actions/files";
 import { useParts } from "../store/use";
-import { count } from "../widgets/controls";
+import { titled } from "../widgets/controls";
 import { Icon } from "../widgets/icons";
 
 const BESIDE = [".zip", ".json", ".safetensors"];
@@ -34,10 +34,9 @@ export function Start() {
             <h2>Or begin with a sample</h2>
             <ul class="samples">
               {session.samples.map((sample) => (
-                <li key={sample.name}>
-                  <button type="button" onClick={() => send({ type: "open_sample", name: sample.name })}>
-                    <strong>{sample.title}</strong>
-                    <small>{count.format(sample.faces)} faces</small>
+                <li key={sample}>
+                  <button type="button" onClick={() => send({ type: "open_sample", name: sample })}>
+                    <strong>{titled(sample)}</strong>
                   </button>
                 </li>
               ))}

@@ -60,7 +60,6 @@ const TITLES = {
   open: "Opening",
   distill: "Learning what looks alike",
   prepare: "Preparing",
-  export: "Writing the file",
 };
 
 /** What keeps the shape from being held yet, and how long that takes. */

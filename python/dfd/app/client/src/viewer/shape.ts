@@ -60,21 +60,21 @@ export class Shape {
     private readonly changed: () => void,
   ) {
     this.radius = Math.max(message.diagonal / 2, 1e-9);
-    this.positions = payload.get("positions", "float32");
-    this.vertexOf = payload.get("vertex", "uint32");
+    this.positions = payload.get("positions", "F32");
+    this.vertexOf = payload.get("vertex", "U32");
     this.pose = new PoseTextures(message.vertices);
-    const rows = { positions: this.positions, normals: payload.get("normals", "int16"), vertexOf: this.vertexOf };
+    const rows = { positions: this.positions, normals: payload.get("normals", "I16"), vertexOf: this.vertexOf };
     this.posed = new PosePass(renderer, rows, this.pose);
-    const triangles = payload.get("triangles", "uint32");
+    const triangles = payload.get("triangles", "U32");
     this.faces = new Faces(this.positions, triangles);
     const { geometry } = this;
     const { position, normal, rest } = this.posed;
     // three.js counts rows by `position`.
     Object.assign(geometry.attributes, { position, posedPosition: position, posedNormal: normal, rest });
     geometry.setIndex(new BufferAttribute(triangles, 1));
-    if (payload.has("uv")) geometry.setAttribute("uv", new BufferAttribute(payload.get("uv", "float32"), 2));
+    if (payload.has("uv")) geometry.setAttribute("uv", new BufferAttribute(payload.get("uv", "F32"), 2));
     if (payload.has("colors"))
-      geometry.setAttribute("rowColor", new BufferAttribute(payload.get("colors", "uint8"), 4, true));
+      geometry.setAttribute("rowColor", new BufferAttribute(payload.get("colors", "U8"), 4, true));
     geometry.boundingSphere = new Sphere(new Vector3(), this.radius);
     for (const { start, count, material } of message.groups) geometry.addGroup(3 * start, 3 * count, material);
     this.shared = {
@@ -205,7 +205,7 @@ export class Shape {
       blends: { value: entry.alpha_mode === "BLEND" },
       cutoff: { value: entry.alpha_mode === "MASK" ? entry.alpha_cutoff : 0 },
     };
-    if (entry.texture) void this.picture(entry, payload.get(entry.texture, "uint8"), uniforms.map);
+    if (entry.texture) void this.picture(entry, payload.get(entry.texture, "U8"), uniforms.map);
     return material("surface", uniforms, {
       side: DoubleSide,
       transparent: entry.alpha_mode === "BLEND",

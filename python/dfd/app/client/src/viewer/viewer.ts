@@ -288,7 +288,7 @@ export class Viewer {
   private probe({ vertex }: Picked): void {
     const state = store.get();
     if (!ready(state) || ["paint", "box", "pivot"].includes(state.tool) || isolates(state)) return;
-    send({ type: "probe", at: { vertex } });
+    send({ type: "probe", vertex });
   }
 }
 

@@ -75,7 +75,7 @@ function installHook() {
       async computed() {
         const received = await ask({ type: "compute" });
         if (!received) throw new Error("The server computed nothing.");
-        return received.payload.get("positions", "float32");
+        return received.payload.get("positions", "F32");
       },
       /** (R) the vertex of each row. */
       vertices: () => shown().vertexOf,

@@ -2,24 +2,23 @@ import { describe, expect, it } from "vitest";
 
 import { decode } from "../../src/protocol/binary_messages";
 
-/** A binary message as `dfd.app.protocol.binary_messages` writes it. */
-function framed(header: object, body: Uint8Array): ArrayBuffer {
-  let text = JSON.stringify(header);
-  while ((4 + new TextEncoder().encode(text).length) % 8) text += " ";
+/** A message with an array as `dfd.app.protocol.binary_messages` writes it. */
+function framed(message: object, body: Uint8Array): ArrayBuffer {
+  let text = JSON.stringify({
+    __metadata__: { message: JSON.stringify(message) },
+    positions: { dtype: "F32", shape: [1, 3], data_offsets: [0, 12] },
+  });
+  while (new TextEncoder().encode(text).length % 8) text += " ";
   const bytes = new TextEncoder().encode(text);
-  const data = new Uint8Array(4 + bytes.length + body.length);
-  new DataView(data.buffer).setUint32(0, bytes.length, true);
-  data.set(bytes, 4);
-  data.set(body, 4 + bytes.length);
+  const data = new Uint8Array(8 + bytes.length + body.length);
+  new DataView(data.buffer).setBigUint64(0, BigInt(bytes.length), true);
+  data.set(bytes, 8);
+  data.set(body, 8 + bytes.length);
   return data.buffer;
 }
 
-const floats = new Uint8Array(Float32Array.of(1.5, -2, 3e8, 0).buffer);
-const header = {
-  type: "positions",
-  id: 7,
-  buffers: [{ name: "positions", dtype: "float32", shape: [1, 3], offset: 0 }],
-};
+const floats = new Uint8Array(Float32Array.of(1.5, -2, 3e8).buffer);
+const positions = { type: "positions", id: 7 };
 
 describe("decode", () => {
   it("reads a text", () => {
@@ -29,19 +28,19 @@ describe("decode", () => {
   });
 
   it("reads arrays in place", () => {
-    const { message, payload } = decode(framed({ ...header, name: "Körper" }, floats));
+    const { message, payload } = decode(framed({ ...positions, name: "Körper" }, floats));
     expect(message.id).toBe(7);
-    expect([...payload.get("positions", "float32")]).toEqual([1.5, -2, Math.fround(3e8)]);
+    expect([...payload.get("positions", "F32")]).toEqual([1.5, -2, Math.fround(3e8)]);
     expect(payload.has("normals")).toBe(false);
   });
 
   it("refuses what is cut short, missing or of another type, in a sentence", () => {
-    const whole = framed(header, floats);
+    const whole = framed(positions, floats);
     expect(() => decode(new ArrayBuffer(3))).toThrow("cut short");
     expect(() => decode(whole.slice(0, 20))).toThrow("cut short");
     const { payload } = decode(whole.slice(0, whole.byteLength - 8));
-    expect(() => payload.get("positions", "float32")).toThrow("'positions' was cut short");
-    expect(() => decode(whole).payload.get("normals", "int16")).toThrow("no array 'normals'");
-    expect(() => decode(whole).payload.get("positions", "uint32")).toThrow("is float32, not uint32");
+    expect(() => payload.get("positions", "F32")).toThrow("'positions' was cut short");
+    expect(() => decode(whole).payload.get("normals", "I16")).toThrow("no array 'normals'");
+    expect(() => decode(whole).payload.get("positions", "U32")).toThrow("is F32, not U32");
   });
 });
