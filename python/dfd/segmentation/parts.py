@@ -119,7 +119,7 @@ class Parts:
         tree, patches = self._hierarchy, self._patches
         patch = int(patches.of_vertex[vertex])
         chosen = self._chosen(patch, "part")
-        inside, _ = tree.carried(chosen)
+        inside = tree.carrying(chosen)
         if inside.all() or max(map(tree.saliency, tree.holding(patch))) < LEAST_SALIENCY:
             return None
         side = self._snapped(inside, vertex)

@@ -25,6 +25,9 @@ TURNED = 0.6  # in those distances, what a turn of the normal by 1 counts: the t
 # At most: many loose components fill space, where more than `COUNT` fit. Seeds then keep so many times the distance.
 MOST, WIDER = 2 * COUNT, 1.25
 SAMPLES = 8  # vertices of a patch that its features are the mean of
+# Distance along the surface within which patches are beside another one, in diagonals. On 91 rigs, 0.15 leaves 0.008
+# more of limbs behind; on 76 labelled meshes, 0.25 loses 0.009 of the IoU.
+BESIDE = 0.2
 STARTS = 96  # patches from which distances are measured to find the middle
 BRIDGE = 1.0  # the concavity of a small gap between components: nothing parts them more clearly
 
@@ -139,7 +142,7 @@ class Distal:
 
     def __init__(self, patches: Patches) -> None:
         borders = patches.borders
-        graph = borders.graph(borders.apart)
+        self._graph = graph = borders.graph(borders.apart)
         component = connected_components(graph, directed=False)[1]
         body = np.flatnonzero(component == np.bincount(component, patches.area).argmax())
         starts = body[:: len(body) // STARTS + 1]
@@ -153,19 +156,18 @@ class Distal:
             step = step[step]
             self._steps.append(step)
 
-    def through(self, inside: Bool) -> Bool:
-        """(P,) Return a part `inside` (P,) and all patches whose shortest path from the middle leads through it."""
-        reached = inside
+    def beyond(self, patch: int) -> Bool:
+        """(P,) Return what is beyond a patch, seen from the middle of the shape.
+
+        It is all that the shortest paths from the middle reach through patches beside this one, at least as far from
+        the middle and connected with it there.
+        """
+        far = self._distance >= self._distance[patch]
+        component = _core.components(len(far), np.zeros((0, 3), np.int32), self._pairs[far[self._pairs].all(axis=1)])
+        reached = np.isfinite(dijkstra(self._graph, indices=patch, limit=BESIDE)) & (component == component[patch])
         for step in self._steps:
             reached = reached | reached[step]
-        return reached
-
-    def side(self, patch: int) -> Bool:
-        """(P,) Return the connected component, around a patch, of all that is at least as far from the middle."""
-        far = self._distance >= self._distance[patch]
-        pairs = self._pairs[far[self._pairs].all(axis=1)]
-        component = _core.components(len(far), np.zeros((0, 3), np.int32), pairs)
-        return np.asarray(component == component[patch])
+        return np.asarray(reached)
 
 
 def _surface(mesh: Mesh, nodes: Nodes, size: float) -> tuple[Float64, Float64, Indices, Float64]:
