@@ -1,4 +1,4 @@
-"""`python -m bench.quality labelled` and `anatomy`: how good weights are, see the modules of these names.
+"""`python -m bench.quality labelled`, `anatomy` and `mirrored`: how good weights are, see the modules of these names.
 
 All numbers are means over the shapes of a category, and over the categories.
 """
@@ -9,34 +9,39 @@ import argparse
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Console
 
 import dfd
-from bench.quality import anatomy, labelled
+from bench.quality import anatomy, labelled, mirrored
 from bench.tables import to_csv, to_markdown, write_text
 from dfd.encoders.known import DEFAULT_ENCODER
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "quality"
+MEASURES: dict[str, tuple[Any, Any]] = {  # by verb, the module and what reads its shapes
+    "labelled": (labelled, labelled.labelled_shapes),
+    "anatomy": (anatomy, anatomy.rigged_shapes),
+    "mirrored": (mirrored, mirrored.paired_shapes),
+}
 Row = tuple[str, bool, str, Mapping[str, float]]  # category, whether it is kept back, name, and numbers of a shape
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Judge a folder of shapes; the tables are written after every one."""
     parser = argparse.ArgumentParser("python -m bench.quality", description=__doc__)
-    parser.add_argument("verb", choices=("labelled", "anatomy"), help="labels of people, or skinned GLB files")
+    parser.add_argument("verb", choices=list(MEASURES), help="by labels of people, or by skinned GLB files")
     parser.add_argument("folder", type=Path, nargs="?", help="folder to judge (labelled: by default samples of dfd)")
     parser.add_argument("--quick", action="store_true", help="one shape a category")
     parser.add_argument("--encoder", default=DEFAULT_ENCODER, help="name, folder or name on the hub (%(default)s)")
     parser.add_argument("--output", type=Path, default=OUTPUT, help="folder to write to (%(default)s)")
     given = parser.parse_args(arguments)
-    if given.verb == "anatomy" and given.folder is None:
-        parser.error("anatomy needs a folder of skinned GLB files")
+    if given.verb != "labelled" and given.folder is None:
+        parser.error(f"{given.verb} needs a folder of skinned GLB files")
     if given.encoder == DEFAULT_ENCODER:
         os.environ["HF_HUB_OFFLINE"] = "1"
-    module = anatomy if given.verb == "anatomy" else labelled
-    read = anatomy.rigged_shapes if given.verb == "anatomy" else labelled.labelled_shapes
+    module, read = MEASURES[given.verb]
     own = "" if given.encoder == DEFAULT_ENCODER else f"_{Path(given.encoder).name}"
     path = given.output / f"{given.verb}{own}"
     rows: list[Row] = []

@@ -126,7 +126,7 @@ class RiggedShape:
     def _kin(self, joint: int) -> Iterator[list[int]]:
         """The joint alone, with its other side, with front and hind limbs, and with all of its kind."""
         yield [joint]
-        for same in (_sides_as_one, _limb, kind_of_part):
+        for same in (sides_as_one, _limb, kind_of_part):
             name = same(self.joints[joint])
             if name not in (None, "", "torso"):
                 yield [other for other, each in enumerate(self.joints) if same(each) == name]
@@ -213,7 +213,7 @@ def _bordering(shape: RiggedShape, joint: int) -> int:
     return int(np.bincount(beyond).argmax()) if len(beyond) else int(shape.parent[joint])
 
 
-def _sides_as_one(joint: str) -> str:
+def sides_as_one(joint: str) -> str:
     """A joint's name without its side and number: "upperarm.l", "LeftUpperArm" and "UpperArm_R" give "upperarm"."""
     name = re.sub(r"(?<=[a-z])[LR](?=$|[^A-Za-z])|^[lr](?=[A-Z])", "", joint).lower()
     name = re.sub(r"left|right|[._\-\s][lr]\b|\b[lr][._\-\s]|[._\-\s][lr](?=[._\-\s])", "", name)
@@ -222,4 +222,4 @@ def _sides_as_one(joint: str) -> str:
 
 def _limb(joint: str) -> str:
     """A joint's name without its side and without what tells front from hind."""
-    return re.sub(r"front|fore|back|hind|rear|mid(dle)?", "", _sides_as_one(joint)).strip("._- ")
+    return re.sub(r"front|fore|back|hind|rear|mid(dle)?", "", sides_as_one(joint)).strip("._- ")

@@ -6,6 +6,7 @@ import trimesh
 import dfd
 from bench.quality.anatomy import RiggedShape
 from bench.quality.measures import area_fractions
+from bench.quality.mirrored import pairs_of
 
 
 def two_legs():
@@ -33,3 +34,15 @@ def test_a_band_leaves_the_foot_behind():
     assert (whole, left) == (1.0, 0.0)
     band, left = shape.judge(vertex, shape.of_vertex == 1)
     assert np.allclose((band, left), 0.5)
+
+
+def test_a_pair_is_judged_by_the_mirror_image_of_its_left_side():
+    shape = two_legs()
+    (leg, foot) = pairs_of(shape)
+    assert leg.axis == foot.axis == 0
+    assert set(leg.left) == set(np.flatnonzero(np.isin(shape.of_vertex, [1, 2])))
+    moved = np.zeros((len(shape.mesh.vertices), 3))
+    moved[foot.left], moved[foot.right] = (0.1, 0.2, 0), (-0.1, 0.2, 0)
+    assert foot.error(moved) == 0
+    moved[foot.right] = (0.1, 0.2, 0)
+    assert np.isclose(foot.error(moved), 0.2 / foot.size)

@@ -1,0 +1,123 @@
+"""How exactly the other side mirrors a motion, judged by rigs with left and right joints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+import dfd
+from bench.quality.anatomy import LARGEST_JUDGED, SMALLEST_JUDGED, RiggedShape, rigged_shapes, sides_as_one
+from dfd.common.linear_algebra import Float64, Int64
+
+EXACT = 0.02  # of the part's size: so little may the other side differ from the mirror image
+ALIKE = 0.01  # likewise, at rest: sides that differ more are not mirror images
+ANGLE, PULL = 30.0, 0.2  # degrees, and of the part's size
+MOTIONS: dict[str, Any] = {"bend": {"bend": ANGLE}, "twist": {"twist": ANGLE}, "turn": {"rotation": (0.0, 0.0, ANGLE)}}
+LEGEND = {
+    "apart": "share of the pairs in which a handle on the left side holds several components, not both sides as one",
+    "bend": f"of these, the share whose right side mirrors the left one to {EXACT:.0%}, bent by {ANGLE:g}°",
+    "twist": f"the same of a twist by {ANGLE:g}°",
+    "turn": f"the same of a rotation by {ANGLE:g}°",
+    "pull": f"the same of a translation by {PULL:.0%} of the part's size",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """What hangs on a left joint and on the right one."""
+
+    vertex: int  # the vertex of the left joint that is nearest to its middle
+    left: Int64  # (N,) vertices
+    right: Int64  # (N,) for each of them the vertex nearest to its mirror image
+    axis: int  # the coordinate that the mirror image negates
+    size: float  # the diagonal of the left part's box, mesh units
+
+    def error(self, moved: Float64) -> float:
+        """Return how far displacements (V, 3) are from mirror images, root mean square over the part's size."""
+        mirrored = moved[self.left]
+        mirrored[:, self.axis] *= -1.0
+        apart = np.linalg.norm(moved[self.right] - mirrored, axis=1)
+        return float(np.sqrt(np.square(apart).mean())) / self.size
+
+
+@dataclass(frozen=True, eq=False)
+class PairedShape:
+    """A rigged shape with its pairs of joints."""
+
+    name: str
+    mesh: dfd.Mesh
+    pairs: list[Pair]
+    kept_back = True  # constants are never chosen on it
+
+    @property
+    def category(self) -> str:
+        """Every shape is a category of its own."""
+        return self.name
+
+    def judged(self, field: dfd.Field) -> dict[str, float]:
+        """Return every number of `LEGEND`; those of motions are 1 where no pair is held apart."""
+        session = dfd.Deformer(self.mesh, field)
+        found = [self._errors(session, pair) for pair in self.pairs]
+        apart = [errors for errors in found if errors]
+        shares = np.mean([np.array(errors) <= EXACT for errors in apart], axis=0) if apart else np.ones(len(LEGEND) - 1)
+        return dict(zip(LEGEND, [len(apart) / len(found), *shares.tolist()], strict=True))
+
+    @staticmethod
+    def _errors(session: dfd.Deformer, pair: Pair) -> list[float]:
+        """Return the error of each motion of a handle on the left side; none if it holds a single component."""
+        held = session.add(pair.vertex)
+        found = []
+        if len(session.counterparts(held)) > 1:
+            for given in (*MOTIONS.values(), {"translation": (0.0, PULL * pair.size, 0.0)}):
+                try:
+                    session.move(held, **given)
+                except ValueError:  # what is held has no axis
+                    found.append(np.inf)
+                    continue
+                found.append(pair.error(session.vertices - session.mesh.vertices))
+                session.undo()
+        session.remove(held)
+        return found
+
+
+def paired_shapes(folder: Path, *, quick: bool = False) -> Iterator[PairedShape]:
+    """Read the skinned GLB files of a folder that have pairs of joints; `quick` those among the first two."""
+    for shape in rigged_shapes(folder, quick=quick):
+        if pairs := pairs_of(shape):
+            yield PairedShape(shape.name, shape.mesh, pairs)
+
+
+def pairs_of(shape: RiggedShape) -> list[Pair]:
+    """Return the pairs of joints of one name whose parts are mirror images at rest."""
+    by_name: dict[str, list[int]] = {}
+    for joint, name in enumerate(shape.joints):
+        by_name.setdefault(sides_as_one(name), []).append(joint)
+    found = []
+    vertices = shape.mesh.vertices
+    for one, other in (joints for joints in by_name.values() if len(joints) == 2):
+        sides = shape.subtree(one), shape.subtree(other)
+        own = np.flatnonzero(shape.of_vertex == one)
+        share = float(shape.areas @ sides[0])
+        if (
+            not len(own)
+            or not SMALLEST_JUDGED <= share <= LARGEST_JUDGED
+            or not sides[1].any()
+            or (sides[0] & sides[1]).any()
+        ):
+            continue
+        left, right = map(np.flatnonzero, sides)
+        middles = [np.average(vertices[side], axis=0, weights=shape.areas[side] + 1e-12) for side in (left, right)]
+        axis = int(np.abs(middles[0] - middles[1]).argmax())
+        image = vertices[left]
+        image[:, axis] = middles[0][axis] + middles[1][axis] - image[:, axis]
+        apart, nearest = cKDTree(vertices[right]).query(image)
+        size = float(np.linalg.norm(np.ptp(vertices[left], axis=0)))
+        if np.sqrt(np.square(apart).mean()) <= ALIKE * size:
+            middle = np.linalg.norm(vertices[own] - vertices[own].mean(axis=0), axis=1).argmin()
+            found.append(Pair(int(own[middle]), left, right[nearest], axis, size))
+    return found
