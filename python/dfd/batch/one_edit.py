@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from pydantic import BaseModel, ConfigDict
 
 from dfd.common import check
 from dfd.common.files import sha256_of_files
+from dfd.editing.agreement import agreements
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit
 from dfd.editing.edit_file import read_edit, read_made_on
@@ -19,7 +21,8 @@ from dfd.editing.transfer import transfer
 from dfd.field.field import Field, FieldSource
 from dfd.mesh.mesh import Mesh, load
 
-# Below this confidence a handle has no similar region on the other shape: cosines of 0.45 and 0.25 by
+LEAST = 0.5  # confidence: below it, another part is likelier
+# Below this similarity a handle has no similar region on the other shape: cosines of 0.45 and 0.25 by
 # `dfd.editing.transfer.RIGHT`. Without a learned metric, of a chair's leg the legs of other chairs, of a bench, a couch
 # and a nightstand have cosines of 0.40 to 0.71, the foot of a pedestal table 0.42, and what comes nearest on a bird
 # 0.29 to 0.34. A learned metric sets shapes farther apart: the legs of a chair and a bench have 0.26 to 0.65, what
@@ -36,6 +39,13 @@ class Original:
     mesh: Mesh
     field: Field
 
+    @cached_property
+    def session(self) -> Deformer:
+        """The edit on its own shape."""
+        session = Deformer(self.mesh, self.field, other_shape=True)
+        session.apply(self.edit)
+        return session
+
     @classmethod
     def read(cls, path: str | os.PathLike[str], mesh: Mesh, field: Field) -> Original:
         """Read the edit in `path`, made on `mesh`.
@@ -50,7 +60,7 @@ class Original:
 
 
 class UnlikeError(ValueError):
-    """A handle has no similar region on the other shape; `confidence` is that of all handles, by their names."""
+    """Nothing on the other shape is the part of a handle; `confidence` is that of all handles, by their names."""
 
     def __init__(self, message: str, confidence: Mapping[str, float]) -> None:
         super().__init__(message)
@@ -62,7 +72,9 @@ class Carried:
     """An edit transferred to another shape."""
 
     deformer: Deformer  # a session of the other shape with the edit
-    confidence: dict[str, float]  # of each handle and fixed point, by its name, in [0, 1]; see `dfd.editing.transfer`
+    # confidence: of each handle and fixed point, by its name, in [0, 1]; how likely a handle moves the same part, see
+    # `dfd.editing.agreement`, and how similar a fixed point looks, see `dfd.editing.transfer`
+    confidence: dict[str, float]
     unsure: tuple[str, ...] = ()  # those below the threshold, carried by `force`
 
 
@@ -78,32 +90,36 @@ def carry(
     """Transfer an edit to another shape of its class; for its own shape it is unchanged.
 
     `field` is that of the other shape, by the same encoder; `features` are as `Deformer` takes them. `threshold`, in
-    [0, 1], is the lowest confidence that is taken; if left out 0.39 for fields with a learned metric, else 0.45. What
-    is below it is carried with `force`, and named in `Carried.unsure`; `force` takes a field of another shape too.
+    [0, 1], is the lowest confidence that is taken, 0.5 if left out. What is below it is carried with `force`, and named in
+    `Carried.unsure`; `force` takes a field of another shape too.
 
     Raises UnlikeError if the confidence of a handle or fixed point is below `threshold` without `force`; ValueError as
     `transfer` and `Deformer`.
     """
-    if threshold is None:
-        threshold = SURE_ENOUGH if field.settings.get("metric", "none") == "none" else SURE_ENOUGH_LEARNED
-    lowest = check.number("carry", "threshold", threshold, minimum=0.0, maximum=1.0)
+    lowest = check.number("carry", "threshold", LEAST if threshold is None else threshold, minimum=0.0, maximum=1.0)
+    similar = SURE_ENOUGH if field.settings.get("metric", "none") == "none" else SURE_ENOUGH_LEARNED
     edit = original.edit
     names = [handle.name or f"handle {handle.id}" for handle in edit.handles]
     names += [f"fixed {number}" for number in range(1, 1 + len(edit.fixed))]
     sure = [1.0] * len(names)
-    if mesh.content_hash != original.mesh.content_hash:
+    deformer = Deformer(mesh, field, features=features, other_shape=force)
+    if mesh.content_hash == original.mesh.content_hash:
+        deformer.apply(edit)
+    else:
         found = transfer(edit, original.mesh, original.field, mesh, field)
-        edit = found.edit
-        sure = [*(found.confidence[handle.id] for handle in edit.handles), *found.fixed_confidence]
+        deformer.apply(found.edit)
+        looks = [*(found.confidence[handle.id] for handle in edit.handles), *found.fixed_confidence]
+        sure = [min(LEAST * each / similar, 1.0) for each in looks]
+        for number, likely in enumerate(agreements(original.session, deformer)):
+            sure[number] = likely if sure[number] >= LEAST else min(sure[number], likely)
     confidence = dict(zip(names, sure, strict=True))
     least = min(confidence, key=confidence.__getitem__)
     if confidence[least] < lowest and not force:
         raise UnlikeError(
-            f"nothing looks enough like what {least} held: confidence {confidence[least]:.2f}, asked for {lowest:.2f}",
+            f"what {least} holds there is not the part that it held: confidence {confidence[least]:.2f}, "
+            f"asked for {lowest:.2f}",
             confidence,
         )
-    deformer = Deformer(mesh, field, features=features, other_shape=force)
-    deformer.apply(edit)
     return Carried(deformer, confidence, tuple(name for name in names if confidence[name] < lowest))
 
 

@@ -35,8 +35,7 @@ Encoder = Annotated[
     str, Option(metavar="NAME", help="What makes fields: a known name, a folder with weights, or a hub name.")
 ]
 Threshold = Annotated[
-    float | None,
-    Option(min=0.0, max=1.0, help="Least confidence to carry an edit; default 0.39 with a learned metric, else 0.45."),
+    float | None, Option(min=0.0, max=1.0, help="Least confidence with which an edit is carried; 0.5 if left out.")
 ]
 Azimuth = Annotated[
     float | None, Option(help="The first side, degrees from the front (+z) to +x; by default where the handles show.")
