@@ -25,8 +25,8 @@ TURNED = 0.6  # in those distances, what a turn of the normal by 1 counts: the t
 # At most: many loose components fill space, where more than `COUNT` fit. Seeds then keep so many times the distance.
 MOST, WIDER = 2 * COUNT, 1.25
 SAMPLES = 8  # vertices of a patch that its features are the mean of
-# Distance along the surface within which patches are beside another one, in diagonals. On 91 rigs, 0.15 leaves 0.008
-# more of limbs behind; on 76 labelled meshes, 0.25 loses 0.009 of the IoU.
+# Distance along the surface within which patches are beside another one, in diagonals. On 91 rigs, 0.15 leaves 0.010
+# more of limbs behind, and 0.25 loses 0.003 of the IoU.
 BESIDE = 0.2
 STARTS = 96  # patches from which distances are measured to find the middle
 # Patches are in the middle if their mean squared distance is at most so many times the least one. On 76 labelled
