@@ -7,7 +7,7 @@ from made_field import field_of
 
 import dfd
 from dfd.segmentation.parts import Parts
-from dfd.segmentation.patches import Patches
+from dfd.segmentation.patches import Distal, Patches
 
 
 def noisy(sample, seed=0):
@@ -235,6 +235,20 @@ def test_who_takes_hold_of_a_neck_in_its_middle_takes_the_head_along():
     weights = parts.grip(int(middle)).weights
     assert weights[np.isin(labels, [animal.parts.index(part) for part in ("head", "ear")])].min() == 1.0
     assert weights[labels == animal.parts.index("body")].mean() < 0.05
+
+
+def test_the_lower_half_of_a_leg_is_beyond_its_middle_and_the_head_is_not():
+    animal = dfd.samples.quadruped(4_000)
+    patches = Patches(animal.mesh)
+    distal = Distal(patches)
+    for number in range(4):
+        leg = animal.vertices_of("leg", number)
+        height = animal.mesh.vertices[leg, 1]
+        half = (height.min() + height.max()) / 2
+        beyond = distal.beyond(int(patches.of_vertex[leg[np.abs(height - half).argmin()]]))[patches.of_vertex]
+        assert beyond[leg[height < half - 0.2 * np.ptp(height)]].all()
+        assert beyond[animal.vertices_of("hoof", number)].all()
+        assert not beyond[np.isin(animal.labels, [animal.parts.index(part) for part in ("neck", "head")])].any()
 
 
 def test_a_grip_does_not_pass_from_one_component_to_another_beside_it():
