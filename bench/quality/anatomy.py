@@ -79,24 +79,19 @@ class RiggedShape:
         below[-1] = False
         return below[self.of_vertex]
 
-    def meant(self, joint: int) -> list[Bool]:
-        """Return every set (V,) that a person may mean who grabs the shape at a joint, each once."""
-        found: dict[bytes, Bool] = {}
-        while joint >= 0:
-            alone = self.subtree(joint)
-            if self.areas @ alone > LARGEST_MEANT:
-                break
+    def meant(self, vertex: int) -> Iterator[tuple[list[str], Bool]]:
+        """Yield every set (V,) that a person may mean who grabs the shape at a vertex, and the joints it hangs on."""
+        joint = int(self.of_vertex[vertex])
+        while joint >= 0 and self.areas @ self.subtree(joint) <= LARGEST_MEANT:
             for kin in self._kin(joint):
-                together = np.any([self.subtree(each) for each in kin], axis=0)
-                found.setdefault(np.packbits(together).tobytes(), together)
+                yield [self.joints[each] for each in kin], np.any([self.subtree(each) for each in kin], axis=0)
             joint = int(self.parent[joint])
-        return list(found.values())
 
     def judge(self, vertex: int, weights: NDArray[np.floating]) -> tuple[float, float]:
         """Return the best soft IoU of weights (V,) with a set that may be meant, and the share left behind."""
         joint, values = int(self.of_vertex[vertex]), weights.astype(np.float64)
         own = self.subtree(joint)
-        best = max((soft_iou(self.areas, values, meant) for meant in self.meant(joint)), default=0.0)
+        best = max((soft_iou(self.areas, values, meant) for _, meant in self.meant(vertex)), default=0.0)
         return best, 1.0 - float(self.areas[own] @ values[own] / self.areas[own].sum())
 
     def handles(self) -> list[Int64]:

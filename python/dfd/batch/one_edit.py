@@ -90,8 +90,8 @@ def carry(
     """Transfer an edit to another shape of its class; for its own shape it is unchanged.
 
     `field` is that of the other shape, by the same encoder; `features` are as `Deformer` takes them. `threshold`, in
-    [0, 1], is the lowest confidence that is taken, 0.5 if left out. What is below it is carried with `force`, and named in
-    `Carried.unsure`; `force` takes a field of another shape too.
+    [0, 1], is the lowest confidence that is taken, 0.5 if left out. What is below it is carried with `force`, and named
+    in `Carried.unsure`; `force` takes a field of another shape too.
 
     Raises UnlikeError if the confidence of a handle or fixed point is below `threshold` without `force`; ValueError as
     `transfer` and `Deformer`.

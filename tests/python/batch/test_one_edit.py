@@ -61,9 +61,7 @@ def test_an_edit_that_moves_nothing_is_refused(mesh, tmp_path):
 
 
 @pytest.mark.parametrize(("settings", "similar"), [({}, 0.45), ({"metric": "none"}, 0.45), ({"metric": "m"}, 0.39)])
-def test_features_that_are_less_similar_than_chance_make_a_handle_unsure(
-    other, original, monkeypatch, settings, similar
-):
+def test_a_handle_whose_features_are_not_similar_is_unsure(other, original, monkeypatch, settings, similar):
     field = field_of(other, seed=3).with_settings(settings)
     for looks, wanted in ((similar, 0.9585), (similar - 0.09, 0.5 * (similar - 0.09) / similar)):
         sure = dict.fromkeys((handle.id for handle in original.edit.handles), looks)

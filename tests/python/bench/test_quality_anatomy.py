@@ -1,30 +1,9 @@
 """What hangs on a joint, on a chain of boxes whose joints are known."""
 
 import numpy as np
-import trimesh
+from made_rig import two_legs
 
-import dfd
-from bench.quality.anatomy import RiggedShape
-from bench.quality.measures import area_fractions
 from bench.quality.mirrored import pairs_of
-
-
-def two_legs():
-    """A body with two legs of two boxes each; joints: root, leg.l, foot.l, leg.r, foot.r."""
-    places = [(0, 4, 0), (-1, 2, 0), (-1, 0, 0), (1, 2, 0), (1, 0, 0)]
-    sizes = [(6, 2, 2), (1, 1, 1), (1, 1, 1), (1, 1, 1), (1, 1, 1)]
-    boxes = [trimesh.creation.box(size).apply_translation(at) for size, at in zip(sizes, places, strict=True)]
-    made = trimesh.util.concatenate(boxes)
-    mesh = dfd.Mesh(made.vertices, made.faces)
-    names = ("root", "leg.l", "foot.l", "leg.r", "foot.r")
-    return RiggedShape(
-        "legs",
-        mesh,
-        area_fractions(mesh),
-        names,
-        np.array([-1, 0, 1, 0, 3]),
-        np.repeat(np.arange(5), len(boxes[0].vertices)),
-    )
 
 
 def test_a_band_leaves_the_foot_behind():

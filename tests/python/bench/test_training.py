@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from made_rig import two_legs
 
 import dfd
-from bench.training import learn_metric, learn_up
+from bench.training import learn_agreement, learn_metric, learn_up
 from bench.training.vertex_features import vertex_features
 from dfd.distillation.metric import Metric
 from dfd.distillation.thickness import BANDS, thickness_bands
+from dfd.editing.agreement import BY_PLACE, BY_SHARE, EQUAL
 from dfd.encoders.encode import load_encoder
 from dfd.encoders.learned_file import encoder_identity
 
@@ -45,3 +47,23 @@ def test_the_command_learns_judges_and_writes(tmp_path, tiny_encoder, monkeypatc
     module.main(["--encoder", str(tiny_encoder), "--output", str(tmp_path / "learned.safetensors")])
     assert (tmp_path / "learned.safetensors").stat().st_size > 0
     assert "all" in (tmp_path / "REPORT").read_text() or "Gain" in (tmp_path / "REPORT").read_text()
+
+
+def test_the_constants_of_agreement_are_those_that_odds_were_drawn_by():
+    generator = np.random.default_rng(0)
+    rows = np.abs(generator.normal(size=(20_000, 2))) * (1.0, 0.2)
+    odds = EQUAL - rows @ (BY_SHARE, BY_PLACE)
+    right = generator.random(len(rows)) < 1 / (1 + np.exp(-odds))
+    found = learn_agreement.fitted(rows, right, np.ones(len(rows)))
+    np.testing.assert_allclose(found, (EQUAL, BY_SHARE, BY_PLACE), rtol=0.1)
+
+
+def test_an_edit_that_is_carried_to_a_twin_is_right():
+    shape = two_legs()
+    field = dfd.VertexField(shape.mesh, np.eye(3, dtype=np.float32)[np.array([0, 1, 2, 1, 2])[shape.of_vertex]])
+    shapes = [(shape, dfd.Deformer(shape.mesh, field)), (two_legs(), dfd.Deformer(two_legs().mesh, field))]
+    found = list(learn_agreement.carried(shapes))
+    assert len(found) == 8  # four joints, each to the other shape
+    for _, difference, right in found:
+        np.testing.assert_allclose(difference, 0, atol=1e-6)
+        assert right

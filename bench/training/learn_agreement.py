@@ -1,0 +1,91 @@
+"""How likely a carried edit moves the same part, learned from edits that are carried between rigs of one family.
+
+A handle is right if what follows it on the other rig overlaps by an IoU of 0.6 with what hangs on the joints that it
+moves on the first one. `python -m bench.training.learn_agreement FOLDER…` prints the constants of
+`dfd.editing.agreement`, and how often handles are right by their confidence on families that were left out.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import minimize
+
+import dfd
+from bench.quality.anatomy import RiggedShape, rigged_shapes
+from bench.quality.parts import family_of
+from dfd.common.linear_algebra import Bool, Float64
+from dfd.editing.agreement import HELD, differences
+from dfd.editing.edit import Edit
+from dfd.editing.transfer import transfer
+
+RIGHT = 0.6  # IoU: from here on a handle moves the same part
+SHARED = 0.6  # of the names of joints: rigs that share fewer are not compared
+TARGETS = 3  # rigs to which each handle is carried
+FAMILY_POWER = 0.5  # a family counts as the square root of its handles
+
+
+def carried(shapes: list[tuple[RiggedShape, dfd.Deformer]]) -> Iterator[tuple[str, Float64, bool]]:
+    """Carry a handle of every joint; yield the family, the differences (2,) and whether the handle is right."""
+    generator = np.random.default_rng(0)
+    for shape, session in shapes:
+        family, names = family_of(shape.name), set(shape.joints)
+        kin = [each for each in shapes if family_of(each[0].name) == family and each[0] is not shape]
+        others = [each for each in kin if len(names & set(each[0].joints)) > SHARED * len(names)]
+        for handles in shape.handles() if others else ():
+            session.apply(Edit())
+            session.add(int(handles[0]))
+            moved = session.following[:, 0] >= HELD
+            meant = [(_iou(shape, moved, inside), joints) for joints, inside in shape.meant(int(handles[0]))]
+            overlap, joints = max(meant, default=(0.0, []))
+            for number in generator.permutation(len(others))[:TARGETS] if overlap >= RIGHT else ():
+                other, target = others[number]
+                if set(joints) <= set(other.joints):
+                    target.apply(transfer(session.edit, session.mesh, session.field, target.mesh, target.field).edit)
+                    wanted = np.any([other.subtree(other.joints.index(joint)) for joint in joints], axis=0)
+                    found = _iou(other, target.following[:, 0] >= HELD, wanted)
+                    yield family, differences(session, target)[0], found >= RIGHT
+
+
+def fitted(rows: Float64, right: Bool, weight: Float64) -> Float64:
+    """Return (3,) EQUAL, BY_SHARE and BY_PLACE that make `right` (N,) likeliest by `rows` (N, 2)."""
+    sign = np.where(right, -1.0, 1.0)
+
+    def loss(constants: Float64) -> float:
+        return float(weight @ np.logaddexp(0.0, sign * (constants[0] - rows @ constants[1:])))
+
+    return np.asarray(minimize(loss, np.zeros(3)).x)
+
+
+def main() -> None:
+    """Learn from all folders of rigs that are named."""
+    shapes = [
+        (shape, dfd.Deformer(shape.mesh, dfd.distill(shape.mesh, progress=False)))
+        for folder in sys.argv[1:]
+        for shape in rigged_shapes(Path(folder))
+    ]
+    found = list(carried(shapes))
+    families = np.array([family for family, *_ in found])
+    rows, right = np.array([row for _, row, _ in found]), np.array([each for *_, each in found])
+    weight = np.array([(families == family).sum() ** (FAMILY_POWER - 1.0) for family in families])
+    odds = np.zeros(len(found))
+    for family in set(families):
+        kept = families != family
+        constants = fitted(rows[kept], right[kept], weight[kept])
+        odds[~kept] = constants[0] - rows[~kept] @ constants[1:]
+    confidence = 1.0 / (1.0 + np.exp(-odds))
+    print(f"{len(found)} handles, {right.mean():.3f} right; constants {fitted(rows, right, weight).round(2)}")
+    for least in (0.5, 0.7, 0.8, 0.9):
+        some = confidence >= least
+        print(f"confidence of at least {least}: {some.sum()} handles, {right[some].mean():.3f} right")
+
+
+def _iou(shape: RiggedShape, one: Bool, other: Bool) -> float:
+    return float(shape.areas @ (one & other) / max(shape.areas @ (one | other), 1e-12))
+
+
+if __name__ == "__main__":
+    main()
