@@ -7,7 +7,7 @@ moves on the first one. `python -m bench.training.learn_agreement FOLDER…` pri
 
 from __future__ import annotations
 
-import sys
+import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -62,10 +62,12 @@ def fitted(rows: Float64, right: Bool, weight: Float64) -> Float64:
 
 def main() -> None:
     """Learn from all folders of rigs that are named."""
+    parser = argparse.ArgumentParser("python -m bench.training.learn_agreement", description=__doc__)
+    parser.add_argument("folders", type=Path, nargs="+", help="folders with skinned GLB files")
     shapes = [
         (shape, dfd.Deformer(shape.mesh, dfd.distill(shape.mesh, progress=False)))
-        for folder in sys.argv[1:]
-        for shape in rigged_shapes(Path(folder))
+        for folder in parser.parse_args().folders
+        for shape in rigged_shapes(folder)
     ]
     found = list(carried(shapes))
     families = np.array([family for family, *_ in found])
