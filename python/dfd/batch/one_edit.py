@@ -22,12 +22,11 @@ from dfd.field.field import Field, FieldSource
 from dfd.mesh.mesh import Mesh, load
 
 LEAST = 0.5  # confidence: below it, another part is likelier
-# Below this similarity a handle has no similar region on the other shape: cosines of 0.45 and 0.25 by
-# `dfd.editing.transfer.RIGHT`. Without a learned metric, of a chair's leg the legs of other chairs, of a bench, a couch
-# and a nightstand have cosines of 0.40 to 0.71, the foot of a pedestal table 0.42, and what comes nearest on a bird
-# 0.29 to 0.34. A learned metric sets shapes farther apart: the legs of a chair and a bench have 0.26 to 0.65, what
-# comes nearest on a bird 0.16 to 0.28, on a whale and a snake 0.06 to 0.12.
-SURE_ENOUGH, SURE_ENOUGH_LEARNED = 0.45, 0.39
+# Below this cosine of features a handle has no similar region on the other shape. Without a learned metric, of a
+# chair's leg the legs of other chairs, of a bench, a couch and a nightstand have 0.40 to 0.71, the foot of a pedestal
+# table 0.42, and what comes nearest on a bird 0.29 to 0.34. A learned metric sets shapes farther apart: the legs of a
+# chair and a bench have 0.26 to 0.65, what comes nearest on a bird 0.16 to 0.28, on a whale and a snake 0.06 to 0.12.
+SIMILAR, SIMILAR_LEARNED = 0.45, 0.25
 
 
 @dataclass(frozen=True)
@@ -97,7 +96,7 @@ def carry(
     `transfer` and `Deformer`.
     """
     lowest = check.number("carry", "threshold", LEAST if threshold is None else threshold, minimum=0.0, maximum=1.0)
-    similar = SURE_ENOUGH if field.settings.get("metric", "none") == "none" else SURE_ENOUGH_LEARNED
+    similar = SIMILAR if field.settings.get("metric", "none") == "none" else SIMILAR_LEARNED
     edit = original.edit
     names = [handle.name or f"handle {handle.id}" for handle in edit.handles]
     names += [f"fixed {number}" for number in range(1, 1 + len(edit.fixed))]
@@ -108,7 +107,7 @@ def carry(
     else:
         found = transfer(edit, original.mesh, original.field, mesh, field)
         deformer.apply(found.edit)
-        looks = [*(found.confidence[handle.id] for handle in edit.handles), *found.fixed_confidence]
+        looks = [*(found.similarity[handle.id] for handle in edit.handles), *found.fixed_similarity]
         sure = [min(LEAST * each / similar, 1.0) for each in looks]
         for number, likely in enumerate(agreements(original.session, deformer)):
             sure[number] = likely if sure[number] >= LEAST else min(sure[number], likely)

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dfd.common.described import about
 from dfd.common.errors import ArgumentError, public
@@ -34,11 +33,6 @@ MOST_POSITIONS = 2048  # of a set of vertices: more of them lie between these
 SAMPLE = 4096  # points of a surface, whose features have the mean of all of them to a percent
 # Of a field's settings: what its features come from.
 OF_FEATURES = ("encoder_family", "encoder_weights", "encoder_block", "metric_hash")
-# How often a handle lands on the part that it held, by the cosine between two features of the learned metric: of 923
-# handles carried between skinned models of 7 families 0.37 are right where the cosine is 0.1 to 0.2, 0.35 to 0.42 up
-# to 0.5, 0.67 at 0.6, 0.83 at 0.75, and 0.90 from 0.85. The metric was learned from such models; shapes of other kinds
-# may do worse. Without it no curve would help: 0.56 to 0.70 are right wherever the cosine lies between 0.2 and 0.9.
-COSINES, RIGHT = (0.0, 0.2, 0.45, 0.75, 1.0), (0.0, 0.38, 0.45, 0.8, 1.0)
 TOO_SHORT = 1e-4  # a feature nearer to the mean of its shape differs from it in no way that could be told
 
 Points = Float64
@@ -46,14 +40,15 @@ Points = Float64
 
 @dataclass(frozen=True)
 class Transferred:
-    """An edit on another shape, with its confidence."""
+    """An edit on another shape, and how similar its places look.
+
+    Similarities, in [0, 1], are cosines between features less the mean of their shape: 1 is the same, 0 has nothing in
+    common.
+    """
 
     edit: Edit  # on the other mesh
-    # confidence: by handle id, in [0, 1]; with the learned metric how often a handle whose old and new place look as
-    # much alike is on the right part, see `RIGHT`, else the cosine between what sets both apart from the rest of their
-    # shapes. 1 is the same, 0 has nothing in common.
-    confidence: dict[int, float]
-    fixed_confidence: tuple[float, ...]  # the same for the fixed points, in their order
+    similarity: dict[int, float]  # by handle id
+    fixed_similarity: tuple[float, ...]  # of the fixed points, in their order
 
 
 @public
@@ -79,7 +74,7 @@ def transfer(edit: Edit, mesh_from: Mesh, field_from: Field, mesh_to: Mesh, fiel
     Raises ValueError if the fields are of two encoders, two handles go to one vertex, or a region is empty there.
     """
     _check_encoders(field_from, field_to)
-    return Carrier(mesh_from, field_from, mesh_to, field_to).carried(edit)
+    return EditTransfer(mesh_from, field_from, mesh_to, field_to).of(edit)
 
 
 def _check_encoders(field_from: Field, field_to: Field) -> None:
@@ -97,52 +92,50 @@ def _check_encoders(field_from: Field, field_to: Field) -> None:
             raise ArgumentError("field_to", f"must be of the {key} {was} as `field_from` is, got {found}", "transfer")
 
 
-class Carrier:
+class EditTransfer:
+    """Transfer edits from one shape to another."""
+
     def __init__(self, mesh_from: Mesh, field_from: Field, mesh: Mesh, field_to: Field) -> None:
         self.field_from, self.mesh, self.field_to = field_from, mesh, field_to
         self.mean_from, self.mean_to = _mean(mesh_from, field_from), _mean(mesh, field_to)
         self.center_from, self.center_to = (field.center for field in (field_from, field_to))
         self.rows = HandleFeatures(mesh, field_to)
-        self.learned = field_to.settings.get("metric", "none") != "none"
         self.ratio = float(field_from.scale) / float(field_to.scale)
 
-    def carried(self, edit: Edit) -> Transferred:
-        handles, confidence = [], {}
+    def of(self, edit: Edit) -> Transferred:
+        """Return `edit` on the other shape."""
+        handles, similarity = [], {}
         for handle in edit.handles:
-            place, confidence[handle.id] = self.place(handle.place)
+            place, similarity[handle.id] = self.place(handle.place)
             handles.append(self.handle(handle, place))
-        fixed = [(replace(one, place=place), sure) for one in edit.fixed for place, sure in [self.place(one.place)]]
-        carried = replace(
+        fixed = [
+            (replace(one, place=place), similar) for one in edit.fixed for place, similar in [self.place(one.place)]
+        ]
+        transferred = replace(
             edit,
             handles=tuple(handles),
             fixed=tuple(one for one, _ in fixed),
             symmetry=None if edit.symmetry is None else self.plane(edit.symmetry),
             default=None if edit.default is None else self.transform(edit.default, self.point),
         )
-        return Transferred(carried, confidence, tuple(sure for _, sure in fixed))
+        return Transferred(transferred, similarity, tuple(similar for _, similar in fixed))
 
     def point(self, position: Vector) -> Vector:
         """Return the position of a point in the box around the other shape."""
         return vector("position", self.center_to + self.ratio * (np.asarray(position) - self.center_from))
 
     def place(self, place: Place) -> tuple[Place, float]:
-        """Return a place on the other shape, and the confidence."""
-        if place.region is None:
-            vertices, cosines = self.nearest(np.array([place.position]))
-            return place_on(self.mesh, int(vertices[0])), self.sure(cosines)
-        if isinstance(place.region, VertexSet):
-            vertices, cosines = self.nearest(place.region.positions)
-            return place_on(self.mesh, VertexSet.of(self.mesh, np.unique(vertices))), self.sure(cosines)
-        carried = self.region(place.region)
-        held = self.mesh.vertices[members(self.mesh, carried)].mean(axis=0, keepdims=True)
-        before = unit(self.field_from(np.array([place.position])) - self.mean_from, least=TOO_SHORT)
-        return place_on(self.mesh, carried), self.sure(
-            (before * unit(self.field_to(held) - self.mean_to, least=TOO_SHORT)).sum(axis=1)
-        )
-
-    def sure(self, cosines: NDArray[np.floating]) -> float:
-        """Return the confidence for cosines between the deviations of old and new places from their shapes."""
-        return float((np.interp(cosines, COSINES, RIGHT) if self.learned else np.clip(cosines, 0.0, 1.0)).mean())
+        """Return a place on the other shape, and how similar it looks."""
+        if place.region is None or isinstance(place.region, VertexSet):
+            positions = np.array([place.position]) if place.region is None else place.region.positions
+            vertices, cosines = self.nearest(positions)
+            found: Any = int(vertices[0]) if place.region is None else VertexSet.of(self.mesh, np.unique(vertices))
+        else:
+            found = self.region(place.region)
+            held = self.mesh.vertices[members(self.mesh, found)].mean(axis=0, keepdims=True)
+            before = unit(self.field_from(np.array([place.position])) - self.mean_from, least=TOO_SHORT)
+            cosines = (before * unit(self.field_to(held) - self.mean_to, least=TOO_SHORT)).sum(axis=1)
+        return place_on(self.mesh, found), float(np.clip(cosines, 0.0, 1.0).mean())
 
     def region(self, region: Region) -> Region:
         """Return a region of the other shape."""
@@ -167,13 +160,13 @@ class Carrier:
             return vector("pivot", np.asarray(place.position) + self.ratio * offset)
 
         controls = handle.controls
-        carried: Controls = replace(
+        scaled: Controls = replace(
             controls,
             excluded_counterparts=(),  # the other shape has other ones
             mask=None if controls.mask is None else self.region(controls.mask),
             **self.scaled(controls, beside),
         )
-        return replace(handle, place=place, transform=self.transform(handle.transform, beside), controls=carried)
+        return replace(handle, place=place, transform=self.transform(handle.transform, beside), controls=scaled)
 
     def transform(self, transform: Transform, move: Callable[[Vector], Vector]) -> Transform:
         """Return the transform in units of the other shape."""
