@@ -46,7 +46,8 @@ def mirrored(session):
 
 def several(session):
     for place in ("bottom", "top", "left", "front", 900, 40):
-        session.add(place, reach=0.7, strength=0.15, translation=(0.1, 0.1, 0), rotation=(20, 0, 0))
+        given = {"translation": (0.1, 0.1, 0), "rotation": (20, 0, 0), "counterparts": "shared_pivot"}
+        session.add(place, reach=2.0, strength=0.15, **given)
 
 
 @pytest.mark.parametrize("edit", [turned, scaled_along_a_normal, mirrored, several])
