@@ -133,6 +133,18 @@ def test_shares_add_up_to_one_and_each_has_its_counterpart_to_itself():
         assert shares[number, each.vertex] == 1
 
 
+def test_weights_that_do_not_end_with_the_part_are_shared_beyond_it():
+    mesh = sheet()
+    weights, vertex = hill(mesh, -0.5, 0, 1), vertex_at(mesh, -0.5, 0)
+    grip = part(around(mesh, (-0.5, 0), (0.5, 0)))
+    beyond = grip.component < 0
+    for everywhere in (False, True):
+        found, _ = CounterpartFinder(mesh).find(weights, vertex, mesh.vertices[vertex], grip, everywhere=everywhere)
+        total = sum(share(mesh, each) for each in found)
+        np.testing.assert_allclose(total[~beyond], 1, atol=1e-6)
+        np.testing.assert_allclose(total[beyond], float(everywhere), atol=1e-6)
+
+
 def test_shares_pass_smoothly_from_one_counterpart_to_the_next():
     mesh = sheet()
     component = around(mesh, (-0.5, 0), (0.5, 0))

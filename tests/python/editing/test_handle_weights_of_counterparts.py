@@ -22,7 +22,7 @@ def asked(sample, mesh, monkeypatch):
     calls = []
 
     class Labels(CounterpartFinder):
-        def find(self, weights, vertex, position, grip, planes=()):
+        def find(self, weights, vertex, position, grip, planes=(), *, everywhere=False):
             calls.append((vertex, planes))
             found = []
             for leg in sorted(range(4), key=lambda leg: leg != sample.instances[vertex]):
@@ -139,7 +139,7 @@ def test_level_lets_no_vertex_follow_more_than_the_handle(mesh, field, asked, fo
     """Between two counterparts both have a share, and both are brought to full weight."""
 
     class Halves(CounterpartFinder):
-        def find(self, weights, vertex, position, grip, planes=()):
+        def find(self, weights, vertex, position, grip, planes=(), *, everywhere=False):
             half = Share(np.arange(len(mesh.vertices)), np.full(len(mesh.vertices), 0.5, np.float32))
             low = int(weights.argmin())
             places = [tuple(mesh.vertices[one]) for one in (vertex, low)]

@@ -110,6 +110,8 @@ class CounterpartFinder:
         position: Sequence[float],
         grip: Grip | None,
         planes: Sequence[SymmetryPlane] = (),
+        *,
+        everywhere: bool = False,
     ) -> tuple[tuple[Counterpart, ...], Float32 | None]:
         """Find the counterparts of a handle.
 
@@ -123,6 +125,8 @@ class CounterpartFinder:
             The part that the handle holds, each of whose components is one counterpart; None where there is no part.
         planes
             Planes of symmetry of the shape. They make frames.
+        everywhere
+            Whether the counterparts share the whole surface, for weights that do not end with the part.
 
         Returns
         -------
@@ -157,9 +161,11 @@ class CounterpartFinder:
             peak, frame = self._counterpart(component == number, weights, on_nodes, found, planes)
             x, y, z = self._mesh.vertices[peak].tolist()
             found.append(Counterpart(peak, (x, y, z), frame, float(weights[peak]), None))
-        rows = self._closeness([np.flatnonzero(component == number) for number in chosen]) * grip.of_node
-        part = grip.weights
-        images = [(row, one.image) for row, one in zip(rows, found, strict=True) if one.image is not None]
+        rows = self._closeness([np.flatnonzero(component == number) for number in chosen])
+        part, images = grip.weights, []
+        if not everywhere:
+            rows *= grip.of_node
+            images = [(row, one.image) for row, one in zip(rows, found, strict=True) if one.image is not None]
         for row, isometry in images:
             row[:] = 0.0
             some, values = carried(nodes.center, nodes.tree, rows[0], isometry)

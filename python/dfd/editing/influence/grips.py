@@ -67,16 +67,20 @@ class Grips:
         """Return the part at a place with its counterparts; None if there is none, as on a ball."""
         return self._parts.get(place, lambda: self.parts.grip(self._rows.anchor(place)))
 
-    def held(self, place: Place, *, plane: SymmetryPlane | None = None) -> Held:
-        """Return the part at a place and its counterparts, mirrored across `plane`, or else across planes found."""
+    def held(self, place: Place, *, everywhere: bool = False, plane: SymmetryPlane | None = None) -> Held:
+        """Return the part at a place and its counterparts, mirrored across `plane`, or else across planes found.
+
+        With `everywhere` they share the whole surface, else the part.
+        """
 
         def find() -> Held:
             rows, grip = self._rows, self.grip(place)
             looks: Float32 = bind(rows.features, rows.points([place]))[:, 0]
             planes = [] if grip is None else self._planes if plane is None else [plane]
-            return Held(*self.finder.find(looks, rows.anchor(place), place.position, grip, planes))
+            where = rows.anchor(place), place.position
+            return Held(*self.finder.find(looks, *where, grip, planes, everywhere=everywhere))
 
-        return self._held.get((place, plane), find)
+        return self._held.get((place, everywhere, plane), find)
 
     def part(self, place: Place) -> Float32 | None:
         """Return (V,) the weights of the part at a place; None if there is none."""

@@ -177,7 +177,8 @@ class HandleWeights:
         return [portions[i] for i in order], [columns[i] for i in order]
 
     def _counterparts(self, edit: Edit, handle: Handle) -> tuple[Counterpart, ...]:
-        return self.grips.held(handle.place, plane=edit.symmetry).counterparts
+        everywhere = handle.controls.reach != "part"
+        return self.grips.held(handle.place, everywhere=everywhere, plane=edit.symmetry).counterparts
 
     def _switches(self, handle: Handle, counterparts: Sequence[Counterpart]) -> list[bool]:
         """Return which of a handle's counterparts are on: off are those at the places of `excluded_counterparts`.
