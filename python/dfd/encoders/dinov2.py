@@ -93,7 +93,7 @@ class _Embeddings(nn.Module):
 
 
 class Dinov2(nn.Module):
-    """Runs the first `blocks` blocks of a DINOv2 and the LayerNorm after them, with the parameter names of transformers.
+    """Runs the first `blocks` blocks of a DINOv2 and the LayerNorm after them, with transformers' parameter names.
 
     Images are batched without padding: one matrix (T, D) holds the tokens of all images. Only attention is computed for
     each image separately.
@@ -173,7 +173,7 @@ def build_dinov2(weights: EncoderWeights, block: int | None) -> VisionModel:
 
 
 def takes(config: Mapping[str, Any]) -> bool:
-    """Return whether this module has the network: a DINOv2 without registers or gated perceptrons (of the giant one)."""
+    """Return whether this module has the network: a DINOv2 without registers or the giant's gated perceptrons."""
     return config["model_type"] == "dinov2" and not config.get("use_swiglu_ffn")
 
 
