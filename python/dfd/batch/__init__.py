@@ -1,1 +1,1 @@
-"""Batch processing of many shapes: transferring one edit to all of them, and every step from file to table."""
+"""Processes many shapes in a batch: transfers one edit to all of them, and runs every step from file to table."""

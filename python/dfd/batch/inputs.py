@@ -1,4 +1,4 @@
-"""Which shapes a batch is of: files, globs or a CSV manifest."""
+"""The shapes of a batch: from files, globs or a CSV manifest."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from dataclasses import dataclass
 from pathlib import Path
 
 MESH_ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
-LONGEST_NAME = 100  # characters; the names of the files in a shape's folder are longer by their endings
+LONGEST_NAME = 100  # characters; files in a shape's folder add an ending to the name
 
 
 @dataclass(frozen=True)
 class Shape:
-    """One shape of a batch."""
+    """Names one shape of a batch."""
 
-    name: str  # of its folder; no other shape has it, also where case does not count
-    path: str  # of its file, absolute
-    field: str | None = None  # the path of its field, where one is given
+    name: str  # name of its folder, unique in the batch even if case is ignored
+    path: str  # absolute path of its file
+    field: str | None = None  # path of its field, if one is given
 
 
 def find_shapes(inputs: Sequence[str]) -> list[Shape]:
     """Return the shapes that `inputs` name, ordered by name.
 
     `inputs` are mesh files and globs, or one CSV manifest with a column `path`, and optionally `name` and `field`.
-    Paths in a manifest are relative to it. Shapes of globs are named by their paths below the folder that all of them
+    Paths in a manifest are relative to it. Shapes of globs are named by their paths below the folder that all globs
     share. A name that no folder can have, or that another shape has, is changed and ends in a hash of the path.
 
-    Raises ValueError if a manifest lacks the column or a path; OSError if a glob matches nothing, or a manifest cannot
-    be read.
+    Raises ValueError if a manifest lacks the column or a path. Raises OSError if a glob matches nothing, or a manifest
+    cannot be read.
     """
     if not inputs:
         raise ValueError("`MESH` must name a mesh, a glob or a manifest, got none")
@@ -58,7 +58,7 @@ def matches(pattern: str) -> list[Path]:
         if not Path(pattern).is_file():
             raise FileNotFoundError(f"`MESH`: {pattern} does not exist or is no file")
         return [Path(pattern)]
-    found = [Path(path) for path in sorted(glob.glob(pattern, recursive=True))]  # noqa: PTH207  # also absolute ones
+    found = [Path(path) for path in sorted(glob.glob(pattern, recursive=True))]  # noqa: PTH207  # patterns may be absolute
     meshes = [path for path in found if path.suffix.lower() in MESH_ENDINGS]
     if not meshes:
         raise FileNotFoundError(f"`MESH`: nothing matches {pattern}")
@@ -66,19 +66,19 @@ def matches(pattern: str) -> list[Path]:
 
 
 def has_magic(pattern: str) -> bool:
-    """Return whether a pattern stands for several files: brackets in the name of a file are no wildcards."""
+    """Return whether a pattern has wildcards; brackets in the name of an existing file are none."""
     return glob.has_magic(pattern) and not Path(pattern).exists()
 
 
 def _of_globs(patterns: Sequence[str]) -> Iterator[tuple[str, Path, None]]:
     paths = dict.fromkeys(path.absolute() for pattern in patterns for path in matches(pattern))
-    # Relative to the folder that the patterns share, not the files: an added file then renames no other one.
+    # Names are relative to the folder that the patterns share, so that an added file renames no other shape.
     shared = Path(os.path.commonpath([_fixed(Path(pattern).absolute()) for pattern in patterns]))
     return (("-".join(path.relative_to(shared).parts), path, None) for path in paths)
 
 
 def _fixed(pattern: Path) -> Path:
-    """The folder of a pattern before its first wildcard, or of the file that it names."""
+    """Return the folder of a pattern before its first wildcard, or the folder of the file that it names."""
     folder = pattern.parent
     while has_magic(str(folder)):
         folder = folder.parent

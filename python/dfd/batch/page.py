@@ -1,4 +1,4 @@
-"""The page of a batch: every shape with its pictures, failures first; it opens from the folder, without a server."""
+"""The page of a batch: every shape with its pictures, failures first. It opens from the folder, without a server."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ small {{ color: #64686f; display: block; }}
 
 
 def tally(records: Sequence[Record]) -> str:
-    """Return how many shapes are done, and how many failed of each cause."""
+    """Return the number of finished shapes, and the number of failed shapes for each cause."""
     causes = Counter(record.cause for record in records)
     failed = "".join(f", {count:,} failed: {CAUSES[cause]}" for cause, count in causes.most_common() if cause)
     return f"{causes[None]:,} done{failed}"
 
 
 def write_page(root: Path, steps: Sequence[str], records: Sequence[Record]) -> None:
-    """Write `shapes.jsonl`, a record a line, and `index.html` into the folder of a batch.
+    """Write `shapes.jsonl`, one record per line, and `index.html` into the folder of a batch.
 
     Raises OSError if one cannot be written.
     """

@@ -1,4 +1,4 @@
-"""The result of one shape: a small JSON file, which is written last into its folder and marks it as finished."""
+"""The result of one shape: a small JSON file. It is the last file written into the shape's folder and marks the end."""
 
 from __future__ import annotations
 
@@ -18,31 +18,31 @@ CAUSES: dict[str, str] = {
     "crash": "crash",
     "error": "error of dfd",
 }
-FAILED_EXPORT = "_failed"  # ends the name of the figure that says why an export could not be written
+FAILED_EXPORT = "_failed"  # suffix of the figure that says why an export could not be written
 Figure = bool | int | float | str | None
 
 
 @dataclass(frozen=True)
 class Record:
-    """The result of one shape."""
+    """Holds the result of one shape."""
 
     name: str
     path: str
-    modified: int | None  # when its file was changed, nanoseconds
+    modified: int | None  # time of the last change of its file, nanoseconds
     status: Literal["done", "failed"] = "done"
-    # cause, message: why it failed
+    # cause, message: why the shape failed
     cause: Cause | None = None
     message: str | None = None
-    # seconds, timings: of all steps together and of each
+    # seconds, timings: duration of all steps together, and of each step
     seconds: float = 0.0
     timings: dict[str, float] = field(default_factory=dict)
-    figures: dict[str, Figure] = field(default_factory=dict)  # what the steps found, by name
-    files: list[str] = field(default_factory=list)  # what is in its folder besides this
+    figures: dict[str, Figure] = field(default_factory=dict)  # results of the steps, by name
+    files: list[str] = field(default_factory=list)  # other files in its folder
     warnings: list[str] = field(default_factory=list)
 
     @property
     def line(self) -> str:
-        """One line of JSON; names that are not UTF-8 are escaped."""
+        """Return one line of JSON; names that are not UTF-8 are escaped."""
         return json.dumps(asdict(self))
 
 
@@ -60,7 +60,7 @@ def write_record(root: Path, record: Record) -> None:
 
 
 def read_record(root: Path, shape: Shape) -> Record | None:
-    """Return the record of a shape, or None if it is not finished, or its file has changed since."""
+    """Return the record of a shape; None if the shape is not finished, or its file has changed since."""
     try:
         record = Record(**json.loads((shape_folder(root, shape.name) / "record.json").read_text("utf-8")))
     except (OSError, ValueError, TypeError):
@@ -69,7 +69,7 @@ def read_record(root: Path, shape: Shape) -> Record | None:
 
 
 def modified(path: str) -> int | None:
-    """Return when a file was changed, nanoseconds; None if it cannot be read."""
+    """Return the time of a file's last change, nanoseconds; None if the file cannot be read."""
     try:
         return Path(path).stat().st_mtime_ns
     except OSError:

@@ -1,6 +1,6 @@
-"""The driver of a batch: a Ray task for each shape that is not finished, then the list of records and the page.
+"""Runs a batch: a Ray task for each shape that is not finished, then the list of records and the page.
 
-All its state is in the folder, so it may be interrupted at any moment: the next run resumes.
+The folder holds all state of a batch, so the batch may be interrupted at any moment: the next run resumes.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from dfd.batch.page import write_page
 from dfd.batch.record import Cause, Record, modified, read_record, write_record
 from dfd.batch.settings import BatchSettings
 
-RETRIES = 1  # of a task whose process dies: the system may have ended it for other tasks' memory
-OBJECT_STORE = 128 * 2**20  # bytes; records are small, and memory is for the tasks
-# Bytes of one task: with torch, the encoder and a shape of a million faces, and without an encoder.
+RETRIES = 1  # repeats of a task whose process dies: the system may have ended it because other tasks used the memory
+OBJECT_STORE = 128 * 2**20  # bytes; records are small, so most memory stays free for the tasks
+# Memory of one task, bytes: with torch, the encoder and a shape of a million faces; and without an encoder.
 DISTILLING, LOOKING = int(2.5 * 2**30), int(1.5 * 2**30)
 
 
 @dataclass(frozen=True)
 class Resources:
-    """Where tasks run, and what each may use."""
+    """Describes where tasks run, and what each may use."""
 
-    address: str | None = None  # of a Ray cluster; None starts Ray on this machine
-    workers: int | None = None  # tasks at a time on this machine; None goes by processors and memory
+    address: str | None = None  # address of a Ray cluster; None starts Ray on this machine
+    workers: int | None = None  # number of tasks at a time on this machine; None derives it from processors and memory
     threads: int = 1
     gpus: float = 0.0
-    timeout: float | None = None  # seconds
+    timeout: float | None = None  # bound of one task, seconds
 
 
 def run_batch(
@@ -48,11 +48,11 @@ def run_batch(
 ) -> list[Record]:
     """Process every shape that has no record in the folder `root`, and write `shapes.jsonl` and `index.html`.
 
-    `retry` repeats what failed before; `tell` is called with each record, those of earlier runs first. Returned are the
-    records in the order of `shapes`.
+    `retry` repeats shapes that failed before. `tell` is called with each record, those of earlier runs first. The
+    records are returned in the order of `shapes`.
 
-    Raises ValueError if Ray is not installed, or has not the resources of one task; OSError if the folder cannot be
-    written, or no cluster answers.
+    Raises ValueError if Ray is not installed, or lacks the resources of one task. Raises OSError if the folder cannot
+    be written, or no cluster answers.
     """
     records: dict[str, Record] = {}
     for shape in shapes:
@@ -75,7 +75,7 @@ def run_batch(
 
 
 def import_ray() -> Any:
-    """Return the module; ValueError if it is not installed."""
+    """Return the module Ray; ValueError if it is not installed."""
     try:
         import ray
     except ImportError:
@@ -84,9 +84,9 @@ def import_ray() -> Any:
 
 
 def _connect(resources: Resources) -> Any:
-    """Join the Ray cluster at the address, or start Ray on this machine, and return the module.
+    """Join the Ray cluster at the address, or start Ray on this machine, and return the module Ray.
 
-    Raises ValueError if Ray is not installed; OSError if no cluster answers, or Ray cannot be started.
+    Raises ValueError if Ray is not installed. Raises OSError if no cluster answers, or Ray cannot be started.
     """
     ray = import_ray()
     options: dict[str, Any] = {"log_to_driver": False, "logging_level": "error"}
@@ -95,7 +95,7 @@ def _connect(resources: Resources) -> Any:
         options |= {"num_cpus": cpus, "include_dashboard": False, "object_store_memory": OBJECT_STORE}
     try:
         ray.init(address=resources.address or "local", **options)
-    except Exception as error:  # Ray has no class of its own for a start that fails
+    except Exception as error:  # Ray has no error class for a failed start
         where = "on this machine" if resources.address is None else f"at {resources.address}"
         raise ConnectionError(f"Ray does not answer {where}: {type(error).__name__}: {_first_line(error)}") from None
     return ray
@@ -104,7 +104,7 @@ def _connect(resources: Resources) -> Any:
 def _on_ray(
     ray: Any, shapes: Sequence[Shape], settings: BatchSettings, root: Path, resources: Resources
 ) -> Iterator[Record]:
-    """The records of `shapes`, as they end."""
+    """Yield the records of `shapes` as their tasks end."""
     there = ray.cluster_resources()
     memory = min(DISTILLING if "distill" in settings.steps else LOOKING, there.get("memory", 0.0))
     needs = {"CPU": resources.threads, "GPU": resources.gpus, "memory": memory}
@@ -112,12 +112,12 @@ def _on_ray(
     if room == 0:
         has = ", ".join(f"{there.get(name, 0.0):g} {name}" for name in ("CPU", "GPU"))
         raise ValueError(f"`--threads` and `--gpus` must be at most what Ray has, {has}")
-    # `max_calls`: by default Ray starts a process for each task with a GPU, which would load the encoder anew.
+    # By default Ray starts a new process for each GPU task, which would load the encoder again; `max_calls` avoids it.
     options = {"num_cpus": resources.threads, "num_gpus": resources.gpus, "memory": memory, "max_calls": 0}
     task = ray.remote(max_retries=RETRIES, **options)(_task)
     waiting, running, late = deque(shapes), dict[Any, tuple[Shape, float]](), set[Any]()
     while waiting or running:
-        while waiting and len(running) < room:  # no task waits in Ray, so its time begins when it is handed out
+        while waiting and len(running) < room:  # no task waits in Ray, so its time starts when it is submitted
             shape = waiting.popleft()
             running[task.remote(root, shape, settings, resources.threads)] = shape, time.monotonic()
         ended, _ = ray.wait(list(running), timeout=1.0)
@@ -144,7 +144,7 @@ def _on_ray(
 
 
 def _failed(root: Path, shape: Shape, seconds: float, cause: Cause, message: str) -> Record:
-    """The record of a shape whose process ended, after writing it."""
+    """Write and return the record of a shape whose process ended."""
     record = Record(
         shape.name, shape.path, modified(shape.path), status="failed", cause=cause, message=message, seconds=seconds
     )
@@ -153,7 +153,7 @@ def _failed(root: Path, shape: Shape, seconds: float, cause: Cause, message: str
 
 
 def _task(root: Path, shape: Shape, settings: BatchSettings, threads: int) -> Record:
-    """One task, in a worker of Ray."""
+    """Run one task in a worker of Ray, and return its record."""
     from dfd.batch.steps import process
 
     _use_threads(threads)
@@ -162,13 +162,13 @@ def _task(root: Path, shape: Shape, settings: BatchSettings, threads: int) -> Re
 
 @lru_cache(maxsize=1)
 def _use_threads(count: int) -> None:
-    """Compute on `count` threads from now on, against the environment: Ray sets OMP_NUM_THREADS by itself."""
+    """Compute on `count` threads from now on, overriding OMP_NUM_THREADS, which Ray sets."""
     from threadpoolctl import threadpool_limits
 
     from dfd.common.threads import set_num_threads
 
     set_num_threads(count)
-    os.environ["OMP_NUM_THREADS"] = str(count)  # torch begins with it, where something loads torch later
+    os.environ["OMP_NUM_THREADS"] = str(count)  # torch reads it if a step loads torch later
     if "torch" in sys.modules:
         sys.modules["torch"].set_num_threads(count)
     threadpool_limits(count)  # BLAS

@@ -13,11 +13,11 @@ from dfd.encoders.known import DEFAULT_ENCODER
 
 Step = Literal["inspect", "distill", "features", "symmetry", "parts", "pictures", "edits", "exports"]
 STEPS: tuple[Step, ...] = get_args(Step)
-EXPORTS = ("glb", "obj", "ply", "stl", "off", "rig.glb", "weights.npz", "weights.safetensors")  # endings of files
+EXPORTS = ("glb", "obj", "ply", "stl", "off", "rig.glb", "weights.npz", "weights.safetensors")  # file endings
 
 
 class BatchSettings(BaseModel):
-    """All settings that the results of a shape depend on.
+    """Holds all settings that the results of a shape depend on.
 
     Raises ValueError if a step or format is unknown, or a step lacks its input.
     """
@@ -37,7 +37,7 @@ class BatchSettings(BaseModel):
     @field_validator("steps", mode="before")
     @classmethod
     def _ordered(cls, value: Any) -> Any:
-        """Each once, in the order in which they run."""
+        """Return each value once, in the order in which steps run."""
         unknown = [step for step in value if step not in STEPS]
         if unknown or not value:
             raise ValueError(f"`--step` must be of {', '.join(STEPS)}, got {unknown[0] if unknown else 'none'}")
@@ -52,7 +52,7 @@ class BatchSettings(BaseModel):
         return value
 
     def model_post_init(self, context: Any, /) -> None:
-        """Refuse steps without their input."""
+        """Raise ValueError if a step lacks its input."""
         for step, given in (("edits", self.edits), ("exports", self.exports)):
             if (step in self.steps) != bool(given):
                 raise ValueError(f"`--{step.removesuffix('s')}` and the step {step} must be given together")
@@ -61,9 +61,10 @@ class BatchSettings(BaseModel):
 
 
 def begin_folder(root: Path, settings: BatchSettings) -> None:
-    """Make the folder of a batch, or check that the batch in it has the same settings.
+    """Create the folder of a batch, or check that the batch in it has the same settings.
 
-    Raises ValueError if it holds something else, or a batch with other settings; OSError if it cannot be written.
+    Raises ValueError if the folder holds something else, or a batch with other settings. Raises OSError if it cannot be
+    written.
     """
     file = root / "batch.json"
     if file.is_file():

@@ -1,4 +1,4 @@
-"""The steps of a batch on one shape: from its file to a folder of results and a record."""
+"""The steps of a batch for one shape: from its file to a folder of results and a record."""
 
 from __future__ import annotations
 
@@ -39,17 +39,17 @@ from dfd.symmetry.search import symmetry_planes
 from dfd.weights.compact import compact
 
 FIELD = "field.safetensors"
-PIXELS = 256  # along the side of a picture
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)  # errors of the folder, by which every other shape would fail too
+PIXELS = 256  # side of a picture, pixels
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)  # errors of the folder: every other shape would fail too
 
 
 def process(root: Path, shape: Shape, settings: BatchSettings) -> Record:
-    """Do all steps for one shape, and return its record, which is also in its folder; an error becomes a failed record.
+    """Do all steps for one shape, and return its record, which is also in its folder. An error gives a failed record.
 
     Raises OSError if the batch's folder `root` cannot be written.
     """
     folder = shape_folder(root, shape.name)
-    shutil.rmtree(folder, ignore_errors=True)  # what an attempt left that was ended
+    shutil.rmtree(folder, ignore_errors=True)  # remove the files of an interrupted attempt
     folder.mkdir(parents=True)
     start, clock, when = time.perf_counter(), Stages(show=False), modified(shape.path)
     work = _Work(shape, settings, folder)
@@ -60,7 +60,7 @@ def process(root: Path, shape: Shape, settings: BatchSettings) -> Record:
         try:
             for step in ("read", *settings.steps):
                 with clock.stage(step):
-                    getattr(work, step)()  # the method of its name
+                    getattr(work, step)()  # the method with the step's name
         except MemoryError as error:
             cause, message = "memory", one_line(error) or "memory ran out"
         except (OSError, ValueError) as error:
@@ -92,7 +92,7 @@ def process(root: Path, shape: Shape, settings: BatchSettings) -> Record:
 
 
 class _Work:
-    """The steps, a method each, and what they share."""
+    """Runs the steps, a method for each, and holds the data that they share."""
 
     def __init__(self, shape: Shape, settings: BatchSettings, folder: Path) -> None:
         self.shape, self.settings, self.folder = shape, settings, folder
@@ -105,7 +105,7 @@ class _Work:
 
     @cached_property
     def field(self) -> Field:
-        """The field that the step distill made, or the one given with the shape; ValueError if there is none."""
+        """Return the field of the step distill, or the one given with the shape; ValueError if there is none."""
         if (self.folder / FIELD).exists():
             return Field.load(self.folder / FIELD)
         if self.shape.field is None:
@@ -114,13 +114,13 @@ class _Work:
 
     @cached_property
     def session(self) -> Deformer:
-        """A session of the shape, whose features are computed once."""
+        """Return a session of the shape; its features are computed once."""
         session = Deformer(self.mesh, self.field)
         session.prepare()
         return session
 
     def inspect(self) -> None:
-        """Counts and findings, as `dfd inspect` tells them."""
+        """Record counts and findings, as `dfd inspect` prints them."""
         counts = topology.inspect(self.mesh)
         found = findings(self.mesh, counts)
         self.write_json("inspect.json", {**asdict(counts), "findings": [asdict(each) for each in found]})
@@ -131,7 +131,7 @@ class _Work:
         }
 
     def distill(self) -> None:
-        """Make the field, unless one is given."""
+        """Distill the field, unless one is given."""
         if self.shape.field is not None:
             return
         of_encoder = DistillSettings(**self.settings.distill).of_encoder()
@@ -141,7 +141,7 @@ class _Work:
         self.figures["loss"] = float(made.settings["losses"][-1])
 
     def features(self) -> None:
-        """Features of the vertices, projected so that weights keep to 0.01: `rows` @ `basis`.T + `mean` are they."""
+        """Write features of the vertices, `rows` @ `basis`.T + `mean`; the projection moves weights by at most 0.01."""
         small = compact(self.field.on(self.mesh))
         stored = small.stored(np.arange(len(small))) * np.float32(small.step)
         with atomic_write(self.folder / "features.npz") as temporary, temporary.open("wb") as stream:
@@ -149,20 +149,20 @@ class _Work:
         self.figures |= {"feature_dimensions": small.dimensions, "feature_error": float(small.error)}
 
     def symmetry(self) -> None:
-        """Mirror planes, the best first."""
+        """Write mirror planes, the best first."""
         planes = symmetry_planes(self.field, self.mesh)
         self.write_json("symmetry.json", [asdict(plane) for plane in planes])
         self.figures["symmetry_planes"] = len(planes)
 
     def pictures(self) -> None:
-        """A thumbnail, and one in the colors of the features where there is a field."""
+        """Write a thumbnail, and one in the colors of the features if there is a field."""
         save_png(self.folder / "thumbnail.png", picture(self.mesh, resolution=PIXELS))
         if self.shape.field is not None or (self.folder / FIELD).exists():
             colors = feature_colors(self.session.features)
             save_png(self.folder / "features.png", picture(self.mesh, colors=colors, resolution=PIXELS))
 
     def edits(self) -> None:
-        """Every edit that fits, with a picture of what it did; where one does not fit, the figures say so."""
+        """Apply every edit that fits and write a picture of its result; the figures name the edits that do not fit."""
         self.carried: dict[str, Deformer] = {}
         for source in self.settings.edits:
             original, name = loaded_original(source), source.name
@@ -170,7 +170,7 @@ class _Work:
                 found = carry(
                     original, self.mesh, self.field, threshold=self.settings.threshold, features=self.session.features
                 )
-            except ValueError as error:  # unlike, or without a part or region of the edit
+            except ValueError as error:  # the shape is too different, or lacks a part or region of the edit
                 sure = min(error.confidence.values()) if isinstance(error, UnlikeError) else 0.0
                 self.figures |= {f"{name}_confidence": sure, f"{name}_refused": str(error)}
                 continue
@@ -182,9 +182,9 @@ class _Work:
                 save_png(self.folder / f"{name}.png", drawn)
 
     def exports(self) -> None:
-        """The shape under every edit that fits, in every format that is asked for.
+        """Write the shape under every edit that fits, in every format of the settings.
 
-        Where one cannot be written, the figures say why, and all else that was made of the shape stays.
+        If a file cannot be written, the figures say why, and all other results of the shape stay.
         """
         for name, deformer in self.carried.items():
             for ending in self.settings.exports:
@@ -196,7 +196,7 @@ class _Work:
                     self.figures[failed] = f"{name}.{ending}: {one_line(error)}"
 
     def parts(self) -> None:
-        """The parts of the shape, the part of every vertex, and with the step pictures a drawing of them, numbered."""
+        """Write the parts and the part of every vertex; with the step pictures also a drawing of the numbered parts."""
         found = parts_of(self.field, self.mesh).cut()
         self.write_json("parts.json", cut_document(found))
         self.figures["parts"] = len(found)
@@ -204,14 +204,14 @@ class _Work:
             save_png(self.folder / "parts.png", picture(self.mesh, **parts_view(self.mesh, found), resolution=PIXELS))
 
     def write_json(self, name: str, value: Any) -> None:
-        """Write a file of the shape's folder."""
+        """Write `value` as a JSON file into the shape's folder."""
         with atomic_write(self.folder / name) as temporary:
             temporary.write_text(json.dumps(value, indent=2, default=plain) + "\n", "utf-8")
 
 
 @lru_cache(maxsize=1)
 def loaded_encoder(name: str, device: str, **options: Any) -> Any:
-    """Return the encoder, loaded once in a worker's life."""
+    """Return the encoder, which a worker loads once."""
     from dfd.encoders.encode import load_encoder
 
     return load_encoder(name, device=device, **options)
@@ -219,7 +219,7 @@ def loaded_encoder(name: str, device: str, **options: Any) -> Any:
 
 @lru_cache(maxsize=16)
 def loaded_original(source: EditSource) -> Original:
-    """Return an edit of the batch with its mesh and field, loaded once in a worker's life."""
+    """Return an edit of the batch with its mesh and field, which a worker loads once."""
     return source.original()
 
 

@@ -1,1 +1,1 @@
-"""From pictures to a field: targets, smoothing, thickness, the learned metric, the fit, and what keeps them."""
+"""Fits a field to pictures: targets, smoothing, thickness, the learned metric, and the fit."""

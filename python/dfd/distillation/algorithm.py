@@ -39,20 +39,20 @@ def distill_pictures(mesh: Mesh, encoder: Encoder, settings: DistillSettings, *,
     made |= {"metric": "learned", "metric_hash": metric.content_hash} if metric else {"metric": "none"}
 
     up = resolve_up(mesh, encoder, settings.up, stages=stages)
-    if smoothing == 0 and up.shared is not None:  # pixels have no common points to stand side by side at
+    if smoothing == 0 and up.shared is not None:  # pixels of two up directions are not at common points
         up = replace(up, shared=None, shares=None, source="found")
     pictures = settings.of_pictures()
-    pictures["views"] = max(settings.views // len(up.frames), 1)  # two ups take no longer than one
+    pictures["views"] = max(settings.views // len(up.frames), 1)  # up directions share the views
     views = [render(mesh, **pictures, frame=frame, stages=stages) for frame in up.frames]  # P = B·T, Eq. 2
     images, covered = (np.concatenate([getattr(each, name) for each in views]) for name in ("images", "covered"))
     encode = partial(encoder.encode, images, covered=covered, stages=stages)
     targets: PixelTargets | PointTargets
     if smoothing == 0:
-        targets = PixelTargets(views[0], encode())  # Z of every covered pixel
+        targets = PixelTargets(views[0], encode())  # target Z of every covered pixel
     else:
         side = encoder.nearest_resolution(settings.resolution) // encoder.patch
         spread = partial(build_diffusion, smoothing=smoothing, seed=seed)
-        # Mostly serial, so it runs while the encoder uses the other cores.
+        # This step mostly uses one core, so it runs while the encoder uses the others.
         with beside(lambda: [spread(each, TokenGrid(each, side, side)) for each in views]) as problems:
             tokens = np.split(encode(), len(views))
         seen = []
@@ -71,7 +71,7 @@ def distill_pictures(mesh: Mesh, encoder: Encoder, settings: DistillSettings, *,
 
 
 def _lacking(encoder: Encoder, settings: DistillSettings, metric: Metric | None) -> dict[str, Any]:
-    """Log what was not learned for `encoder`, and return it for the field's settings."""
+    """Log which learned data `encoder` lacks, and return the list for the field's settings."""
     lacking = []
     if settings.metric == "learned" and metric is None:
         lacking.append("no metric was learned for it: distances are those of its features")

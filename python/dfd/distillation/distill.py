@@ -13,13 +13,13 @@ from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.field import cache as field_cache
 from dfd.field.cache_key import cache_key
 
-# torch and transformers take seconds to import: imported only when something is distilled.
+# torch and transformers take seconds to import, so only a distillation imports them.
 if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh, MeshLike
 
-# By stage: what needs the memory, and which settings reduce it.
+# For each stage: what takes the memory, and which settings reduce it.
 _PICTURES = "the pictures: lower `resolution` or `views`"
 _FIT = "the fit: lower `batch`, `resolution` or `views`, or give features with fewer columns"
 _ADVICE = dict.fromkeys(("load", "up", "simplify", "render"), _PICTURES)
@@ -52,38 +52,39 @@ def distill(
     encoder
         A known encoder's name, a folder with weights, a hub name, or a loaded encoder.
     preset
-        "default", or "paper" for the procedure of the paper: the values of the settings that are left out.
+        The source of the settings that are left out: "default", or "paper" for the procedure of the paper.
     views, resolution
-        How many pictures are taken, and pixels along their sides.
+        The number of pictures, and the side of each in pixels.
     up
-        "+y", "-z" and the like, a direction (3,), "file" for the file's +y, or "auto" to find it from pictures.
+        The up direction: "+y", "-z" and the like, a direction (3,), "file" for the file's +y, or "auto" to find it
+        from pictures.
     smoothing
         Distance over which features are smoothed along the surface, relative to half the longest side of the box.
     steps, epochs
-        Length of the fit in batches, or in passes over all points: one of the two.
+        Length of the fit, in batches or in passes over all points. Give one of the two.
     seed
-        Equal seeds give equal fields on one machine with the same number of threads, and nearly equal ones (to about
-        1e-3 of a feature) elsewhere.
+        Seed of all random numbers. Equal seeds give equal fields on one machine with the same number of threads.
+        Elsewhere the fields agree to about 1e-3 of a feature.
     device
         Torch device, such as "cpu" or "cuda"; None takes CUDA if available.
     progress
         True shows progress bars on standard error; a `Stages` also records the duration of each stage.
     cache
-        Take the field from the user's cache if the same mesh was distilled with the same settings before, and store it
-        there otherwise; see `dfd.common.files`.
+        Take the field from the user's cache if it holds one for the same mesh and settings. Otherwise store the new
+        field there; see `dfd.common.files`.
     settings
-        Every other field of `DistillSettings`. The precision of a named encoder follows from the device, see
-        `dfd.encoders.encode.load_encoder`, and is `field.settings["encoder_precision"]`.
+        Every other field of `DistillSettings`. The device decides the precision of a named encoder (see
+        `dfd.encoders.encode.load_encoder`); `field.settings["encoder_precision"]` records it.
 
     Returns
     -------
-    Field, with all settings and the loss of every step in `field.settings`. These also hold the encoder's block and
-    whether it saw the background, and the up direction and its confidence: "up_direction", "up_confidence" and
-    "up_source" ("said" if given, "file", "found", or "averaged" if features of two stand side by side).
+    Field. `field.settings` holds all settings and the loss of every step. It also holds the encoder's block, and
+    whether the encoder saw the background. "up_direction" and "up_confidence" describe the up direction. "up_source" is
+    "said" if the caller gave it, "file", "found", or "averaged" if the features of two directions are combined.
 
-    Raises ValueError if an argument is out of range, the encoder is unknown or was loaded for another `block` or
-    `background`, or no camera ray hits the mesh. Raises OSError if the encoder's weights cannot be found or read.
-    Raises MemoryError if memory runs out; the message names the settings to lower.
+    Raises ValueError if an argument is out of range, the encoder is unknown, or no camera ray hits the mesh. Raises
+    ValueError if the encoder was loaded for another `block` or `background`. Raises OSError if the encoder's weights
+    cannot be found or read. Raises MemoryError if memory runs out; the message names the settings to lower.
 
     Warns
     -----
@@ -126,7 +127,7 @@ def find_distilled(
 ) -> Field | None:
     """Return the field that `distill` would take from the user's cache for the same arguments, else None.
 
-    Does not import torch, which would take longer than the lookup.
+    The function does not import torch, because the import would take longer than the lookup.
     """
     key = _find_key(mesh, encoder, settings, device)
     return field_cache.find(key) if key else None
@@ -135,7 +136,7 @@ def find_distilled(
 def _find_key(
     mesh: Mesh, encoder: str | PathLike[str] | Encoder, settings: DistillSettings, device: str | None
 ) -> dict[str, Any] | None:
-    """The cache key, without loading the encoder; None if its weights are not on this machine."""
+    """Return the cache key without loading the encoder; None if its weights are not on this machine."""
     from dfd.encoders.sources import find_identity
 
     if isinstance(encoder, str | PathLike):
@@ -147,7 +148,7 @@ def _find_key(
     return cache_key(mesh, **settings.as_dict(), **identity) if identity else None
 
 
-_Work = tuple[dict[str, Any], Callable[[Stages], "Field"]]  # key, and what makes its field
+_Work = tuple[dict[str, Any], Callable[[Stages], "Field"]]  # cache key, and the function that computes the field
 
 
 def _of_pictures(
@@ -162,7 +163,7 @@ def _of_pictures(
         model, identity = encoder, encoder.identity()
     else:
         model = load_encoder(encoder, device=device, **settings.of_encoder())
-        identity = {name: model.identity()[name] for name in IDENTITY}  # as the next call knows it
+        identity = {name: model.identity()[name] for name in IDENTITY}  # the values that `find_identity` gives
     key = cache_key(mesh, **settings.as_dict(), **identity)
     return key, lambda stages: distill_pictures(mesh, model, settings, stages=stages)
 

@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     from dfd.distillation.settings import DistillSettings
     from dfd.distillation.targets import PointTargets, Targets
 
-# From this batch on most of the time goes into products, which bfloat16 halves: two epochs of the paper's preset took
-# 25 s instead of 52 s, with a loss 0.1 % higher.
+# For batches of at least this size, matrix products take most of the time, and bfloat16 halves it. Two epochs of the
+# paper's preset took 25 s instead of 52 s, with a loss 0.1 % higher.
 LARGE_BATCH = 4096
-_LEAST_PART, _MOST_PARTS = 192, 8  # least points per part of a batch, and most parts; threads take parts
+_LEAST_PART, _MOST_PARTS = 192, 8  # least points per part of a batch, and most parts; a thread takes one part
 
 
 def fit(
@@ -43,17 +43,17 @@ def fit(
     device: str | torch.device,
     stages: Stages,
 ) -> Field:
-    """Return a field fitted to `targets` by Adam, with the loss of every step in its settings.
+    """Return a field that Adam fits to `targets`; its settings hold the loss of every step.
 
-    The loss is the mean of ‖Φ(P) − Z‖² over a batch. Initial parameters and batches come from one generator on the CPU,
-    so a seed gives the same field on every device up to rounding (about 1e-3 of a feature).
+    The loss is the mean of ‖Φ(P) − Z‖² over a batch. One generator on the CPU draws initial parameters and batches. So
+    a seed gives the same field on every device up to rounding (about 1e-3 of a feature).
 
     Parameters
     ----------
     center, scale
         The normalization of the points, which the field applies to its arguments.
     device
-        Torch device. On the CPU the threads are those of the kernels, and their number does not change a bit.
+        Torch device. On the CPU the fit uses the threads of the kernels; their number does not change the result.
 
     Raises ValueError if the fit diverges (NaN or infinity).
     """
@@ -65,7 +65,7 @@ def fit(
     batches, steps = _batches(targets, settings, generator)
     optimizer = Adam(network)
     losses: list[Tensor] = []
-    # torch's thread count is per thread, so each worker sets its own to 1.
+    # torch keeps one thread count for each thread, so each worker sets its own to 1.
     workers = ThreadPoolExecutor(get_num_threads(), "dfd-fit", initializer=torch.set_num_threads, initargs=(1,))
     low = settings.batch >= LARGE_BATCH and choose_precision(device) == "bfloat16"
     with _exact_float32(), one_thread(), workers as pool, stages.stage("fit", steps) as advance:
@@ -87,10 +87,10 @@ def _gradients(
 ) -> tuple[Tensor, list[Tensor]]:
     """Return the mean of ‖Φ(P) − Z‖² over a batch, (B, 3) points and (B, d) targets, and its gradients.
 
-    With `low` matrices are multiplied in bfloat16, parameters and sums stay in float32.
+    `low` multiplies matrices in bfloat16; parameters and sums stay in float32.
 
-    On the CPU each thread takes parts of the batch, whose gradients are added in order: torch's own threads synchronize
-    many times per step, which is up to twenty times slower on a busy machine.
+    On the CPU each thread takes parts of the batch, and the gradients of the parts are added in order. Torch's own
+    threads synchronize many times per step, which is up to twenty times slower on a busy machine.
     """
     parameters = list(network.parameters())
 
@@ -111,7 +111,7 @@ def _gradients(
 def _batches(
     targets: Targets, settings: DistillSettings, generator: torch.Generator
 ) -> tuple[Iterator[tuple[Tensor, Tensor]], int]:
-    """Points and targets of every step, and the number of steps: random draws for `steps`, else shuffled `epochs`."""
+    """Return points and targets of every step, and the number of steps: random for `steps`, else shuffled `epochs`."""
     batch = settings.batch
     if settings.steps is not None:
         return (targets.draw(batch, generator) for _ in range(settings.steps)), settings.steps
@@ -127,7 +127,7 @@ def _batches(
 
 
 class Adam:
-    """torch's fused Adam by its function, because its class imports torch's compiler, which takes two seconds."""
+    """Run torch's fused Adam as a function: torch's Adam class imports its compiler, which takes two seconds."""
 
     def __init__(self, network: Network) -> None:
         self._parameters = [parameter.detach() for parameter in network.parameters()]
@@ -156,9 +156,10 @@ class Adam:
 
 
 def schedule(settings: DistillSettings, steps: int) -> Iterator[tuple[float, float]]:
-    """Learning rate and momentum of every step: constant, or one cycle.
+    """Yield the learning rate and momentum of every step: constant values, or one cycle.
 
-    One cycle: Smith and Topin, "Super-convergence" (2019), with the defaults of `torch.optim.lr_scheduler.OneCycleLR`.
+    The cycle follows Smith and Topin, "Super-convergence" (2019), with the defaults of
+    `torch.optim.lr_scheduler.OneCycleLR`.
     """
     peak = settings.learning_rate
     if settings.schedule == "constant":
@@ -189,14 +190,14 @@ def _exact_float32() -> Iterator[None]:
         torch.set_float32_matmul_precision(precision)
 
 
-# Shrinks the residuals of components with few points n, which are noisy: they are multiplied by n / (n + SHRINKAGE).
+# Residuals of components with few points n are noisy, so they are multiplied by n / (n + SHRINKAGE).
 SHRINKAGE = 10
 
 
 def fit_component_residuals(field: Field, targets: PointTargets) -> Field:
-    """Return `field`, fitted to `targets`, with its residuals on each connected component of the surface.
+    """Return `field`, fitted to `targets`, with added residuals for each connected component of the surface.
 
-    `targets` are as wide as the field's features. If the surface is one component the field is returned unchanged.
+    `targets` have the width of the field's features. A surface of one component returns the field unchanged.
     """
     component, boxes = targets.component, targets.boxes
     if component is None or boxes is None:
@@ -211,7 +212,7 @@ def fit_component_residuals(field: Field, targets: PointTargets) -> Field:
 def widen(field: Field, directions: Float32) -> Field:
     """Return the field whose features are those of `field` (width d) times `directions` (d, D).
 
-    The directions are orthonormal, so lengths are preserved and the last layer can absorb them.
+    The directions are orthonormal. So lengths stay the same, and the product folds into the field's last layer.
     """
     last = field.architecture.layer_names().linear[-1]
     turned: dict[str, Any] = {

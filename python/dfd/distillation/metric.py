@@ -1,12 +1,12 @@
-"""A metric, learned once per encoder from labelled shapes, that separates parts better than the raw features.
+"""A metric that separates parts better than the raw features, learned once per encoder from labelled shapes.
 
-An encoder's features also vary within a part: with position on the body, curvature and neighboring parts. And pictures
-do not show some differences between parts, such as thickness (`dfd.distillation.thickness`). So features and thickness
-go through a linear map to Fisher's discriminant directions, weighted by the ratio of variance between parts to variance
-within parts (`python -m bench.training.learn_metric`). Probabilities of kinds of parts are appended. Rows have unit
-length and about the same mean distance as before, so that a weight 1 − d keeps its meaning.
+An encoder's features also vary within a part: with position on the body, curvature and neighboring parts. Pictures do
+not show some differences between parts, such as thickness (`dfd.distillation.thickness`). So a linear map takes
+features and thickness to Fisher's discriminant directions. It weights each direction by the ratio of variance between
+parts to variance within parts (`python -m bench.training.learn_metric`). Probabilities of kinds of parts are appended.
+Rows have unit length and about the same mean distance as before, so a weight 1 − d keeps its meaning.
 
-The map is applied before the fit, so that the field's features have these distances and are narrower.
+The map is applied before the fit. So the field's features have the distances of the metric, and they are narrower.
 """
 
 from __future__ import annotations
@@ -32,32 +32,32 @@ KIND = "dfd metric 3"  # format version 3
 SHAPES: dict[str, tuple[int | str, ...]] = {
     "directions": ("D", "d"),
     "thickness_directions": (BANDS, "d"),
-    "kinds_hidden": ("D", "n"),  # this and the following are optional
+    "kinds_hidden": ("D", "n"),  # optional, like all entries below
     "kinds_hidden_bias": ("n",),
     "kinds_output": ("n", "K"),
     "kinds_output_bias": ("K",),
 }
 FOLDER = Path(__file__).with_name("metrics")
-# The metric contracts details of many vertices and little area: at equal mean distance over the surface a handle would
-# move more vertices than without the metric, with this factor fewer.
+# The metric contracts details with many vertices and little area. At equal mean distance over the surface, a handle
+# would therefore move more vertices than without the metric. With this factor it moves fewer.
 FARTHER = 1.06
-# Weight of squared distances of kinds relative to those of mapped features. A higher one is worse on birds.
+# Weight of squared distances of kinds relative to those of mapped features. A higher one gives worse results on birds.
 KINDS_SHARE = 0.2
-_LEAST_STRETCH = 0.02  # below 1: mapped rows may have to be contracted
+_LEAST_STRETCH = 0.02  # below 1, because some mapped rows must be contracted
 
 
 @dataclass(frozen=True, eq=False)
 class Metric:
-    """The learned map of an encoder's features of width D."""
+    """Holds the learned map of an encoder's features of width D."""
 
     directions: Float32  # (D, d) the map of a row of features
-    # thickness_directions: (BANDS, d) the map of a row of `dfd.distillation.thickness.thickness_bands`; the two are
-    # added
+    # thickness_directions: (BANDS, d) the map of a row of `dfd.distillation.thickness.thickness_bands`; the mapped
+    # feature row and the mapped thickness row are added
     thickness_directions: Float32
-    # encoder_weights, encoder_block: the encoder whose features it was learned from
+    # encoder_weights, encoder_block: the encoder that gave the training features
     encoder_weights: str
     encoder_block: int
-    kinds: Kinds | None = None  # the classifier of kinds of parts, or None
+    kinds: Kinds | None = None  # classifier of kinds of parts, or None
 
     def mapped(
         self,
@@ -69,8 +69,8 @@ class Metric:
     ) -> Float32:
         """Map features (N, D) and thickness bands (N, BANDS) to unit rows (N, d), or (N, d + K) with K kinds.
 
-        Their mean distance is `FARTHER` times that of `features`. `mean` (D,) is the mean feature of the shape; None
-        takes that of `features`.
+        The mean distance of the rows is `FARTHER` times that of `features`. `mean` (D,) is the mean feature of the
+        shape; None takes the mean of `features`.
         """
         one, other = generator.integers(0, len(features), (2, PAIRS))
         rows = np.asarray(features, np.float32)
@@ -84,13 +84,13 @@ class Metric:
         return restore_contrast(both, distance, generator, least=_LEAST_STRETCH)
 
     def of_targets(self, targets: PointTargets, thickness: Float32, seed: int) -> PointTargets:
-        """Apply `mapped` to the features of `targets`; `seed` draws the pairs that measure mean distances."""
+        """Return `targets` with `mapped` features; `seed` draws the pairs that estimate mean distances."""
         rows = self.mapped(targets.features, thickness, np.random.default_rng(seed))
         return PointTargets(targets.points, rows, None, targets.component, targets.boxes, targets.face)
 
     @property
     def content_hash(self) -> str:
-        """SHA-256 of its arrays: features of different metrics are not comparable."""
+        """Return the SHA-256 of the arrays: features of different metrics are not comparable."""
         return hash_arrays(*self._arrays().values())
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
@@ -99,19 +99,19 @@ class Metric:
         return dict(zip(SHAPES, (self.directions, self.thickness_directions, *learned), strict=False))
 
     def fits(self, encoder: Encoder) -> bool:
-        """Whether it was learned from features of `encoder`."""
+        """Return whether the metric was learned from features of `encoder`."""
         return (self.encoder_weights, self.encoder_block) == encoder_identity(encoder)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write a .safetensors file atomically; equal metrics give equal files."""
+        """Write a .safetensors file, whole or not at all; equal metrics give equal files."""
         write_learned(path, KIND, self._arrays(), (self.encoder_weights, self.encoder_block))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Metric:
-        """Read what `save` has written.
+        """Return the metric in a file that `save` wrote.
 
-        Raises ValueError if the file is truncated or of another kind, or its arrays do not fit or are not finite.
-        Raises OSError if it cannot be read.
+        Raises ValueError if the file is truncated or of another kind. Raises ValueError if its arrays have wrong shapes
+        or are not finite. Raises OSError if the file cannot be read.
         """
         arrays, identity = read_learned("Metric.load", path, KIND, SHAPES, optional=list(SHAPES)[2:])
         directions, thickness, *learned = (values.astype(np.float32) for values in arrays.values())
@@ -129,17 +129,17 @@ def find_metric(encoder: Encoder) -> Metric | None:
 
 @dataclass(frozen=True, eq=False)
 class Kinds:
-    """A classifier from features of width D to K kinds of parts, with one hidden layer of n rectified units."""
+    """Classifies features of width D as K kinds of parts, with one hidden layer of n rectified units."""
 
-    # hidden, hidden_bias: (D, n) and (n,), of the hidden units
+    # hidden, hidden_bias: (D, n) weights and (n,) biases of the hidden units
     hidden: Float32
     hidden_bias: Float32
-    # output, output_bias: (n, K) and (K,), of the logits
+    # output, output_bias: (n, K) weights and (K,) biases of the logits
     output: Float32
     output_bias: Float32
 
     def likely(self, features: Float32, mean: Float32) -> Float32:
-        """Return square roots of probabilities, unit rows (N, K), of `features` (N, D); `mean` is that of the shape."""
+        """Return unit rows (N, K), square roots of probabilities, of `features` (N, D) with the shape's `mean` (D,)."""
         units = np.maximum((features - mean) @ self.hidden + self.hidden_bias, 0)
         logits = units @ self.output + self.output_bias
         probable = np.exp(logits - logits.max(axis=1, keepdims=True))

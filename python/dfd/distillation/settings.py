@@ -1,4 +1,4 @@
-"""The settings of a distillation: everything that a field depends on besides its mesh and encoder."""
+"""The settings of a distillation: everything besides mesh and encoder that a field depends on."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from dfd.upright.candidates import check_up
 from dfd.views.cameras import Framing
 from dfd.views.render import LARGEST_RESOLUTION, LARGEST_VIEWS, Supervision
 
-LENGTHS = ("steps", "epochs")  # of a fit: one of the two
+LENGTHS = ("steps", "epochs")  # length of a fit: a caller gives one of the two
 
 
 def _setting(default: Any, description: str, *, paper: Any = ..., **bounds: float) -> Any:
-    """One setting: its default, its description, its value in the preset "paper", and its bounds."""
+    """Declare one setting: default, description, value in the preset "paper", and bounds."""
     return Field(
         default,
         description=description,
@@ -28,10 +28,10 @@ def _setting(default: Any, description: str, *, paper: Any = ..., **bounds: floa
 
 
 class DistillSettings(BaseModel):
-    """The settings of `dfd.distill`, checked and immutable; those left out are the preset's.
+    """Holds the settings of `dfd.distill`, checked and immutable; the preset gives those that are left out.
 
-    Raises ValueError if one is out of range, or neither or both of `steps` and `epochs` are given. Raises TypeError if
-    there is no such setting.
+    Raises ValueError if a setting is out of range. Raises ValueError if neither or both of `steps` and `epochs` are
+    given. Raises TypeError if there is no setting of a given name.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
@@ -136,7 +136,7 @@ class DistillSettings(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _fill_in(cls, given: Mapping[str, Any]) -> dict[str, Any]:
-        """Add the preset's values, but not a second length of the fit."""
+        """Add the preset's values, except a second length of the fit."""
         preset = check.choice("distill", "preset", given.get("preset", "default"), Preset)
         usual = {}
         if preset == "paper":
@@ -148,7 +148,7 @@ class DistillSettings(BaseModel):
     @field_validator("*", mode="plain")
     @classmethod
     def _check(cls, value: Any, setting: ValidationInfo) -> Any:
-        """Check a setting by its annotation and bounds, with messages of `distill`."""
+        """Check a setting by its annotation and bounds; messages begin with `distill`."""
         name = setting.field_name or ""
         kind, bounds = cls.model_fields[name].annotation, _extra(cls, name)["bounds"]
         kinds = get_args(kind) or (kind,)
@@ -170,9 +170,9 @@ class DistillSettings(BaseModel):
             raise ValueError(
                 f"distill: exactly one of `steps` and `epochs` must be given, got {self.steps} and {self.epochs}"
             )
-        if self.supervision == "vertex":  # the ablation uses the paper's loss
+        if self.supervision == "vertex":  # this ablation uses the paper's loss
             object.__setattr__(self, "smoothing", 0.0)
-        if self.smoothing == 0:  # both need smoothed features
+        if self.smoothing == 0:  # both settings need smoothed features
             object.__setattr__(self, "metric", "none")
             object.__setattr__(self, "pieces", False)
         return self

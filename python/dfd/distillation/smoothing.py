@@ -1,23 +1,23 @@
-"""Features smoothed along the surface, which averages out contradictions between views.
+"""Smooths features along the surface, which averages out contradictions between views.
 
-A patch of the encoder covers more than one part at outlines and gaps, views contradict each other, and no camera sees
+At outlines and gaps a patch of the encoder covers more than one part. Views contradict each other, and no camera sees
 some of the surface. So tokens are averaged at sample points over the whole surface and diffused *along* it: the targets
 Z minimize
 
     Σ_i c_i ‖Z_i − Ẑ_i‖² + t ∫ ‖∇Z‖²,    t = distance² / 2,
 
-a screened diffusion, with Ẑ_i the mean token of the pixels near point i and c_i its visibility. Unlike a blur in space,
-this does not mix legs that are close together.
+a screened diffusion. Ẑ_i is the mean token of the pixels near point i, and c_i is the visibility of point i. Unlike a
+blur in space, diffusion does not mix legs that are close together.
 
-Averaging reduces distances, and weights are distances, so every handle would move everything. Smooth features are
-therefore scaled about their mean until their mean distance is three quarters of that of the pixels' tokens; the rest is
-the disagreement of views, not a difference of parts.
+Averaging reduces feature distances, and weights are computed from distances. Unscaled, every handle would move
+everything. So smooth features are scaled about their mean until their mean distance is three quarters of that of the
+pixels' tokens. The remaining quarter is disagreement between views, not a difference between parts.
 
-Left and right parts may hold different things. So each point is also linked weakly, in proportion to similarity, to the
-points near its mirror image across the best of the three middle planes of the box.
+Left and right parts can get different features. So a weak link, in proportion to similarity, joins each point to the
+points near its mirror image. The mirror plane is the best of the three middle planes of the box.
 
-Smooth features are low-rank: they are smoothed and fitted in their main directions, and the field's last layer maps
-back. 64 of a DINOv2-small's 384 directions lose less than 1e-4 of the targets' squared length.
+Smooth features are low-rank. So their main directions are smoothed and fitted, and the field's last layer maps back to
+full width. 64 of a DINOv2-small's 384 directions lose less than 1e-4 of the targets' squared length.
 """
 
 from __future__ import annotations
@@ -40,22 +40,22 @@ from dfd.geometry.topology import face_areas, face_components, sample_surface
 from dfd.mesh.weld import weld
 from dfd.views.render import Views, used_vertices
 
-# Imported where it is used, on a thread that runs while the encoder works.
+# SciPy is imported where it is used, on a thread that runs while the encoder works.
 if TYPE_CHECKING:
     from scipy.sparse.linalg import SuperLU
 
-SURFACE_SAMPLES = 12_000  # on average 0.02 apart in normalized coordinates
-MAX_PIXELS = 400_000  # more change nothing measurable
+SURFACE_SAMPLES = 12_000  # samples are on average 0.02 apart in normalized coordinates
+MAX_PIXELS = 400_000  # a higher number changes no result measurably
 NEIGHBORS = 10
-# Weight of links between nearby components, relative to links within one: a component that no camera sees gets features
-# from its neighbors. With less, a body of loose parts separates; with more, armor gets the features of the body.
+# Weight of links between nearby components, relative to links within one. Through them a component that no camera sees
+# gets features from its neighbors. With less, a body of loose parts separates; with more, armor gets body features.
 GAP_WEIGHT = 0.008
 GAP_NEIGHBORS = 4
 MIRROR_WEIGHT = 0.02
 MIRROR_REACH = 0.06  # from a point's mirror image to its linked points, of half the longest side of the box
 SIMILARITY_SCALE = 0.8  # feature distance, relative to the mean, at which a mirror link's weight is 1/e
 DIRECTIONS = 128  # main directions that are smoothed, or all if features are narrower
-SIMILARITY_DIRECTIONS = 32  # main directions that decide similarity; more change nothing
+SIMILARITY_DIRECTIONS = 32  # main directions that decide similarity; a higher number changes no result
 COLUMNS_PER_SOLVE = 32
 SATURATED_COVERAGE = 0.3  # pixels per point, relative to the mean, beyond which visibility does not grow
 DISTANCE_KEPT = 0.75
@@ -63,11 +63,11 @@ DISTANCE_KEPT = 0.75
 
 @dataclass(frozen=True, eq=False)
 class DiffusionProblem:
-    """The part of the diffusion that does not depend on the tokens, over N points on the surface."""
+    """Holds the part of the diffusion that does not depend on the tokens, over N points on the surface."""
 
     views: Views
-    distance: float  # over which features are smoothed, in normalized coordinates
-    # points, face, area: (N, 3) in normalized coordinates, the face of each, and the area that one point represents
+    distance: float  # distance over which features are smoothed, in normalized coordinates
+    # points, face, area: (N, 3) in normalized coordinates, (N,) the face of each, and the area that each represents
     points: Float64
     face: Int64
     area: float
@@ -81,7 +81,7 @@ class DiffusionProblem:
 
 
 def build_diffusion(views: Views, grid: TokenGrid, *, smoothing: float, seed: int) -> DiffusionProblem:
-    """Prepare `smooth_along_surface` before the tokens of `grid` are known.
+    """Return the part of `smooth_along_surface` that needs no tokens of `grid`.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def build_diffusion(views: Views, grid: TokenGrid, *, smoothing: float, seed: in
     seen = np.bincount(nearest, minlength=len(points)) / (len(chosen) / len(points))
     confidence = np.minimum(seen, SATURATED_COVERAGE) * area
     links = _surface_links(points, component[face], seen > 0, area)
-    # A turned shape has another box along the mesh's axes, by which coordinates are normalized.
+    # The size is that of the box along the pictures' frame: along the mesh's axes, a rotated shape has another box.
     size = float(np.ptp(used_vertices(views.vertices, faces) @ views.frame.T, axis=0).max()) / 2
     distance = smoothing * size
     factors = _factors(confidence, area, distance, links)
@@ -112,10 +112,10 @@ def build_diffusion(views: Views, grid: TokenGrid, *, smoothing: float, seed: in
 
 
 def smooth_along_surface(pixels: PixelTargets, on: DiffusionProblem, *, stages: Stages) -> PointTargets:
-    """Average the tokens of `pixels` at points on the surface and smooth them along it; a problem is solved once.
+    """Average the tokens of `pixels` at points on the surface and smooth them along it. Solve `on` only once.
 
-    Return targets in the main directions of the features, at points uniform by area over the surface that diffusion
-    reaches.
+    Return targets in the main directions of the features. Their points are uniform by area over the surface that
+    diffusion reaches.
     """
     with stages.stage("smooth"), one_blas_thread():
         confidence, generator = on.confidence, on.generator
@@ -144,7 +144,7 @@ def _gather(
     face: Int64,  # (N,)
     generator: np.random.Generator,
 ) -> tuple[Int64, Int64]:
-    """Choose pixels (P,), and for each the nearest of `points` on its component of the surface (P,)."""
+    """Choose pixels (P,), and return for each the nearest of `points` on its component of the surface (P,)."""
     chosen = np.arange(len(views.points))
     if len(chosen) > MAX_PIXELS:
         chosen = np.sort(generator.choice(len(chosen), MAX_PIXELS, replace=False))
@@ -154,32 +154,32 @@ def _gather(
 
 
 def _main_directions(rows: Float32, weight: NDArray[np.floating]) -> Float32:
-    """Principal directions, orthonormal rows (d, D), of `rows` (N, D) weighted by `weight` (N,)."""
+    """Return principal directions, orthonormal rows (d, D), of `rows` (N, D) weighted by `weight` (N,)."""
     return principal_directions(rows * np.sqrt(weight / weight.max()).astype(np.float32)[:, None], DIRECTIONS)
 
 
 def _factors(confidence: Float64, area: float, distance: float, links: sparse.csr_matrix) -> SuperLU:
-    """LU factors of the system that minimizes Σ_i c_i ‖Z_i − Ẑ_i‖² + t Σ_ij w_ij ‖Z_i − Z_j‖²; `links` are w_ij (N, N).
+    """Return LU factors of the system that minimizes Σ_i c_i ‖Z_i − Ẑ_i‖² + t Σ_ij w_ij ‖Z_i − Z_j‖².
 
-    t is scaled by `SATURATED_COVERAGE`, the c_i of a fully visible point per area.
+    `links` (N, N) are the w_ij. t is scaled by `SATURATED_COVERAGE`, the c_i of a fully visible point per area.
     """
     from scipy.sparse.linalg import splu
 
-    # The last term keeps the system regular at points that are neither seen nor linked.
+    # The last term keeps the system regular at points without visibility and links.
     system = distance**2 / 2 * SATURATED_COVERAGE * _laplacian(links) + sparse.diags(confidence + 1e-6 * area)
-    # Positive definite: no pivoting is needed, and a symmetric ordering halves the fill-in.
+    # The matrix is positive definite, so it needs no pivoting, and a symmetric ordering halves the fill-in.
     return splu(
         sparse.csc_matrix(system), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
     )
 
 
 def _laplacian(links: sparse.csr_matrix) -> sparse.csr_matrix:
-    """L with Zᵀ L Z = Σ_ij w_ij ‖Z_i − Z_j‖², each link w_ij (N, N) counted once."""
+    """Return L (N, N) with Zᵀ L Z = Σ_ij w_ij ‖Z_i − Z_j‖²; each link w_ij of `links` (N, N) counts once."""
     return sparse.csr_matrix(sparse.diags(np.asarray(links.sum(axis=1)).ravel()) - links)
 
 
 def _solve(tokens: Float32, confidence: Float64, factors: SuperLU) -> Float32:
-    """The smooth Z (N, D) of tokens Ẑ (N, D)."""
+    """Return the smooth Z (N, D) of `tokens` Ẑ (N, D)."""
     smooth = np.empty(tokens.shape, np.float32)
 
     def solve(begin: int, end: int) -> None:
@@ -195,13 +195,13 @@ def _surface_links(
     seen: Bool,  # (N,)
     area: float,  # of each point
 ) -> sparse.csr_matrix:
-    """Symmetric weights (N, N) from the k nearest neighbors of each point, so that Zᵀ L Z ≈ ∫ ‖∇Z‖² over the surface.
+    """Return symmetric weights (N, N) from the k nearest neighbors of each point, so that Zᵀ L Z ≈ ∫ ‖∇Z‖².
 
-    For a constant gradient g near a point, its part of the integral is ¼ Σ_j w_ij ‖p_i − p_j‖² g², so the weights
-    w_ij = 4 area / (k ‖p_i − p_j‖²) give area · g².
+    For a constant gradient g near a point, the point's part of the integral is ¼ Σ_j w_ij ‖p_i − p_j‖² g². So the
+    weights w_ij = 4 area / (k ‖p_i − p_j‖²) give area · g².
     """
     every = np.arange(len(points))
-    blind = np.bincount(component, seen)[component] == 0  # on components that no camera sees
+    blind = np.bincount(component, seen)[component] == 0  # points on components that no camera sees
     links = [
         _links(apart(points, component), every, every, NEIGHBORS, lambda i, j: component[i] == component[j], 1.0),
         _links(points, every, every, GAP_NEIGHBORS, lambda i, j: component[i] != component[j], GAP_WEIGHT),
@@ -209,7 +209,7 @@ def _surface_links(
     ]
     one, other, weight = (np.concatenate(parts) for parts in zip(*links, strict=True))
     squared = np.square(points[one] - points[other]).sum(axis=1)
-    # Coincident points would otherwise have infinite weights.
+    # Without this bound, coincident points would have infinite weights.
     squared = np.maximum(squared, max(np.median(squared) / 16, 1e-12))
     return _symmetric(4 * area * weight / squared, one, other, len(points))
 
@@ -220,9 +220,9 @@ def _mirror_links(
     weight: float,  # of a link between neighbors
     generator: np.random.Generator,
 ) -> sparse.csr_matrix:
-    """Symmetric weights (N, N) between each point and those near its mirror image, by similarity of their features.
+    """Return symmetric weights (N, N) between each point and those near its mirror image, by feature similarity.
 
-    The plane is that of the three through the center of the box with the largest sum of weights.
+    The three candidate planes pass through the center of the box. The plane with the largest sum of weights is used.
     """
     tree = cKDTree(points)
     mean = mean_distance(features, features[generator.permutation(len(points))])
@@ -246,7 +246,7 @@ def _centered(points: Float64, views: Views) -> Float64:
 
 
 def _symmetric(weights: NDArray[np.floating], one: Int64, other: Int64, count: int) -> sparse.csr_matrix:
-    """Symmetric (N, N): half of each weight in either direction."""
+    """Return a symmetric matrix (N, N) with half of each weight in either direction."""
     links = sparse.csr_matrix((weights, (one, other)), shape=(count, count))
     return sparse.csr_matrix((links + links.T) / 2)
 
@@ -259,7 +259,7 @@ def _links(
     linked: Callable[[Int64, Int64], Bool],
     weight: float,
 ) -> tuple[Int64, Int64, Float64]:
-    """Links of each of `ends` to its nearest among `others` except itself: both ends, and `weight` / `neighbors`."""
+    """Return links of each of `ends` to its nearest `others`, not itself: both ends, and `weight` / `neighbors`."""
     wanted = min(neighbors + 1, len(others))
     if len(ends) == 0 or wanted == 0:
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)

@@ -15,40 +15,40 @@ from dfd.common.linear_algebra import Float32, Float64, Int32, Int64, principal_
 from dfd.common.threads import parallel_ranges
 from dfd.views.render import Views
 
-# torch takes seconds to import; only the fit needs it.
+# torch takes seconds to import, and only the fit needs it.
 if TYPE_CHECKING:
     import torch
 
 PAIRS = 2000  # sampled pairs that estimate a mean distance
-LARGEST_STRETCH = 5.0  # more only amplifies noise, on a shape with the same features everywhere
+LARGEST_STRETCH = 5.0  # bound: a shape with equal features everywhere would only get amplified noise
 _GROUPS_AT_ONCE = 1000  # means per task
 _ROWS_AT_ONCE = 2048  # tokens per task
 _ROWS_IN_CACHE = 512  # rows whose squares stay in a core's cache until they are summed
 
 
 class Targets:
-    """Normalized points (N, 3), and the features wanted there, unit rows of width `dimension`."""
+    """Holds normalized points (N, 3) and their target features, unit rows of width `dimension`."""
 
     points: Float32
 
     @property
     def dimension(self) -> int:
-        """Width of a target."""
+        """Return the width of a target."""
         raise NotImplementedError
 
     def rows(self, chosen: NDArray[np.integer]) -> Float32:
-        """Unit targets (B, d) of the points with indices `chosen` (B,)."""
+        """Return unit targets (B, d) of the points with indices `chosen` (B,)."""
         raise NotImplementedError
 
     def at(self, chosen: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """The points (B, 3) with indices `chosen` (B,), and their unit targets (B, d), on the CPU."""
+        """Return the points (B, 3) with indices `chosen` (B,), and their unit targets (B, d), on the CPU."""
         import torch
 
         numbers = chosen.numpy()
         return torch.from_numpy(self.points[numbers]), torch.from_numpy(self.rows(numbers))
 
     def draw(self, count: int, generator: torch.Generator) -> tuple[torch.Tensor, torch.Tensor]:
-        """`at` for `count` random points."""
+        """Return what `at` returns for `count` random points."""
         import torch
 
         return self.at(torch.randint(len(self.points), (count,), generator=generator))
@@ -56,37 +56,37 @@ class Targets:
 
 @dataclass(eq=False)
 class PointTargets(Targets):
-    """Targets at points."""
+    """Holds one target for each surface sample."""
 
     # points, targets: (N, 3) normalized, and (N, d) unit rows
     points: Float32
     targets: Float32
-    # directions: (d, D) orthonormal rows that map targets to features of the encoder; None if the targets are final
-    # features
+    # directions: (d, D) orthonormal rows that map targets to the encoder's features; None if the targets already are
+    # the final features
     directions: Float32 | None = None
-    # component, boxes: if the surface has several connected components, (N,) the component of each point and (P, 6)
-    # their boxes' lower and upper corners; else None
+    # component, boxes: None if the surface is one connected component; else (N,) the component of each point, and
+    # (P, 6) the lower and upper corners of the components' boxes
     component: Int32 | None = None
     boxes: Float64 | None = None
     face: Int64 | None = None  # (N,) the face that each point lies on, if known
 
     @property
     def dimension(self) -> int:
-        """Width d of a target."""
+        """Return the width d of a target."""
         return int(self.targets.shape[1])
 
     @property
     def features(self) -> Float32:
-        """(N, D) the targets as features of the encoder."""
+        """Return the targets (N, D) as features of the encoder."""
         return self.targets if self.directions is None else np.asarray(self.targets @ self.directions, np.float32)
 
     def rows(self, chosen: NDArray[np.integer]) -> Float32:
-        """Unit targets of the chosen points, (B, d)."""
+        """Return unit targets (B, d) of the chosen points."""
         return np.asarray(self.targets[chosen])
 
 
 class TokenGrid:
-    """Bilinear interpolation of the (height, width) tokens of each image at the surface points of `views`.
+    """Interpolates the (height, width) tokens of each image bilinearly at the surface points of `views`.
 
     A token lies at the center of its patch.
     """
@@ -98,7 +98,7 @@ class TokenGrid:
         self._resolution = views.images.shape[1]
 
     def corners(self, chosen: NDArray[np.integer]) -> tuple[Int64, Float32]:
-        """Indices and weights (B, 4) of the four tokens around each chosen point, counted by image, row and column."""
+        """Return indices and weights (B, 4) of the four tokens around each point; indices run by image, row, column."""
         top, lower = self._between(self._row[chosen], self._height)
         left, right = self._between(self._column[chosen], self._width)
         bottom, after = np.minimum(top + 1, self._height - 1), np.minimum(left + 1, self._width - 1)
@@ -110,7 +110,7 @@ class TokenGrid:
         return indices, weights
 
     def means(self, chosen: NDArray[np.integer], group: NDArray[np.integer], count: int) -> sparse.csr_matrix:
-        """Matrix (count, tokens) that averages tokens over each group of points; rows of empty groups are empty.
+        """Return a matrix (count, tokens) that averages tokens over each group; rows of empty groups are empty.
 
         `group` (B,) is the group of each of the `chosen`.
         """
@@ -127,7 +127,7 @@ class TokenGrid:
 
 
 class PixelTargets(Targets):
-    """Targets at the surface points of all views, Ω of Eq. 3, interpolated from tokens on demand.
+    """Holds targets at the surface points of all views, Ω of Eq. 3, and interpolates them from tokens on demand.
 
     Parameters
     ----------
@@ -144,11 +144,11 @@ class PixelTargets(Targets):
 
     @property
     def dimension(self) -> int:
-        """Width D of a token."""
+        """Return the width D of a token."""
         return int(self._table.shape[1])
 
     def rows(self, chosen: NDArray[np.integer]) -> Float32:
-        """Unit targets Z/‖Z‖ of the chosen points, (B, D)."""
+        """Return unit targets Z/‖Z‖ (B, D) of the chosen points."""
         import torch
 
         indices, weights = (torch.from_numpy(each) for each in self.grid.corners(chosen))
@@ -157,7 +157,7 @@ class PixelTargets(Targets):
         return torch.nn.functional.normalize(blended, dim=1).numpy()
 
     def means_by(self, weights: sparse.csr_matrix) -> Float32:
-        """Return `weights` (N, tokens), such as `TokenGrid.means`, times the unit tokens: (N, D)."""
+        """Return `weights` (N, tokens), for example of `TokenGrid.means`, times the unit tokens: (N, D)."""
         table = np.empty(self._table.shape, np.float32)
 
         def shorten(begin: int, end: int) -> None:
@@ -174,10 +174,10 @@ class PixelTargets(Targets):
 
 
 def side_by_side(seen: Sequence[PointTargets], shares: Sequence[float] | NDArray[np.floating]) -> PointTargets:
-    """Targets whose squared distances are the mean of those of `seen`, weighted by `shares`, which sum to 1.
+    """Return targets whose squared distances are the mean of those of `seen`, weighted by `shares`, which sum to 1.
 
-    All of `seen` were smoothed at the same points, but for those that diffusion did not reach. Their width stays that
-    of the first, by main directions: pictures of one shape, upright in two ways, tell mostly the same.
+    All of `seen` were smoothed at the same points; points that diffusion did not reach may be missing. Main directions
+    reduce the result to the width of the first, because pictures of one shape in two up directions differ little.
     """
     if len(seen) == 1:
         return seen[0]
@@ -190,7 +190,7 @@ def side_by_side(seen: Sequence[PointTargets], shares: Sequence[float] | NDArray
 
 
 def restore_contrast(rows: Float32, distance: float, generator: np.random.Generator, *, least: float = 1.0) -> Float32:
-    """Scale unit `rows` (N, D) about their mean, by `least` … `LARGEST_STRETCH`, to the mean pairwise `distance`."""
+    """Scale unit `rows` (N, D) about their mean to the mean pairwise `distance`, by `least` … `LARGEST_STRETCH`."""
     one, other = generator.integers(0, len(rows), (2, PAIRS))
     mean = rows.mean(axis=0)
     from_mean = rows - mean
@@ -200,7 +200,7 @@ def restore_contrast(rows: Float32, distance: float, generator: np.random.Genera
         return unit(mean + np.float32(factor) * some)
 
     low, high = least, LARGEST_STRETCH
-    for _ in range(20):  # bisection: the distance grows with the factor
+    for _ in range(20):  # bisection works because the distance grows with the factor
         middle = (low + high) / 2
         if mean_distance(*(stretched(some, middle) for some in pairs)) < distance:
             low = middle

@@ -1,14 +1,14 @@
 """The thickness of a shape around each point of its surface (shape diameter), which pictures do not show.
 
 A thigh looks much like the belly above it, but is a third as thick. From each point a few rays are cast into the shape,
-over a cone about the normal; the lower median of their lengths is the thickness. It is invariant to rotation and scale,
-and nearly so to pose.
+over a cone about the normal. The lower median of their lengths is the thickness. Rotation and scale do not change it,
+and pose changes it little.
 
 The inside is the side where more rays hit something, because many files have inverted faces. A single sheet has no
 inside: if fewer than half of the rays of either side hit anything, the thickness is 0.
 
-Thickness is encoded in soft bands a third of an octave apart, so that a linear map of them can be any function of it,
-and averaged over neighboring points, so that few rays per point suffice.
+Thickness is encoded in soft bands a third of an octave apart. So a linear map of the bands can be any function of
+thickness. The bands are averaged over neighboring points, so few rays per point suffice.
 
 Source: Shapira, Shamir and Cohen-Or, "Consistent mesh partitioning and skeletonisation using the shape diameter
 function", 2008.
@@ -26,7 +26,7 @@ from dfd.field.component_residuals import apart
 from dfd.views.raycast import Scene
 from dfd.views.render import Views
 
-RAYS = 6  # of each side
+RAYS = 6  # rays on each side of the surface
 CONE = np.radians(60)  # half angle: between the normal and the outermost ray
 NEIGHBORS = 16  # points averaged, including the point itself
 BANDS = 22  # centers 1/80 … 1.6, relative to the root mean square distance of the points from their mean
@@ -37,11 +37,11 @@ _OFF = 1e-4  # normalized distance of ray origins from the surface, so that rays
 def thickness_bands(views: Views, targets: PointTargets) -> Float32:
     """Return (N, BANDS) memberships 0 … 1 of the thickness at each of `targets`, which lie on faces of `views`.
 
-    Thickness is relative to the root mean square distance of the points from their mean, so scale does not matter.
+    Thickness is relative to the root mean square distance of the points from their mean, so scale has no effect.
     """
     assert targets.face is not None, "only points on a surface have a thickness"
     points, component = targets.points.astype(np.float64), targets.component
-    # Reused, because the search tree of a million faces takes a second to build.
+    # The ray scene is reused, because the search tree of a million faces takes a second to build.
     scene = views.scene or Scene(views.vertices, views.faces)
     thick = thicknesses(scene, views.vertices[views.faces[targets.face]], points, component)
     size = np.sqrt(np.square(points - points.mean(axis=0)).sum(axis=1).mean())
@@ -65,17 +65,17 @@ def thicknesses(
     corners, points
         (N, 3, 3) the corners of each point's face, and (N, 3) the points.
     component
-        (N,) the connected component of each; None if there is only one. It decides which side is inside if as many rays
-        of a point hit something on either side.
+        (N,) the connected component of each point; None if there is only one. The component decides which side is
+        inside if equally many rays of a point hit something on both sides.
     """
     along, across, normal = _axes(corners.astype(np.float64))
     # Each point's rays are rotated, so that neighbors sample different directions.
     turn = np.arange(len(points)) * np.pi * (3 - np.sqrt(5))
-    far = np.full((2, len(points), RAYS), np.inf)  # behind the face, and in front of it
+    far = np.full((2, len(points), RAYS), np.inf)  # distances behind the face, and in front of it
     for side, sign in enumerate((-1.0, 1.0)):
         origins = points + sign * _OFF * normal
         for ray in range(RAYS):
-            cosine = 1 - (ray + 0.5) / RAYS * (1 - np.cos(CONE))  # even by solid angle
+            cosine = 1 - (ray + 0.5) / RAYS * (1 - np.cos(CONE))  # rays are uniform by solid angle
             angle = (turn + ray * np.pi * (1 + np.sqrt(5)))[:, None]
             outward = np.sqrt(1 - cosine**2) * (np.cos(angle) * along + np.sin(angle) * across)
             hits = scene.cast(origins, outward + sign * cosine * normal)
@@ -92,7 +92,7 @@ def thicknesses(
 def _axes(
     corners: Float64,  # (N, 3, 3)
 ) -> tuple[Float64, Float64, Float64]:
-    """Unit axes (N, 3) of triangles: along the first edge, across it, and the normal."""
+    """Return unit axes (N, 3) of triangles: along the first edge, across it, and the normal."""
     along, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     normal = unit(np.cross(along, other))
     along = unit(along)

@@ -1,1 +1,1 @@
-"""Encoders: those known by name, families of networks, and where their weights come from."""
+"""Encoders: those known by name, families of networks, and the sources of their weights."""

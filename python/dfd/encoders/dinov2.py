@@ -1,10 +1,9 @@
-"""DINOv2 in plain torch: transformers, which takes seconds to import, is not needed for it.
+"""DINOv2 in plain torch, so that it runs without transformers, which takes seconds to import.
 
-Only patches that show something of the shape take part. More than half of a picture that a shape fills is background,
-every block attends from every patch to every other, and the tokens of the background are never read. Without them
-DINOv2-small takes a third of the time; on labelled shapes the precision of the weights moves by 0.004 at most, up as
+Only patches that show part of the shape take part. More than half of a picture that a shape fills is background. Every
+block attends from every patch to every other, but the tokens of the background are never read. Without them
+DINOv2-small takes a third of the time. On labelled shapes the precision of the weights changes by 0.004 at most, up as
 often as down.
-
 Sources: Oquab et al., "DINOv2" (TMLR 2024); Darcet et al., "Vision transformers need registers" (ICLR 2024).
 """
 
@@ -23,10 +22,10 @@ from dfd.common import check
 from dfd.encoders.vision_model import VisionModel
 from dfd.encoders.weight_files import IMAGENET, EncoderWeights, check_fit, unreadable, weight_files
 
-# Wider networks store global information in patches of the background (Darcet et al.); without background patches they
-# would store it in those of the shape.
+# Wider networks store global information in patches of the background (Darcet et al.). Without background patches they
+# would store it in patches of the shape.
 _WIDEST_WITHOUT_BACKGROUND = 768
-# From the tensor names of older files, which the hub serves, to current ones.
+# Maps the tensor names of older files, which the hub serves, to current names.
 _RENAMED = {
     "attention.attention.query": "attention.q_proj",
     "attention.attention.key": "attention.k_proj",
@@ -94,10 +93,10 @@ class _Embeddings(nn.Module):
 
 
 class Dinov2(nn.Module):
-    """The first `blocks` blocks of a DINOv2 and the LayerNorm after them; parameters have the names of transformers.
+    """Runs the first `blocks` blocks of a DINOv2 and the LayerNorm after them, with transformers' parameter names.
 
-    Images are batched without padding: their tokens are concatenated in one matrix (T, D), and only attention is
-    computed for each image separately.
+    Images are batched without padding: one matrix (T, D) holds the tokens of all images. Only attention is computed for
+    each image separately.
     """
 
     def __init__(self, config: Mapping[str, Any], blocks: int) -> None:
@@ -109,7 +108,10 @@ class Dinov2(nn.Module):
         self._positions: dict[tuple[int, int], Tensor] = {}
 
     def forward(self, images: Tensor, patches: Tensor | None = None) -> Tensor:
-        """Tokens (n, h, w, D) of normalized images (n, 3, h · patch, w · patch), of `patches` (n, h, w) bool only."""
+        """Return tokens (n, h, w, D) of normalized images (n, 3, h · patch, w · patch), if given of `patches` only.
+
+        `patches` (n, h, w), bool, selects the patches; tokens of the others are 0.
+        """
         count, rows, columns = len(images), images.shape[2] // self.patch, images.shape[3] // self.patch
         if patches is None:
             patches = torch.ones(count, rows, columns, dtype=torch.bool, device=images.device)
@@ -129,27 +131,27 @@ class Dinov2(nn.Module):
         return result
 
     def _interpolated_positions(self, rows: int, columns: int) -> Tensor:
-        """The learned positions of rows · columns patches, (1, rows, columns, D)."""
+        """Return the learned positions of rows · columns patches, (1, rows, columns, D)."""
         if (rows, columns) not in self._positions:
             table = self.embeddings.position_embeddings[:, 1:]
             side = round(table.shape[1] ** 0.5)
             maps = table.reshape(1, side, side, -1).permute(0, 3, 1, 2)
-            if (rows, columns) != (side, side):  # as transformers does it
+            if (rows, columns) != (side, side):  # the same interpolation as in transformers
                 maps = interpolate(maps, (rows, columns), mode="bicubic")
             self._positions[rows, columns] = maps.permute(0, 2, 3, 1)
         return self._positions[rows, columns]
 
 
 def build_dinov2(weights: EncoderWeights, block: int | None) -> VisionModel:
-    """Put `weights` of `takes(config)` into a network that is cut off after `block`; None takes the last.
+    """Return a network with `weights` of which `takes(config)` is true, cut off after `block`; None takes the last.
 
-    Raises ValueError if the configuration makes no sense, the block is out of range, or the tensors do not fit the
+    Raises ValueError if the configuration is invalid, the block is out of range, or the tensors do not fit the
     configuration. Raises OSError if the file of weights cannot be read.
     """
     config = _checked(weights.config)
     depth, width, patch = config["num_hidden_layers"], config["hidden_size"], config["patch_size"]
     chosen = depth if block is None else check.whole("load_encoder", "block", block, minimum=1, maximum=depth)
-    with torch.device("meta"):  # its parameters come from the weights
+    with torch.device("meta"):  # no memory is allocated: the parameters come from the weights
         network = Dinov2(config, chosen)
     wanted = network.state_dict()
     found = {name: tensor.float() for name, tensor in _tensors(weights).items() if name in wanted}
@@ -171,12 +173,12 @@ def build_dinov2(weights: EncoderWeights, block: int | None) -> VisionModel:
 
 
 def takes(config: Mapping[str, Any]) -> bool:
-    """Whether this module has the network: a DINOv2 without registers or gated perceptrons, which the giant one has."""
+    """Return whether this module has the network: a DINOv2 without registers or the giant's gated perceptrons."""
     return config["model_type"] == "dinov2" and not config.get("use_swiglu_ffn")
 
 
 def _checked(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the settings of `Dinov2`, with the defaults of transformers; ValueError if there is no such network."""
+    """Return the settings of `Dinov2` with transformers' defaults; ValueError if they describe no such network."""
     sizes = {"hidden_size": 768, "num_hidden_layers": 12, "num_attention_heads": 12, "image_size": 224}
     sizes["patch_size"] = 14
     others = {"mlp_ratio": 4, "layer_norm_eps": 1e-6, "qkv_bias": True}
@@ -196,7 +198,7 @@ def _checked(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _tensors(weights: EncoderWeights) -> dict[str, Tensor]:
-    """Read the tensors, by the current names of transformers whichever version saved them."""
+    """Return the tensors under the current names of transformers, whichever version saved them."""
     if weights.tensors is not None:
         tensors = {name: torch.from_numpy(values) for name, values in weights.tensors.items()}
     else:

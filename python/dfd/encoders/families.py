@@ -1,7 +1,7 @@
-"""The families of vision networks that transformers runs, and how the tokens of a block are read from each.
+"""The families of vision networks that transformers runs, and how each gives the tokens of a block.
 
-The tokens of a block are what the network would give if that block were its last: the network's own final layer norm
-(SAM's neck) is applied to them, and the class token and registers are left out.
+The tokens of a block are those that the network would give if that block were its last. The network's own final layer
+norm (SAM's neck) is applied to them, and the class token and registers are left out.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ CLIP = ChannelStats((0.48145466, 0.4578275, 0.40821073), (0.26862954, 0.26130258
 
 
 def build_family(weights: EncoderWeights, block: int | None) -> VisionModel:
-    """Put `weights` in a folder into a network and cut it off after `block`; None takes the last.
+    """Return a network with `weights` from a folder, cut off after `block`; None takes the last.
 
-    Raises ValueError if transformers is not installed, the family is unknown, the block out of range, or the tensors do
-    not fit the configuration. Raises OSError if the file of weights cannot be read.
+    Raises ValueError if transformers is not installed, the family is unknown, or the block is out of range. Raises
+    ValueError if the tensors do not fit the configuration. Raises OSError if the file of weights cannot be read.
     """
     kind = weights.config["model_type"]
     try:
@@ -41,7 +41,7 @@ def build_family(weights: EncoderWeights, block: int | None) -> VisionModel:
     with _quiet():
         try:
             config = CONFIG_MAPPING[kind].from_dict(dict(weights.config))
-        except Exception as error:  # which configurations raise of any type
+        except Exception as error:  # configurations raise errors of any type
             raise ValueError(
                 f"load_encoder: `encoder`: its config.json is not a valid {kind} model: {error}"
             ) from error
@@ -53,8 +53,8 @@ def build_family(weights: EncoderWeights, block: int | None) -> VisionModel:
     blocks = max(lists, key=len)
     depth = len(blocks)
     chosen = depth if block is None else check.whole("load_encoder", "block", block, minimum=1, maximum=depth)
-    del blocks[chosen:]  # those after the one used are never run
-    # The tokens do not depend on these, so that files of weights may leave them out.
+    del blocks[chosen:]  # blocks after `chosen` never run
+    # The tokens do not depend on these modules, so files of weights may lack them.
     unused = {"pooler", "head", "mask_token"}
     needed = {name for name, _ in network.named_parameters() if unused.isdisjoint(name.split("."))}
     check_fit(weights, report["mismatched_keys"], report["missing_keys"] & needed)
@@ -64,7 +64,7 @@ def build_family(weights: EncoderWeights, block: int | None) -> VisionModel:
 
 
 def _load(weights: EncoderWeights, config: Any) -> tuple[Any, dict[str, Any]]:
-    """The model that makes tokens, and the report of transformers on the names of its tensors."""
+    """Return the model that makes tokens, and transformers' report on the names of its tensors."""
     from transformers import AutoModel
 
     try:
@@ -74,16 +74,16 @@ def _load(weights: EncoderWeights, config: Any) -> tuple[Any, dict[str, Any]]:
             dtype=torch.float32,
             local_files_only=True,
             output_loading_info=True,
-            ignore_mismatched_sizes=True,  # they are reported, and refused by name
-            key_mapping={r"^vision_encoder\.": ""},  # where files of SAM 2 have the tensors of its vision model
+            ignore_mismatched_sizes=True,  # the report lists mismatches, and `check_fit` refuses them by name
+            key_mapping={r"^vision_encoder\.": ""},  # prefix of the vision model's tensors in files of SAM 2
         )
-    except Exception as error:  # safetensors and transformers raise types of their own
+    except Exception as error:  # safetensors and transformers raise their own error types
         raise unreadable(weights, error) from error
 
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Silence transformers' load reports, warnings and progress bars: what matters is checked and raised here."""
+    """Silence transformers' load reports, warnings and progress bars, because this module checks and raises errors."""
     from transformers.utils import logging
 
     verbosity, bars = logging.get_verbosity(), logging.is_progress_bar_enabled()
@@ -99,7 +99,7 @@ def _quiet() -> Iterator[None]:
             logging.enable_progress_bar()
 
 
-# How each family turns normalized images (n, 3, H, W) into tokens (n, h, w, D).
+# Each function returns a family's model, which turns normalized images (n, 3, H, W) into tokens (n, h, w, D).
 
 
 def _of_any_size(network: Any, config: Any, **cut: Any) -> VisionModel:
@@ -112,7 +112,7 @@ def _of_any_size(network: Any, config: Any, **cut: Any) -> VisionModel:
 
 
 def _of_one_size(network: Any, config: Any, **cut: Any) -> VisionModel:
-    """Families whose size of images is known only from their configuration."""
+    """Return the model of a family that states its image size only in its configuration."""
     size = _side(config, "image_size", "network for square images of a known size")
     return _of_any_size(network, config, fixed_size=size, **cut)
 
@@ -134,7 +134,7 @@ def _sam(network: Any, config: Any, **cut: Any) -> VisionModel:
 
 
 def _sam2(network: Any, config: Any, **cut: Any) -> VisionModel:
-    """Each stage of the backbone but the first halves the map."""
+    """Return the model of SAM 2, where each stage of the backbone after the first halves the map."""
     backbone, sizes = network.backbone, config.backbone_config
 
     def tokens(images: Tensor, patches: Tensor | None) -> Tensor:
@@ -143,7 +143,7 @@ def _sam2(network: Any, config: Any, **cut: Any) -> VisionModel:
     stride = sizes.patch_stride[0]
     halved = sum(block.query_stride is not None for block in backbone.blocks)
     coarsest = stride * sizes.query_stride[0] ** sizes.num_query_pool_stages
-    window = stride * sizes.window_size_per_stage[0]  # position embeddings repeat from window to window
+    window = stride * sizes.window_size_per_stage[0]  # position embeddings repeat in every window
     return VisionModel(
         network,
         tokens,
@@ -154,7 +154,7 @@ def _sam2(network: Any, config: Any, **cut: Any) -> VisionModel:
     )
 
 
-# By the model type of the image encoder.
+# Keys are model types of the image encoder.
 _FAMILIES = {
     "dinov3_vit": _of_any_size,
     "clip_vision_model": _clip,
@@ -164,7 +164,7 @@ _FAMILIES = {
 
 
 def _grid(sequence: Tensor, images: Tensor, patch: int) -> Tensor:
-    """Patch tokens of a sequence (n, prefix + h·w, D) in their places (n, h, w, D); the prefix is left out."""
+    """Return the patch tokens of a sequence (n, prefix + h·w, D) as a grid (n, h, w, D), without the prefix."""
     rows, columns = images.shape[2] // patch, images.shape[3] // patch
     if sequence.ndim != 3 or sequence.shape[1] < rows * columns:
         raise ValueError(
@@ -175,7 +175,7 @@ def _grid(sequence: Tensor, images: Tensor, patch: int) -> Tensor:
 
 
 def _side(config: Any, name: str, wanted: str) -> int:
-    """The side of a square whose size `config` has under this name, as a number or a pair."""
+    """Return the side of a square whose size `config` has under `name`, as a number or a pair."""
     size = getattr(config, name, None)
     if isinstance(size, list | tuple) and len(set(size)) == 1:
         size = size[0]

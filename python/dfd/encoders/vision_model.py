@@ -1,4 +1,4 @@
-"""A vision network as the encoder runs it, whatever family it is of."""
+"""A vision network of any family, in the form in which the encoder runs it."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from dfd.encoders.weight_files import ChannelStats
 
 @dataclass(frozen=True)
 class VisionModel:
-    """A network cut off after `block` (counted from 1) of its `depth` blocks.
+    """Holds a network that is cut off after `block` (counted from 1) of its `depth` blocks.
 
-    `tokens` maps normalized images (n, 3, H, W), H and W multiples of `step` pixels (exactly `fixed_size` where that
-    is set), to tokens (n, H / patch, W / patch, D). Its second argument (n, H / patch, W / patch), bool, tells the
-    patches that take part, None all of them; the tokens of others are 0. It is given only where the network
-    `takes_patches`.
+    `tokens` maps normalized images (n, 3, H, W) to tokens (n, H / patch, W / patch, D). H and W are multiples of `step`
+    pixels, or exactly `fixed_size` if it is set. The second argument of `tokens` (n, H / patch, W / patch), bool,
+    selects the patches that take part; None selects all. The tokens of other patches are 0. Only networks that
+    `takes_patches` receive this argument.
     """
 
     network: nn.Module

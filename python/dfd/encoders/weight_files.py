@@ -1,4 +1,4 @@
-"""Weights of encoders, and their files in a folder saved by transformers."""
+"""Weights of encoders, and their files in a folder that transformers saved."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from typing import Any, NamedTuple
 from dfd.common.files import sha256_of_files
 
 SETTINGS = ("config.json", "preprocessor_config.json")
-_WHOLE, _INDEX = "model.safetensors", "model.safetensors.index.json"  # one file, or the list of several
+_WHOLE, _INDEX = "model.safetensors", "model.safetensors.index.json"  # one file, or the index of several files
 
 
 class ChannelStats(NamedTuple):
-    """Mean and standard deviation of each channel (red, green, blue) of the images that a network was trained with.
+    """Holds mean and standard deviation of each channel (red, green, blue) of a network's training images.
 
-    Images in [0, 1] are brought to mean 0 and deviation 1 with them.
+    The encoder uses them to bring images in [0, 1] to mean 0 and deviation 1.
     """
 
     mean: tuple[float, ...]
@@ -29,9 +29,9 @@ IMAGENET = ChannelStats((0.485, 0.456, 0.406), (0.229, 0.224, 0.225))
 
 @dataclass(frozen=True)
 class EncoderWeights:
-    """Weights that were found but not loaded into a network: in `folder`, or already read as `tensors`, arrays by name.
+    """Holds weights that are not loaded into a network yet: in `folder`, or already read as `tensors`, arrays by name.
 
-    `fingerprint` changes when the weights or their settings do; `channels` are those that the weights come with.
+    `fingerprint` changes when the weights or their settings change. `channels` are those that come with the weights.
     """
 
     config: dict[str, Any]
@@ -43,9 +43,9 @@ class EncoderWeights:
 
 
 def folder_weights(folder: Path, *, source: str = "folder", fingerprint: str | None = None) -> EncoderWeights:
-    """Return the weights in `folder`, a model saved in the form that transformers uses.
+    """Return the weights in `folder`, a model in the form that transformers uses.
 
-    Raises ValueError if they are of no type of model. Raises OSError if a file is missing or cannot be read.
+    Raises ValueError if the folder names no type of model. Raises OSError if a file is missing or cannot be read.
     """
     config = _read_json(folder / "config.json")
     if config is None:
@@ -67,7 +67,7 @@ def folder_weights(folder: Path, *, source: str = "folder", fingerprint: str | N
 
 
 def weight_files(folder: Path) -> list[Path]:
-    """Return the files that hold the tensors, one or those that an index lists; they need not exist."""
+    """Return the files that hold the tensors: one, or those in an index. The files need not exist."""
     index = {} if (folder / _WHOLE).is_file() else _read_json(folder / _INDEX) or {}
     return [folder / name for name in sorted(set(index.get("weight_map", {}).values())) or [_WHOLE]]
 

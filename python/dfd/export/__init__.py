@@ -1,1 +1,1 @@
-"""Export of edits to other programs: rigs, morph targets, weights."""
+"""Exports edits to other programs: rigs, morph targets, weights."""

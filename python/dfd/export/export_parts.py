@@ -1,4 +1,4 @@
-"""Export of a shape cut into parts: groups of an OBJ file, or material slots of a glTF file."""
+"""Exports a shape cut into parts, as groups of an OBJ file or material slots of a glTF file."""
 
 from __future__ import annotations
 
@@ -25,11 +25,12 @@ ENDINGS = (".obj", ".glb", ".gltf")
 def export_parts(mesh: Mesh, parts: Sequence[Part], path: str | os.PathLike[str]) -> None:
     """Write a mesh with its parts: faces of an OBJ file in groups "part_1" …, those of a glTF file in material slots.
 
-    A face is of the part that most of its corners are in. A glTF file keeps all else that the mesh's own has; each of
-    its materials is there once for each part, named after it. An OBJ file keeps texture coordinates, no materials.
+    A face belongs to the part that holds most of its corners. A glTF file keeps all other content of the mesh's own
+    file. It has a copy of each of its materials for each part, named after the part. An OBJ file keeps texture
+    coordinates, but no materials.
 
-    Raises ValueError if the ending is another, or there are no parts. Raises OSError if the file cannot be written;
-    what was there before stays.
+    Raises ValueError if the file ending is not supported, or there are no parts. Raises OSError if the file cannot be
+    written; an existing file stays unchanged.
     """
     target = Path(path)
     ending = check.ending("export_parts", "path", target, ENDINGS)
@@ -51,12 +52,12 @@ def export_parts(mesh: Mesh, parts: Sequence[Part], path: str | os.PathLike[str]
 
 
 def _most(corners: Int64) -> Int64:
-    """(F,) the label that most of the three corners (F, 3) have; of three different ones the middle."""
+    """Return the label (F,) that most of the three corners (F, 3) have; the middle one if all three differ."""
     return np.sort(corners, axis=1)[:, 1]
 
 
 def _split(document: GltfDocument, node: int, of_vertex: Int64) -> None:
-    """Make of each primitive of a node one for each part, with the same attributes and a material of its own."""
+    """Replace each primitive of a node by one for each part, with the same attributes and its own material."""
     content, known = document.own_mesh(node), dict(document.parts())[node]
     of_number = {each.source[2]: each for each in known}
     split: list[Header] = []
@@ -75,7 +76,7 @@ def _split(document: GltfDocument, node: int, of_vertex: Int64) -> None:
 
 
 def _material(document: GltfDocument, material: object, part: int) -> int:
-    """The number of a copy of a material that is named after a part, one for each of both."""
+    """Return the index of a copy of a material, named after a part; there is one copy for each pair of both."""
     materials = objects(document.header, "materials")
     own = item(document.header, "materials", material)
     name = f"part {part + 1}" if own is None else f"{own.get('name') or f'material {material}'} part {part + 1}"

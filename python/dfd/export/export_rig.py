@@ -1,4 +1,4 @@
-"""Export of a session to animation programs: a skin, morph targets or the moved shape, in glTF."""
+"""Exports a session to animation programs as a skin, morph targets or the posed shape, in glTF."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ GLTF = (".glb", ".gltf")
 PLAIN = (".obj", ".ply", ".stl", ".off")
 ENDINGS = (*GLTF, *PLAIN)
 WRITTEN = {"morph": "written as morph targets", "baked": "baked"}
-PORTABLE_INFLUENCES = 4  # that every reader of glTF supports
+PORTABLE_INFLUENCES = 4  # influences per vertex that every reader of glTF supports
 
 
 def export_rig(
@@ -38,7 +38,7 @@ def export_rig(
 ) -> RigReport:
     """Write a session's shape and handles so that other programs can pose them.
 
-    A mesh from a glTF file keeps the rest of that file, such as UVs, materials, textures and parts, in a glTF file.
+    If the mesh comes from a glTF file, a glTF file keeps the rest of it, such as UVs, materials, textures and parts.
 
     Parameters
     ----------
@@ -47,17 +47,17 @@ def export_rig(
     path
         A .glb or .gltf file; with `form="baked"` an .obj, .ply, .stl or .off file as well.
     form
-        "skin": a joint for each handle and each counterpart, in their own frames at their pivots, with the weights
-        with which `dfd.pose` blends (Eq. 1 and 8), and a root that never moves for what they leave of 1 (or another
-        joint for D₀, where the edit has one). "morph": a target for each handle that moves, or for each key pose.
-        "baked": the posed shape as a static mesh. By default the first of them that has room beside the mesh's own
-        skin and morph targets, which a glTF file keeps.
+        "skin": a joint for each handle and each counterpart, in their own frames at their pivots. The weights are those
+        with which `dfd.pose` blends (Eq. 1 and 8). A root that never moves gets what they leave of 1. If the edit has
+        D₀, another joint gets that rest instead. "morph": a target for each handle that moves, or for each key pose.
+        "baked": the posed shape as a static mesh. The default is the first form that fits beside the mesh's own skin
+        and morph targets, which a glTF file keeps.
     influences
-        How many joints a vertex follows at most, those with the largest weights, which are divided by their sum: by
-        default 4, which every reader supports. "all" prunes none; more than 4 are in further sets, which few readers
-        support.
+        The largest number of joints that a vertex follows: by default 4, which every reader supports. The largest
+        weights stay and are divided by their sum. "all" prunes none; more than 4 are stored in further sets, which few
+        readers support.
     poses
-        Key poses, ordered by time, that become an animation, linear between poses.
+        Key poses, ordered by time. They become an animation that is linear between poses.
 
     Returns
     -------
@@ -65,10 +65,11 @@ def export_rig(
         What was written, with the largest and the mean distance from the result of `dfd.pose`. Where nothing is pruned
         and no weights sum to more than 1, a linear blend differs only by the rounding of 32-bit floats.
 
-    Raises ValueError if the ending is another or does not go with `form`, the mesh keeps a skin (for "skin") or morph
-    targets (for "morph"), nothing is held, there are more than 65,535 joints, one of them cannot be inverted, or a key
-    pose is of other handles, not after the one before it, or scales along other axes. Raises OSError if a file cannot
-    be written; what was there before stays.
+    Raises ValueError if the file ending is not supported or does not fit `form`. Raises ValueError if the mesh keeps a
+    skin (for "skin") or morph targets (for "morph"), or the session has no handle. Raises ValueError if there are more
+    than 65,535 joints, or one of them cannot be inverted. Raises ValueError if a key pose is of other handles, not
+    after the one before it, or scales along other axes. Raises OSError if a file cannot be written; an existing file
+    stays unchanged.
     """
     target = Path(path)
     check.ending("export_rig", "path", target, ENDINGS)
@@ -91,9 +92,9 @@ def export_rig(
 
 
 def form_for(mesh: Mesh, path: Path, form: Form | None) -> tuple[Form, tuple[str, ...]]:
-    """The form in which a session of `mesh` goes into `path`, and a note where it had to be another one than "skin".
+    """Return the form in which a session of `mesh` fits into `path`, and a note if that form is not "skin".
 
-    Raises ValueError if `form` is not known, or has no room in such a file beside what the mesh's own file has.
+    Raises ValueError if `form` is not known, or does not fit beside the content of the mesh's own file.
     """
     ending = path.suffix.lower()
     if form is not None:
@@ -119,7 +120,7 @@ def form_for(mesh: Mesh, path: Path, form: Form | None) -> tuple[Form, tuple[str
 
 
 def _most(influences: int | str | None) -> int | None:
-    """How many influences a vertex may have, None for all."""
+    """Return the largest number of influences of a vertex, None for all."""
     if influences is None:
         return PORTABLE_INFLUENCES
     if isinstance(influences, str):

@@ -1,4 +1,4 @@
-"""Export of weights as plain arrays, with their names and settings."""
+"""Exports weights as plain arrays, with their names and settings."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
     session
         The shape with its handles.
     path
-        An .npz or .safetensors file. It holds `vertices` (V, 3) float64 and `faces` (F, 3) of the resting mesh;
+        An .npz or .safetensors file. Its arrays are `vertices` (V, 3) float64 and `faces` (F, 3) of the resting mesh;
         `weights` (V, C) float32, a column for each handle and each of its counterparts; `transforms` (C, 3, 4) float64,
-        mesh units; `handles` (C, 3) where each column is held; `handle_ids` (C,); and `default` (3, 4), D₀. As texts,
-        which safetensors has in its metadata: `format`, `version`, `names` (a JSON list of C names), `edit` (its
-        document, see `dfd.editing.edit_file`), `field` (its settings) and `mesh` (its `Mesh.content_hash`).
+        mesh units; `handles` (C, 3), the position of each column; `handle_ids` (C,); and `default` (3, 4), D₀. Its
+        texts, which safetensors stores in its metadata, are `format`, `version`, `names` (a JSON list of C names),
+        `edit` (its document, see `dfd.editing.edit_file`), `field` (its settings) and `mesh` (its `Mesh.content_hash`).
 
-    Raises ValueError if the ending is another, or nothing is held. Raises OSError if the file cannot be written; what
-    was there before stays.
+    Raises ValueError if the file ending is not supported, or the session has no handle. Raises OSError if the file
+    cannot be written; an existing file stays unchanged.
     """
     target = Path(path)
     ending = check.ending("export_weights", "path", target, ENDINGS)
@@ -71,7 +71,7 @@ def _arrays(session: Deformer) -> dict[str, np.ndarray[Any, Any]]:
 
 
 def _names(session: Deformer) -> list[str]:
-    """A name for each column: its handle's, with a number for each further counterpart."""
+    """Return a name for each column: its handle's, with a number for each further counterpart."""
     names = UniqueNames()
     handles = session.edit.handles
     columns = session.bound.columns(session.edit)[1]

@@ -1,8 +1,9 @@
 """Joints: position and frame of a handle in other programs, and its transforms in that frame.
 
-A counterpart moves by what its handle does, carried over by a rigid map Φ: D ↦ Φ D Φ⁻¹. Φ also places its
-joint, so all joints of a handle have the same transform in their own frames. A frame is right-handed: that of a mirror
-image has all three axes negated, so that the same rotation acts mirrored, as for mirrored joints of animators.
+A counterpart follows its handle through a rigid map Φ from the handle to it: D ↦ Φ D Φ⁻¹. Φ also places the joint of
+the counterpart. So all joints of a handle have the same transform in their own frames. A frame is right-handed. The
+frame of a mirror image has all three axes negated, so that the same rotation acts mirrored, as in animators' mirrored
+joints.
 """
 
 from __future__ import annotations
@@ -15,13 +16,13 @@ from scipy.spatial.transform import Rotation
 from dfd.common.linear_algebra import Float64
 from dfd.posing.transforms import Transform, Vector, rotation_matrix
 
-# Of the factors of a scale: off-diagonal entries below are rounding.
+# Bound for off-diagonal entries in the factors of a scale: smaller entries are rounding.
 SHEAR = 1e-9
 
 
 @dataclass(frozen=True)
 class Local:
-    """The transform of a joint in its own frame: scale, then rotation, then translation."""
+    """Holds the transform of a joint in its own frame: scale, then rotation, then translation."""
 
     translation: Float64  # (3,) mesh units
     rotation: Float64  # (4,) quaternion x, y, z, w
@@ -29,7 +30,7 @@ class Local:
 
     @property
     def matrix(self) -> Float64:
-        """(4, 4) the transform."""
+        """Return the transform as a (4, 4) matrix."""
         matrix = np.eye(4)
         matrix[:3, :3] = Rotation.from_quat(self.rotation).as_matrix() * self.scale
         matrix[:3, 3] = self.translation
@@ -38,19 +39,19 @@ class Local:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """Something that vertices follow."""
+    """Describes a joint, which vertices follow."""
 
-    name: str  # no other joint of the rig has it
+    name: str  # unique in the rig
     handle: int | None  # the id of its handle; None for the root and for D₀
-    center: Vector  # (3,) the handle's own position, the pivot of transforms that have none, mesh units
+    center: Vector  # (3,) the handle's own position in mesh units: the pivot of transforms without one
     # pivot, axes: (3,) and (3, 3) the origin of the handle's frame, and its axes as columns
     pivot: Float64
     axes: Float64
-    carry: Float64  # (4, 4) rigid Φ, from the handle to this joint; a reflection for a mirror image
+    carry: Float64  # (4, 4) rigid Φ from the handle to this joint; a reflection for a mirror image
 
     @property
     def frame(self) -> Float64:
-        """(4, 4) from the joint's own coordinates at rest to the mesh's: rigid and right-handed."""
+        """Return the rigid, right-handed map (4, 4) from the joint's own coordinates at rest to the mesh's."""
         frame = np.eye(4)
         frame[:3, :3] = self.carry[:3, :3] @ self._basis
         frame[:3, 3] = self.carry[:3, :3] @ self.pivot + self.carry[:3, 3]
@@ -58,13 +59,13 @@ class Joint:
 
     @property
     def _basis(self) -> Float64:
-        """(3, 3) the axes, negated where `carry` mirrors them."""
+        """Return the axes (3, 3), negated if `carry` mirrors them."""
         return self.axes * np.sign(np.linalg.det(self.carry[:3, :3] @ self.axes))
 
     def local(self, transform: Transform) -> Local:
-        """The joint's transform in its own frame for the handle's `transform`.
+        """Return the joint's transform in its own frame for the handle's `transform`.
 
-        Raises ValueError if it scales along other axes than the joint's: that would be a shear.
+        Raises ValueError if it scales along axes other than the joint's, because that would be a shear.
         """
         basis = self._basis
         axes = np.eye(3) if transform.axes is None else np.asarray(transform.axes).T
@@ -81,7 +82,7 @@ class Joint:
         return Local(shift, Rotation.from_matrix(turn).as_quat(), np.diag(stretch).copy())
 
     def placed(self, local: Local) -> Local:
-        """`local` as seen from a parent that stands at the mesh's origin, unturned."""
+        """Return `local` relative to a parent at the mesh's origin, without rotation."""
         frame = self.frame
         rotation = Rotation.from_matrix(frame[:3, :3]) * Rotation.from_quat(local.rotation)
         return Local(frame[:3, :3] @ local.translation + frame[:3, 3], rotation.as_quat(), local.scale)

@@ -21,14 +21,14 @@ from dfd.posing.transforms import Transform
 
 @dataclass(frozen=True)
 class KeyPose:
-    """The transforms of a session's handles at a moment.
+    """Holds the transforms of a session's handles at one moment.
 
-    Raises ValueError if `seconds` is no number or negative, or `transforms` has another key than an id or another value
-    than a transform.
+    Raises ValueError if `seconds` is no number or negative. Raises ValueError if `transforms` has a key that is no id
+    or a value that is no transform.
     """
 
     seconds: float  #: At least 0
-    transforms: Mapping[int, Transform] = field(default_factory=dict)  #: By the ids of handles; one left out rests
+    transforms: Mapping[int, Transform] = field(default_factory=dict)  #: By the ids of handles; a handle left out rests
     name: str = ""  #: For display; file formats only name whole animations
 
     def __post_init__(self) -> None:
@@ -44,7 +44,7 @@ class KeyPose:
 
 
 def checked_poses(function: str, poses: Sequence[KeyPose], edit: Edit) -> tuple[KeyPose, ...]:
-    """Check that `poses` are ordered by time and of handles that `edit` has, and return them.
+    """Return `poses` after checking that they are ordered by time and refer to handles of `edit`.
 
     Raises ValueError if they are not.
     """
@@ -65,7 +65,7 @@ def checked_poses(function: str, poses: Sequence[KeyPose], edit: Edit) -> tuple[
 
 
 def posed_edit(edit: Edit, pose: KeyPose) -> Edit:
-    """`edit` with the transforms of `pose`."""
+    """Return `edit` with the transforms of `pose`."""
 
     def posed(handle: Handle) -> Handle:
         return replace(handle, transform=pose.transforms.get(handle.id, Transform()))
@@ -78,7 +78,7 @@ _STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 @dataclass(frozen=True, repr=False)
 class _Posed(Transform):
-    """A transform in a file, and the handle that it moves."""
+    """Holds a transform in a file, and the handle that it moves."""
 
     handle: Annotated[int, Field(ge=0)] = field(kw_only=True)
 
@@ -98,14 +98,14 @@ _POSES = TypeAdapter(tuple[_Pose, ...])
 
 
 def read_key_poses(path: str | os.PathLike[str]) -> tuple[KeyPose, ...]:
-    """Read the key poses of a JSON file, such as the app saves of its timeline.
+    """Return the key poses in a JSON file, for example a timeline that the app saved.
 
-    It is a list of objects with `seconds`, a `name` and `transforms`: objects with the id of a `handle`, a
+    The file is a list of objects with `seconds`, a `name` and `transforms`. A transform has the id of a `handle`, a
     `translation` in mesh units, a `rotation` as a rotation vector in degrees, `scale`, `pivot`, `axes`, `bend`,
     `twist` and `joint`, as in an edit.
 
-    Raises OSError if it cannot be read. Raises ValueError if it is malformed; the message names the field and what was
-    found there.
+    Raises OSError if the file cannot be read. Raises ValueError if it is malformed; the message names the field and the
+    value found there.
     """
     text = Path(path).read_bytes()
     try:

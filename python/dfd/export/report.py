@@ -12,20 +12,20 @@ from dfd.export.skinning import Difference, Skin
 
 @dataclass(frozen=True, kw_only=True)
 class RigReport:
-    """What was written, and its deviation from `dfd.pose`."""
+    """Describes what was written, and its deviation from `dfd.pose`."""
 
     path: Path
     form: str  # "skin", "morph" or "baked"
-    joints: int = 0  # 0 where there is no skin
-    influences: int = 0  # the most joints that a vertex follows
-    targets: int = 0  # how many morph targets there are
+    joints: int = 0  # 0 without a skin
+    influences: int = 0  # the largest number of joints that a vertex follows
+    targets: int = 0  # number of morph targets
     pruned: float = 0.0  # the largest part of a vertex's weight that was pruned, in [0, 1]
     normalized: int = 0  # vertices whose weights sum to more than 1 or were negative, which no format can store
-    # largest, mean: distances between the vertices in the file and those of `dfd.pose`, mesh units, at the edit or key
-    # pose where the largest is
+    # largest, mean: distances between the vertices in the file and those of `dfd.pose`, mesh units, in the pose (the
+    # edit or a key pose) with the largest distance
     largest: float
     mean: float
-    at: str  # where that is: "the edit", or the name of a key pose
+    at: str  # the pose with the largest distance: "the edit", or the name of a key pose
     size: float  # the diagonal of the box around the resting shape, mesh units
     notes: tuple[str, ...] = ()  # sentences about other differences between the file and the edit
 
@@ -60,7 +60,7 @@ def report_of(
     targets: int = 0,
     notes: tuple[str, ...] = (),
 ) -> RigReport:
-    """The report of a rig in a file that differs from `dfd.pose` by `difference`."""
+    """Return the report of a rig in a file that deviates from `dfd.pose` by `difference`."""
     skinned: dict[str, Any] = {}
     if skin is not None:
         skinned = {"joints": len(rig.joints), "influences": skin.joints.shape[1]}

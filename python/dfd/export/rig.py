@@ -20,30 +20,30 @@ from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
 
-BATCH = 1 << 14  # vertices at a time, so that no second array is as large as the weights
+BATCH = 1 << 14  # vertices per batch, so that no second array is as large as the weights
 
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """Joints, and how vertices follow them."""
+    """Holds joints, and the weights with which vertices follow them."""
 
     # mesh, edit: the resting shape and its edit
     mesh: Mesh
     edit: Edit
-    # the root first, which never moves, and is the parent of all others; D₀ second where the edit has one
+    # joints: first the root, which never moves and is the parent of all others; then D₀ if the edit has one
     joints: tuple[Joint, ...]
-    origin: Float64  # (3,) from which a file sees vertices: 0, but for shapes that 32-bit floats hold too coarsely
+    origin: Float64  # (3,) origin of vertices in a file: 0, except for shapes that 32-bit floats store too coarsely
     default: int  # the joint that receives 1 minus the sum of the weights: the root, or D₀
     poses: tuple[KeyPose, ...]  # key poses, ordered by time
     _session: Deformer
     _weights: Float32  # (V, C)
     _column: Int64  # (J − first,) the column of each joint of a handle
-    _mirrored: Bool  # (J − first,) whether it acts on the side of the plane opposite to its handle
+    _mirrored: Bool  # (J − first,) whether the joint acts on the side of the plane opposite to its handle
 
     def weights(self) -> Iterator[tuple[slice, Float64]]:
-        """Yield ranges of vertices and their weights (N, J), with which `dfd.pose` blends.
+        """Yield ranges of N vertices and their weights (N, J), with which `dfd.pose` blends.
 
-        Rows sum to 1 wherever the weights of the handles sum to at most 1, and to that sum elsewhere.
+        A row sums to 1 if the weights of the handles sum to at most 1, and to their sum otherwise.
         """
         plane = self.edit.symmetry
         first = self.default + 1
@@ -66,11 +66,11 @@ class Rig:
             yield pose.name or f"key pose {number}", posed_edit(self.edit, pose)
 
     def posed(self, edit: Edit) -> Float64:
-        """(V, 3) the result of `dfd.pose` for `edit`, which differs from the rig's only in transforms."""
+        """Return the result (V, 3) of `dfd.pose` for `edit`, which differs from the rig's edit only in transforms."""
         return PosedShape(self.mesh, self._session.bound).of(edit)
 
     def transforms(self, edit: Edit) -> list[Transform]:
-        """(J) the transform of each joint's handle in `edit`."""
+        """Return the transform of each joint's handle in `edit`, J in all."""
         rest = Transform()
         of_handle = {handle.id: handle.transform for handle in edit.handles}
         found = [rest if joint.handle is None else of_handle[joint.handle] for joint in self.joints]
@@ -80,9 +80,9 @@ class Rig:
 
 
 def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
-    """The rig of a session's present edit.
+    """Return the rig of a session's present edit.
 
-    A handle gives a joint for each counterpart, and with a plane of symmetry each of them another for its mirror
+    A handle has a joint for each counterpart. With a plane of symmetry, each of these joints has another for its mirror
     image.
     """
     edit = session.edit
@@ -129,7 +129,7 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
 
 
 def _frame(transforms: Sequence[Transform]) -> Float64:
-    """(3, 3) axes, as columns, of the first transform that scales."""
+    """Return the axes (3, 3), as columns, of the first transform that scales."""
     uneven = [each for each in transforms if len(set(each.scale)) > 1]
     for each in (*uneven, *(each for each in transforms if not uneven)):
         if each.axes is not None or uneven:
@@ -138,7 +138,7 @@ def _frame(transforms: Sequence[Transform]) -> Float64:
 
 
 def _carry(column: Column, handle: Handle) -> Float64:
-    """(4, 4) rigid Φ, from a handle to one of its counterparts."""
+    """Return the rigid Φ (4, 4) from a handle to one of its counterparts."""
     carry = np.eye(4)
     if column.counterpart is not None:
         carry[:3, :3] = column.counterpart.frame
@@ -148,7 +148,7 @@ def _carry(column: Column, handle: Handle) -> Float64:
 
 
 def _stands_below(edit: Edit, column: Column, handle: Handle) -> bool:
-    """Whether a column's position is on the negative side of the plane."""
+    """Return whether a column's position is on the negative side of the plane."""
     plane = edit.symmetry
     if plane is None:
         return False
@@ -156,7 +156,7 @@ def _stands_below(edit: Edit, column: Column, handle: Handle) -> bool:
 
 
 def _side(plane: SymmetryPlane, points: Float64) -> Float64:
-    """(N,) how much points are on the side that the plane's normal points to, in [0, 1]: a smoothstep over its band."""
+    """Return how much points are on the side of the plane's normal (N,), in [0, 1]: a smoothstep over the blend band."""
     height = points @ np.asarray(plane.normal) - plane.offset
     if plane.band == 0:
         return np.asarray(height >= 0, np.float64)

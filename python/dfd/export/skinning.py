@@ -1,4 +1,4 @@
-"""A rig as the skin of a file: a few joints for each vertex, and its deviation from `dfd.pose`."""
+"""The skin of a file from a rig: a few joints for each vertex, and its deviation from `dfd.pose`."""
 
 from __future__ import annotations
 
@@ -11,33 +11,33 @@ from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.export.joints import Joint, Local
 from dfd.export.rig import BATCH, Rig
 
-ABOVE = 1e-5  # by which a sum of weights exceeds 1 for other reasons than the rounding of 24 bits
+ABOVE = 1e-5  # a sum of weights that exceeds 1 by more has other causes than the rounding to 24 bits
 
 
 @dataclass(frozen=True)
 class Difference:
-    """The deviation of a file from `dfd.pose`, over the edit and all key poses."""
+    """Holds the deviation of a file from `dfd.pose`, over the edit and all key poses."""
 
     # largest, mean: distances of vertices, mesh units; the mean is that of the pose where it is largest
     largest: float = 0.0
     mean: float = 0.0
-    at: str = "the edit"  # where the largest is: there, or at the key pose of that name
+    at: str = "the edit"  # the pose with the largest distance: the edit, or the name of a key pose
 
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """The skin of a rig as a file stores it; vertices and joints are seen from the rig's origin."""
+    """Holds the skin of a rig as a file stores it; vertices and joints are relative to the rig's origin."""
 
-    # (V, K) joints of each vertex, the heaviest first, no joint twice; 0 where the weight is 0
+    # joints: (V, K) of each vertex, by descending weight, no joint twice; 0 where the weight is 0
     joints: Int64
     weights: Float32  # (V, K) descending; rows sum to 1 within 1e-6
-    pruned: float  # the largest part of a vertex's weight that was left out, in [0, 1]
-    normalized: int  # how many vertices had weights that sum to more than 1, or negative ones, and have others here
+    pruned: float  # the largest part of a vertex's weight that was pruned, in [0, 1]
+    normalized: int  # number of vertices whose weights changed, because they were negative or summed to more than 1
     binds: Float32  # (J, 4, 4) inverse binds
-    moments: list[list[Local]]  # (M, J) each joint in the edit and then at each key pose
+    moments: list[list[Local]]  # (M, J) transforms of each joint in the edit and then at each key pose
 
     def shown(self, moment: int, rig: Rig) -> Float64:
-        """(V, 3) the vertices that readers show at a moment: Σ_k w_k M_k B_k v, their sums in 64 bits."""
+        """Return the vertices (V, 3) that readers show at a moment: Σ_k w_k M_k B_k v, summed in 64 bits."""
         points = (rig.mesh.vertices - rig.origin).astype(np.float32).astype(np.float64)
         matrices = np.array([local.matrix for local in self.moments[moment]]) @ self.binds.astype(np.float64)
         result = np.empty_like(points)
@@ -51,9 +51,9 @@ class Skin:
 
 
 def skin_of(rig: Rig, most: int | None) -> Skin:
-    """The skin of a rig with the `most` heaviest joints of each vertex, all where it is None.
+    """Return the skin of a rig with the `most` joints of largest weight for each vertex; None keeps all.
 
-    Raises ValueError if a joint scales along other axes than its own, or is too far away.
+    Raises ValueError if a joint scales along axes other than its own, or is too far away.
     """
     joints, weights = [], []
     least, normalized, width = 1.0, 0, 1
@@ -80,7 +80,7 @@ def skin_of(rig: Rig, most: int | None) -> Skin:
 
 
 def difference_of(rig: Rig, shown: Callable[[int, Rig], Float64]) -> Difference:
-    """The deviation from `dfd.pose` of the shape (V, 3) that a file shows at each of the rig's moments."""
+    """Return the deviation from `dfd.pose` of the shape (V, 3) that a file shows at each of the rig's moments."""
     found = Difference()
     for moment, (name, edit) in enumerate(rig.moments()):
         distance = np.linalg.norm(shown(moment, rig) - rig.posed(edit), axis=1)
@@ -90,7 +90,7 @@ def difference_of(rig: Rig, shown: Callable[[int, Rig], Float64]) -> Difference:
 
 
 def _summing_to_one(weights: Float64) -> Float32:
-    """Weights in 24 bits whose rows sum to 1: the first, the heaviest, absorbs the rounding of the others."""
+    """Return weights in 24 bits whose rows sum to 1: the first, largest one absorbs the rounding of the others."""
     single = weights.astype(np.float32)
     single[single < np.finfo(np.float32).tiny] = 0.0  # some readers treat denormal numbers as 0
     single[:, 0] = 1.0 - single[:, 1:].sum(axis=1, dtype=np.float64)
@@ -98,7 +98,7 @@ def _summing_to_one(weights: Float64) -> Float32:
 
 
 def _inverse_binds(joints: Sequence[Joint], origin: Float64) -> Float32:
-    """(J, 4, 4) from the coordinates of the file's vertices to each joint's own."""
+    """Return the maps (J, 4, 4) from the coordinates of the file's vertices to each joint's own."""
     frames = np.array([joint.frame for joint in joints])
     frames[:, :3, 3] -= origin
     with np.errstate(over="ignore", invalid="ignore"):
@@ -111,7 +111,7 @@ def _inverse_binds(joints: Sequence[Joint], origin: Float64) -> Float32:
 
 
 def _moments(rig: Rig) -> list[list[Local]]:
-    """Each joint in 32-bit floats, in the edit and at each key pose; a rotation goes on from that before it."""
+    """Return each joint's transforms in 32-bit floats, in the edit and at each key pose, with continuous rotations."""
     moments: list[list[Local]] = []
     for _, edit in rig.moments():
         placed = []
