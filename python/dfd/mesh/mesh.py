@@ -203,8 +203,8 @@ class Mesh:
         format can store them. Normals follow the moved surface. If the format is that of the source file, only moved
         data is rewritten; all other bytes, number types and byte order stay. The file is written atomically.
 
-        Warns if 32-bit floats of the format move a shape that is far from the origin. GLB and PLY files store such
-        shapes exactly enough.
+        Warns if 32-bit floats of the format move a shape that is far from the origin. GLB and PLY files keep such a
+        shape.
 
         Raises ValueError if the ending is none of .obj, .ply, .stl, .off, .glb and .gltf. Raises ValueError if
         `vertices` has another shape or is not finite. Raises OSError if the file cannot be written; an existing file is
