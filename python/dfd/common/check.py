@@ -1,4 +1,4 @@
-"""Check the arguments of public functions: coerce once, name the argument, say what was found."""
+"""Checks of the arguments of public functions; an error names the argument and the value found."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ def array(
 
     `shape` lists the wanted sizes: a number is exact, a name such as ``"V"`` stands for any size.
 
-    Raises ValueError if `value` is not numeric, a masked array or a tensor that NumPy cannot look into, has another
-    shape, or (with `finite`) holds NaN or infinity.
+    Raises ValueError if `value` is not numeric, is a masked array, or is a tensor that NumPy cannot read. Raises
+    ValueError if `value` has another shape or, with `finite`, holds NaN or infinity.
     """
     if type(value) is np.ndarray:
         result = value
@@ -96,7 +96,7 @@ def number(
 
 
 def whole(function: str | None, name: str, value: Any, *, minimum: int, maximum: int | None = None) -> int:
-    """Return `value` as an int within [minimum, maximum]; True and 2.0 are no whole numbers here."""
+    """Return `value` as an int within [minimum, maximum]; refuse True and 2.0."""
     if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer):
         raise ArgumentError(name, f"must be a whole number, got {value!r}", function)
     if value < minimum or (maximum is not None and value > maximum):
@@ -114,7 +114,7 @@ def choice(function: str | None, name: str, value: Any, options: Any) -> Any:
 
 
 def keywords(given: Iterable[str], known: Collection[str], kind: str) -> None:
-    """Raise TypeError if a keyword of `given` is none of the `known` ones, each of which is a `kind`."""
+    """Raise TypeError if `known` lacks a keyword of `given`; the message calls a keyword a `kind`."""
     for name in given:
         if name not in known:
             close = get_close_matches(name, known, 1)
@@ -123,7 +123,7 @@ def keywords(given: Iterable[str], known: Collection[str], kind: str) -> None:
 
 
 def ending(function: str | None, name: str, path: str | os.PathLike[str], endings: Sequence[str]) -> str:
-    """Return which of the `endings` the name of a file to write has.
+    """Return the one of `endings` with which the name of an output file ends.
 
     Raises ValueError if it has none of them.
     """
@@ -135,7 +135,7 @@ def ending(function: str | None, name: str, path: str | os.PathLike[str], ending
 
 
 def field(function: str, value: Any) -> Any:
-    """Return `value`, a `Field` or what else gives features when it is called with points."""
+    """Return `value`, which is a `Field` or another callable that maps points to features."""
     if not callable(value):
         raise ArgumentError("field", f"must be a Field, got {type(value).__name__}", function)
     return value

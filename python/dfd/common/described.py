@@ -1,7 +1,7 @@
-"""Fields of frozen dataclasses, described once: what they mean, their bounds, and how they are written in files.
+"""Descriptions of the fields of frozen dataclasses: their meaning, their bounds, and their form in files.
 
-The dataclass checks itself by it, pydantic reads, writes and describes files by it, and the command line makes its
-options of it. Nothing of pydantic is imported here.
+The dataclass checks its values by the descriptions. pydantic reads, writes and documents files by them. The command
+line makes its options from them. This module does not import pydantic.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from dfd.common.errors import ArgumentError
 
 
 class Brief:
-    """A dataclass, `repr=False`, that shows only what differs from its defaults."""
+    """A base for dataclasses with `repr=False`; the text shows only the fields that differ from their defaults."""
 
     def __repr__(self) -> str:
-        """Say it as Python makes it."""
+        """Return the Python expression that makes the value."""
         told = []
         for each in fields(self):  # type: ignore[arg-type]  # derived classes are dataclasses
             value = getattr(self, each.name)
@@ -32,44 +32,45 @@ class Brief:
 
 @dataclass(frozen=True)
 class About:
-    """What a field means."""
+    """The description of a field."""
 
-    text: str  # one sentence for people, wherever the field is named
+    text: str  # one sentence for users
     # minimum, maximum, exclusive: the bounds of a number; with `exclusive` it lies above the minimum
     minimum: float | None = None
     maximum: float | None = None
     exclusive: bool = False
-    metavar: str | None = None  # what the command line shows in the place of its value; None for a switch
-    repeated: bool = False  # whether the command line takes one of them after the other
-    option: str | None = None  # what the command line calls it, where that is not the field's name
-    # unit: what its numbers are. On another shape a length is scaled, and a position is carried along.
+    metavar: str | None = None  # placeholder of the value in the help of the command line; None for a switch
+    repeated: bool = False  # whether the command-line option may occur several times
+    option: str | None = None  # name of the command-line option, if it is not the field's name
+    # unit: the kind of its numbers. A transfer to another shape scales lengths and maps positions.
     unit: Literal["length", "position", "angle"] | None = None
-    # affects: the handle's own column of weights, or only what is made of that
+    # affects: "weights" changes the handle's column of weights, "pose" only the pose made from the columns
     affects: Literal["weights", "pose"] = "weights"
-    of_part: bool = False  # whether it is for a handle alone, because it needs the part that the handle holds
-    # label, slider: what panels call it; the ends and the step of a slider, of a length as parts of the shape's size
+    of_part: bool = False  # whether only a handle has the field, because the field needs the part that the handle holds
+    # label: the field's name in panels. slider: both ends and the step; those of a length are fractions of the
+    # shape's size
     label: str | None = None
     slider: tuple[float, float, float] | None = None
 
     def called(self, name: str) -> str:
-        """Return what panels call the field of that `name`."""
+        """Return the label that panels show for the field `name`."""
         return self.label or name.replace("_", " ").capitalize()
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
-        """The JSON schema of the field, with its description and bounds."""
+        """Return the JSON schema of the field, with its description and bounds."""
         low = "exclusiveMinimum" if self.exclusive else "minimum"
         bounds = {low: self.minimum, "maximum": self.maximum}
         return {**handler(schema), "description": self.text, **{k: v for k, v in bounds.items() if v is not None}}
 
 
 class Written:
-    """The type that a field has in a file, where its dataclass turns it into another one."""
+    """The type of a field in a file, if its dataclass converts the value to another type."""
 
     def __init__(self, written: Any) -> None:
         self.written = written
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        """That of the type in files; arrays are written as lists."""
+        """Return the core schema of the type in files; arrays are written as lists."""
         from pydantic_core import core_schema
 
         plain = core_schema.plain_serializer_function_ser_schema(
@@ -79,13 +80,13 @@ class Written:
 
 
 class Tagged:
-    """A union of dataclasses that files tell apart by one of their fields."""
+    """A union of dataclasses; in a file, the value of one field says which of them is meant."""
 
     def __init__(self, name: str) -> None:
         self.name = name
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        """That of the union, by its tag."""
+        """Return the core schema of the union, discriminated by its tag."""
         from pydantic import Field
 
         return handler.generate_schema(Annotated[source, Field(discriminator=self.name)])
@@ -93,7 +94,7 @@ class Tagged:
 
 @cache
 def about(owner: type) -> dict[str, tuple[Any, About | None]]:
-    """The type and the description of each field of a dataclass, by its name."""
+    """Return the type and the description of each field of a dataclass, by the field's name."""
     found: dict[str, tuple[Any, About | None]] = {}
     for name, hint in get_type_hints(owner, include_extras=True).items():
         kind, *extras = get_args(hint) if get_origin(hint) is Annotated else (hint,)
@@ -107,9 +108,9 @@ def words_of(kind: Any) -> tuple[Any, ...]:
 
 
 def check_fields(value: Any) -> None:
-    """Refuse what the fields of a frozen dataclass may not be: numbers, names and switches, each once.
+    """Check the numbers, names and switches in the fields of a frozen dataclass.
 
-    Numbers become floats; what is None where a field may be None is left.
+    Numbers become floats. A value None stays None if the field allows it.
 
     Raises ArgumentError in the name of the class.
     """

@@ -1,9 +1,9 @@
-"""Where torch computes, on how many threads, and what it says when there is no room left.
+"""The device and the threads on which torch computes, and the detection of its out-of-memory errors.
 
-Each operation of torch is split among threads that wait for each other at its end. Where operations take a millisecond
-or less that saves little, and where other programs use the same cores it is ruin: a thread that spins while it waits
-holds the core that the other one needs, and a fit of seconds takes minutes. Here the work is split instead, into ranges
-that wait for nobody; results then do not depend on the number of threads either.
+torch splits each operation among threads, which wait for each other at its end. For operations of a millisecond or
+less, this saves little time. If other programs use the same cores, a waiting thread spins and holds a core that
+another thread needs: a fit of seconds then takes minutes. This module splits the work into independent ranges
+instead. Results then do not depend on the number of threads.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from dfd.common import threads
 from dfd.common.errors import ArgumentError
 
-# torch takes seconds to import; where it was not, it has raised nothing.
+# Importing torch takes seconds. A torch that is not imported has raised no error.
 if TYPE_CHECKING:
     import torch
 
@@ -39,7 +39,7 @@ def choose_device(function: str, device: str | torch.device | None) -> torch.dev
 
 
 def out_of_memory(error: BaseException) -> bool:
-    """Whether `error` says that memory was refused: Python, NumPy and torch each have their own way."""
+    """Return whether `error` reports a failed allocation; Python, NumPy and torch raise different errors."""
     if isinstance(error, MemoryError):
         return True
     # torch.cuda's own error is a RuntimeError of this name.
@@ -63,12 +63,12 @@ def one_thread() -> Iterator[None]:
 def parallel_inference(count: int, size: int, work: Callable[[int, int], None]) -> None:
     """Call `work(begin, end)` for ranges of `size` that cover 0 … `count`, on as many threads as the kernels use.
 
-    On each of them torch computes alone and keeps nothing for gradients. What `work` raises is raised here.
+    torch uses one thread within each call and records no gradients. Errors of `work` are raised here.
     """
     import torch
 
     def alone(begin: int, end: int) -> None:
-        torch.set_num_threads(1)  # it counts for each thread apart
+        torch.set_num_threads(1)  # a setting of the calling thread
         with torch.inference_mode():
             work(begin, end)
 

@@ -1,4 +1,4 @@
-"""An argument that cannot be taken, as an error that says which one and why."""
+"""The error for an invalid argument, which names the argument and the reason."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ LONGEST_REASON = 500  # characters
 
 
 class ArgumentError(ValueError):
-    """An argument cannot be taken: "function: `argument` reason".
+    """An invalid argument, with the message "function: `argument` reason".
 
-    `argument` is its name, as the caller knows it; `reason` what it must be and what was found; `function` the public
-    function that was called, None where nobody knows it yet. What was found may be an array, or a text of many pages:
-    the reason is one line, and no longer than a person reads.
+    `argument` is the name that the caller knows. `reason` says what the argument must be and what was found.
+    `function` is the public function that was called, None while it is unknown. The value found may be an array or a
+    long text, so the reason is cut to one line of at most `LONGEST_REASON` characters.
     """
 
     def __init__(self, argument: str, reason: str, function: str | None = None) -> None:
@@ -42,7 +42,7 @@ def one_line(text: object) -> str:
 
 @contextmanager
 def called(function: str) -> Iterator[None]:
-    """Let an `ArgumentError` inside begin with the name of the public `function`, whichever of its parts raised it."""
+    """Name the public `function` in every `ArgumentError` that the block raises."""
     try:
         yield
     except ArgumentError as error:
@@ -50,7 +50,7 @@ def called(function: str) -> Iterator[None]:
 
 
 def public(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
-    """`function`, `called` by its own name."""
+    """Return `function`, wrapped so that its `ArgumentError`s begin with its own name."""
     name = function.__qualname__.removesuffix(".__init__")
 
     @wraps(function)
@@ -63,10 +63,10 @@ def public(function: Callable[Parameters, Result]) -> Callable[Parameters, Resul
 
 @contextmanager
 def within(path: str, function: str | None = None) -> Iterator[None]:
-    """Let an argument that is refused inside be called by its `path` in a larger value, and by the `function`."""
+    """Name `function` and the `path` in a larger value in every `ArgumentError` that the block raises."""
     try:
         yield
     except ArgumentError as error:
-        # A place is no key of its own: what it says stands beside the rest of its owner.
+        # A place has no key of its own: its owner's entry in the file holds it.
         argument = path if error.argument in ("at", "place", "region") else f"{path}.{error.argument}"
         raise ArgumentError(argument, error.reason, function) from None

@@ -1,4 +1,4 @@
-"""Files that are written beside their place, then renamed into it; and the folder of the cache."""
+"""Atomic writing of files, by a temporary file that is renamed, and the folder of the cache."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ _LONGEST_ENDING = 32  # bytes of an ending that the temporary file keeps
 def cache_directory() -> Path:
     """Return the user's cache folder for `dfd`; it need not exist yet.
 
-    The environment variable DFD_CACHE names it outright; otherwise it follows the habit of the platform, on Linux
-    XDG_CACHE_HOME or ~/.cache.
+    The environment variable DFD_CACHE sets the folder itself. Without it, the folder lies in the platform's cache
+    folder, on Linux XDG_CACHE_HOME or ~/.cache.
     """
-    import platformdirs  # Blender has none, and asks for no cache
+    import platformdirs  # imported here: Blender lacks platformdirs and does not use the cache
 
     named = os.environ.get("DFD_CACHE")
     return Path(named).expanduser() if named else platformdirs.user_cache_path("dfd", appauthor=False)
 
 
 def plain(value: Any) -> Any:
-    """Return what `json.dumps` writes for an array or a number of NumPy, and text for anything else."""
+    """Return an array or a number of NumPy as Python values for `json.dumps`, and anything else as text."""
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
@@ -46,20 +46,20 @@ def sha256_of_files(*paths: Path) -> str:
 
 @contextmanager
 def atomic_write(path: str | os.PathLike[str], argument: str = "path") -> Iterator[Path]:
-    """Yield a temporary path beside `path`; on success it takes the place of `path`, on failure it goes.
+    """Yield a temporary path beside `path`; on success, its file replaces `path`, and on failure it is deleted.
 
-    The temporary file keeps the ending of `path`, so that writers that choose a format by it still can. A symbolic
-    link stays one: the file it leads to is replaced. What a killed process left behind goes with a write of the same
-    file an hour later.
+    The temporary file has the ending of `path`, so writers can choose the format by the ending. If `path` is a
+    symbolic link, the link stays and its target is replaced. A killed process leaves its temporary file behind; a
+    write of the same file deletes it once it is an hour old.
 
-    Raises OSError if the folder does not exist or cannot be written, the disk is full, or `path` is a folder, a device,
-    a pipe or anything else that is no file; an existing file stays as it was.
+    Raises OSError if the folder does not exist or cannot be written, or the disk is full. Raises OSError if `path` is
+    no regular file: a folder, a device or a pipe. After an error, an existing file is unchanged.
     """
     named, target = Path(path), _target(Path(path), argument)
     temporary = None
     try:
         temporary = _temporary(target)
-        # A writer may keep its file to itself; what it replaces, or an ordinary new file, says who may read it.
+        # A writer may restrict the permissions of its file. The result has those of the replaced file or of a new one.
         mode = (target if target.exists() else temporary).stat().st_mode
         yield temporary
         temporary.chmod(mode & 0o777)
@@ -80,7 +80,7 @@ def _target(path: Path, argument: str) -> Path:
     try:
         target = path.resolve() if path.is_symlink() else path
         found = target.stat().st_mode if target.exists() else None
-    except (OSError, RuntimeError) as error:  # a link that leads to itself; a name that is too long
+    except (OSError, RuntimeError) as error:  # a link to itself, or a name that is too long
         number = getattr(error, "errno", None) or errno.ELOOP
         raise OSError(number, f"`{argument}`: {path} could not be written: {os.strerror(number)}") from error
     if not target.parent.is_dir():
@@ -95,10 +95,10 @@ def _target(path: Path, argument: str) -> Path:
 def _temporary(target: Path) -> Path:
     """Make an empty file beside `target`, and remove those that killed processes left there for the same target."""
     ending = target.suffix if len(os.fsencode(target.suffix)) <= _LONGEST_ENDING else ""
-    # a name of its own, not the target's made longer: file systems allow 255 bytes
+    # A hash, since file systems allow names of 255 bytes, and the target's name may have as many.
     start = f".dfd-{hashlib.sha256(os.fsencode(target.name)).hexdigest()[:16]}-"
     for left in target.parent.glob(f"{start}*"):
-        with suppress(OSError):  # another process removed it, or it is somebody else's
+        with suppress(OSError):  # another process removed it, or another user owns it
             if time.time() - left.stat().st_mtime > _ABANDONED:
                 left.unlink()
     path = target.with_name(f"{start}{secrets.token_hex(8)}{ending}")

@@ -1,4 +1,4 @@
-"""Arrays by the type of their numbers, for annotations; vectors of length 1; sums of groups and distinct pairs."""
+"""Array types for annotations, unit vectors, sums of groups, distinct pairs and principal directions."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ def group_sums(group: NDArray[np.integer], rows: NDArray[np.floating], count: in
 
 
 def distinct_pairs(pairs: NDArray[np.integer], count: int) -> tuple[Int64, Int64]:
-    """Return the distinct `pairs` (N, 2) of numbers below `count`, in either order, and which of them each is.
+    """Return the distinct `pairs` (E, 2) of numbers below `count`, and for each given pair (N,) the index of its own.
 
-    The distinct ones (E, 2) are ascending, the lower number first.
+    The order within a pair does not count. The distinct pairs are sorted, each with its lower number first.
     """
     low, high = np.sort(pairs, axis=1).astype(np.int64).T
     keys, which = np.unique(low * count + high, return_inverse=True)
@@ -42,8 +42,8 @@ Real = TypeVar("Real", np.float32, np.float64)
 def principal_directions(rows: NDArray[Real], count: int | None = None) -> NDArray[Real]:
     """Return the directions of the largest moments of `rows` (N, D) about the origin, the largest first.
 
-    They are orthonormal rows (min(`count`, D), D), all of them where `count` is None. Rows from which their mean was
-    taken give the principal components.
+    The result holds orthonormal rows (min(`count`, D), D), or all D rows if `count` is None. For rows with mean 0, the
+    directions are the principal components.
     """
     axes: NDArray[Real] = np.linalg.eigh(rows.T @ rows)[1].T[::-1]
     return np.ascontiguousarray(axes[:count])

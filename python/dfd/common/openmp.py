@@ -1,4 +1,4 @@
-"""GNU's OpenMP runtime, which the kernels are linked against and torch brings a copy of: one serves both."""
+"""Loading of one GNU OpenMP runtime for both the kernels, which link against it, and torch, which contains a copy."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ NAME = "libgomp.so.1"
 
 
 def load_runtime() -> None:
-    """Load the runtime, torch's copy where torch is installed unless some copy is loaded already, and then the kernels.
+    """Load torch's copy of the runtime, if torch is installed and no copy is loaded yet, and then the kernels.
 
-    The kernels, and torch when it is imported later, then find the runtime loaded under its name and load no other. The
-    copy of torch comes before the system's: it serves torch and the kernels, it is there where the system has none, and
-    the system's may be older than what torch was built for. A torch that names its copy by a hash keeps it to itself:
-    the kernels then need the system's.
+    The kernels find the loaded runtime by its name and load no other. So does torch, if it is imported later. torch's
+    copy takes precedence over the system's for two reasons. The system may have none, and the system's copy may be
+    older than the version for which torch was built. If torch names its copy by a hash, the kernels cannot find that
+    copy and need the system's.
 
     Raises ImportError if the kernels need the runtime and neither torch nor the system has it.
     """
     if sys.platform.startswith("linux") and not _is_loaded() and (found := find_torch_runtime()) is not None:
-        with suppress(OSError):  # a damaged copy: the kernels ask the system for theirs
+        with suppress(OSError):  # a damaged copy: the kernels then load the system's
             ctypes.CDLL(str(found))
     try:
         importlib.import_module("dfd._core")
@@ -35,7 +35,7 @@ def load_runtime() -> None:
 
 
 def find_torch_runtime() -> Path | None:
-    """Where torch keeps `libgomp.so.1`, without importing torch; None where it is not installed or keeps none."""
+    """Return the path of torch's `libgomp.so.1` without importing torch; None if torch or the file is missing."""
     spec = importlib.util.find_spec("torch")
     for folder in (spec.submodule_search_locations or []) if spec is not None else []:
         package = Path(folder)

@@ -1,4 +1,4 @@
-"""The two sets of defaults: dfd's own, and the paper's settings to the letter."""
+"""The names of the two sets of defaults: dfd's own, and the exact settings of the paper."""
 
 from typing import Literal
 

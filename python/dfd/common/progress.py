@@ -1,4 +1,4 @@
-"""Stages of a long call: a bar with the time left for people, a stopwatch for everyone."""
+"""Stages of a long call: their wall times, and a progress bar with the time left."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 
 class Advance(Protocol):
-    """Called with the number of finished items, 1 if left out."""
+    """A callback that takes the number of newly finished items, by default 1."""
 
     def __call__(self, count: int = 1) -> None: ...
 
 
 class Stages:
-    """Times every stage of a call and, when asked to, draws its bar on standard error.
+    """Times every stage of a call and, if `show` is set, draws a progress bar on standard error.
 
-    `seconds` maps each stage's name to its wall time, in the order in which stages ended; `latest` is the name of the
-    one that began last.
+    `seconds` maps each stage's name to its wall time, in the order in which the stages ended. `latest` is the name of
+    the stage that began last.
     """
 
     def __init__(self, show: bool = True) -> None:
@@ -52,7 +52,7 @@ class Stages:
 
 
 def _bar() -> Progress:
-    # Rich warns at every bar of a notebook that lacks ipywidgets; plain text needs none.
+    # Rich warns at every bar if a notebook lacks ipywidgets. Plain text does not need them.
     plain = False if importlib.util.find_spec("ipywidgets") is None else None
     return Progress(
         TextColumn("{task.description:<10}"),

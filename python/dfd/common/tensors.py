@@ -1,4 +1,4 @@
-"""Torch tensors in, torch tensors out, over the same memory; torch is never imported for those who do not use it."""
+"""Conversion of torch tensors to arrays over the same memory and back; this module never imports torch."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def is_tensor(value: Any) -> bool:
 
 
 def tracked(*values: Any) -> bool:
-    """Whether one of `values` is a tensor that torch records gradients for."""
+    """Return whether torch records gradients for one of `values`."""
     torch = sys.modules.get("torch")
     if torch is None or not torch.is_grad_enabled():
         return False
@@ -26,10 +26,10 @@ def tracked(*values: Any) -> bool:
 
 
 def shared(function: str | None, name: str, value: Any) -> Any:
-    """Return `value`, or for a torch tensor on the CPU an array over the same memory.
+    """Return a torch tensor on the CPU as an array over the same memory, and any other `value` as it is.
 
-    Raises ValueError if `value` is a tensor on another device or of a type that NumPy lacks, or an array whose mask
-    would be lost.
+    Raises ValueError if `value` is a tensor on another device or of a type that NumPy lacks. Raises ValueError if it is
+    a masked array.
     """
     if type(value) is np.ndarray:
         return value
@@ -54,7 +54,7 @@ def output(
     *,
     columns: bool = False,
 ) -> NDArray[Any]:
-    """Return the array over the memory of `out` that a kernel may write to; with `columns`, column by column as well.
+    """Return an array over the memory of `out`, to which a kernel writes; with `columns`, column-major is valid too.
 
     Raises ValueError if `out` is not a writable contiguous array of `shape` and `dtype`, or shares memory with one of
     `inputs`.
@@ -79,7 +79,7 @@ def output(
 
 
 def lines_contiguous(array: NDArray[Any]) -> bool:
-    """Whether each row, or each column, of a matrix is contiguous, and none overlaps the next."""
+    """Return whether each row of a matrix, or each column, is contiguous and does not overlap the next."""
     flags = array.flags
     if flags.c_contiguous or flags.f_contiguous:
         return flags.aligned

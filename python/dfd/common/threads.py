@@ -1,8 +1,8 @@
-"""How many threads the kernels use, and work that is split among as many.
+"""The number of threads that the kernels use, and work that is split among as many.
 
-The kernels run on the OpenMP runtime that torch loads as well: this module, which `dfd` imports before its kernels,
-sees to that. Its pool of threads does not survive a fork, so a forked child computes on one thread; start workers with
-the method "spawn" to give them more.
+`dfd` imports this module before its kernels, so that the kernels and torch load the same OpenMP runtime. The runtime's
+threads do not survive a fork, so a forked child computes on one thread. Start workers by the method "spawn" if they
+need more.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 
 def set_num_threads(count: int) -> None:
-    """Let every later call use `count` threads; results do not depend on it.
+    """Set the number of threads that every later call uses; results do not depend on this number.
 
     Raises ValueError if `count` is not a whole number from 1 to 1024. Raises RuntimeError if `count` is above 1 in a
     forked process.
@@ -44,8 +44,8 @@ def get_num_threads() -> int:
 def one_blas_thread() -> Iterator[None]:
     """Let NumPy and SciPy compute every product on the calling thread.
 
-    The products here are small, and several threads compute some at once. The threads of BLAS would spin while they
-    wait for each other, which takes twice as long, and many times as long on a busy machine.
+    The products are small, and several threads of dfd compute products at the same time. Threads of BLAS would spin
+    while they wait for each other. The work then takes twice as long, and much longer on a busy machine.
     """
     from threadpoolctl import threadpool_limits
 
@@ -54,7 +54,7 @@ def one_blas_thread() -> Iterator[None]:
 
 
 def _default_threads() -> int:
-    """Return OMP_NUM_THREADS where set, else the number of physical cores that this process may use."""
+    """Return OMP_NUM_THREADS if it is set, else the number of physical cores that this process may use."""
     try:
         wanted = int(os.environ.get("OMP_NUM_THREADS", "").split(",")[0])
     except ValueError:
@@ -78,7 +78,7 @@ def _physical_cores(allowed: set[int]) -> int:
 
 
 def _quota(most: int) -> int:
-    """Return the whole processors that the control group of a container grants, at most `most`."""
+    """Return the number of whole processors that the container's control group grants, at most `most`."""
     try:
         granted, period = Path("/sys/fs/cgroup/cpu.max").read_text().split()
     except (OSError, ValueError):
@@ -109,7 +109,7 @@ if hasattr(os, "register_at_fork"):
 def parallel_ranges(count: int, size: int, work: Callable[[int, int], None]) -> None:
     """Call `work(begin, end)` for ranges of `size` that cover 0 … `count`, on as many threads as the kernels use.
 
-    What `work` raises is raised here.
+    Errors of `work` are raised here.
     """
     starts = iter(range(0, count, size))
 
@@ -123,7 +123,7 @@ def parallel_ranges(count: int, size: int, work: Callable[[int, int], None]) -> 
         try:
             take()
         finally:
-            for _ in starts:  # nothing is begun any more once one of them has failed or was interrupted
+            for _ in starts:  # after a failure or an interruption, no thread begins another range
                 pass
         for other in taking:
             other.result()
@@ -131,9 +131,9 @@ def parallel_ranges(count: int, size: int, work: Callable[[int, int], None]) -> 
 
 @contextmanager
 def beside(work: Callable[[], T]) -> Iterator[Callable[[], T]]:
-    """Let `work` be done on a thread of its own while the block runs; what is yielded gives its result, or raises.
+    """Run `work` on its own thread while the block runs; the yielded function returns its result or raises its error.
 
-    The block ends when both are done. Where the kernels use one thread, `work` is done when its result is asked for.
+    The block ends when both are done. If the kernels use one thread, `work` runs when its result is requested.
     """
     if get_num_threads() == 1:
         yield work

@@ -1,4 +1,4 @@
-"""What colors a surface: textures, vertex colors and materials, looked up at points of faces."""
+"""The colors of a surface, from textures, vertex colors and materials, at points of faces."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ class Material:
     texture: UInt8 | None = None  # (rows, columns, 4) RGBA, first row on top
     wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")  # addressing outside [0, 1] along u and v
     alpha_mode: Literal["OPAQUE", "MASK", "BLEND"] = "OPAQUE"
-    alpha_cutoff: float = 0.5  # in mode MASK, lower alpha is transparent, the rest opaque
+    alpha_cutoff: float = 0.5  # in mode MASK, lower alpha is transparent, other alpha opaque
     name: str = ""
-    is_default: bool = False  # the file gives nothing but the name
+    is_default: bool = False  # the file defines only the name
 
     def shown(self, *, has_colors: bool) -> Material:
-        """Return the material as displayed: a default material is white where there are vertex colors."""
+        """Return the displayed material: a default material is white if the surface has vertex colors."""
         return replace(self, color=(1.0, 1.0, 1.0, 1.0)) if self.is_default and has_colors else self
 
 
@@ -37,10 +37,10 @@ class Material:
 class Appearance:
     """Colors over the faces of a mesh.
 
-    Texture coordinates and vertex colors are stored by row; a vertex on a seam has several rows.
+    Each row holds one texture coordinate and one color; a vertex on a seam has several rows.
     """
 
-    corners: Int32  # (R,) the vertex each row is at, -1 for a row that no face uses
+    corners: Int32  # (R,) the vertex of each row, -1 for a row that no face uses
     corner_faces: Int32  # (F, 3) rows of each face's corners
     face_material: Int32  # (F,) index into `materials`
     materials: tuple[Material, ...]
@@ -64,9 +64,9 @@ class Appearance:
         return result
 
     def corner_colors(self, numbers: NDArray[np.integer], count: int) -> Float32:
-        """Return the `albedo` (`count`, 4) at the first corner of each number; white for numbers of no corner.
+        """Return for each number the `albedo` (`count`, 4) at the first corner of that number; white without corners.
 
-        `numbers` (F, 3) are those of the faces' corners, below `count`.
+        `numbers` (F, 3) holds a number below `count` for each corner of a face.
         """
         colors = np.ones((count, 4), np.float32)
         used, where = np.unique(numbers, return_index=True)
@@ -91,14 +91,14 @@ class Appearance:
 
 
 def srgb(linear: NDArray[np.floating]) -> Float32:
-    """Return display-referred values (IEC 61966-2-1) of linear ones in [0, 1]."""
+    """Return the display-referred values (IEC 61966-2-1) of `linear` values in [0, 1]."""
     values = np.clip(np.asarray(linear, np.float64), 0, 1)
     encoded = np.where(values <= 0.0031308, 12.92 * values, 1.055 * values ** (1 / 2.4) - 0.055)
     return encoded.astype(np.float32)
 
 
 def linear(encoded: NDArray[np.floating]) -> Float64:
-    """Return linear values of display-referred ones in [0, 1]; the inverse of `srgb`."""
+    """Return the linear values of display-referred values in [0, 1]; the inverse of `srgb`."""
     values = np.clip(np.asarray(encoded, np.float64), 0, 1)
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
@@ -108,7 +108,7 @@ def blend(
     rows: Int32,  # (N, 3)
     weights: Float32,  # (N, 3)
 ) -> Float32:
-    """Return the values of three rows blended at each point, (N, K): those of a face's corners, B·T."""
+    """Return values (N, K), each a weighted sum of the values of three rows, which are the corners of a face."""
     blended: Float32 = weights[:, :1] * values.take(rows[:, 0], axis=0)
     blended += weights[:, 1:2] * values.take(rows[:, 1], axis=0)
     blended += weights[:, 2:] * values.take(rows[:, 2], axis=0)
@@ -131,7 +131,7 @@ def _sample(material: Material, uv: Float32) -> Float32:
 def _texels(coordinate: Float32, size: int, wrap: Wrap) -> tuple[Int64, Int64, Float32]:
     """Return the texels before and after a coordinate (N,) and the fraction (N, 1) between them."""
     period = {"repeat": 1, "mirror": 2, "clamp": 0}[wrap]
-    # first, so that far repeats stay exact
+    # The period is removed first, so that coordinates far from 0 stay exact.
     coordinate = coordinate - period * np.floor(coordinate / period) if period else coordinate.clip(0, 1)
     position = coordinate * np.float32(size) - np.float32(0.5)
     before = np.floor(position)

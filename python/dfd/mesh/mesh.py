@@ -24,34 +24,34 @@ from dfd.mesh.file.read import read
 from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.normals import smooth_normals
 
-# Most of a second to import, and not every file needs it to be read.
+# The import takes most of a second, and only some files need it.
 if TYPE_CHECKING:
     import trimesh
 
 
 @dataclass(frozen=True)
 class MeshPart:
-    """A part of the scene that a mesh came from: an object of a glTF or OBJ file, whatever materials it has."""
+    """A part of the scene of a mesh: an object of a glTF or OBJ file, with one or several materials."""
 
-    name: str  # no other part of the mesh has it
-    faces: slice  # its faces, which follow each other, among those of the mesh
+    name: str  # unique among the parts of the mesh
+    faces: slice  # its consecutive faces among those of the mesh
     vertices: Int64  # (N,) the vertices that its faces use, ascending; parts that touch share some
 
 
 class Mesh:
-    """A triangle mesh that never changes: its arrays are read-only, and a moved mesh is another array of positions.
+    """An immutable triangle mesh with read-only arrays; a moved mesh is a further array of positions.
 
-    Vertex i of a mesh from an OBJ, PLY or OFF file is the file's own vertex i, counted from 0, whether a face uses it
-    or not (an OBJ file's faces count it as i + 1). GLB, glTF and STL files have no one list of vertices: there the
-    distinct positions that faces use are numbered in the order in which the file has them.
+    Vertex i of a mesh from an OBJ, PLY or OFF file is the file's own vertex i, counted from 0. Vertices that no face
+    uses count too. (The faces of an OBJ file call this vertex i + 1.) GLB, glTF and STL files have no single list of
+    vertices. For these, the distinct positions that faces use are numbered in the order of the file.
 
-    Faces name one vertex for each position, the first, whatever seams the texture or the normals of the file have
-    there; `representative` tells which one that is for the others.
+    Several vertices may have one position. Faces then use the first of them, even along seams of texture or normals.
+    `representative` holds this first vertex for every vertex.
     """
 
     vertices: Float64  # (V, 3) positions in the file's units
     faces: Int32  # (F, 3) corners as indices into `vertices`
-    representative: Int32  # (V,) the vertex whose index faces have for each vertex's position
+    representative: Int32  # (V,) the first vertex at each vertex's position, which faces use
     appearance: Appearance | None  # what colors the surface; None where nothing is known
     source: Path | None  # the file it was read from
     scene: SceneFile | None  # the scene of that file; None for a mesh made from arrays
@@ -70,7 +70,7 @@ class Mesh:
         appearance
             Colors and textures of the faces.
         scene
-            The file's own scene, which `save` writes again.
+            The scene of the source file, which `save` rewrites.
 
         Raises ValueError if an array has another shape or type, a coordinate is not finite or an index is out of range.
         """
@@ -92,9 +92,9 @@ class Mesh:
 
     @cached_property
     def bounds(self) -> Float64:
-        """(2, 3) smallest and largest coordinates; vertices of a file that no face uses do not count."""
+        """(2, 3) smallest and largest coordinates, without the vertices of a file that no face uses."""
         places = self.vertices
-        if self.scene is not None:  # of arrays, unused vertices count too
+        if self.scene is not None:  # in a mesh of arrays, unused vertices count too
             used = np.zeros(len(self.vertices), bool)
             used[self.faces] = True
             places = self.vertices if used.all() else self.vertices[used]
@@ -107,7 +107,7 @@ class Mesh:
 
     @cached_property
     def parts(self) -> tuple[MeshPart, ...]:
-        """The parts of the scene, in the order of their faces; one that holds everything for a mesh of arrays."""
+        """The parts of the scene, in the order of their faces; a mesh of arrays has one part, which holds all faces."""
         if self.scene is None:
             return (MeshPart("mesh", slice(0, len(self.faces)), _frozen(self._corners_of(slice(None)))),)
         found = []
@@ -118,7 +118,7 @@ class Mesh:
         return tuple(found)
 
     def _corners_of(self, faces: slice) -> Int64:
-        """(N,) ascending, the vertices of some of the faces."""
+        """Return the vertices (N,), ascending, of the given faces."""
         corners = self.faces[faces].ravel()
         if len(corners) < len(self.vertices):  # sorting a few corners is cheaper than marking all vertices
             return np.unique(corners).astype(np.int64)
@@ -132,11 +132,11 @@ class Mesh:
         return tuple(part.name for part in self.parts)
 
     def part_vertices(self, name: str) -> Int64:
-        """(N,) ascending, the vertices that the faces of the part of that name use.
+        """Return the vertices (N,), ascending, that the faces of the part `name` use.
 
-        A glTF file's geometries and materials may be named too, wherever they are.
+        For a glTF file, `name` may also be that of a geometry or material, and then selects all its faces.
 
-        Raises ValueError if the scene has no part of that name; the message lists those it has.
+        Raises ValueError if the scene has no part of that name; the message lists the names of the parts.
         """
         for part in self.parts:
             if part.name == name:
@@ -154,12 +154,13 @@ class Mesh:
         return tuple(self._groups)
 
     def group_vertices(self, name: str) -> Int64:
-        """(N,) ascending, the vertices that the faces of a group of an OBJ file use.
+        """Return the vertices (N,), ascending, that the faces of a group of an OBJ file use.
 
-        Every word of a `g` line names a group, as does the line as a whole, an `o` and a `usemtl` line; where two kinds
-        have one name, the first of these is meant. Parts and materials need not have been made of them.
+        Every word of a `g` line names a group, and so does the line as a whole. An `o` or `usemtl` line names one group
+        each. If several kinds of lines have the name, `g` comes first, then `o`, then `usemtl`. The groups need not
+        match the parts and materials of the mesh.
 
-        Raises ValueError if no faces have that group; the message lists the groups that there are.
+        Raises ValueError if no face belongs to that group; the message lists the groups of the file.
         """
         if name in self._groups:
             return np.unique(self.representative[self._groups[name]]).astype(np.int64)
@@ -168,7 +169,7 @@ class Mesh:
 
     @cached_property
     def _groups(self) -> dict[str, Int64]:
-        """The file's own vertices of each group; its text is parsed again when first asked for."""
+        """The file's own vertices of each group; the first access parses the text again."""
         if self.scene is None or self.scene.source is None or self.scene.ending != ".obj":
             return {}
         return face_groups(self.scene.source.data.tobytes())
@@ -180,12 +181,12 @@ class Mesh:
 
     @cached_property
     def normals(self) -> Float32:
-        """(V, 3) smooth unit normals, faces weighted by area; zero where no face with an area is."""
+        """(V, 3) smooth unit normals, with faces weighted by area; zero at vertices without a face of nonzero area."""
         return _frozen(smooth_normals(self.vertices, self.faces)[self.representative])
 
     @cached_property
     def content_hash(self) -> str:
-        """SHA-256 of vertices, faces and appearance, as 64 hexadecimal digits: what a cache may key on."""
+        """SHA-256 of vertices, faces and appearance, as 64 hexadecimal digits; a cache may use it as a key."""
         digest = hashlib.sha256()
         for values in (self.vertices, self.faces):
             digest.update(f"{values.shape}".encode())
@@ -196,16 +197,18 @@ class Mesh:
         return digest.hexdigest()
 
     def save(self, path: str | os.PathLike[str], vertices: Any | None = None) -> None:
-        """Write the mesh, with its vertices moved to `vertices` (V, 3) when given, in the format of the ending.
+        """Write the mesh in the format of the ending of `path`; `vertices` (V, 3), if given, are its new positions.
 
-        A mesh that came from a file keeps that file's parts, names, materials, UVs, textures, colors and units as far
-        as the format has room for them; normals follow the moved surface. A file saved in its own format keeps its
-        bytes, number types and byte order: only what moved is rewritten. The file is written atomically.
+        A mesh from a file keeps the file's parts, names, materials, UVs, textures, colors and units, as far as the
+        format can store them. Normals follow the moved surface. If the format is that of the source file, only moved
+        data is rewritten; all other bytes, number types and byte order stay. The file is written atomically.
 
-        Warns if the format's 32-bit floats move a shape that is far from the origin; GLB and PLY files keep it.
+        Warns if 32-bit floats of the format move a shape that is far from the origin. GLB and PLY files keep such a
+        shape.
 
-        Raises ValueError if the ending is none of .obj, .ply, .stl, .off, .glb and .gltf, or `vertices` has another
-        shape or is not finite. Raises OSError if the file cannot be written; what was there before stays.
+        Raises ValueError if the ending is none of .obj, .ply, .stl, .off, .glb and .gltf. Raises ValueError if
+        `vertices` has another shape or is not finite. Raises OSError if the file cannot be written; an existing file is
+        then unchanged.
         """
         from dfd.mesh.file.write import write
 
@@ -215,8 +218,8 @@ class Mesh:
     def to_trimesh(self, vertices: Any | None = None) -> trimesh.Trimesh:
         """Return the mesh as a `trimesh.Trimesh` with the same vertices and faces in the same order.
 
-        Its vertices are moved to `vertices` (V, 3) when given. Textures become colors of the vertices; those on a
-        seam take that of one of its sides.
+        `vertices` (V, 3), if given, are its new positions. Textures become vertex colors. A vertex on a seam takes the
+        color of one side of the seam.
 
         Raises ValueError if `vertices` has another shape or is not finite.
         """
@@ -236,7 +239,7 @@ class Mesh:
     def vertex_colors(self) -> Float32:
         """Return the display-referred RGBA (V, 4) in [0, 1] of the surface at each vertex.
 
-        A vertex on a seam takes that of one of its sides; white where no face is or nothing is known.
+        A vertex on a seam takes the color of one side of the seam. A vertex without faces or known color is white.
         """
         if self.appearance is None:
             return np.ones((len(self.vertices), 4), np.float32)
@@ -245,7 +248,7 @@ class Mesh:
 
 _Pose = Literal["rest", "bind"]
 
-MeshLike: TypeAlias = (  # the last is a pair of arrays
+MeshLike: TypeAlias = (  # the last type is a pair of arrays
     "Mesh | str | os.PathLike[str] | trimesh.Trimesh | trimesh.Scene | Sequence[Any]"
 )
 
@@ -253,10 +256,10 @@ MeshLike: TypeAlias = (  # the last is a pair of arrays
 def load(
     source: str | os.PathLike[str] | trimesh.Trimesh | trimesh.Scene | Sequence[Any], *, pose: _Pose = "rest"
 ) -> Mesh:
-    """Read a mesh from an OBJ, PLY, STL, OFF, GLB or glTF file, or take one that is in memory.
+    """Read a mesh from an OBJ, PLY, STL, OFF, GLB or glTF file, or convert one from memory.
 
     All parts of a scene are loaded, with their transforms applied, and polygons become triangles. Units, orientation,
-    the file's own numbers of vertices (see `Mesh`), faces without area and repeated faces are kept.
+    the file's numbering of vertices (see `Mesh`), faces without area and repeated faces stay.
 
     Parameters
     ----------
@@ -264,21 +267,21 @@ def load(
         Path of a file; or a `trimesh.Trimesh` or `trimesh.Scene`; or a pair of vertices (V, 3) and faces (F, 3).
         Arrays are copied.
     pose
-        Of a glTF file with skins or morph targets: ``"rest"``, the shape that viewers show before any animation;
-        ``"bind"``, the vertices as they are stored, without skins and morph targets.
+        Matters for a glTF file with skins or morph targets. ``"rest"`` is the shape that viewers show before any
+        animation. ``"bind"`` is the shape of the stored vertices, without skins and morph targets.
 
-    Raises OSError if the file cannot be opened, or is a pipe or a device. Raises ValueError if `source` or `pose` is
-    none of these; or the file is empty, malformed, cut off, in an unknown format or compressed in a way that cannot be
-    read; or there are no faces, a face index out of range or a coordinate that is not finite.
+    Raises OSError if the file cannot be opened, or is a pipe or a device. Raises ValueError if `source` or `pose` has
+    another type or value. Raises ValueError if the file is empty, malformed, truncated, or in an unknown format or
+    compression. Raises ValueError if there are no faces, a face index is out of range or a coordinate is not finite.
 
     Warns
     -----
     UserWarning
-        If a texture or materials file cannot be read: what it would color is shown gray. If an OBJ file has faces of
-        fewer than three corners: they are left out.
+        If a texture or materials file cannot be read; its faces are then gray. If an OBJ file has faces of fewer than
+        three corners; the mesh omits them.
     """
     check.choice("load", "pose", pose, _Pose)
-    known = sys.modules.get("trimesh")  # not imported to find out
+    known = sys.modules.get("trimesh")  # this check does not import trimesh
     if isinstance(source, str | os.PathLike):
         scene = read(source, at_rest=pose == "rest")
     elif known is not None and isinstance(source, known.Trimesh | known.Scene):
@@ -299,7 +302,7 @@ def load(
 
 
 def as_mesh(source: MeshLike) -> Mesh:
-    """Return a mesh as it is, and `load` anything else."""
+    """Return a `Mesh` as it is, and `load` any other source."""
     return source if isinstance(source, Mesh) else load(source)
 
 

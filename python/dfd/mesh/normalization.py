@@ -20,18 +20,18 @@ class Normalization(NamedTuple):
     scale: float  # 1 / half the longest side of the box
 
     def apply(self, points: NDArray[np.floating]) -> Float64:
-        """Return points (…, 3) of the shape's units in the cube."""
+        """Map points (…, 3) from the shape's units to the cube."""
         return (points - self.center) * self.scale
 
     def invert(self, points: NDArray[np.floating]) -> Float64:
-        """Return points (…, 3) of the cube in the shape's units."""
+        """Map points (…, 3) from the cube to the shape's units."""
         return points / self.scale + self.center
 
 
 def box_normalization(low: Float64, high: Float64) -> Normalization | None:
-    """Return the map of a box to [−1, 1] along its longest side; None where it is a single point.
+    """Return the map of a box to [−1, 1] along its longest side; None if the box is a single point.
 
-    `low` and `high` are its corners (3,).
+    `low` and `high` are opposite corners (3,) of the box.
     """
     low, high = low / 2, high / 2  # halved before they are added, so that the sum does not overflow
     half = float(np.max(high - low))
@@ -41,7 +41,7 @@ def box_normalization(low: Float64, high: Float64) -> Normalization | None:
 def normalization(mesh: Mesh) -> Normalization:
     """Return the map of the box of `mesh` to [−1, 1] along its longest side.
 
-    Raises ValueError if all vertices are one point.
+    Raises ValueError if all vertices have one position.
     """
     found = box_normalization(*mesh.bounds)
     if found is None:

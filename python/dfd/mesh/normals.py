@@ -11,17 +11,17 @@ _FACES_AT_ONCE = 1 << 20  # to bound memory
 
 
 def face_normals(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> Float64:
-    """Return the normals (F, 3) of faces of `vertices` (V, 3), twice their areas long."""
+    """Return the normals (F, 3) of faces of `vertices` (V, 3); each normal's length is twice its face's area."""
     first, second, third = vertices[faces].astype(np.float64, copy=False).transpose(1, 0, 2)
     return np.cross(second - first, third - first)
 
 
 def smooth_normals(vertices: Float64, faces: Int32) -> Float32:
-    """Return unit normals (V, 3), each the sum of its faces' normals weighted by area; zero where they cancel out."""
+    """Return unit normals (V, 3), each the area-weighted sum of its faces' normals; zero if the sum vanishes."""
     span = float((vertices.max(axis=0) - vertices.min(axis=0)).max()) or 1.0
-    # Edges of at most unit length: neither a huge shape's products overflow nor a tiny one's vanish.
+    # With edges of at most unit length, products neither overflow for a huge shape nor vanish for a tiny one.
     x, y, z = np.ascontiguousarray((vertices / span).T)
-    summed = np.zeros((len(vertices), 4))  # of the faces' normals, and of their lengths
+    summed = np.zeros((len(vertices), 4))  # sums of the faces' normals (3) and of their lengths (1)
     for start in range(0, len(faces), _FACES_AT_ONCE):
         some = faces[start : start + _FACES_AT_ONCE]
         first, second, third = np.ascontiguousarray(some.T)
@@ -35,15 +35,15 @@ def smooth_normals(vertices: Float64, faces: Int32) -> Float32:
     weight = summed[:, 3]
     summed = summed[:, :3].T
     length = np.sqrt(np.einsum("cv,cv->v", summed, summed))
-    # Of normals that cancel out, as on a sheet that has both its sides as faces, rounding leaves a direction at random.
+    # On a sheet with faces on both sides, normals cancel out. Rounding then leaves a random direction.
     known = length > 1e-9 * weight
     return np.where(known, summed / np.where(known, length, 1), 0).T.astype(np.float32, order="C")
 
 
 def updated_normals(normals: Float32, before: Float64, after: Float64, faces: Int32) -> Float32:
-    """Return `smooth_normals(after, faces)`, computed only around what moved.
+    """Return `smooth_normals(after, faces)`, computed only around moved vertices.
 
-    `normals` (V, 3) are those of the vertices (V, 3) `before`.
+    `normals` (V, 3) belong to the vertices (V, 3) `before`.
     """
     moved = (after != before).any(axis=1)
     turned = np.zeros(len(moved), bool)

@@ -11,14 +11,14 @@ from dfd.common.linear_algebra import Bool, Float64, Int32, Int64
 
 
 def weld(positions: Float64) -> tuple[Int64, Int32]:
-    """Return the first row (V,) of each distinct position of `positions` (N, 3), and which of them each row is, (N,).
+    """Return the first row (V,) of each distinct position in `positions` (N, 3), and the vertex (N,) of each row.
 
-    First rows are ascending: distinct rows keep the order in which they came. Positions, which are finite, are the same
-    when their bits are, with -0.0 equal to 0.0: nothing within a tolerance is merged.
+    First rows are ascending, so distinct positions keep their order. Positions must be finite. Two positions are equal
+    if their bits are equal, with -0.0 equal to 0.0; there is no tolerance.
     """
     rows = np.ascontiguousarray(positions + 0.0)  # turns -0.0 into 0.0
     key = _hash(rows)
-    if _differs(np.sort(key)).all():  # all are distinct, as on most meshes: sorting keys is cheap
+    if _differs(np.sort(key)).all():  # all positions are distinct, as on most meshes; sorting the keys is cheap
         return np.arange(len(rows)), np.arange(len(rows), dtype=np.int32)
     order, starts = _groups(rows, key)
     first = np.minimum.reduceat(order, starts) if len(order) else order
@@ -31,11 +31,11 @@ def weld(positions: Float64) -> tuple[Int64, Int32]:
 
 
 def _groups(rows: Float64, key: NDArray[np.uint64]) -> tuple[Int64, Int64]:
-    """Return an order (N,) in which equal rows are neighbors, and the index (V,) at which each run of them starts."""
+    """Return an order (N,) that puts equal rows next to each other, and the start (V,) of each run of equal rows."""
     order = np.argsort(key)
     run_begins = _differs(key[order])
     distinct = _differs(rows[order]).astype(bool)
-    if np.any(distinct & ~run_begins):  # two positions share a hash: sort by the coordinates themselves
+    if np.any(distinct & ~run_begins):  # two positions have one hash: sort by the coordinates
         order = np.lexsort(rows.T[::-1])
         distinct = _differs(rows[order])
     return order, np.flatnonzero(distinct)
@@ -53,7 +53,7 @@ def _hash(rows: Float64) -> NDArray[np.uint64]:
 
 
 def _differs(values: NDArray[Any]) -> Bool:
-    """Return, for every row, whether it differs from the one before; the first does."""
+    """Return for every row whether it differs from the previous row; True for the first."""
     begins = np.ones(len(values), bool)
     changed = values[1:] != values[:-1]
     begins[1:] = changed if changed.ndim == 1 else changed.any(axis=1)

@@ -12,12 +12,12 @@ from dfd.common.linear_algebra import Float32, Float64
 from dfd.mesh.appearance import linear, srgb
 from dfd.weights.compact import CompactFeatures
 
-CLAY = (0.85, 0.84, 0.82)  # sRGB of a surface without data; also of weight 0
-# sRGB stops from weight 0 to 1. They darken all the way, so that the map also reads in gray and to the color-blind.
+CLAY = (0.85, 0.84, 0.82)  # sRGB of a surface without data, and of weight 0
+# sRGB stops from weight 0 to 1. Lightness falls monotonically: the map is readable in gray and to color-blind people.
 HEAT_STOPS = (CLAY, (0.96, 0.78, 0.42), (0.93, 0.50, 0.18), (0.74, 0.20, 0.24), (0.38, 0.05, 0.31))
-# Rows from which the main directions are found; more rows change them little.
+# The most rows from which the main directions are computed; more rows change them little.
 LARGEST_SAMPLE = 20_000
-PERCENTILES = (1.0, 99.0)  # of each direction, drawn as its lowest and highest value
+PERCENTILES = (1.0, 99.0)  # of the values along each direction, drawn as the lowest and the highest color
 
 _TO_CONE = np.array(
     [
@@ -38,7 +38,7 @@ _TO_LAB = np.array(
 def weight_colors(weights: ArrayLike) -> Float32:
     """Return the heat map's sRGB colors (V, 3) in [0, 1] of `weights` (V,): clay at 0, amber, red, dark violet at 1.
 
-    Equal steps of weight look equally large. Weights outside [0, 1] take the color of the nearer end.
+    Equal differences of weight look equally large. Weights outside [0, 1] take the color of the nearer bound.
 
     Raises ValueError if `weights` is not a row of finite numbers.
     """
@@ -52,8 +52,8 @@ def weight_colors(weights: ArrayLike) -> Float32:
 def feature_colors(features: ArrayLike | CompactFeatures) -> Float32:
     """Return sRGB colors (V, 3) in [0, 1] of `features` (V, D): their three main directions as red, green and blue.
 
-    Each direction is stretched so that all but its outermost hundredths fill the range; its sign makes the largest
-    of its D parts positive, so that equal features give equal colors.
+    The 1st and the 99th percentile of each direction become the lowest and the highest color. The sign of a direction
+    makes its largest entry positive, so equal features have equal colors.
 
     Raises ValueError if `features` is not a (V, D) array of finite numbers with at least one row and one column.
     """
@@ -73,12 +73,12 @@ def feature_colors(features: ArrayLike | CompactFeatures) -> Float32:
     scaled = ((rows - mean.astype(np.float32)) @ axes.astype(np.float32) - low) / np.where(told_apart, spread, 1)
     colors = np.full((len(rows), 3), 0.5, np.float32)
     colors[:, : axes.shape[1]] = np.where(told_apart, scaled.clip(0, 1), 0.5)
-    # Pure primaries hide the shading of the surface.
+    # Values stay away from 0 and 1, because saturated colors hide the shading of the surface.
     return np.float32(0.06) + np.float32(0.88) * colors
 
 
 def part_colors(labels: ArrayLike) -> Float32:
-    """Return sRGB colors (V, 3) in [0, 1] of part numbers (V,): hues by the golden ratio, so that none are alike.
+    """Return sRGB colors (V, 3) in [0, 1] of part numbers (V,); hues differ by the golden ratio, so none are alike.
 
     Raises ValueError if `labels` is not a row of numbers of at least 0.
     """
@@ -93,7 +93,7 @@ def part_colors(labels: ArrayLike) -> Float32:
 
 
 def oklab(colors: NDArray[np.floating[Any]]) -> Float64:
-    """Lightness and two hue axes, (N, 3), in which equal steps look equally large (Oklab, Ottosson 2020)."""
+    """Return lightness and two hue axes (N, 3), in which equal steps look equally large (Oklab, Ottosson 2020)."""
     return np.cbrt(linear(colors) @ _TO_CONE.T) @ _TO_LAB.T
 
 
@@ -103,7 +103,7 @@ def _from_oklab(lab: Float64) -> Float64:
 
 
 def _heat_table(size: int = 256) -> Float64:
-    """Return sRGB colors (size, 3) along the stops, evenly spaced by how large the steps look."""
+    """Return sRGB colors (size, 3) along the stops, with steps that look equally large."""
     stops = oklab(np.array(HEAT_STOPS))
     walked = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(stops, axis=0), axis=1))])
     position = np.linspace(0, walked[-1], size)

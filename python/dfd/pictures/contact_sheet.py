@@ -16,15 +16,15 @@ Rows = Sequence[tuple[str, Sequence[tuple[UInt8, str]]]]  # a heading, and pictu
 
 INK, GRAY, RULE = (28, 30, 36), (100, 104, 112), (220, 222, 226)
 SMALLEST_CELL, LARGEST_CELL = 16, 8192
-NARROWEST = 96  # pixels that a heading may use however narrow the rows are
+NARROWEST = 96  # pixels, the least width for a heading
 
 
 def contact_sheet(rows: Rows, *, title: str = "", cell: int = 320) -> Image.Image:
-    """Set pictures in rows on a white page, below a `title` that may be empty.
+    """Draw pictures in rows on a white page, below a `title`, which may be empty.
 
-    `rows` are headings with pictures, uint8 arrays of shape (height, width, 3), and the caption below each; headings
-    and captions may be empty, and rows without pictures are left out. `cell` is the height that every picture gets,
-    pixels; text and margins follow it.
+    Each of `rows` has a heading and pictures, uint8 arrays of shape (height, width, 3), each with a caption. Headings
+    and captions may be empty. Rows without pictures are left out. `cell` is the height of every picture in pixels;
+    text and margins scale with it.
 
     Raises ValueError if there is no picture, a picture has another type or shape, or `cell` is out of its range.
     """

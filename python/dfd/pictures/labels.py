@@ -1,4 +1,4 @@
-"""Marks and text on pictures: handles, fixed points, their labels, the directions of the axes."""
+"""Marks and text on pictures: handles, fixed points, labels and the directions of the axes."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from dfd.common.linear_algebra import Float32, Float64
 from dfd.views.cameras import Camera
 from dfd.views.raycast import Scene
 
-# Characters that the typeface lacks, spelled in others.
+# Replacements for characters that the typeface lacks.
 _SPELLED = {"λ": "lambda", "→": "->", "×": "x", "−": "-", "≥": ">=", "≤": "<="}
 
 
 @lru_cache(maxsize=32)
 def font(size: int) -> ImageFont.FreeTypeFont:
-    """Pillow's own typeface, `size` pixels high.
+    """Return Pillow's own typeface, `size` pixels high.
 
-    Raises RuntimeError if Pillow was built without FreeType, which none of its wheels is.
+    Raises RuntimeError if Pillow was built without FreeType; all wheels of Pillow contain FreeType.
     """
     loaded = ImageFont.load_default(size)
     if not isinstance(loaded, ImageFont.FreeTypeFont):
@@ -30,12 +30,15 @@ def font(size: int) -> ImageFont.FreeTypeFont:
 
 
 def spelled(text: str) -> str:
-    """Return `text` with what the typeface lacks spelled in other letters, or as a question mark."""
+    """Return `text` with letters that the typeface lacks replaced by other letters or a question mark."""
     return "".join(_letter(letter) for letter in text)
 
 
 def wrapped(text: str, typeface: ImageFont.FreeTypeFont, room: float) -> list[str]:
-    """Lines of `text`, spelled, no wider than `room` pixels: broken at spaces, a longer word alone on its line."""
+    """Return `text`, as `spelled` returns it, in lines of at most `room` pixels, broken at spaces.
+
+    A word that is wider than `room` has a line of its own.
+    """
     lines: list[str] = []
     for word in spelled(text).split():
         longer = f"{lines[-1]} {word}" if lines else word
@@ -58,7 +61,7 @@ def _letter(letter: str) -> str:
 
 
 def _drawable(letter: str) -> bool:
-    """Whether the typeface has the letter, rather than the box that stands for what it lacks."""
+    """Return whether the typeface has the letter; it draws letters that it lacks as a box."""
     typeface = font(20)
     mask, lacking = typeface.getmask(letter), typeface.getmask("\uffff")
     return mask.size != lacking.size or bytes(mask) != bytes(lacking)
@@ -69,7 +72,7 @@ AXES = (("x", (204, 44, 44)), ("y", (38, 140, 54)), ("z", (36, 84, 200)))
 
 
 def draw_labels(page: Image.Image, camera: Camera, positions: Float64, labels: Sequence[str]) -> None:
-    """Write a text beside each of `positions` (H, 3), which are in the camera's coordinates."""
+    """Write a label beside each of `positions` (H, 3) in the camera's coordinates."""
     draw, size = ImageDraw.Draw(page), max(11, page.height // 30)
     for row, column, text in zip(*camera.project(positions, page.height), labels, strict=True):
         top = max(float(row) - 0.7 * size, 0.7 * size)  # within the page
@@ -77,7 +80,7 @@ def draw_labels(page: Image.Image, camera: Camera, positions: Float64, labels: S
 
 
 def draw_axes(page: Image.Image, camera: Camera) -> None:
-    """Draw the directions of the axes in the lower left corner, the nearest on top."""
+    """Draw the directions of the axes in the lower left corner, the nearest axis on top."""
     resolution = page.height
     length, size = max(14.0, 0.07 * resolution), max(10, resolution // 36)
     draw = ImageDraw.Draw(page)
@@ -106,14 +109,14 @@ BLUE, DARK = (0.10, 0.36, 0.86), (0.13, 0.14, 0.17)
 RADIUS, SMALLEST = 0.013, 2.0  # of the picture's side; pixels
 RIM = 1.4  # of the radius, white
 HIDDEN = 0.3  # opacity of a mark behind the shape
-# A mark on the surface is not hidden by that surface, nor is one slightly inside it; normalized coordinates.
+# A surface hides only marks deeper than this below it; normalized coordinates.
 INSIDE = 0.02
 
 
 def draw_marks(image: Float32, scene: Scene, camera: Camera, positions: Float64, *, square: bool) -> None:
     """Draw dots or squares with white rims into `image` (R, R, 3), in place, at `positions` (H, 3) of the scene.
 
-    Those that the scene hides are faint; what is not in front of the camera is left out.
+    Marks that the scene hides are faint. Marks behind the camera are left out.
     """
     resolution = len(image)
     radius = max(SMALLEST, RADIUS * resolution)
@@ -125,13 +128,13 @@ def draw_marks(image: Float32, scene: Scene, camera: Camera, positions: Float64,
     hidden = np.zeros(len(positions), bool)
     hidden[hits.ray] = hits.distance < 1 - INSIDE / np.linalg.norm(offsets[hits.ray], axis=1)
     for row, column, behind in zip(rows, columns, hidden, strict=True):
-        # Only the pixels around the mark are touched.
+        # Only pixels around the mark change.
         reach = int(radius * RIM) + 2
         top, left = max(0, int(row) - reach), max(0, int(column) - reach)
         patch = image[top : max(0, int(row) + reach + 1), left : max(0, int(column) + reach + 1)]
         down, across = np.arange(top, top + patch.shape[0]) - row, np.arange(left, left + patch.shape[1]) - column
         if square:
-            distance = np.maximum(np.abs(down)[:, None], np.abs(across)) * 1.1  # looks as large as the dot
+            distance = np.maximum(np.abs(down)[:, None], np.abs(across)) * 1.1  # a square that looks as large as the dot
         else:
             distance = np.hypot(down[:, None], across)
         for edge, ink in ((radius * RIM, (1.0, 1.0, 1.0)), (radius, DARK if square else BLUE)):

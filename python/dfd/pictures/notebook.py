@@ -1,4 +1,4 @@
-"""Pictures that notebooks show by themselves."""
+"""Pictures that notebooks display."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from dfd.pictures.sheet import session_views
 
 
 def show(shape: MeshLike | Deformer, **options: Any) -> Image.Image:
-    """Draw a mesh, whatever `dfd.load` makes one of, or a session's posed shape with a dot where each handle landed.
+    """Draw a mesh, or a session's posed shape with a dot at the posed position of each handle.
 
-    A notebook displays the picture where it is a cell's result. `options` are as `dfd.pictures.picture.picture` takes
-    them; a session is seen from where its handles show. Raises ValueError as `picture` does.
+    The mesh may be any source of `dfd.load`. A notebook displays the picture that is the result of a cell. `options`
+    are those of `dfd.pictures.picture.picture`. The camera of a session faces its handles by default. Raises ValueError
+    as `picture` does.
     """
     if not isinstance(shape, Deformer):
         return Image.fromarray(picture(as_mesh(shape), **options))

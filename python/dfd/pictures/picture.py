@@ -1,4 +1,4 @@
-"""Pictures of a mesh for people: ray-cast, smooth at the edges, softly lit; they need no display."""
+"""Ray-cast pictures of a mesh, with antialiasing and ambient occlusion; they need no display."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ from dfd.views.render import surface_points
 
 SAMPLES = 2  # per pixel, along each side
 LARGEST_RESOLUTION = 8192
-BAND = 1 << 17  # samples drawn at a time, which bounds the memory of large pictures
-HALO = 2  # rows of pixels drawn around a band and cut off again: as far as the smoothing of its shade reaches
-CREASE = 30.0  # degrees; a smooth normal that leans further from its face leaves the edge sharp
+BAND = 1 << 17  # samples drawn at a time; bounds the memory for large pictures
+HALO = 2  # extra rows of pixels on each side of a band, for the smoothing of the shade; they are removed afterwards
+CREASE = 30.0  # degrees; an edge stays sharp if the smooth normal deviates more from the face's normal
 
-# The light: sky from above, a lamp over the viewer's left shoulder, and shade where the surface hides the sky.
+# The light: sky from above, a lamp above and to the left of the camera, and shade where the surface hides the sky.
 SKY, GROUND, LAMP = 0.44, 0.28, 0.68
 LAMP_OFFSET = (-0.45, 0.60)  # to the right and up, against 1 towards the eye
-SHADE_RAYS = 2  # per sample; the samples of a tile look in different directions and opacity what they find
+SHADE_RAYS = 2  # per sample; the samples of a tile cast rays in different directions and share the results
 TILE = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]]) / 16  # of samples, an ordered dither
 SHADE_REACH = 0.7  # range of occlusion, of half the shape's size
 SHADE_DEPTH = 0.75  # darkening by full occlusion
 MAX_LAYERS = 6  # transparent surfaces along a ray
-STEP = 1e-4  # past a surface, of half the shape's size
+STEP = 1e-4  # offset of a ray's next start behind a surface, of half the shape's size
 
 
 def picture(
@@ -61,33 +61,33 @@ def picture(
     axes: bool = False,
     resolution: int = 512,
 ) -> UInt8:
-    """Draw `mesh` on white, as it is or moved, in its own colors or in ones that show numbers.
+    """Draw `mesh` on white, at rest or moved, in its own colors or in colors that show numbers.
 
     Parameters
     ----------
     vertices
-        (V, 3) moved positions, mesh units; None draws the mesh as it is.
+        (V, 3) moved positions, mesh units; None draws the mesh at rest.
     colors
-        (V, 3) sRGB in [0, 1] per vertex, blended over the faces; without `colors` and `weights` the mesh shows its
-        textures, or clay.
+        (V, 3) sRGB in [0, 1] per vertex, interpolated over the faces. Without `colors` and `weights`, the mesh shows
+        its own colors, or clay if it has none.
     weights
-        (V,) drawn as a heat map, see `weight_colors`.
+        (V,) weights, drawn as a heat map; see `weight_colors`.
     handles, fixed
-        What to mark, handles by blue dots, fixed points by dark squares: (H, 3) positions in mesh units, or vertex
-        indices. Hidden marks shine through faintly.
+        (H, 3) positions in mesh units, or vertex indices. Blue dots mark handles, and dark squares mark fixed points.
+        Hidden marks are faint.
     labels
-        A text beside each of `handles`; empty writes none.
+        A text beside each of `handles`, or an empty sequence.
     azimuth, elevation
-        Where the camera stands, degrees: 0, 0 looks from +z at the front, azimuth 90 from +x, elevation 90 from above.
+        Position of the camera, degrees. 0, 0 looks from +z at the front, azimuth 90 from +x, elevation 90 from above.
     zoom
-        Above 1 nearer, below 1 farther away.
+        Values above 1 move the camera nearer, values below 1 farther away.
     target
-        (3,) in mesh units, the middle of the picture; that of the shape if left out.
+        (3,) in mesh units, the center of the picture; by default the center of the shape.
     frame
-        Further positions, each (N, 3) in mesh units, that have to fit. Both pictures of a pair have one camera when
-        each has the other's vertices in its `frame`.
+        Further positions, each (N, 3) in mesh units, that the picture must contain. Two pictures have one camera if
+        the `frame` of each holds the vertices of the other.
     axes
-        Whether the directions of the axes stand in the lower left corner.
+        Whether to draw the directions of the axes in the lower left corner.
     resolution
         Pixels R along a side.
 
@@ -95,8 +95,9 @@ def picture(
     -------
     (R, R, 3) uint8 sRGB.
 
-    Raises ValueError if an array has the wrong shape or is not finite, a vertex index is out of range, both `colors`
-    and `weights` are given, there are not as many `labels` as `handles`, or all points lie in one place.
+    Raises ValueError if an array has the wrong shape or is not finite, or a vertex index is out of range. Raises
+    ValueError if both `colors` and `weights` are given, the numbers of `labels` and `handles` differ, or all points
+    have one position.
     """
     resolution = check.whole("picture", "resolution", resolution, minimum=1, maximum=LARGEST_RESOLUTION)
     drawn = mesh.vertices
@@ -125,10 +126,10 @@ def picture(
 
 
 def save_png(path: str | os.PathLike[str], image: Image.Image | UInt8) -> None:
-    """Write a picture, a PIL image or a uint8 array of shape (height, width, 3), whole or not at all.
+    """Write a picture, a PIL image or a uint8 array of shape (height, width, 3), atomically.
 
-    Raises ValueError if the ending of `path` is not .png. Raises OSError if `path` cannot be written; a file that was
-    there stays as it was.
+    Raises ValueError if the ending of `path` is not .png. Raises OSError if `path` cannot be written; an existing file
+    is then unchanged.
     """
     if Path(path).suffix.lower() != ".png":
         raise ValueError(f"save_png: `path` must end in .png, got {os.fspath(path)}")
@@ -146,7 +147,7 @@ class _Painter:
         vertices: Float32,  # (V, 3) normalized
         scene: Scene,
         camera: Camera,
-        colors: Float32 | None,  # (V, 3); None: the mesh's own
+        colors: Float32 | None,  # (V, 3); None for the mesh's own
         *,
         moved: bool,
     ) -> None:
@@ -157,7 +158,7 @@ class _Painter:
     def draw(self, resolution: int) -> Float32:
         """Return the picture (R, R, 3) in sRGB, each pixel the mean of several rays."""
         image = np.empty((resolution, resolution, 3), np.float32)
-        height = max(HALO, BAND // (SAMPLES * resolution * SAMPLES) // HALO * HALO)  # so that tiles lie alike in each
+        height = max(HALO, BAND // (SAMPLES * resolution * SAMPLES) // HALO * HALO)  # a multiple of HALO aligns the tiles of all bands
         bands = [slice(top, min(top + height, resolution)) for top in range(0, resolution, height)]
 
         def draw_band(band: slice) -> None:
@@ -193,13 +194,13 @@ class _Painter:
             ray = ray[onward]
             starts = place[onward] + STEP * directions[ray]
         color += light[:, None]
-        # Pixels are averaged as they are displayed: at an outline, dark and white mix evenly.
+        # The average is taken of sRGB values, so that dark and white mix evenly at an outline.
         samples = srgb(color).reshape(-1, SAMPLES, resolution, SAMPLES, 3)
         pixels: Float32 = samples.mean(axis=(1, 3))
         return pixels[band.start - top : band.stop - top]
 
     def _directions(self, rows: NDArray[np.integer], count: int) -> Float32:
-        """Unit directions through the samples of some of `count` rows of as many samples."""
+        """Return unit directions through the samples of `rows`, in a square picture of `count` rows of samples."""
         camera = self._camera
         down, across = (((each + 0.5) / count * 2 - 1) * camera.half_width for each in (rows, np.arange(count)))
         directions = across[None, :, None] * camera.right - down[:, None, None] * camera.up - camera.back
@@ -209,7 +210,7 @@ class _Painter:
         """Return linear red, green, blue, and opacity, (K, 4)."""
         rgba = np.ones((len(hits.ray), 4), np.float32)
         if self._colors is not None:
-            rgba[:, :3] = surface_points(self._colors, self._faces, hits)  # blends colors as it blends positions
+            rgba[:, :3] = surface_points(self._colors, self._faces, hits)  # interpolates colors like positions
         elif self._appearance is not None:
             rgba = self._appearance.albedo(hits.face, hits.barycentric)
         else:
@@ -218,7 +219,7 @@ class _Painter:
         return rgba
 
     def _light(self, normals: Float32, open_sky: Float32) -> Float32:
-        """Return the linear light (K,) that falls on points with unit `normals` (K, 3) under a partly hidden sky."""
+        """Return the linear light (K,) on points with unit `normals` (K, 3), whose visible sky is `open_sky` (K,)."""
         right, up = self._camera.right.astype(np.float32), self._camera.up.astype(np.float32)
         lamp = _unit(self._camera.back.astype(np.float32) + LAMP_OFFSET[0] * right + LAMP_OFFSET[1] * up)
         sky = GROUND + (SKY - GROUND) * (0.5 + 0.5 * (normals @ up))
@@ -226,7 +227,7 @@ class _Painter:
         return sky * open_sky + direct
 
     def _facing_normals(self, hits: Hits, directions: Float32) -> Float32:
-        """Unit normals (K, 3) on the side of the eye: smooth over gentle bends, sharp at creases."""
+        """Return unit normals (K, 3) that face the camera: smooth normals, or face normals at creases."""
         corners = self._faces[hits.face]
         first = self._vertices[corners[:, 0]]
         flat = _unit(np.cross(self._vertices[corners[:, 1]] - first, self._vertices[corners[:, 2]] - first))
@@ -235,17 +236,17 @@ class _Painter:
             own = self._normals[corners[:, corner]]
             sharp = np.einsum("kc,kc->k", own, flat) < np.cos(np.radians(CREASE))
             normals += hits.barycentric[:, corner : corner + 1] * np.where(sharp[:, None], flat, own)
-        # Seen from behind, both turn round. A smooth normal that still looks away, close to an outline, is bent back
-        # to the outline: turned round it would look into the shape.
+        # On a face seen from behind, both normals are reversed. Near an outline, a smooth normal may still point away
+        # from the camera. It is then made perpendicular to the ray, because reversed it would point into the shape.
         turned = np.where(np.einsum("kc,kc->k", flat, directions) > 0, np.float32(-1), np.float32(1))
         normals *= turned[:, None]
         normals -= np.maximum(np.einsum("kc,kc->k", normals, directions), 0)[:, None] * directions
         return _unit(normals)
 
     def _hidden(self, place: Float32, normals: Float32, ray: Int64, count: int) -> Float32:
-        """Return how much of the sky over each point (K,) the shape itself hides, 0 to 1, nearer parts counting more.
+        """Return the fraction (K,), 0 to 1, of the sky that the shape hides from each point; nearer surfaces hide more.
 
-        A sample looks in few directions, those of its place in the tile.
+        Each sample casts few rays, in directions that depend on its place in the tile.
         """
         side = _unit(np.cross(normals, np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0, 0]], [[0, 1.0, 0]])))
         other = np.cross(normals, side)
@@ -286,7 +287,7 @@ def _vertex_colors(mesh: Mesh, colors: ArrayLike | None, weights: ArrayLike | No
 
 
 def _positions(name: str, dots: Any, vertices: Float64) -> Float64:
-    """Positions (H, 3) of dots that are given as such or as vertex indices."""
+    """Return the positions (H, 3) of dots, which are given as positions or as vertex indices."""
     if np.ndim(dots) == 2:
         return check.array("picture", name, dots, ("H", 3), dtype=np.float64)
     return vertices[check.vertex_indices("picture", name, dots, len(vertices))]

@@ -1,4 +1,4 @@
-"""One shape in several views, or before and after an edit, in one PNG file that says how each view was taken."""
+"""A PNG file with several views of one shape, or with the shape before and after an edit."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ def save_sheet(
     advance: Callable[[], object] = lambda: None,
     **options: Any,
 ) -> None:
-    """Draw every row from `views` sides; one picture alone fills the file, several stand on a sheet with titles.
+    """Draw every row from `views` sides; a single picture fills the file, several form a sheet with titles.
 
-    `rows` are titles, each with what `picture` draws for it by the names of its arguments. `azimuth` is that of the
-    first side, degrees, by default from where the row's handles show; `elevation`, `zoom`, `resolution` and `options`
-    are as in `picture`, and what is nearer than 1 aims at the row's handles. `legend` puts the scale of the heat beside
-    the pictures; `advance` is called after each picture.
+    Each of `rows` has a title and the keyword arguments of `picture`. `azimuth` is that of the first side, degrees; by
+    default, the camera faces the row's handles. `elevation`, `zoom`, `resolution` and `options` are as in `picture`. A
+    `zoom` above 1 aims at the row's handles. `legend` adds the scale of the heat map beside the pictures. `advance` is
+    called after each picture.
 
     Raises ValueError as `picture` does. Raises OSError if `path` cannot be written.
     """
@@ -65,10 +65,10 @@ def save_sheet(
 def save_before_after(
     path: Path, deformer: Deformer, *, azimuth: float | None = None, elevation: float = 18.0, zoom: float = 1.0
 ) -> None:
-    """Draw the resting shape with its handles, what follows them, and the deformed shape, all with one camera.
+    """Draw the resting shape with its handles, the weights, and the deformed shape, all with one camera.
 
-    `azimuth`, `elevation` and `zoom` are as in `picture`, by default from where the handles show; what is above 1 aims
-    at them.
+    `azimuth`, `elevation` and `zoom` are as in `picture`. By default, the camera faces the handles. A `zoom` above 1
+    aims at them.
 
     Raises ValueError as `picture` does. Raises OSError if `path` cannot be written.
     """
@@ -82,10 +82,10 @@ def save_before_after(
 
 
 def session_views(deformer: Deformer, azimuth: float | None = None) -> dict[str, dict[str, Any]]:
-    """What `picture` draws of a session "before" its edit, as "weights" and "after" it, all with one camera.
+    """Return the arguments of `picture` for a session "before" its edit, its "weights", and "after" the edit.
 
-    Dots sit on the vertices by which handles are judged; after the move, where those have landed. The camera is where
-    the handles show, unless an `azimuth` is given.
+    All three have one camera. Dots mark the handles: at rest before the edit, and at their posed positions after it.
+    Without an `azimuth`, the camera faces the handles.
     """
     mesh, moved = deformer.mesh, deformer.vertices
     handles = np.array([handle.place.position for handle in deformer.handles]).reshape(-1, 3)
@@ -105,7 +105,7 @@ def session_views(deformer: Deformer, azimuth: float | None = None) -> dict[str,
 
 
 def parts_view(mesh: Mesh, found: Sequence[Part]) -> dict[str, Any]:
-    """What `picture` draws of a shape's parts: a color for each, and its number, counted from 1, where it lies."""
+    """Return the arguments of `picture` for a shape's parts: a color and a number, from 1, for each part."""
     return {
         "colors": part_colors(np.argmax([part.mask for part in found], axis=0)),
         "handles": mesh.vertices[[part.vertex for part in found]],

@@ -1,4 +1,4 @@
-"""From where a picture is taken."""
+"""The camera of a picture."""
 
 from __future__ import annotations
 
@@ -14,11 +14,14 @@ from dfd.mesh.normalization import Normalization, box_normalization
 from dfd.views.cameras import Camera, camera_towards
 
 FIELD_OF_VIEW = 30.0  # degrees, at zoom 1
-ASIDE = 25.0  # degrees: seen a little from the side, a shape shows its depth
+ASIDE = 25.0  # degrees to the side, so that the depth of the shape is visible
 
 
 def azimuth_towards(mesh: Mesh, points: ArrayLike) -> float:
-    """Degrees round the y axis from which (N, 3) points on the outside of `mesh` are seen; from the front for none."""
+    """Return the azimuth, degrees, from which `points` (N, 3) on the outside of `mesh` are visible.
+
+    Without points, this is the azimuth of a view from the front.
+    """
     outwards = np.reshape(points, (-1, 3)).sum(axis=0) - len(np.reshape(points, (-1, 3))) * mesh.bounds.mean(axis=0)
     return float(np.degrees(np.arctan2(outwards[0], outwards[2]))) + ASIDE
 
@@ -33,7 +36,7 @@ def viewpoint(
     target: ArrayLike | None = None,
     frame: Sequence[ArrayLike] = (),
 ) -> Camera:
-    """Return the camera with which `dfd.pictures.picture.picture` draws, in mesh units; all arguments are its own.
+    """Return the camera, in mesh units, that `dfd.pictures.picture.picture` uses with the same arguments.
 
     Raises ValueError as `picture` does.
     """
@@ -54,14 +57,14 @@ def aim(
     target: ArrayLike | None,
     frame: Sequence[ArrayLike],
 ) -> tuple[Normalization, Camera]:
-    """Return what normalizes everything that is in the picture, and the camera in such coordinates.
+    """Return the normalization of all points in the picture, and the camera in normalized coordinates.
 
-    `drawn` holds the positions of the mesh's vertices, (V, 3) in its units.
+    `drawn` holds the drawn positions (V, 3) of the mesh's vertices in mesh units.
     """
     direction = _direction(azimuth, elevation)
     closer = check.number("picture", "zoom", zoom, minimum=0.0, exclusive=True)
     others = [check.array("picture", "frame", points, ("N", 3), dtype=np.float64) for points in frame]
-    seen = np.unique(mesh.faces)  # what no face uses is not drawn and would only take room
+    seen = np.unique(mesh.faces)  # vertices without faces are not drawn and would enlarge the frame
     around = np.concatenate([each[seen] if len(each) == len(drawn) else each for each in (drawn, *others)])
     found = box_normalization(around.min(axis=0), around.max(axis=0))
     if found is None:
@@ -78,7 +81,7 @@ def aim(
 
 
 def _direction(azimuth: float, elevation: float) -> Float64:
-    """Unit vector from the shape to the camera, (3,); degrees, 0, 0 is +z and the azimuth turns towards +x."""
+    """Return the unit vector (3,) from the shape to the camera; at 0, 0 degrees it is +z, and azimuth 90 is +x."""
     turn = np.radians(check.number("picture", "azimuth", azimuth))
     tilt = np.radians(check.number("picture", "elevation", elevation, minimum=-90, maximum=90))
     return np.array([np.cos(tilt) * np.sin(turn), np.sin(tilt), np.cos(tilt) * np.cos(turn)])

@@ -1,4 +1,4 @@
-"""Access to the files next to a mesh file: materials, images and buffers that it references."""
+"""Access to the materials, images and buffers that a mesh file references."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from urllib.parse import unquote
 
 
 class AssetFolder:
-    """Reads regular files below the mesh's folder; paths outside it and hidden files are refused.
+    """Reads regular files below the mesh's folder; refuses paths outside it and hidden files.
 
-    An image or materials file that cannot be read does not stop loading; `unreadable` lists it for a warning.
+    Loading continues without image or materials files that cannot be read; `unreadable` lists them for a warning.
     """
 
     def __init__(self, mesh: Path) -> None:
@@ -20,9 +20,9 @@ class AssetFolder:
         self.unreadable: set[str] = set()
 
     def read(self, name: str) -> bytes:
-        """Return the bytes of the file that a mesh file calls `name`: a relative path or URI.
+        """Return the bytes of the file `name`, a relative path or URI in the mesh file.
 
-        Raises ValueError, OSError if the name leads out of the folder or to a hidden file, or the file cannot be read.
+        Raises ValueError or OSError if `name` leads out of the folder or to a hidden file, or cannot be read.
         """
         folder = self.folder.resolve()
         for spelled in dict.fromkeys((name, unquote(name), unquote(name).replace("\\", "/"))):
@@ -45,13 +45,13 @@ class AssetFolder:
 
 
 def read_regular(path: Path) -> bytes:
-    """Return the bytes of a regular file; pipes and devices are refused without blocking.
+    """Return the bytes of a regular file; refuse pipes and devices without blocking.
 
-    Raises OSError if `path` is not a file, or cannot be read.
+    Raises OSError if `path` is not a regular file, or cannot be read.
     """
     if path.exists() and not stat.S_ISREG(path.stat().st_mode):
         raise OSError(errno.EINVAL, "it is not a file")
-    # O_NONBLOCK: a pipe that replaced the file since the check must not block the open
+    # O_NONBLOCK: a pipe may have replaced the file after the check, and must not block `open`
     flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     with os.fdopen(os.open(path, flags), "rb") as stream:
         if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):

@@ -1,4 +1,4 @@
-"""Replacements in the bytes of a file, and numbers as text."""
+"""Replacement of bytes in a file, and conversion of numbers to text."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 
 from dfd.common.linear_algebra import Float64, Int64
 
-COARSE = 1e-5  # of the shape's diagonal: larger rounding to 32-bit floats is avoided, or said
+COARSE = 1e-5  # of the shape's diagonal; writers avoid larger rounding to 32-bit floats, or warn
 
 
 class Edits:
-    """Replacements in the bytes of a file, made all at once."""
+    """Replacements of bytes in a file, collected and then applied together."""
 
     def __init__(self, data: bytes) -> None:
         self._data = data
@@ -36,14 +36,14 @@ class Edits:
 
 
 def triples(values: Float64) -> list[bytes]:
-    """Return three numbers (L, 3) each as the shortest text that reads back exactly."""
+    """Return each row of `values` (L, 3) as text, each number in the shortest form that reads back exactly."""
     return [b"%a %a %a" % (x, y, z) for x, y, z in values.tolist()]
 
 
 def far_origin(vertices: Float64) -> Float64 | None:
-    """Return the middle (3,) of vertices (V, 3) that 32-bit floats hold too coarsely, None for others.
+    """Return the center (3,) of vertices (V, 3) if 32-bit floats are too coarse for them, else None.
 
-    The middle itself fits in 32-bit floats.
+    32-bit floats represent the center exactly.
     """
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     if rounding(vertices).max() <= COARSE * np.linalg.norm(high - low):

@@ -1,4 +1,4 @@
-"""The images of one file, each opened and decoded once, within a common budget of texels."""
+"""Decoding of the images of one file, each once, within a common limit on texels."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ MOST_TEXELS = 2**26  # of all decoded pictures of a file: 256 MiB as RGBA, four 
 
 
 class ImageCache:
-    """Decodes images, equal bytes once.
+    """Decodes images; equal bytes are decoded once.
 
-    Their sizes are read from their first bytes, so an image beyond the budget is refused before it is decoded.
+    The size of an image comes from its first bytes, so an image beyond the limit is refused before it is decoded.
     """
 
     def __init__(self) -> None:
@@ -32,7 +32,7 @@ class ImageCache:
     def texels(self, data: bytes) -> UInt8:
         """Return an image as RGBA (rows, columns, 4), the first row on top.
 
-        Raises ValueError if it cannot be decoded, or is larger than what is left of the budget.
+        Raises ValueError if the image cannot be decoded, or has more texels than the limit still allows.
         """
         key = hashlib.sha256(data).hexdigest()
         if key not in self._texels:
@@ -47,17 +47,17 @@ class ImageCache:
 
 
 def image_format(data: bytes) -> str:
-    """Return the format of an image, in small letters; ValueError if it is none."""
+    """Return the format of an image in lower case; raise ValueError if `data` is not an image."""
 
     def verified(image: Image.Image) -> str:
-        image.verify()  # cheap; damage that only decoding finds is reported then
+        image.verify()  # cheap; later decoding reports other damage
         return (image.format or "png").lower()
 
     return _read(data, verified)
 
 
 def as_image(texels: UInt8, *, opaque: bool = False) -> Image.Image:
-    """Return RGBA texels (rows, columns, 4) as an image, without alpha where all is opaque or `opaque` is set."""
+    """Return RGBA texels (rows, columns, 4) as an image, without alpha if all are opaque or `opaque` is set."""
     from PIL import Image
 
     opaque = opaque or bool((texels[..., 3] == 255).all())
@@ -72,12 +72,12 @@ def as_png(texels: UInt8, *, opaque: bool = False) -> bytes:
 
 
 def _read(data: bytes, use: Callable[[Image.Image], _T]) -> _T:
-    """Return what `use` makes of an opened image."""
+    """Return the result of `use` for an opened image."""
     from PIL import Image
 
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of Pillow's own limit; ours is the budget
+            warnings.simplefilter("ignore")  # about Pillow's own size limit; MOST_TEXELS applies instead
             with Image.open(io.BytesIO(data)) as image:
                 return use(image)
     except Exception as error:  # Pillow raises OSError, SyntaxError, ValueError and more on damaged pictures

@@ -1,4 +1,4 @@
-"""Conversion of meshes and scenes of trimesh."""
+"""Conversion of trimesh's meshes and scenes."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ _WHITE = (1.0, 1.0, 1.0, 1.0)
 
 
 def of_trimesh(source: trimesh.Trimesh | trimesh.Scene) -> SceneFile:
-    """Convert a trimesh object to a scene; its arrays are copied.
+    """Convert a trimesh object to a scene with copies of the arrays.
 
-    Raises ValueError if it holds no faces, an index out of range or a coordinate that is not finite.
+    Raises ValueError if the object has no faces, an index out of range or a coordinate that is not finite.
     """
     if isinstance(source, trimesh.Trimesh):
         geometry = _geometry(source.copy(), {})
@@ -41,7 +41,7 @@ def of_trimesh(source: trimesh.Trimesh | trimesh.Scene) -> SceneFile:
 
 
 def _geometry(mesh: trimesh.Trimesh, materials: dict[int, Material]) -> Geometry:
-    """Convert a trimesh geometry; `materials` caches converted materials by the ids of trimesh's."""
+    """Convert a trimesh geometry; `materials` caches converted materials by the `id` of trimesh's material."""
     visual = mesh.visual
     source = getattr(visual, "material", None)
     if source is not None and id(source) not in materials:
@@ -50,11 +50,11 @@ def _geometry(mesh: trimesh.Trimesh, materials: dict[int, Material]) -> Geometry
     uv = getattr(visual, "uv", None)
     if visual.kind == "vertex":
         colors = visual.vertex_colors
-    else:  # beside a texture
+    else:  # colors in addition to a texture
         colors = getattr(visual, "vertex_attributes", {}).get("color", mesh.vertex_attributes.get("color"))
     if colors is not None and (np.ndim(colors) != 2 or len(colors) != count):
         colors = None
-    # `vertex_normals` would compute missing normals; only those that trimesh was given are in its cache
+    # The property `vertex_normals` would compute missing normals. The cache holds only normals that trimesh was given.
     normals = mesh._cache.cache.get("vertex_normals")
     return Geometry(
         np.asarray(mesh.vertices, np.float64),
@@ -73,7 +73,7 @@ def _geometry(mesh: trimesh.Trimesh, materials: dict[int, Material]) -> Geometry
 
 
 def _is_default_material(material: Any) -> bool:
-    """Whether trimesh created the material, with an image of 2 x 2 texels, for a mesh without one."""
+    """Return whether trimesh made this material, whose image has 2 x 2 texels, for a mesh without a material."""
     image = getattr(material, "image", None)
     return isinstance(material, SimpleMaterial) and image is not None and image.size == (2, 2) and image.format is None
 
@@ -99,7 +99,7 @@ def _material(source: Any) -> Material:
 
 
 def _texels(image: Any) -> UInt8 | None:
-    """Return a picture that trimesh opened as RGBA (rows, columns, 4), None for one that is too large."""
+    """Return an image that trimesh opened as RGBA (rows, columns, 4); None if it is too large."""
     if image is None or image.size[0] * image.size[1] > MOST_TEXELS:
         return None
     return np.asarray(image.convert("RGBA"), np.uint8)

@@ -18,11 +18,11 @@ _DEFAULT = Material(is_default=True)
 
 def read_appearance(
     primitives: Sequence[Primitive],
-    vertex: Int32,  # (R,) the vertex each row is at
+    vertex: Int32,  # (R,) the vertex of each row
     corner_faces: Int32,  # (F, 3)
 ) -> Appearance | None:
-    """Return the appearance of the primitives, None where the file does not define any."""
-    numbers: dict[tuple[int, bool], int] = {}  # from a material, and whether colors come with it, to our number
+    """Return the appearance of the primitives; None if the file defines none."""
+    numbers: dict[tuple[int, bool], int] = {}  # from a material, and whether its surface has colors, to our number
     known: list[Material] = []
     of_primitive: list[int] = []
     for each in primitives:
@@ -64,7 +64,7 @@ def read_appearance(
 
 
 def rgba(values: NDArray[Any]) -> Float32:
-    """Return colors (N, 3 or 4), bytes and other whole numbers by their largest, as RGBA (N, 4) in [0, 1]."""
+    """Return colors (N, 3 or 4) as RGBA (N, 4) in [0, 1]; integers are divided by the largest of their type."""
     scale = np.iinfo(values.dtype).max if values.dtype.kind in "iu" else 1
     result = np.ones((len(values), 4), np.float32)
     result[:, : values.shape[1]] = values[:, :4] / scale

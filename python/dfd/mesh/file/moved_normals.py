@@ -1,4 +1,4 @@
-"""Recomputing the normals of a moved surface, with the file's smooth and sharp edges."""
+"""Recomputation of the normals of a moved surface; smooth and sharp edges of the file stay."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ def follow(
     changed: Bool,  # (V,)
     scene: SceneFile,
 ) -> list[Float64 | None]:
-    """Return each primitive's normals in its own coordinates, None for one whose file had none.
+    """Return each primitive's normals in its own coordinates; None for a primitive without normals in the file.
 
-    Rows that share position and normal are one smooth surface, whatever seams the texture has there: they
-    get one new normal, the sum of the normals of their faces weighted by area. Rows of another normal are
-    across a sharp edge. Where no face moved, the file's normals are kept bit for bit.
+    Rows with equal position and normal belong to one smooth surface, even on both sides of a texture seam. They get
+    one new normal: the area-weighted sum of their faces' normals. Rows with another normal lie across a sharp edge.
+    Rows whose faces did not move keep the bits of the file's normals.
     """
     own = [each.geometry.normals for each in scene.primitives]
     if not changed.any() or all(normals is None for normals in own):
@@ -39,7 +39,7 @@ def follow(
     stale = np.zeros(len(first), bool)
     stale[faces[touched]] = True
     new = _sums(vertices, scene, faces, len(first))
-    # the file or a mirroring transform may wind faces inward: normals keep their side
+    # The file or a mirroring transform may wind faces inward. New normals stay on the side of the old normals.
     inward = np.einsum("ij,ij->i", _sums(before, scene, faces, len(first)), placed[first]) < 0
     new[inward] *= -1
     stale &= np.linalg.norm(new, axis=1) > 0
@@ -55,5 +55,5 @@ def follow(
 
 
 def _sums(vertices: Float64, scene: SceneFile, faces: Int64, count: int) -> Float64:
-    """Return for each group of rows the sum (count, 3) of its faces' normals times twice their areas."""
+    """Return for each group of rows the sum (count, 3) of its faces' normals, each times twice the face's area."""
     return group_sums(faces.ravel(), np.repeat(face_normals(vertices, scene.faces), 3, axis=0), count)

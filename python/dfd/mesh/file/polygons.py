@@ -1,4 +1,4 @@
-"""Triangulation of polygons: fans for convex ones, ear clipping for the others.
+"""Triangulation of polygons: fans for convex polygons, ear clipping for other polygons.
 
 Ear clipping: Meisters, "Polygons Have Ears", 1975, by mapbox-earcut.
 """
@@ -9,21 +9,21 @@ import numpy as np
 
 from dfd.common.linear_algebra import Float64, Int64
 
-_REFLEX = 1e-6  # of the polygon's size; corners less reflex than this count as straight
+_REFLEX = 1e-6  # of the polygon's size; less reflex corners count as straight
 
 
 def check_corners(corners: Int64, count: int) -> None:
-    """Refuse corners of faces that are none of `count` vertices."""
+    """Check that every corner is an index below `count`."""
     wrong = corners[(corners < 0) | (corners >= count)]
     if len(wrong):
         raise ValueError(f"a face names vertex {wrong[0]}, but there are {count}")
 
 
 def triangulate(positions: Float64, corners: Int64, sizes: Int64) -> Int64:
-    """Return the triangles (F, 3) of polygons as numbers of corners, in the polygons' order: size - 2 for each.
+    """Return the triangles (F, 3) of polygons as indices into `corners`, in the polygons' order.
 
-    `positions` (N, 3) are the vertices, `corners` (C,) the vertex of each corner, one polygon after the other, and
-    `sizes` (P,) how many corners each polygon has, at least 3.
+    A polygon has size - 2 triangles. `positions` (N, 3) are the vertices. `corners` (C,) holds the vertex of each
+    corner, one polygon after the other. `sizes` (P,) holds the number of corners of each polygon, at least 3.
     """
     if not (sizes > 3).any():
         return np.arange(len(corners)).reshape(-1, 3)
@@ -43,13 +43,13 @@ def triangulate(positions: Float64, corners: Int64, sizes: Int64) -> Int64:
 
 
 def ranges(starts: Int64, lengths: Int64) -> Int64:
-    """Return the concatenated ranges of `lengths` whole numbers from `starts`."""
+    """Return the concatenated ranges of integers, each with one of `lengths` from one of `starts`."""
     before = np.cumsum(lengths) - lengths
     return np.repeat(starts - before, lengths) + np.arange(int(lengths.sum()))
 
 
 def distinct_rows(rows: Int64) -> tuple[Int64, Int64]:
-    """Return the distinct rows (R, K), sorted, and which of them each of `rows` (C, K) is."""
+    """Return the distinct rows (R, K), sorted, and the index (C,) of each of `rows` (C, K) among them."""
     key = np.zeros(len(rows), np.int64)
     for column in rows.T:
         shifted = column - column.min(initial=0)
@@ -62,7 +62,7 @@ def distinct_rows(rows: Int64) -> tuple[Int64, Int64]:
 
 
 def _concave(positions: Float64, corners: Int64, sizes: Int64, first: Int64) -> Int64:
-    """Return the polygons of more than three corners of which some corner turns the other way."""
+    """Return the polygons of more than three corners that have a reflex corner."""
     large = np.flatnonzero(sizes > 3)
     here = ranges(first[large], sizes[large])
     polygon = np.repeat(np.arange(len(large)), sizes[large])
@@ -74,7 +74,7 @@ def _concave(positions: Float64, corners: Int64, sizes: Int64, first: Int64) -> 
         edges = points[following] - points
         turns = np.empty_like(edges)
         turns[following] = np.cross(edges, edges[following])
-        around = np.cross(points - points[begins][polygon], edges)  # Newell's normal, twice the area long
+        around = np.cross(points - points[begins][polygon], edges)  # Newell's normal; its length is twice the area
         normals = np.add.reduceat(around, begins, axis=0)
         size = np.linalg.norm(normals, axis=1)
         unit = normals / np.where(size > 0, size, 1)[:, None]
@@ -83,7 +83,7 @@ def _concave(positions: Float64, corners: Int64, sizes: Int64, first: Int64) -> 
 
 
 def _ears(points: Float64) -> Int64 | None:
-    """Return the triangles (size - 2, 3) of a polygon (size, 3), None where it crosses itself or has no area."""
+    """Return the triangles (size - 2, 3) of a polygon (size, 3); None if it crosses itself or has no area."""
     import mapbox_earcut
 
     edges = np.roll(points, -1, axis=0) - points

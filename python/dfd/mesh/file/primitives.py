@@ -1,4 +1,4 @@
-"""Geometries of one material each, and their instances in a scene, grouped into named parts."""
+"""Geometries with one material each, and their instances in a scene, which form named parts."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from dfd.common.linear_algebra import Float32, Float64, Int64, unit
 from dfd.mesh.appearance import Material
 from dfd.mesh.file.assets import shortened
 
-MOST_ROWS = 10**8  # vertices or faces in a scene: a file of a few kilobytes can instance any number of them
-MOST_PRIMITIVES = 20_000  # of a glTF file that are shown: more take seconds to read
+MOST_ROWS = 10**8  # vertices or faces in a scene; instances in a file of a few kilobytes can reach any number
+MOST_PRIMITIVES = 20_000  # shown primitives of a glTF file; reading more takes seconds
 MOST_INSTANCES = 100_000  # primitives that the scene of a glTF file places
 
 IDENTITY = np.eye(4)  # the shared default transform, recognized without comparing values
@@ -31,17 +31,17 @@ class Geometry:
     normals: Float64 | None = None  # (N, 3) the file's own
     uv: Float64 | None = None  # (N, 2) texture coordinates, v upwards
     colors: Float32 | None = None  # (N, 4) display-referred RGBA in [0, 1]
-    face_colors: Float32 | None = None  # (F, 4), in place of those of the vertices
+    face_colors: Float32 | None = None  # (F, 4), in place of vertex colors
     material: Material | None = None
     attributes: dict[str, NDArray[Any]] = field(default_factory=dict)  # further vertex attributes of the file
-    stored: Float64 | None = None  # (N, 3) the file's positions, where morph targets move them to `vertices`
+    stored: Float64 | None = None  # (N, 3) the file's positions, if morph targets move them to `vertices`
 
 
 @dataclass(frozen=True)
 class MeshInstance:
     """One occurrence of a geometry in the scene."""
 
-    part: str  # the scene's part that it belongs to; equal names that follow each other are one part
+    part: str  # the part of the scene; consecutive equal names form one part
     name: str  # the geometry's own name
     geometry: Geometry
     transform: Float64 = field(default_factory=lambda: IDENTITY)  # (4, 4) to the scene's coordinates, or (N, 4, 4)
@@ -56,7 +56,7 @@ class Primitive(MeshInstance):
     faces: slice  # its faces among all faces
 
     def to_scene(self, points: Float64) -> Float64:
-        """Return where points (rows, 3) of the geometry are in the scene."""
+        """Return points (rows, 3) of the geometry in the scene's coordinates."""
         if self.transform is IDENTITY:
             return points
         with np.errstate(over="ignore", invalid="ignore"):  # `place` checks finiteness for the whole scene
@@ -65,7 +65,7 @@ class Primitive(MeshInstance):
     def vectors_from_scene(self, vectors: Float64, rows: Any = slice(None)) -> Float64:
         """Return displacements (N, 3) of some rows in the geometry's own coordinates.
 
-        A transform that flattens the geometry has no inverse; its pseudo-inverse is used.
+        A singular transform has no inverse; its pseudo-inverse is used.
         """
         inverse = np.linalg.pinv(self._linear(rows)).astype(np.float64)
         return _applied(inverse, vectors)
@@ -86,7 +86,7 @@ class Primitive(MeshInstance):
 
     @property
     def mirrored(self) -> bool:
-        """Whether the scene shows the geometry inside out; of a skin, most of its rows."""
+        """Whether the transform reverses orientation; with a skin, whether most rows' transforms do."""
         with np.errstate(over="ignore", invalid="ignore"):
             return bool(np.mean(np.linalg.det(self.transform[..., :3, :3]) < 0) > 0.5)
 
@@ -105,10 +105,10 @@ class MovedPrimitive:
 
 
 def place(instances: Sequence[MeshInstance]) -> tuple[tuple[Primitive, ...], Float64]:
-    """Return the primitives that have faces and the positions (R, 3) of their rows in the scene.
+    """Return the primitives that have faces, and the positions (R, 3) of their rows in the scene.
 
-    Raises ArgumentError if there are no faces or too many, coordinates are not finite, or a face names a vertex that
-    is not there.
+    Raises ArgumentError if there are no faces or too many, a coordinate is not finite, or a face uses an index out of
+    range.
     """
     primitives: list[Primitive] = []
     positions: list[Float64] = []
@@ -139,7 +139,7 @@ def place(instances: Sequence[MeshInstance]) -> tuple[tuple[Primitive, ...], Flo
 
 
 def require_finite(vertices: Float64, owner: str = "") -> None:
-    """Refuse coordinates (N, 3) that are not finite."""
+    """Check that coordinates (N, 3) are finite."""
     finite = np.isfinite(vertices)
     if not finite.all():
         row, axis = np.argwhere(~finite)[0]
@@ -147,7 +147,7 @@ def require_finite(vertices: Float64, owner: str = "") -> None:
 
 
 def _check(name: str, geometry: Geometry) -> None:
-    """Refuse coordinates that are not finite and faces of vertices that are not there."""
+    """Check that coordinates are finite and that the vertices of faces exist."""
     count, faces = len(geometry.vertices), geometry.faces
     require_finite(geometry.vertices, f" of {shortened(name)}")
     low, high = int(faces.min()), int(faces.max())
@@ -162,7 +162,7 @@ def _applied(linear: Float64, vectors: Float64) -> Float64:
 
 
 class UniqueNames:
-    """Makes names unique in constant time, however many are alike; those that are taken are numbered from `first`."""
+    """Makes names unique in constant time; repeated names get numbers from `first`."""
 
     def __init__(self, first: int = 1) -> None:
         self._first = first
@@ -170,7 +170,7 @@ class UniqueNames:
         self._next: dict[str, int] = {}
 
     def unique(self, name: str) -> str:
-        """Return `name`, with a number appended where it is taken."""
+        """Return `name`, with a number appended if it is taken."""
         found = name
         while found in self._taken:
             self._next[name] = self._next.get(name, self._first - 1) + 1

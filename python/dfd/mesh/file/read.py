@@ -39,11 +39,11 @@ def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
             scene = _read_plain(path, data, assets)
     except MemoryError as error:
         raise OSError(errno.ENOMEM, f"load: `path` {path} needs more memory than there is") from error
-    except ArgumentError as error:  # it is well-formed, and what it says makes no mesh
+    except ArgumentError as error:  # the file is well-formed, but its content is no valid mesh
         raise ArgumentError("path", f"{path} {error.reason}", "load") from error
     except UserWarning:
         raise
-    except Exception as error:  # whatever libraries raise on malformed files
+    except Exception as error:  # libraries raise any type for malformed files
         kind = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
         reason = " ".join(f"{kind}{error}".split()).removesuffix(":")[:300]
         form = path.suffix[1:].upper()

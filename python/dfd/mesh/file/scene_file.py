@@ -1,4 +1,4 @@
-"""The scene of a mesh file: its parts, the mesh vertices of their rows, and the source for rewriting it."""
+"""The scene of a mesh file: its parts, the mesh vertex of each row, and the source for rewriting the file."""
 
 from __future__ import annotations
 
@@ -19,38 +19,38 @@ from dfd.mesh.weld import weld
 
 @dataclass(frozen=True)
 class FileSource:
-    """The source for rewriting an OBJ, PLY, STL or OFF file with other positions; it is parsed again then."""
+    """The source for rewriting an OBJ, PLY, STL or OFF file with other positions; rewriting parses it again."""
 
-    data: UInt8  # (N,) its bytes, as an array, which processes can share
-    numbers: Int64 | None = None  # (R,) the file's own vertex of each row; STL files number none
-    corner_rows: Int32 | None = None  # (C,) row of each corner of an OBJ file's faces; −1 in one of too few corners
+    data: UInt8  # (N,) its bytes; processes can share an array
+    numbers: Int64 | None = None  # (R,) the file's own vertex of each row; None for STL files, which number no vertices
+    corner_rows: Int32 | None = None  # (C,) row of each corner of an OBJ file's faces; −1 in a face of too few corners
 
 
 @dataclass(frozen=True)
 class SceneFile:
     """A file's scene, kept for coloring and rewriting.
 
-    `rows` are the vertices of the primitives, one after the other: the file's own vertices, split where a seam of
-    texture or normals splits them. A vertex of the mesh stands for all rows at its position.
+    Rows are the concatenated vertices of the primitives: the file's own vertices, split along seams of texture or
+    normals. A vertex of the mesh represents all rows at its position.
     """
 
     path: Path | None
     primitives: tuple[Primitive, ...]
     corner_faces: Int32  # (F, 3) corners as row numbers
     vertices: Float64  # (V, 3) positions in the scene
-    representative: Int32  # (V,) the first vertex at each one's position
-    vertex: Int32  # (R,) the vertex that stands for each row, -1 where the mesh has none
-    appearance: Appearance | None  # what colors the faces; None where nothing is known
+    representative: Int32  # (V,) the first vertex at each vertex's position
+    vertex: Int32  # (R,) the vertex that represents each row, -1 without one
+    appearance: Appearance | None  # the colors of the faces; None if unknown
     gltf: GltfData | None = None  # the source glTF file
     source: FileSource | None = None  # the source file of another format
 
     @property
     def ending(self) -> str:
-        """The ending of the file's name in small letters, "" for a scene of no file."""
+        """The ending of the file's name in lower case; "" for a scene without a file."""
         return self.path.suffix.lower() if self.path else ""
 
     def local_faces(self, primitive: Primitive) -> Int32:
-        """Return the faces (F, 3) of a primitive as its own rows, wound as the scene shows them."""
+        """Return the faces (F, 3) of a primitive as indices of its own rows, with the winding of the scene."""
         return self.corner_faces[primitive.faces] - np.int32(primitive.rows.start)
 
     @property
@@ -68,18 +68,19 @@ class SceneFile:
         gltf: GltfData | None = None,
         source: FileSource | None = None,
     ) -> SceneFile:
-        """Number the vertices of a file's instances.
+        """Return the scene of a file's instances, with numbered vertices.
 
-        `own_vertices` (V, 3) is the file's own list of vertices, which `source.numbers` count, or all rows without a
-        `source`. Without a list, distinct positions that faces use are numbered in the order of the rows.
+        `own_vertices` (V, 3) is the file's own list of vertices. `source.numbers` maps rows to this list; without a
+        `source`, every row is a vertex. Without a list, distinct positions that faces use are numbered in the order of
+        the rows.
 
-        Raises ArgumentError if there are no faces or fewer than three distinct vertices, or something is not finite.
+        Raises ArgumentError if there are no faces or fewer than three distinct vertices, or a number is not finite.
         """
         primitives, positions = place(instances)
         numbered = []
         for each in primitives:
             faces = each.geometry.faces.astype(np.int32) + np.int32(each.rows.start)
-            # a mirror turns triangles inside out: glTF 2.0, section 3.7.4
+            # A mirroring transform reverses the winding of triangles: glTF 2.0, section 3.7.4.
             numbered.append(faces[:, [0, 2, 1]] if each.mirrored else faces)
         corner_faces = np.concatenate(numbered)
         if own_vertices is not None:
@@ -100,7 +101,7 @@ class SceneFile:
 
 
 def _weld_used(positions: Float64, corner_faces: Int32) -> tuple[Float64, Int32]:
-    """Return the distinct positions (V, 3) that faces use and the vertex (R,) of each row, -1 where none uses it."""
+    """Return the distinct positions (V, 3) that faces use, and the vertex (R,) of each row, -1 for unused rows."""
     first, vertex = weld(positions)
     used = np.zeros(len(first), bool)
     used[vertex[corner_faces]] = True

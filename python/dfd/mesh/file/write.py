@@ -1,4 +1,4 @@
-"""Writing a mesh: the scene of its file with new positions and normals, and everything else unchanged."""
+"""Writing of a mesh: the scene of its file with new positions and normals; all else stays."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ def write(
     appearance: Appearance | None = None,
     scene: SceneFile | None = None,
 ) -> Float64:
-    """Write a mesh whose vertices are at `vertices` (V, 3), in the `scene` of its file where it has one.
+    """Write a mesh with its vertices at `vertices` (V, 3), within the `scene` of its file if given.
 
-    Return the distances (N,) by which 32-bit floats of the file move vertices. Raises what `Mesh.save` raises.
+    Return the distances (N,) by which 32-bit floats of the file move vertices. Raises as `Mesh.save` does.
     """
     target = Path(path)
     ending = check.ending("Mesh.save", "path", target, ENDINGS)
     if ending in (".glb", ".gltf", ".stl") and np.abs(vertices).max() > np.finfo(np.float32).max:
         raise ValueError(f"Mesh.save: `vertices` must fit in 32-bit floats for a {ending} file; .obj, .off have more")
-    if scene is not None:  # all vertices at one position move with the first of them
+    if scene is not None:  # all vertices at one position move with the first vertex there
         vertices = vertices[scene.representative]
     moved = moved_primitives(vertices, scene)
     lost = np.zeros(0)
@@ -83,9 +83,9 @@ def write(
 def as_gltf(
     vertices: Float64, faces: Int32, scene: SceneFile | None, moved: Sequence[MovedPrimitive], *, binary: bool
 ) -> bytes:
-    """Return the GLB or glTF file of a scene that is of no glTF file, or of a mesh without a scene.
+    """Return the GLB or glTF file of a scene from another format, or of a mesh without a scene.
 
-    Primitives without normals get smooth ones: readers show facets where a glTF file has none.
+    Primitives without normals get smooth normals, because readers shade a glTF file without normals flat.
     """
     if scene is not None:
         moved = _smoothed(vertices, faces, scene, moved)
@@ -102,7 +102,7 @@ def _smoothed(
     if all(each.normals is not None for each in moved):
         return moved
     normals = smooth_normals(vertices, scene.representative[faces])[scene.representative].astype(np.float64)
-    normals[~normals.any(axis=1)] = (0.0, 0.0, 1.0)  # of no face with an area; a reader asks for unit length
+    normals[~normals.any(axis=1)] = (0.0, 0.0, 1.0)  # vertices without a face of nonzero area; glTF requires unit length
     return [
         each
         if each.normals is not None
@@ -112,7 +112,7 @@ def _smoothed(
 
 
 def _write(target: Path, files: dict[str, bytes]) -> None:
-    """Write all files under temporary names, then rename them, `target` last: it never references a missing file."""
+    """Write all files under temporary names, then rename them; `target` is last, so it references no missing file."""
     names = sorted(files, key=lambda name: name != target.name)  # the first one entered is renamed last
     try:
         with ExitStack() as stack:
@@ -129,7 +129,7 @@ def _write(target: Path, files: dict[str, bytes]) -> None:
 def _rewrite(
     target: Path, source: FileSource, vertices: Float64, scene: SceneFile, moved: Sequence[MovedPrimitive]
 ) -> tuple[dict[str, bytes], Float64]:
-    """Return the scene's own file with other positions in its bytes, and how far 32-bit floats of STL move them."""
+    """Return the scene's own file with other positions, and the distances by which 32-bit floats of STL move them."""
     data, lost = source.data.tobytes(), np.zeros(0)
     normals = np.concatenate(
         [np.full(each.vertices.shape, np.nan) if each.normals is None else each.normals for each in moved]
@@ -155,13 +155,13 @@ def _encode_ply(
     scene: SceneFile | None,
     moved: Sequence[MovedPrimitive],
 ) -> bytes:
-    """One part is kept as it is; several parts, and textures, which PLY cannot store, become vertex colors."""
+    """Return a PLY file; several parts are merged, and textures, which PLY cannot store, become vertex colors."""
     first = moved[0].primitive if len(moved) == 1 else None
     if first is not None and scene is not None:
         geometry = first.geometry
         material = geometry.material or Material(is_default=True)
         if geometry.uv is None or (material.texture is None and not material.is_default):
-            placed = first.to_scene(moved[0].vertices).copy()  # rows that no face uses have no vertex of the mesh
+            placed = first.to_scene(moved[0].vertices).copy()  # the mesh has no vertex for rows that no face uses
             used = scene.vertex >= 0
             placed[used] = vertices[scene.vertex[used]]
             normals = None if moved[0].normals is None else first.normals_to_scene(moved[0].normals)
@@ -176,7 +176,7 @@ def _encode_ply(
 
 
 def moved_primitives(vertices: Float64, scene: SceneFile | None) -> list[MovedPrimitive]:
-    """Convert positions (V, 3) to each primitive's coordinates; unmoved ones are kept bit for bit."""
+    """Convert positions (V, 3) to each primitive's coordinates; unmoved rows keep their bits."""
     if scene is None:
         return []
     changed = (vertices != scene.vertices).any(axis=1)
