@@ -156,7 +156,7 @@ def _stands_below(edit: Edit, column: Column, handle: Handle) -> bool:
 
 
 def _side(plane: SymmetryPlane, points: Float64) -> Float64:
-    """Return how much points are on the side of the plane's normal (N,), in [0, 1]: a smoothstep over the blend band."""
+    """Return how far points are on the side of the plane's normal (N,), in [0, 1]: a smoothstep over the band."""
     height = points @ np.asarray(plane.normal) - plane.offset
     if plane.band == 0:
         return np.asarray(height >= 0, np.float64)
