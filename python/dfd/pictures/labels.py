@@ -134,9 +134,8 @@ def draw_marks(image: Float32, scene: Scene, camera: Camera, positions: Float64,
         patch = image[top : max(0, int(row) + reach + 1), left : max(0, int(column) + reach + 1)]
         down, across = np.arange(top, top + patch.shape[0]) - row, np.arange(left, left + patch.shape[1]) - column
         if square:
-            distance = (
-                np.maximum(np.abs(down)[:, None], np.abs(across)) * 1.1
-            )  # a square that looks as large as the dot
+            # The factor makes a square look as large as a dot.
+            distance = np.maximum(np.abs(down)[:, None], np.abs(across)) * 1.1
         else:
             distance = np.hypot(down[:, None], across)
         for edge, ink in ((radius * RIM, (1.0, 1.0, 1.0)), (radius, DARK if square else BLUE)):

@@ -158,9 +158,8 @@ class _Painter:
     def draw(self, resolution: int) -> Float32:
         """Return the picture (R, R, 3) in sRGB, each pixel the mean of several rays."""
         image = np.empty((resolution, resolution, 3), np.float32)
-        height = max(
-            HALO, BAND // (SAMPLES * resolution * SAMPLES) // HALO * HALO
-        )  # a multiple of HALO aligns the tiles of all bands
+        # A multiple of HALO aligns the tiles of all bands.
+        height = max(HALO, BAND // (SAMPLES * resolution * SAMPLES) // HALO * HALO)
         bands = [slice(top, min(top + height, resolution)) for top in range(0, resolution, height)]
 
         def draw_band(band: slice) -> None:

@@ -102,11 +102,8 @@ def _smoothed(
     if all(each.normals is not None for each in moved):
         return moved
     normals = smooth_normals(vertices, scene.representative[faces])[scene.representative].astype(np.float64)
-    normals[~normals.any(axis=1)] = (
-        0.0,
-        0.0,
-        1.0,
-    )  # vertices without a face of nonzero area; glTF requires unit length
+    # glTF requires unit length, also of vertices without a face of nonzero area.
+    normals[~normals.any(axis=1)] = (0.0, 0.0, 1.0)
     return [
         each
         if each.normals is not None
