@@ -26,12 +26,12 @@ DEFAULTS = PRESETS["default"]
 
 @dataclass(frozen=True, repr=False)
 class Controls(Brief):
-    """The controls of a handle; `dfd.editing.presets.CONTROLS` describes each field.
+    """Holds the controls of a handle; `dfd.editing.presets.CONTROLS` describes each field.
 
-    What is left out is as the preset "default" has it. Lengths are in mesh units; of `radius` and `locality` only one
-    may be given.
+    The preset "default" gives the values that are left out. Lengths are in mesh units. Only one of `radius` and
+    `locality` may be given.
 
-    Raises ValueError if a number is out of its bounds, a name is unknown, or a place or a region is none.
+    Raises ValueError if a number is out of its bounds, a name is unknown, or a place or a region is invalid.
     """
 
     reach: Annotated[Reach, CONTROLS["reach"]] = DEFAULTS.reach
@@ -57,11 +57,11 @@ class Controls(Brief):
 
     @cached_property
     def of_column(self) -> Controls:
-        """The controls that shape the column of weights, with defaults in place of all others."""
+        """Return the controls that shape the column of weights, with defaults in place of all others."""
         return Controls(**{name: getattr(self, name) for name, said in CONTROLS.items() if said.affects == "weights"})
 
     def changed(self, **given: Any) -> Controls:
-        """Return other controls. None keeps a value; of `radius` and `locality`, giving one resets the other.
+        """Return changed controls. None keeps a value; of `radius` and `locality`, giving one resets the other.
 
         Raises ValueError as `Controls` does.
         """
@@ -81,12 +81,12 @@ def controls_of(preset: Preset) -> Controls:
 
 
 def controls_on(mesh: Mesh, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the controls of `given`, without None, as `Controls.changed` takes them.
+    """Return the controls in `given` for `Controls.changed`, without those that are None.
 
-    Lengths are in mesh units, regions and places those of `mesh`.
+    Lengths become mesh units; regions and places become those of `mesh`.
 
-    Raises ValueError if a length is neither a number nor a percentage, `excluded_counterparts` is no list of points, or
-    `mask` is no region or holds no vertex. Raises TypeError if there is no control of a name.
+    Raises ValueError if a length is neither a number nor a percentage, or `excluded_counterparts` is no list of points.
+    Raises ValueError if `mask` is no region or holds no vertex. Raises TypeError if a control is unknown.
     """
     found = {name: value for name, value in dict(given).items() if value is not None}
     check.keywords(found, CONTROLS, "control of a handle")
@@ -104,7 +104,7 @@ def controls_on(mesh: Mesh, given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _points_on(mesh: Mesh, places: Any) -> tuple[Place, ...]:
-    """Return the places of a list, once each."""
+    """Return the places of a list, without duplicates."""
     if isinstance(places, str) or not isinstance(places, Iterable) or getattr(places, "ndim", 1) == 0:
         raise ArgumentError("excluded_counterparts", f"must be a list of vertices or points, got {places!r}")
     found = tuple(dict.fromkeys(place_on(mesh, at) for at in places))
@@ -116,7 +116,7 @@ def _points_on(mesh: Mesh, places: Any) -> tuple[Place, ...]:
 def length_on(mesh: Mesh, name: str, value: Any) -> float:
     """Return a length in mesh units, from a number or a text such as "20%" of the diagonal of the mesh's box.
 
-    Raises ValueError if it is neither, or out of the bounds of the control of that `name`.
+    Raises ValueError if `value` is neither, or out of the bounds of the control `name`.
     """
     length, unit = value, 1.0
     if isinstance(value, str):

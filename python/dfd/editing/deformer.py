@@ -1,4 +1,4 @@
-"""The editing session: handles that stay live, fixed points, symmetry, undo, and the posed shape at any moment."""
+"""The editing session: handles that can always be changed, fixed points, symmetry, undo, and the posed shape."""
 
 from __future__ import annotations
 
@@ -37,35 +37,35 @@ if TYPE_CHECKING:
 
 
 class Deformer:
-    """One editing session of one shape.
+    """Holds one editing session of one shape.
 
-    Nothing is ever baked: every handle keeps the numbers it was given and can be changed or removed at any time, and
-    `vertices` always follows from the resting mesh. A new handle costs one column of weights, a frame of a drag what
-    the handles that move cost, however many others rest.
+    Every handle keeps the numbers that the caller gave, and can be changed or removed at any time. `vertices` always
+    follows from the resting mesh. A new handle costs one column of weights. A frame of a drag costs only what the
+    moving handles cost, however many others rest.
 
-    Every change is a step that `undo` takes back, without limit. With `merge`, a change joins the step before if that
-    one was about the same handle, place or setting: a drag is one plain move and then merged ones, and `undo` takes it
-    back whole.
+    Every change is a step that `undo` takes back, without limit. With `merge`, a change joins the previous step if that
+    step concerns the same handle, place or setting. So a drag is one plain move followed by merged moves, and `undo`
+    takes back the whole drag.
 
     Parameters
     ----------
     mesh
-        The resting shape, or whatever `dfd.load` makes one of; it is never changed.
+        The resting shape, or anything that `dfd.load` accepts. The session never changes it.
     field
         The shape's feature field, or that of another resolution of the same shape.
     preset
-        What the session and its handles start with (`dfd.editing.presets.PRESETS`): "default", or "paper" for Eq. 1
-        and 4 to 8 to the letter. Whatever is said of a handle or set of the session goes before it.
+        The defaults of the session and its handles (`dfd.editing.presets.PRESETS`): "default", or "paper" for Eq. 1
+        and 4 to 8 to the letter. Settings of a handle or of the session override the preset.
     features
-        (V, D) features of the vertices when they are at hand, in full or as `dfd.compact` makes them; the field is then
-        asked for points in space alone. Otherwise it is asked once they are needed: with the preset "paper" for full
-        ones, else above 16,384 vertices for compact ones, whose weights are within 0.01 of exact, judged by a sample
-        (`features.error`).
+        (V, D) features of the vertices if they are already computed, in full or as `dfd.compact` returns them. The
+        field is then only evaluated at points in space. If left out, the field is evaluated when features are first
+        needed. The preset "paper" uses full features. Otherwise, above 16,384 vertices, features are compact: their
+        weights are within 0.01 of exact, estimated from a sample (`features.error`).
     other_shape
-        Take a field of another shape all the same.
+        Accept a field of another shape.
 
-    Raises ValueError if there is no such preset, or `features` is not finite or not one row of the field's width per
-    vertex; without `features` and `other_shape`, if the field was distilled from another shape
+    Raises ValueError if the preset is unknown, or `features` is not finite or not one row of the field's width per
+    vertex. Without `features` and `other_shape`, raises ValueError if the field was distilled from another shape
     (`dfd.field.compatibility.check_compatible`).
 
     Warns
@@ -74,9 +74,9 @@ class Deformer:
         If a part of the mesh lies far outside the box of the field's shape.
     """
 
-    # Slots alone, so that a setting with a misspelled name raises AttributeError.
+    # Only slots, so that a setting with a misspelled name raises AttributeError.
     __slots__ = ("__weakref__", "_history", "_next_id", "_posed", "_weights", "field", "mesh")
-    page: Callable[..., Any] | None = None  # what shows a session: `dfd` puts the app's there
+    page: Callable[..., Any] | None = None  # the function that shows a session: `dfd` sets it to the app's
 
     @public
     def __init__(
@@ -103,7 +103,7 @@ class Deformer:
         self._next_id = 1 + max((handle.id for handle in edit.handles), default=0)
 
     def __repr__(self) -> str:
-        """Say how much is being done to what."""
+        """Return the mesh and the numbers of handles and fixed points."""
         counts = (len(self.handles), "handle"), (len(self.fixed), "fixed point")
         told = [f"{count} {what}" if count == 1 else f"{count} {what}s" for count, what in counts]
         return f"Deformer({self.mesh!r}, {', '.join(told)})"
@@ -112,25 +112,25 @@ class Deformer:
 
     @property
     def edit(self) -> Edit:
-        """The present state, an immutable value."""
+        """Return the present state, an immutable value."""
         return self._history.present
 
     @property
     def handles(self) -> tuple[Handle, ...]:
-        """The live handles, in the order in which they came."""
+        """Return the present handles, in the order in which they were added."""
         return self.edit.handles
 
     @public
     def handle(self, handle: int) -> Handle:
-        """The handle of that id; ValueError if there is none."""
+        """Return the handle with an id; ValueError if there is none."""
         return self.edit.handle(handle)
 
     @public
     def counterparts(self, handle: int) -> list[tuple[Counterpart, bool]]:
-        """The places that look like the one a handle holds, and whether each moves along (`excluded_counterparts`).
+        """Return the counterparts of a handle, and whether each moves with it (`excluded_counterparts`).
 
-        Its own is the first, then come the others, the most alike first. `Counterpart.vertex` and
-        `Counterpart.position` say where each is.
+        The handle's own place is the first. The others follow in order of decreasing similarity. `Counterpart.vertex`
+        and `Counterpart.position` give the position of each.
 
         Raises ValueError if there is no such handle.
         """
@@ -138,36 +138,36 @@ class Deformer:
 
     @property
     def fixed(self) -> tuple[Fixed, ...]:
-        """The fixed points and regions, in the order in which they came."""
+        """Return the fixed points and regions, in the order in which they were added."""
         return self.edit.fixed
 
     @property
     def can_undo(self) -> bool:
-        """Whether there is a step to take back."""
+        """Return whether there is a step to take back."""
         return self._history.can_undo
 
     @property
     def can_redo(self) -> bool:
-        """Whether there is a step that was taken back."""
+        """Return whether there is a step that was taken back."""
         return self._history.can_redo
 
     def undo(self) -> bool:
-        """Take the newest step back; False if there is none."""
+        """Take back the newest step; return False if there is none."""
         return self._history.undo()
 
     def redo(self) -> bool:
-        """Take a step again that was taken back; False if there is none."""
+        """Repeat the step that was taken back last; return False if there is none."""
         return self._history.redo()
 
     def step(self, topic: Hashable = None, *, merge: bool = False) -> AbstractContextManager[None]:
-        """`with deformer.step():` makes one step of all changes inside; if one of them fails, none of them happens.
+        """Make one step of all changes inside `with deformer.step():`; if one of them fails, none takes effect.
 
-        With `merge` it joins the step before if that one was about the same `topic`, which may be anything but None.
+        With `merge`, the step joins the previous step if that step has the same `topic`, any value but None.
         """
         return self._history.step(topic, merge=merge)
 
     def _commit(self, edit: Edit, topic: Hashable = None, merge: bool = False, *, rebinds: bool = True) -> None:
-        """Take a step; one that may change weights is refused where a handle could not arrive."""
+        """Add a step. If it may change weights, raise ValueError if fixed points leave a handle no weight."""
         if rebinds:
             self._weights.by_features.check_arrivals(edit)
         self._history.commit(edit, topic=topic, merge=merge)
@@ -176,53 +176,54 @@ class Deformer:
 
     @public
     def add(self, at: Any, *, name: str | None = None, **given: Any) -> int:
-        """Take hold of the shape and return the new handle's id.
+        """Add a handle that holds a place of the shape, and return its id.
 
         Parameters
         ----------
         at
-            A vertex index; any point (3,) in mesh units, on the surface or off it; an array of vertex indices or a
-            mask (V,), or a region of `dfd.editing.influence.regions`, all of which is held; a text, see
-            `dfd.editing.points.find`, or "part@1,2,3" for the part that holds a place, "piece@812" for that part
-            without its counterparts.
+            The place. A vertex index; any point (3,) in mesh units, on the surface or off it; an array of vertex
+            indices or a mask (V,), or a region of `dfd.editing.influence.regions`: the handle holds all of it. A text,
+            see `dfd.editing.points.find`; "part@1,2,3" for the part at a place; "piece@812" for that part without its
+            counterparts.
         translation
             (3,) in mesh units.
         rotation
             (3,) rotation vector in degrees (axis times angle, right-handed), or a quaternion (x, y, z, w).
         scale
-            One factor, or (3,) along `axes`, before the rotation.
+            One factor, or (3,) along `axes`, applied before the rotation.
         pivot
-            About which it turns and scales: (3,) in mesh units; "base", where the part that it holds leaves the rest of
-            the shape; the "middle" of that part; "point", the handle itself, of a region its center; "plane", the point
-            of the plane of symmetry that is nearest to it; "hinge", the middle between the outermost points of the
-            part's border. If left out, the base of a limb, which is longer than wide and borders on the rest once, and
-            the middle of anything else, such as a wheel, on the plane of symmetry if the part lies across it; with the
-            preset "paper" the handle itself.
+            The center of rotation and scale: (3,) in mesh units, or one of these names. "base": where the held part
+            joins the rest of the shape. "middle": the middle of that part. "point": the handle itself, or the center of
+            its region. "plane": the nearest point of the plane of symmetry. "hinge": the middle between the outermost
+            points of the part's border. If left out, a limb has its base as pivot. A limb is longer than wide and
+            borders on the rest once. Any other part, such as a wheel, has its middle as pivot; if the part lies across
+            the plane of symmetry, the pivot lies on the plane. With the preset "paper" the pivot is the handle itself.
         axes
-            (3, 3) orthonormal vectors, one a row, along which it scales; "normal" for a frame whose third vector is the
-            surface's normal at the handle; the mesh's own if left out.
+            (3, 3) orthonormal vectors, one per row, along which the handle scales. "normal" is a frame whose third
+            vector is the surface's normal at the handle. If left out, the axes are the mesh's own.
         bend, towards
-            Degrees by which the tip of the part that it holds is bent along the part's own axis, every cross-section
-            moving rigidly, `towards` "up", "down", "left", "right", "front", "back" or a direction (3,), by default up,
-            and where the part runs upright to the front; or a rotation vector (3,). Each counterpart bends along its
-            own axis. What is bent is then moved by the rest of the transform.
+            `bend` is the angle in degrees by which the tip of the held part bends along the part's own axis; every
+            cross-section moves rigidly. `towards` is "up", "down", "left", "right", "front", "back" or a direction
+            (3,). The default is up, or front if the part runs upright. `bend` may also be a rotation vector (3,). Each
+            counterpart bends along its own axis. The rest of the transform is applied after the bend.
         twist
-            Degrees by which the tip turns about the part's own axis.
+            Angle in degrees by which the tip turns about the part's own axis.
         joint
-            Where along the axis bend and twist happen: "spread" over its length, as if left out, at the most bent or
-            the narrowest place ("auto"), at the handle ("here"), or a number from 0 at the base to 1 at the tip.
+            Where along the axis bend and twist happen. "spread", the default: over the whole length. "auto": at the
+            most bent or the narrowest place. "here": at the handle. A number: from 0 at the base to 1 at the tip.
         open
-            Degrees by which it turns about its hinge, away from the rest, as a jaw opens; sets `rotation` and `pivot`.
+            Angle in degrees by which the part turns about its hinge, away from the rest, as a jaw opens. It sets
+            `rotation` and `pivot`.
         name
-            For people.
+            A name for display.
         **given
-            What follows it, as `dfd.editing.presets.CONTROLS` says: `reach`, `falloff`, `locality`,
-            `radius`, `strength`, `counterparts`, `excluded_counterparts`, `mask` and `mask_feather`. What is left
-            out, or None, is as the preset has it. `mask="part"` is the part that the handle is on.
+            Controls, see `dfd.editing.presets.CONTROLS`: `reach`, `falloff`, `locality`, `radius`, `strength`,
+            `counterparts`, `excluded_counterparts`, `mask` and `mask_feather`. The preset gives the values that are
+            left out or None. `mask="part"` is the part at the handle.
 
-        Raises ValueError if a number is not finite, of another shape or out of its range, a name is unknown, a region
-        is empty, a point lies farther from the shape than the diagonal of its box, the place is taken, or fixed points
-        leave nothing of the handle.
+        Raises ValueError if a number is not finite, of another shape or out of range, a name is unknown, or a region is
+        empty. Raises ValueError if a point lies farther from the shape than the diagonal of its box, or the place
+        already has a handle or fixed point. Raises ValueError if fixed points take all weight from the handle.
         """
         new = self._next_id
         self._commit(verbs.add(self.edit, self._weights, new, at, name=name, **given))
@@ -231,7 +232,7 @@ class Deformer:
 
     @public
     def move(self, handle: int, *, merge: bool = False, **given: Any) -> None:
-        """Set parts of a handle's transform, always from the resting shape; what is left out stays. Nothing is rebound.
+        """Set values of a handle's transform, relative to the resting shape. Others stay, and weights do not change.
 
         Parameters
         ----------
@@ -240,9 +241,9 @@ class Deformer:
         translation, rotation, scale, bend, towards, twist, joint, open
             As in `add`.
         pivot, axes
-            As in `add`; "auto" returns them to what they are where nothing is said.
+            As in `add`; "auto" returns them to their defaults.
         merge
-            Join the step before if that one was about the same handle.
+            Join the previous step if it concerns the same handle.
 
         Raises ValueError if there is no such handle, or a number is not finite or of another shape.
         """
@@ -252,25 +253,25 @@ class Deformer:
     def bend(
         self, handle: int, angle: ArrayLike, *, towards: Any = None, joint: Any = None, merge: bool = False
     ) -> None:
-        """Bend what a handle holds along its own axis, as `bend` of `add` says."""
+        """Bend the held part along its own axis, see `bend` in `add`."""
         self.move(handle, bend=angle, towards=towards, joint=joint, merge=merge)
 
     def twist(self, handle: int, angle: float, *, joint: Any = None, merge: bool = False) -> None:
-        """Twist what a handle holds about its own axis, as `twist` of `add` says."""
+        """Twist the held part about its own axis, see `twist` in `add`."""
         self.move(handle, twist=angle, joint=joint, merge=merge)
 
     def open(self, handle: int, angle: float, *, merge: bool = False) -> None:
-        """Turn what a handle holds about its hinge, as a jaw opens: `open` of `add`."""
+        """Turn the held part about its hinge, as a jaw opens; see `open` in `add`."""
         self.move(handle, open=angle, merge=merge)
 
     @public
     def change(
         self, handle: int, *, at: Any = None, name: str | None = None, merge: bool = False, **controls: Any
     ) -> None:
-        """Set where a handle is, what follows it, or its name, as in `add`; what is left out stays.
+        """Set the place, the controls or the name of a handle, as in `add`. Values that are left out stay.
 
-        Of `radius` and `locality` the one that is given ends the other; `mask="everywhere"` takes the limit away, and
-        `excluded_counterparts=[]` switches all on.
+        Giving one of `radius` and `locality` resets the other. `mask="everywhere"` removes the mask.
+        `excluded_counterparts=[]` makes all counterparts move.
 
         Raises ValueError as in `add`, or if there is no such handle.
         """
@@ -278,16 +279,16 @@ class Deformer:
 
     @public
     def remove(self, handle: int, *, merge: bool = False) -> None:
-        """Let go of a handle; ValueError if there is no such handle."""
+        """Remove a handle; ValueError if there is no such handle."""
         self._commit(self.edit.removed(handle), ("handle", handle), merge)
 
     @public
     def apply(self, edit: Edit, *, merge: bool = False) -> None:
-        """Replace everything by `edit`, as one step; `Edit()` clears the session.
+        """Replace the whole present state by `edit`, as one step; `Edit()` clears the session.
 
-        Its preset is the session's from then on.
+        The session takes the preset of `edit`.
 
-        Raises ValueError if a vertex of `edit` is none of the mesh, or a region of it is empty there.
+        Raises ValueError if a vertex of `edit` is not in the mesh, or a region of it is empty there.
         """
         self._follow(edit.preset)
         self._commit(edit_on(self.mesh, edit), "edit", merge)
@@ -295,12 +296,12 @@ class Deformer:
 
     @public
     def part(self, at: Any, *, level: Level = "part", alike: bool = True) -> VertexSet:
-        """Find the part of the shape that holds a place: a region for `add`, `fix` and `mask`.
+        """Return the part of the shape at a place, as a region for `add`, `fix` and `mask`.
 
         Parameters
         ----------
         at
-            As in `add`; of a region, the part that its middle is on.
+            As in `add`; for a region, the part at its middle.
         level, alike
             As in `dfd.Parts.part`.
 
@@ -312,10 +313,10 @@ class Deformer:
 
     @property
     def preset(self) -> Preset:
-        """What new handles start with and how handles act together (`dfd.editing.presets.PRESETS`).
+        """Return the preset: defaults of new handles, and rules that combine handles (`dfd.editing.presets.PRESETS`).
 
-        Setting it is one step. It also gives every handle the preset's reach, falloff and counterparts, and the plane
-        its band.
+        Setting it is one step. It also gives every handle the preset's reach, falloff and counterparts, and gives the
+        plane the preset's band.
         """
         return self.edit.preset
 
@@ -326,7 +327,7 @@ class Deformer:
             self._follow(preset)
 
     def _follow(self, preset: Preset) -> None:
-        """Let the paper's session ask for full features, and warn where its field was distilled otherwise."""
+        """With the preset "paper", use full features, and warn if the field was distilled with other settings."""
         from dfd.distillation.settings import DistillSettings
 
         if preset == "paper":
@@ -343,30 +344,30 @@ class Deformer:
 
     @public
     def fix(self, at: Any, *, strength: float = 1.0, merge: bool = False) -> None:
-        """Hold a point or a region in place, and with it all that looks like it (Eq. 6).
+        """Hold a point or a region and all its counterparts in place (Eq. 6).
 
         Parameters
         ----------
         at
             As in `Deformer.add`.
         strength
-            In [0, 1]: how much of the weight there is taken away; 1 is Eq. 6.
+            In [0, 1]: the share of the weight there that is removed; 1 is Eq. 6.
 
-        Raises ValueError if it is no place, is fixed or a handle already, `strength` lies outside [0, 1], or nothing
-        would be left of a handle that is to arrive.
+        Raises ValueError if `at` is no place, or already fixed or a handle. Raises ValueError if `strength` lies
+        outside [0, 1], or a handle that must reach its target would keep no weight.
         """
         place = verbs.place_of(self._weights, at)
         self._commit(replace(self.edit, fixed=(*self.fixed, Fixed(place, strength))), ("fixed", place), merge)
 
     @public
     def release(self, at: Any, *, merge: bool = False) -> None:
-        """Take back a `fix`; ValueError if that point or region is not fixed."""
+        """Remove a fixed point or region; ValueError if it is not fixed."""
         place = verbs.place_of(self._weights, at)
         self._commit(self.edit.released(place), ("fixed", place), merge)
 
     @property
     def symmetry(self) -> SymmetryPlane | None:
-        """The plane across which handles act on both sides, or None; set as by `set_symmetry`."""
+        """Return the plane across which handles act on both sides, or None. Set it as with `set_symmetry`."""
         return self.edit.symmetry
 
     @symmetry.setter
@@ -389,80 +390,80 @@ class Deformer:
         Parameters
         ----------
         plane
-            A plane; "x", "y" or "z" for the plane across that axis through the center of the box; "x=0.1" for one
-            elsewhere along it; "auto" for the plane across which the shape looks most alike; None for no symmetry.
+            A plane; "x", "y" or "z" for the plane across that axis through the center of the box; "x=0.1" for another
+            position along it; "auto" for the plane with the most similar sides; None for no symmetry.
         band
-            Half width, in mesh units, of the zone in which the sides blend; 0 is Eq. 8 to the letter, which tears what
-            lies across the plane. If left out: the plane's own, or for a text the preset's.
+            Half width, in mesh units, of the blend band, where the two sides blend. 0 is Eq. 8 to the letter, which
+            tears surface across the plane. If left out: the plane's own band, or for a text the preset's.
         candidates, threshold
-            What "auto" chooses from, as `dfd.symmetry_planes` takes them; the preset's if left out.
+            The candidates of "auto", as in `dfd.symmetry_planes`; the preset's if left out.
 
-        Raises ValueError if it is no such plane, `band` is negative or not finite, "auto" finds no plane, or
-        `candidates` or `threshold` is given for another one.
+        Raises ValueError if `plane` is invalid, `band` is negative or not finite, or "auto" finds no plane. Raises
+        ValueError if `candidates` or `threshold` is given for a plane other than "auto".
         """
         how: dict[str, Any] = {"candidates": candidates, "threshold": threshold}
         self._commit(verbs.set_symmetry(self.edit, self._weights, plane, band, **how), "symmetry", merge)
 
     @property
     def default(self) -> Transform | None:
-        """D₀ of Eq. 1, what happens to what no handle holds; None is nothing."""
+        """Return D₀ of Eq. 1, the transform of everything that no handle holds; None is the identity."""
         return self.edit.default
 
     @public
     def set_default(self, *, merge: bool = False, **given: Any) -> None:
-        """Set D₀ of Eq. 1, what happens to what no handle holds; with nothing given it stays where it is.
+        """Set D₀ of Eq. 1, the transform of everything that no handle holds; without arguments it is the identity.
 
-        The pivot is the center of the box if left out; the rest is as in `Deformer.add`.
+        If left out, the pivot is the center of the box. Other arguments are as in `Deformer.add`.
 
         Raises ValueError if a number is not finite or of another shape.
         """
         self._commit(verbs.set_default(self.edit, self._weights, given), "default", merge)
 
-    # --- what comes of it
+    # --- results
 
     def prepare(self, progress: Callable[[int], object] | None = None) -> None:
-        """Ask the field for the vertices' features now rather than when they are first needed.
+        """Evaluate the field at the vertices now, instead of when their features are first needed.
 
-        It is the one long step of a session; `progress` is called with the number of further vertices that are done.
+        This is the only long step of a session. `progress` is called with the number of further vertices that are done.
         """
         self._weights.rows.prepare(progress)
 
     @property
     def features(self) -> Float32 | CompactFeatures:
-        """(V, D) features of the vertices, what `dfd.bind` takes: full unit rows or compact ones, see `Deformer`."""
+        """Return the vertices' features (V, D), for `dfd.bind`: full unit rows or compact ones, see `Deformer`."""
         return self._weights.rows.features
 
     @property
     def weights(self) -> Float32:
-        """(V, H) weights of the handles, in the order of `handles`, column-major and read-only, fixed once given."""
+        """Return the weights (V, H) of the handles, in the order of `handles`, column-major and read-only."""
         return self._weights.by_features.of(self.edit)[0]
 
     @property
     def following(self) -> Float32:
-        """(V, H) how much vertices follow each handle: `weights`, less what their counterparts change of them."""
+        """Return how much vertices follow each handle (V, H): `weights`, less what its counterparts change of them."""
         return self._weights.following(self.edit)
 
     @property
     def bound(self) -> HandleWeights:
-        """The weights with all that they are made of, for programs that show them."""
+        """Return the weights with the data from which they are computed, for programs that show them."""
         return self._weights
 
     @property
     def transforms(self) -> Float64:
-        """(H, 3, 4) affine transforms of the handles, mesh units, in the order of `handles`."""
+        """Return affine transforms of the handles (H, 3, 4), mesh units, in the order of `handles`."""
         return np.array([handle.matrix for handle in self.handles]).reshape(-1, 3, 4)
 
     @property
     def vertices(self) -> Float64:
-        """(V, 3) the posed shape in mesh units, read-only: Eq. 1 and 8, as the preset has them."""
+        """Return the posed shape (V, 3) in mesh units, read-only: Eq. 1 and 8 with the rules of the preset."""
         return self._posed.of(self.edit)
 
     def report(self) -> Report:
-        """What the present edit does to the shape, for people: how much moved, how far, and whether handles arrived."""
+        """Return a report of the present edit: how much moved, how far, and whether handles reached their targets."""
         return report(self.mesh, self.edit, self._weights, self.vertices)
 
     def show(self, *, height: int = 640) -> Any:
-        """Show the session in a cell of a notebook, where it can be gone on with; see `dfd.app.show`."""
+        """Show the session in a notebook cell, where the user can continue it; see `dfd.app.show`."""
         if Deformer.page is None:
             raise ValueError("Deformer.show: the app shows a session: import dfd.app, or call dfd.app.show(session)")
         return Deformer.page(self, height=height)
@@ -472,9 +473,9 @@ class Deformer:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the present edit, without its history, as the JSON document of `dfd.editing.edit_file`.
 
-        Where the field was read from a file it says which one, and which one the mesh was read from.
+        If the field has a file, the document also names the files of the field and of the mesh.
 
-        Raises OSError if `path` cannot be written; a file that was there stays as it was.
+        Raises OSError if `path` cannot be written; an existing file stays unchanged.
         """
         write_edit(path, self.edit, self.mesh, self.field)
 
@@ -488,14 +489,14 @@ class Deformer:
         features: Any = None,
         other_shape: bool = False,
     ) -> Deformer:
-        """Open a session with the edit in `path`, made on `mesh` or on another resolution of the same shape.
+        """Return a session with the edit in `path`, made on `mesh` or on another resolution of the same shape.
 
-        With `other_shape` an edit or a field of another shape is taken all the same: places go by their positions, and
-        lengths stay what they are. `dfd.editing.transfer` carries an edit over by what things look like.
+        `other_shape` accepts an edit or a field of another shape. Places are then found by their positions, and lengths
+        stay unchanged. In contrast, `dfd.editing.transfer` transfers an edit by features.
 
-        Raises OSError if `path` cannot be read. Raises ValueError if it is no edit, or one of another shape; the
-        message names the key and what was found there. Warns if a vertex of the edit is no longer where it was, and
-        counts as a point of space.
+        Raises OSError if `path` cannot be read. Raises ValueError if it is no edit, or an edit of another shape; the
+        message names the key and the value found there. Warns if a vertex of the edit is no longer at its position; the
+        position is then a point in space.
         """
         deformer = cls(mesh, field, features=features, other_shape=other_shape)
         deformer._start(read_edit(path, deformer.mesh, other_shape=other_shape))

@@ -1,6 +1,6 @@
 """An edit of a shape as one immutable value: handles, fixed points, symmetry, default transform and preset.
 
-It is what `Deformer` steps through, and by pydantic what it keeps in a file (`dfd.editing.edit_file`).
+`Deformer` keeps one edit for each step, and pydantic converts an edit to a file (`dfd.editing.edit_file`).
 """
 
 from __future__ import annotations
@@ -31,23 +31,23 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
 IDENTITY = Transform()
-MOST_LINEAR = 30.0  # degrees: under larger turns a linear blend is thinner by more than 3 % halfway
+MOST_LINEAR = 30.0  # degrees: for larger rotations a linear blend is thinner by more than 3 % halfway
 CONTROLS = Controls()
 
 
 @dataclass(frozen=True, repr=False)
 class Handle(Brief):
-    """A place on the shape, the transform of that place, and what follows it.
+    """Holds a place on the shape, the transform of that place, and the controls of what follows it.
 
     Raises ValueError if `id` is below 1, `name` is no text, or the numbers are so large that the matrix is not finite.
     """
 
-    # id: stays with the handle for as long as it lives, and is never given to another one
+    # id: never changes, and is never given to another handle
     id: Annotated[int, About("Once each; given in order where it is missing.", 1.0)]
-    place: Place  # where it is on the resting shape
-    transform: Transform = field(default_factory=lambda: IDENTITY)  # what is done to it, about its own pivot
-    controls: Controls = field(default_factory=lambda: CONTROLS)  # what follows it
-    name: str | None = None  # for people; None when nobody gave one
+    place: Place  # its place on the resting shape
+    transform: Transform = field(default_factory=lambda: IDENTITY)  # its transform, about its own pivot
+    controls: Controls = field(default_factory=lambda: CONTROLS)  # controls of what follows it
+    name: str | None = None  # name for display, or None
 
     def __post_init__(self) -> None:
         check.whole("Handle", "id", self.id, minimum=1)
@@ -61,18 +61,18 @@ class Handle(Brief):
 
     @property
     def pivot(self) -> Vector:
-        """The point, (3,) in mesh units, about which the handle turns and scales."""
+        """Return the center (3,) of the handle's rotation and scale, mesh units."""
         return self.place.position if self.transform.pivot is None else self.transform.pivot
 
     @cached_property
     def matrix(self) -> Float64:
-        """The handle's transform as a (3, 4) affine matrix in mesh units, read-only."""
+        """Return the handle's transform as a (3, 4) affine matrix in mesh units, read-only."""
         return self.transform.matrix(self.place.position)
 
 
 @dataclass(frozen=True, repr=False)
 class Fixed(Brief):
-    """A point or a region that stays, with everything that looks like it (Eq. 6)."""
+    """Holds a point or a region that stays in place with all its counterparts (Eq. 6)."""
 
     place: Place
     strength: Annotated[float, About("How much of the weight there it takes away; 1 is Eq. 6.", 0.0, 1.0)] = 1.0
@@ -82,30 +82,29 @@ class Fixed(Brief):
 
     @property
     def position(self) -> Vector:
-        """The position, (3,) in mesh units."""
+        """Return the position (3,), mesh units."""
         return self.place.position
 
     @property
     def vertex(self) -> int | None:
-        """The vertex at the position, or None."""
+        """Return the vertex at the position, or None."""
         return self.place.vertex
 
 
 @dataclass(frozen=True, repr=False)
 class Edit(Brief):
-    """All changes that a session has made to a shape.
+    """Holds all changes that a session made to a shape.
 
-    Raises ValueError if two handles share an id, or any two handles or fixed points share a place, or a name is
-    unknown.
+    Raises ValueError if two handles share an id, two handles or fixed points share a place, or a name is unknown.
     """
 
-    # handles, fixed: in the order in which they came
+    # handles, fixed: in the order in which they were added
     handles: tuple[Handle, ...] = ()
     fixed: tuple[Fixed, ...] = ()
     # symmetry: the plane across which handles act on both sides, or None; in a file also a letter
     symmetry: Annotated[SymmetryPlane | None, Written(SymmetryPlane | Literal["x", "y", "z"] | None)] = None
-    default: Transform | None = None  # D₀ of Eq. 1, what happens to what no handle holds; None is nothing
-    # preset: what new handles start with, and how handles act together
+    default: Transform | None = None  # D₀ of Eq. 1, the transform of all that no handle holds; None is the identity
+    # preset: defaults of new handles, and rules that combine handles
     preset: Annotated[Preset, About("The paper's equations to the letter, or dfd's own way.")] = "default"
 
     def __post_init__(self) -> None:
@@ -130,18 +129,18 @@ class Edit(Brief):
 
     @property
     def rules(self) -> Rules:
-        """The values of the preset."""
+        """Return the values of the preset."""
         return PRESETS[self.preset]
 
     @property
     def blending(self) -> Blend:
-        """How `dfd.pose` blends the transforms: dual quaternions preserve the volume under large turns."""
+        """Return how `dfd.pose` blends transforms: dual quaternions preserve the volume under large rotations."""
         turns = (np.linalg.norm(handle.transform.rotation) for handle in self.handles)
         far = self.rules.blend == "auto" and max(turns, default=0.0) > MOST_LINEAR
         return "dual_quaternion" if far else "linear"
 
-    def handle(self, id: int) -> Handle:  # noqa: A002  # the handle's own word for it
-        """Return the handle of an id; ValueError if there is none."""
+    def handle(self, id: int) -> Handle:  # noqa: A002  # same name as in `Handle`
+        """Return the handle with an id; ValueError if there is none."""
         for handle in self.handles:
             if handle.id == id:
                 return handle
@@ -156,7 +155,7 @@ class Edit(Brief):
         return replace(self, fixed=kept)
 
     def removed(self, handle: int) -> Edit:
-        """Return the edit without the handle of an id; ValueError if there is none."""
+        """Return the edit without the handle with an id; ValueError if there is none."""
         held = self.handle(handle)
         return replace(self, handles=tuple(other for other in self.handles if other is not held))
 
@@ -166,9 +165,9 @@ class Edit(Brief):
 
 
 def edit_on(mesh: Mesh, edit: Edit, place: Callable[[str, Place], Place] | None = None) -> Edit:
-    """Return `edit` with its vertices and regions placed on `mesh`; `place` finds one by its name in the edit.
+    """Return `edit` with its vertices and regions placed on `mesh`; `place` maps a key and a place to the new place.
 
-    Raises ValueError if one of them is none of `mesh`.
+    Raises ValueError if `mesh` lacks one of them.
     """
 
     def on_mesh(path: str, said: Place) -> Place:
@@ -194,7 +193,7 @@ def edit_on(mesh: Mesh, edit: Edit, place: Callable[[str, Place], Place] | None 
 
 
 def with_preset(edit: Edit, preset: Preset, mesh: Mesh) -> Edit:
-    """Return `edit` under another preset, with its controls of new handles in every handle and its plane's band.
+    """Return `edit` with another preset, whose defaults replace every handle's controls and the plane's band.
 
     Raises ValueError if there is no such preset.
     """
@@ -205,7 +204,7 @@ def with_preset(edit: Edit, preset: Preset, mesh: Mesh) -> Edit:
 
 
 def band_on(mesh: Mesh, preset: Preset) -> float:
-    """Return half the width, mesh units, of the band in which the sides of a mirror plane blend."""
+    """Return the half width of the blend band at a mirror plane, mesh units."""
     return PRESETS[preset].band * float(np.max(mesh.extents))
 
 
@@ -221,12 +220,12 @@ def symmetry_on(
 ) -> SymmetryPlane:
     """Return the plane for a `SymmetryPlane` or a text that `dfd.symmetry.plane.plane_from_text` reads.
 
-    With a `field`, "auto" is the plane across which the shape looks most alike, of `candidates` and by a `threshold` as
-    `symmetry_planes` takes them; the preset's if left out. `band`, in mesh units, replaces the plane's own, which for a
-    text is the preset's.
+    With a `field`, "auto" is the plane with the most similar sides. `candidates` and `threshold` are those of
+    `symmetry_planes`; the preset's if left out. `band`, in mesh units, replaces the plane's own band; the band of a
+    plane from a text is the preset's.
 
-    Raises ValueError if `plane` is neither, "auto" finds none, it lies beside the shape, or `band` is negative or not
-    finite.
+    Raises ValueError if `plane` is neither, "auto" finds none, or the plane does not cut the shape. Raises ValueError
+    if `band` is negative or not finite.
     """
     defaults = PRESETS[preset]
     if plane != "auto" and not (candidates is None and threshold is None):
@@ -268,5 +267,5 @@ def _plane_in(text: str, mesh: Mesh) -> SymmetryPlane:
 
 
 def box_center(mesh: Mesh) -> Vector:
-    """Return the center of the bounding box (3,), mesh units: the pivot of a default transform without one."""
+    """Return the center (3,) of the bounding box, mesh units: the pivot of a default transform without a pivot."""
     return vector("mesh", np.asarray(mesh.bounds, np.float64).mean(axis=0))

@@ -39,13 +39,13 @@
       "default": null
     }
 
-Required: `format`, `version`, and for every handle and fixed point a `vertex`, a `position` or a `region`. All else may
-be left out, and is then as the document's `preset` has it (`dfd.editing.presets`). Unknown keys, keys that are given
-twice, and numbers that are not finite are refused: a misspelt key is an error, never a default.
+Required keys: `format`, `version`, and for every handle and fixed point a `vertex`, a `position` or a `region`. The
+document's `preset` gives the values of all other keys that are left out (`dfd.editing.presets`). Unknown keys, repeated
+keys, and numbers that are not finite raise an error, so a misspelt key never becomes a default.
 
-A vertex counts where it lies at `position` (or where there is none and `mesh` fits); on another resolution, where it
-does not, the position does, and it is a point of space there. A handle has the keys of its place, its transform and its
-controls side by side; otherwise a document is what pydantic makes of the fields of `Edit`.
+A vertex is used if it lies at `position`, or if there is no `position` and `mesh` fits. On another resolution it may
+lie elsewhere; the position is then used, as a point in space. A handle has the keys of its place, its transform and its
+controls on one level. Otherwise pydantic defines the document from the fields of `Edit`.
 """
 
 from __future__ import annotations
@@ -83,13 +83,13 @@ if TYPE_CHECKING:
 
 FORMAT = "dfd-edit"
 VERSION = 1
-# Two resolutions of one shape have boxes whose corners are nearer than this part of the diagonal.
+# Two resolutions of one shape have boxes whose corners differ by less than this fraction of the diagonal.
 SAME_BOX = 0.05
 
 
 @dataclass(frozen=True)
 class Units:
-    """The units of lengths and angles; no others are read."""
+    """Holds the units of lengths and angles; a file cannot have others."""
 
     length: Literal["mesh"] = "mesh"
     angle: Literal["degree"] = "degree"
@@ -97,7 +97,7 @@ class Units:
 
 @dataclass(frozen=True)
 class MadeFor:
-    """The shape that the edit was made on, to which its vertex indices refer."""
+    """Describes the shape that the edit was made on, to which its vertex indices refer."""
 
     vertices: Annotated[int, About("How many vertices it has.", 1.0)]
     hash: Annotated[str | None, About("Its `Mesh.content_hash`.")] = None
@@ -111,7 +111,7 @@ class MadeFor:
 
 @dataclass(frozen=True)
 class MadeOn:
-    """The files that the edit was made on: relative if they are in its folder, else absolute."""
+    """Names the files that the edit was made on: relative paths if they are in its folder, else absolute."""
 
     mesh: Annotated[str, StringConstraints(min_length=1)] | None = None
     field: Annotated[str, StringConstraints(min_length=1)] | None = None
@@ -120,7 +120,7 @@ class MadeOn:
 
 @dataclass(frozen=True)
 class EditFile(Edit):
-    """An edit of a shape, with the other keys of a file."""
+    """Holds an edit of a shape with the other keys of a file."""
 
     format: Literal["dfd-edit"] = "dfd-edit"
     version: Literal[1] = 1
@@ -140,11 +140,11 @@ def _keys(*owners: type) -> tuple[str, ...]:
     return tuple(each.name for owner in owners for each in fields(owner) if each.init)
 
 
-# What of a handle or a fixed place lies beside its other keys in a file.
+# In a file, the keys of these values are on the same level as the other keys of a handle or a fixed point.
 SPREAD: dict[str, type] = {"place": Place, "transform": Transform, "controls": Controls}
-# Of a transform, and not of the default one.
+# Keys of a handle's transform that the default transform lacks.
 OF_HELD_PARTS = tuple(name for name, (_, said) in about(Transform).items() if said is not None and said.of_part)
-FIRST = ("format", "version", "preset", "units", "mesh", "made_on")  # keys of a file, for people
+FIRST = ("format", "version", "preset", "units", "mesh", "made_on")  # first keys of a file, for readability
 
 
 def edit_schema() -> dict[str, Any]:
@@ -165,13 +165,13 @@ def edit_schema() -> dict[str, Any]:
 
 
 def write_edit(path: str | os.PathLike[str], edit: Edit, mesh: Mesh, field: Field | None = None) -> None:
-    """Write `edit` of `mesh` to `path`, whole or not at all; with a `field` that has a file also where both files are.
+    """Write `edit` of `mesh` to `path`, whole or not at all. If `field` has a file, also write the paths of both files.
 
-    Raises OSError if `path` cannot be written; a file that was there stays as it was.
+    Raises OSError if `path` cannot be written; an existing file stays unchanged.
     """
     document = to_document(edit, mesh) | {"made_on": _made_on(Path(path), mesh, field)}
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    # Lists of numbers on one line each, for people; no text of a JSON document holds a line break as it is.
+    # Each list of numbers goes on one line, for readability. JSON texts contain no raw line break, so this is safe.
     text = re.sub(r"\[\n[-+.\de,\s]+\]", lambda numbers: "[" + " ".join(numbers[0][1:-1].split()) + "]", text)
     with atomic_write(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
@@ -180,11 +180,11 @@ def write_edit(path: str | os.PathLike[str], edit: Edit, mesh: Mesh, field: Fiel
 def read_edit(path: str | os.PathLike[str], mesh: Mesh, *, other_shape: bool = False) -> Edit:
     """Read an edit of `mesh`, or of another resolution of the same shape, from `path`.
 
-    With `other_shape` one of another shape is taken as well, its places by their positions.
+    `other_shape` accepts an edit of another shape as well, and finds its places by their positions.
 
-    Raises OSError if `path` cannot be read. Raises ValueError if it is no such document, or one of another shape; the
-    message names the key and what was found there. Warns if a vertex of the edit is no longer where it was, and counts
-    as a point of space.
+    Raises OSError if `path` cannot be read. Raises ValueError if it is no such document, or an edit of another shape;
+    the message names the key and the value found there. Warns if a vertex of the edit is no longer at its position; the
+    position is then a point in space.
     """
     return from_document(_parsed(path), mesh, name=os.fspath(path), other_shape=other_shape)
 
@@ -192,7 +192,7 @@ def read_edit(path: str | os.PathLike[str], mesh: Mesh, *, other_shape: bool = F
 def read_made_on(path: str | os.PathLike[str]) -> tuple[Path | None, Path | None, str | None]:
     """Return the mesh and the field that the edit in `path` was made on, and the SHA-256 of the field's file.
 
-    Raises what `read_edit` raises of a document; the files may be gone.
+    Raises the errors of `read_edit` about a document. The files need not exist.
     """
     said = _validated(_completed(_checked(_parsed(path), os.fspath(path))), os.fspath(path)).made_on
     if said is None:
@@ -205,7 +205,7 @@ def read_made_on(path: str | os.PathLike[str]) -> tuple[Path | None, Path | None
 def _parsed(path: str | os.PathLike[str]) -> Any:
     name = os.fspath(path)
     try:
-        text = Path(path).read_text(encoding="utf-8-sig")  # some editors begin a file with a byte order mark
+        text = Path(path).read_text(encoding="utf-8-sig")  # some editors start a file with a byte order mark
     except UnicodeDecodeError as error:
         raise ValueError(f"{name}: an edit must be UTF-8 text, but byte {error.start} is none") from None
     except OSError as error:
@@ -231,9 +231,9 @@ def _made_on(path: Path, mesh: Mesh, field: Field | None) -> dict[str, str | Non
 
 
 def _from(folder: Path, file: Path | None) -> str | None:
-    """Return a relative path for a file inside `folder`, so that both can be moved together, else an absolute one.
+    """Return a relative path for a file inside `folder`, so that both can be moved together, else an absolute path.
 
-    None stands for a name that is not UTF-8, which a JSON file cannot hold.
+    Return None for a name that is not UTF-8, because a JSON file cannot hold it.
     """
     if file is None:
         return None
@@ -251,7 +251,7 @@ def to_document(edit: Edit, mesh: Mesh) -> dict[str, Any]:
     document["handles"] = [_spread(handle) for handle in document["handles"]]
     document["fixed"] = [_spread(fixed) for fixed in document["fixed"]]
     for place in (place for handle in document["handles"] for place in handle["excluded_counterparts"]):
-        del place["region"]  # they are points
+        del place["region"]  # excluded counterparts are points
     if edit.symmetry is not None:
         document["symmetry"] = {key: document["symmetry"][key] for key in ("normal", "offset", "band")}
     if edit.default is not None:
@@ -272,10 +272,10 @@ def _spread(entry: dict[str, Any]) -> dict[str, Any]:
 
 
 def from_document(document: Any, mesh: Mesh, *, name: str = "edit", other_shape: bool = False) -> Edit:
-    """Return the edit in a parsed JSON document of `mesh`, or with `other_shape` of any; `name` begins each message.
+    """Return the edit in a parsed JSON document of `mesh`, or of any shape with `other_shape`; `name` begins messages.
 
-    Raises ValueError if it is no such document, or one of another shape; the message names the key and what was found
-    there. Warns if a vertex of the edit is no longer where it was, and counts as a point of space.
+    Raises ValueError if it is no such document, or an edit of another shape; the message names the key and the value
+    found there. Warns if a vertex of the edit is no longer at its position; the position is then a point in space.
     """
     said = _validated(_completed(_checked(document, name), mesh), name)
     reading = _Places(mesh, said.mesh)
@@ -293,7 +293,7 @@ def from_document(document: Any, mesh: Mesh, *, name: str = "edit", other_shape:
 
 
 def _checked(document: Any, name: str) -> dict[str, Any]:
-    """Return `document`. Check format and version before anything else."""
+    """Return `document` after checking its format and version."""
     if not isinstance(document, dict):
         raise ArgumentError("document", f"must be an edit, got {_shown(document)}", name)
     if document.get("format") != FORMAT:
@@ -305,7 +305,7 @@ def _checked(document: Any, name: str) -> dict[str, Any]:
 
 
 def _completed(document: dict[str, Any], mesh: Mesh | None = None) -> dict[str, Any]:
-    """Return a document for pydantic: with defaults, and with places, transforms and controls grouped."""
+    """Return a document for pydantic, with defaults, and with the keys of places, transforms and controls grouped."""
     known: Preset = document["preset"] if document.get("preset") in tuple(PRESETS) else "default"
     whole = dict(document)
     handles, fixed, plane = (whole.get(key) for key in ("handles", "fixed", "symmetry"))
@@ -339,7 +339,7 @@ def _grouped(
 
 
 def _validated(document: dict[str, Any], name: str) -> EditFile:
-    """Return the edit in a completed document, with its places as they are written."""
+    """Return the edit in a completed document, with its places as the document has them."""
     try:
         return _model().validate_json(json.dumps(document))
     except ValidationError as error:
@@ -348,11 +348,11 @@ def _validated(document: dict[str, Any], name: str) -> EditFile:
 
 
 class _Places:
-    """Find the places of an edit that was made for another mesh."""
+    """Finds the places of an edit that was made for another mesh."""
 
     def __init__(self, mesh: Mesh, made_for: MadeFor | None) -> None:
         self.mesh, self.made_for = mesh, made_for
-        self.lost = 0  # vertices that are not where they were
+        self.lost = 0  # number of vertices that are no longer at their positions
 
     def place(self, path: str, said: Place) -> Place:
         """Return the place on the mesh."""
@@ -382,7 +382,7 @@ class _Places:
         return place_on(self.mesh, said.vertex)
 
     def check_shape(self) -> None:
-        """Refuse an edit of another shape."""
+        """Raise ValueError if the edit is of another shape."""
         made = self.made_for
         if made is None or made.bounds is None or made.hash == self.mesh.content_hash:
             return
@@ -396,7 +396,7 @@ class _Places:
             )
 
     def warn_of_lost(self, name: str) -> None:
-        """Warn if places of an edit of another resolution are taken by their positions."""
+        """Warn if places of an edit of another resolution became points in space."""
         made = self.made_for
         if made is not None and made.hash != self.mesh.content_hash and self.lost:
             warnings.warn(
@@ -407,7 +407,7 @@ class _Places:
             )
 
 
-# What pydantic puts into the path of a value: the member of a union that it tried, and what files spread.
+# Entries that pydantic adds to the path of a value: the tried member of a union, and the groups of `SPREAD`.
 TAGS = {"float", "str", *SPREAD, *(each.kind for each in get_args(Region)), "SymmetryPlane"}
 PHRASES = {
     "be a dictionary or a counterpart of .*": "be an object",
@@ -432,21 +432,21 @@ KNOWN_KEYS: dict[str, tuple[str, ...]] = {
 
 
 def _complaint(error: ValidationError) -> tuple[str, str]:
-    """Return the key and the reason of the first error, in the words of this package."""
+    """Return the key and the reason of the first error, in this package's terms."""
     errors = error.errors(include_url=False)
-    # Of a union, the member that was followed farthest, and of words and others the words where one was given.
+    # For a union, report the member that matched deepest. For a text where words are allowed, report the words.
     owner = _path(errors[0]["loc"])
     first = max(
         (each for each in errors if _path(each["loc"]).startswith(owner)),
         key=lambda each: (len(each["loc"]), each["type"] == "literal_error" and isinstance(each["input"], str)),
     )
     steps, kind = first["loc"], first["type"]
-    if kind == "json_invalid":  # text that is no Unicode, or lists in lists without end
+    if kind == "json_invalid":  # the text is no Unicode, or lists are nested too deep
         return "document", f"cannot be read: {first['msg'].removeprefix('Invalid JSON: ')}"
     said = first.get("ctx", {}).get("error")
     if isinstance(said, ArgumentError):
         return _path((*steps, said.argument)), said.reason
-    # A list that is too short misses its next item; what is wrong is the list.
+    # pydantic reports the missing item of a short list; the message names the list instead.
     if kind == "missing" and isinstance(steps[-1], int):
         return _path(steps[:-1]), f"must hold more than {steps[-1]} items, got {_shown(first['input'])}"
     if kind.startswith("missing"):
@@ -467,7 +467,7 @@ def _complaint(error: ValidationError) -> tuple[str, str]:
 def _path(steps: Iterable[int | str]) -> str:
     path, before = "", ""
     for step in steps:
-        # Tags stand behind the key of a union, and a document's own key of that name stands elsewhere.
+        # Tags follow the key of a union and are left out. `mesh.vertices` is a document's own key and stays.
         tag = step in TAGS or (isinstance(step, str) and "[" in step)
         if not (tag and path) or (step == "vertices" and before == "mesh"):
             path += f"[{step}]" if isinstance(step, int) else f".{step}" if path else step

@@ -1,4 +1,4 @@
-"""Undo without limit: the states of an edit, which are small and share everything that did not change."""
+"""Undo without limit: the states of an edit, which are small and share all unchanged values."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from dfd.editing.edit import Edit
 
 
 class History:
-    """A list of states with a current one."""
+    """Holds a list of states, one of which is the present one."""
 
     def __init__(self, start: Edit) -> None:
         self._states = [start]
         self._now = 0
-        self._floor = 0  # the state that `undo` does not go below, while a `step` is open
-        self._topic: Hashable = None  # what the newest step is about, for others about the same to join
+        self._floor = 0  # lowest state that `undo` reaches while a `step` is open
+        self._topic: Hashable = None  # topic of the newest step, for later steps with the same topic
 
     @property
     def present(self) -> Edit:
-        """The state at this moment."""
+        """Return the present state."""
         return self._states[self._now]
 
     def commit(self, state: Edit, *, topic: Hashable = None, merge: bool = False) -> None:
-        """Make `state` the present one and forget what was undone; a state equal to the present one is no step.
+        """Make `state` the present one and discard undone steps; a state equal to the present one adds no step.
 
-        With `merge` it takes the place of the newest step if that one was about the same `topic`.
+        With `merge`, the state replaces the newest step if that step has the same `topic`.
         """
         joins = merge and topic is not None and topic == self._topic
         if state != self.present:
@@ -37,20 +37,20 @@ class History:
 
     @property
     def can_undo(self) -> bool:
-        """Whether there is a step to take back."""
+        """Return whether there is a step to take back."""
         return self._now > self._floor
 
     @property
     def can_redo(self) -> bool:
-        """Whether there is a step that was taken back."""
+        """Return whether there is a step that was taken back."""
         return self._now + 1 < len(self._states)
 
     def undo(self) -> bool:
-        """Take the newest step back; False if there is none."""
+        """Take back the newest step; return False if there is none."""
         return self._go(-1) if self.can_undo else False
 
     def redo(self) -> bool:
-        """Take a step again that was taken back; False if there is none."""
+        """Repeat the step that was taken back last; return False if there is none."""
         return self._go(+1) if self.can_redo else False
 
     def _go(self, steps: int) -> bool:
@@ -60,7 +60,7 @@ class History:
 
     @contextmanager
     def step(self, topic: Hashable = None, *, merge: bool = False) -> Iterator[None]:
-        """Make one step of all commits inside, merged as by `commit`; if the block fails, none of them happened."""
+        """Make one step of all commits inside, merged as in `commit`; if the block fails, discard all of them."""
         start, floor, before, about = self._now, self._floor, list(self._states), self._topic
         self._floor, self._topic = start, None
         try:

@@ -22,8 +22,8 @@ from dfd.posing.transforms import Vector, vector
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-# The side of the box that each word means: y is up, the front looks along +z, and left is what a viewer before it has
-# on the left.
+# The side of the box for each word: y is up, the front looks along +z, and left is the side on the left of a viewer in
+# front of the shape.
 EXTREMES = {"top": (1, 1), "bottom": (1, -1), "right": (0, 1), "left": (0, -1), "front": (2, 1), "back": (2, -1)}
 SIDE = re.compile(r"([xyz])\s*([<>])\s*(.+)")
 
@@ -33,16 +33,16 @@ NOWHERE: Vector = (math.nan, math.nan, math.nan)
 
 @dataclass(frozen=True, repr=False)
 class Place(Brief):
-    """The place of a handle or a fixed point on the resting shape: a vertex, a region, or any point of space.
+    """Holds the place of a handle or a fixed point on the resting shape: a vertex, a region, or a point in space.
 
-    Raises ValueError if it says nothing, or a number is out of its bounds.
+    Raises ValueError if it has no content, or a number is out of its bounds.
     """
 
-    # position: (3,) in mesh units; of a region, the center of the box around it. NaN where only the mesh can tell, see
-    # `place_on`.
+    # position: (3,) in mesh units; for a region, the center of its bounding box. NaN if it is unknown until `place_on`
+    # finds it on a mesh.
     position: Annotated[Vector, Written(Vector | None)] = NOWHERE
-    vertex: int | None = None  # index of the vertex that lies there, or None
-    # region: the set of vertices that is held, or None where it is a single point
+    vertex: int | None = None  # index of the vertex at the position, or None
+    # region: the set of vertices, or None for a single point
     region: Annotated[Region, Tagged("kind")] | None = None
 
     def __post_init__(self) -> None:
@@ -58,37 +58,37 @@ class Place(Brief):
 
     @property
     def known(self) -> bool:
-        """Whether the position is known."""
+        """Return whether the position is known."""
         return not math.isnan(self.position[0])
 
     @property
     def key(self) -> Hashable:
-        """The identity of the place: a vertex and a point at the same position are equal."""
+        """Return the identity of the place: a vertex and a point at the same position are equal."""
         return (self.position, self.region) if self.known else self
 
     def __str__(self) -> str:
-        """Return the name for messages; a point as the command line takes it."""
+        """Return the name for messages; a point is written in the form of a command-line option."""
         if self.region is not None:
             return str(self.region)
         return ",".join(f"{x:g}" for x in self.position) if self.vertex is None else str(self.vertex)
 
 
 class Found(NamedTuple):
-    """The place that a text names on a mesh."""
+    """Holds the place that a text names on a mesh."""
 
     place: Place
-    note: str  # one line for people: which vertex, and how far away, or how many vertices
+    note: str  # one line for display: the vertex and its distance, or the number of vertices
 
 
 def place_on(mesh: Mesh, at: Any) -> Place:
     """Return the place that `at` names on a mesh.
 
-    That is a vertex index; three coordinates in mesh units, which stay where they are, on the surface or off it; an
-    array of vertex indices or a mask of (V,) truth values; a region; a text, see `find`; or a `Place`, whose vertex and
-    region are taken on this mesh.
+    `at` is a vertex index; three coordinates in mesh units, which stay unchanged, on the surface or off it; an array of
+    vertex indices or a mask of (V,) truth values; a region; a text, see `find`; or a `Place`, whose vertex and region
+    refer to this mesh.
 
-    Raises ValueError if it is none of these, a point lies farther from the shape than the diagonal of its box, or a
-    region is empty.
+    Raises ValueError if `at` is none of these, or a region is empty. Raises ValueError if a point lies farther from the
+    shape than the diagonal of its box.
     """
     if isinstance(at, Place):
         said = at.vertex if at.region is None else at.region
@@ -113,12 +113,12 @@ def find(mesh: Mesh, text: str) -> Found:
     """Return the place that `text` names on `mesh`, with a line that describes it.
 
     `812` is a vertex. `0.1,0.2,0.3` is the vertex nearest to that point. `top`, `bottom`, `left`, `right`, `front` and
-    `back` are the outermost vertices (y is up, the front looks along +z). `part:NAME` is a part of the scene,
-    `group:NAME` what a `g`, `o` or `usemtl` line of an OBJ file names, and `material:NAME` all of one material. `x>0.5`
-    and `y<0` are sides of a plane, `ball:x,y,z,radius` and `box:x,y,z,x,y,z` are what they say. `component@812` is all
-    that faces connect with a place.
+    `back` are the outermost vertices (y is up, the front looks along +z). `part:NAME` is a part of the scene.
+    `group:NAME` is what a `g`, `o` or `usemtl` line of an OBJ file names. `material:NAME` is all surface of one
+    material. `x>0.5` and `y<0` are sides of a plane. `ball:x,y,z,radius` is a ball, and `box:x,y,z,x,y,z` is a box.
+    `component@812` is everything that faces connect with a place.
 
-    Raises ValueError if it names nothing of the mesh; the message says what was expected.
+    Raises ValueError if `text` names nothing of the mesh; the message gives the expected forms.
     """
     said = text.strip()
     if said in EXTREMES:
@@ -141,7 +141,7 @@ def find(mesh: Mesh, text: str) -> Found:
             return _found(mesh, said, Part(rest))
         if kind == "group" and rest:
             return _found(mesh, said, Group(rest))
-        if kind == "material" and rest:  # of an OBJ file a face group, else of a scene
+        if kind == "material" and rest:  # a face group of an OBJ file, else a material of a scene
             return _found(mesh, said, Group(rest) if rest in mesh.group_names else Part(rest))
         if kind == "ball" and rest:
             x, y, z, radius = (float(number) for number in rest.split(","))
@@ -170,7 +170,7 @@ def find(mesh: Mesh, text: str) -> Found:
 def nearest_vertex(mesh: Mesh, point: Vector) -> tuple[int, float]:
     """Return the vertex nearest to `point`, and its distance in mesh units.
 
-    Raises ValueError if it is farther away than the diagonal of the mesh's box: that is no point of this shape.
+    Raises ValueError if the distance exceeds the diagonal of the mesh's box, because the point then misses the shape.
     """
     squares = np.square(mesh.vertices - np.asarray(point)).sum(axis=1)
     vertex = int(squares.argmin())

@@ -1,6 +1,6 @@
 """The controls of a handle, and the defaults of each preset, for every interface.
 
-Sessions, the command line, the app, Blender and edit files read them here. None of it imports SciPy or pydantic.
+Sessions, the command line, the app, Blender and edit files read them here. The module imports no SciPy or pydantic.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from dfd.symmetry.plane import DEFAULT_BAND
 if TYPE_CHECKING:
     from dfd.weights.bind import Falloff
 
-LARGEST = 1e38  # what the kernels compute with are 32-bit floats
-# Of the reach "part": where weights would end by features alone, so that the far end of a part follows nearly in full,
-# and the number that it is on a shape of which no part ends anywhere, such as a ball.
+LARGEST = 1e38  # bound of numbers, because the kernels compute with 32-bit floats
+# Settings of the reach "part". WITHIN_PART is where weights would end by features alone, large enough that the far end
+# of a part follows nearly in full. PARTLESS_REACH is the reach on a shape without parts that end, such as a ball.
 WITHIN_PART, PARTLESS_REACH = 6.0, 0.7
 
 Counterparts = Literal["own_pivot", "shared_pivot", "only"]
 Reach = float | Literal["part"]
 SymmetryCandidates = Literal["any", "axes"]
 
-# What a handle takes hold of besides where it is: the fields of `dfd.editing.controls.Controls`.
+# The controls of a handle: the fields of `dfd.editing.controls.Controls`.
 CONTROLS = {
     "reach": About(
         'Feature distance at which the weight is 0: 1 is Eq. 5; "part" ends with the part.',
@@ -81,36 +81,36 @@ CONTROLS = {
 
 @dataclass(frozen=True)
 class Rules:
-    """Everything that differs between the presets, with the values of the preset "default"."""
+    """Holds everything that differs between the presets, with the values of the preset "default"."""
 
-    # reach, falloff, counterparts: controls of a new handle. By pictures and labels of people, any one number is too
-    # wide for an ear and too narrow for a leg, and with a linear falloff what is pulled has a point.
+    # reach, falloff, counterparts: controls of a new handle. In pictures and labels of people, any one number for reach
+    # is too wide for an ear and too narrow for a leg. A linear falloff pulls the surface into a point.
     reach: Reach = "part"
     falloff: Falloff = "smooth"
     counterparts: Counterparts = "own_pivot"
-    # pivot: about what a handle turns and scales if none is given: as `Deformer.add` says, or the point held
+    # pivot: the pivot of a handle if none is given: as in `Deformer.add`, or the held point
     pivot: Literal["auto", "point"] = "auto"
-    # equalize: whether counterparts follow as much as the component that is held, or as much as they resemble it
+    # equalize: whether counterparts follow as much as the held component; otherwise as much as they resemble it
     equalize: bool = True
-    # overlap, blend: how weights that meet and transforms are combined; "auto" is linear up to turns of `MOST_LINEAR`
+    # overlap, blend: how overlapping weights and transforms combine; "auto" is linear up to rotations of `MOST_LINEAR`
     overlap: Literal["add", "paper"] = "add"
     blend: Literal["auto", "linear"] = "auto"
-    # reach_targets: whether handles get back what fixed points take from them where they are held (Eq. 6)
+    # reach_targets: whether handles get back the weight that fixed points take from them at their own places (Eq. 6)
     reach_targets: bool = True
-    # mirrored_locality, bridges, sampled_distances: whether the distances of Eq. 7 also start at the handle's mirror
-    # image, whether they cross small gaps between components, and whether samples stand for a large mesh
+    # mirrored_locality: whether distances of Eq. 7 also start at the handle's mirror image. bridges: whether they cross
+    # small gaps between components. sampled_distances: whether samples represent a large mesh.
     mirrored_locality: bool = True
     bridges: bool = True
     sampled_distances: bool = True
     # band: half width of the blend band at a mirror plane, relative to the longest side of the box (Eq. 8)
     band: float = DEFAULT_BAND
-    # candidates, threshold: which planes symmetry "auto" takes, as in `dfd.symmetry_planes`
+    # candidates, threshold: candidates of symmetry "auto", as in `dfd.symmetry_planes`
     candidates: SymmetryCandidates = "any"
     threshold: float | Literal["relative"] = "relative"
 
     @property
     def handle(self) -> dict[str, Any]:
-        """The controls of a new handle, by their names."""
+        """Return the controls of a new handle, by their names."""
         return {name: getattr(self, name) for name in ("reach", "falloff", "counterparts")}
 
 

@@ -1,4 +1,4 @@
-"""A report of what an edit does to a shape, in numbers and in one sentence."""
+"""A report of the effect of an edit on a shape, in numbers and in one sentence."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ if TYPE_CHECKING:
     from dfd.editing.influence.handle_weights import HandleWeights
     from dfd.mesh.mesh import Mesh
 
-# What nobody sees, as a part of the diagonal of the box: a vertex that moved less stayed, a handle that misses less
-# arrived.
+# Fraction of the diagonal of the box that nobody sees: a vertex that moved less counts as unmoved, and a handle that
+# misses its target by less counts as arrived.
 UNSEEN = 1e-3
 
 
 @dataclass(frozen=True)
 class HandleReport:
-    """The result of one handle."""
+    """Holds the result of one handle."""
 
-    # id, name: those of the handle
+    # id, name: id and name of the handle
     id: int
     name: str | None
-    vertex: int  # the vertex by which it is judged: its own, or the one nearest to it
-    target: Vector  # (3,) where the handle's transform sends that vertex, mesh units
-    landed: Vector  # (3,) where the vertex is
-    missing: float  # the distance between the two
-    arrived: bool  # whether `missing` is too small to see: below 0.1 % of the diagonal of the box
-    mirrored: Vector | None  # (3,) where the handle acts mirrored as well, or None
-    counterparts: int  # how many counterparts it moves, each about its own pivot; 1 where it moves all together
-    along_with: tuple[int, ...] = ()  # the ids of handles that move it as well: its part lies in theirs
+    vertex: int  # the vertex that is measured: the handle's own, or the one nearest to it
+    target: Vector  # (3,) position of that vertex under the handle's transform, mesh units
+    landed: Vector  # (3,) posed position of that vertex, mesh units
+    missing: float  # the distance between the two positions, mesh units
+    arrived: bool  # whether `missing` is below 0.1 % of the diagonal of the box, too small to see
+    mirrored: Vector | None  # (3,) mirrored position where the handle also acts, or None
+    counterparts: int  # number of counterparts that move about their own pivots; 1 if all move together
+    along_with: tuple[int, ...] = ()  # ids of handles that also move it, because its part lies in theirs
 
     def __str__(self) -> str:
         """Return the result in a few words."""
@@ -51,20 +51,20 @@ class HandleReport:
 
 @dataclass(frozen=True)
 class Report:
-    """The result of an edit."""
+    """Holds the result of an edit."""
 
-    moved: float  # the part of the vertices, in [0, 1], that moved by more than 0.1 % of the diagonal of the box
-    farthest: float  # how far the vertex moved that moved farthest, mesh units
-    handles: tuple[HandleReport, ...]  # what became of each handle
-    warning: str | None  # why nothing moved, where nothing did; None otherwise
-    advice: str | None = None  # which scales flatten or mirror; None where none does
+    moved: float  # fraction of vertices that moved by more than 0.1 % of the diagonal of the box
+    farthest: float  # largest distance that a vertex moved, mesh units
+    handles: tuple[HandleReport, ...]  # result of each handle
+    warning: str | None  # reason if nothing moved, else None
+    advice: str | None = None  # sentence about scales that flatten or mirror; None without any
 
     def __repr__(self) -> str:
-        """Show the sentence."""
+        """Return the sentence."""
         return f"Report({str(self)!r})"
 
     def __str__(self) -> str:
-        """The sentence."""
+        """Return the result in one sentence."""
         if self.warning is not None:
             return self.warning
         share = "less than 1" if 0 < self.moved < 0.01 else f"{100 * self.moved:.0f}"
@@ -150,7 +150,7 @@ def _advice(edit: Edit) -> str | None:
 
 
 def _warning(edit: Edit) -> str:
-    """Return why nothing moved."""
+    """Return the reason why nothing moved."""
     if not edit.handles and edit.default is None:
         return "nothing moved: nothing is held"
     if all(handle.transform.rests for handle in edit.handles):

@@ -20,10 +20,10 @@ IDENTITY = np.eye(3, 4)
 
 
 class PosedShape:
-    """The posed vertices of the last edit.
+    """Computes the posed vertices of an edit, and keeps those of the last one.
 
-    While edits differ in the transforms of a few handles alone, all others stay folded into one base (`dfd.Drag`): a
-    frame then costs what those few cost.
+    While edits differ only in the transforms of a few handles, one base (`dfd.Drag`) holds the sum of all others. A
+    frame then costs only what those few handles cost.
     """
 
     def __init__(self, mesh: Mesh, weights: HandleWeights) -> None:
@@ -62,10 +62,10 @@ class PosedShape:
         if not edit.handles and edit.default is None:
             return self._mesh.vertices
         if _acting(edit) == _acting(Edit()):
-            return self._mesh.vertices  # no weight changes that
+            return self._mesh.vertices  # nothing moves, whatever the weights
         bent = self._weights.bent(edit)
         if edit.default is None and all(np.array_equal(handle.matrix, IDENTITY) for handle in edit.handles):
-            return bent  # nothing but bends and twists, as in most drags of a tip
+            return bent  # only bends and twists, as in most drags of a tip
         weights, columns = self._weights.columns(edit)
         return pose(bent, weights, **self._arguments(edit, columns))
 
@@ -87,11 +87,11 @@ class PosedShape:
 
 
 def _moved(before: Edit, after: Edit) -> list[int] | None:
-    """Return the handles by whose transforms alone two edits differ; None if they differ otherwise."""
+    """Return the indices of handles whose transforms differ; None if the edits differ in anything else."""
     if len(before.handles) != len(after.handles) or _whole_shape(before) != _whole_shape(after):
         return None
     if HandleWeights.allocating(before) != HandleWeights.allocating(after):
-        return None  # which handle moves a component has changed
+        return None  # a component changed the handle that moves it
     moved = []
     for i, (old, new) in enumerate(zip(before.handles, after.handles, strict=True)):
         if old is not new and (old.place, old.controls) != (new.place, new.controls):
@@ -104,7 +104,7 @@ def _moved(before: Edit, after: Edit) -> list[int] | None:
 
 
 def _bend(handle: Handle) -> tuple[Any, ...] | None:
-    """Return the parts of a transform that move vertices before all transforms do; None without any."""
+    """Return bend, twist and joint, which move vertices before all transforms do; None without any."""
     transform = handle.transform
     return (transform.bend, transform.twist, transform.joint) if transform.bends else None
 
@@ -114,9 +114,9 @@ def _whole_shape(edit: Edit) -> tuple[Any, ...]:
 
 
 def _acting(edit: Edit) -> tuple[Any, ...]:
-    """Cache key: everything that changes the posed vertices.
+    """Return a cache key of everything that changes the posed vertices.
 
-    Handles that rest do not where displacements add, unless they keep a D₀ from what they hold.
+    If displacements add, handles at rest change nothing, unless they hold a place against D₀.
     """
     inert = edit.default is None and edit.rules.overlap == "add" and edit.blending == "linear"
     handles = [

@@ -1,6 +1,6 @@
-"""The changes of a session: each returns the edit that follows from an edit and the arguments of a caller.
+"""The changes of a session: each function returns the edit that follows from an edit and the caller's arguments.
 
-`weights` are those of the session: they know the mesh, its parts, and which way its surface runs.
+`weights` are those of the session. They hold the mesh, its parts, and the orientation of its surface.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 def add(edit: Edit, weights: HandleWeights, handle: int, at: Any, *, name: str | None, **given: Any) -> Edit:
-    """Return `edit` with a new handle of that id at the end."""
+    """Return `edit` with a new handle of id `handle` at the end."""
     check.keywords(given, (*MOTIONS, *CONTROLS), "motion or control of a handle")
     place = place_of(weights, at)
     parts: Any = {part: value for part, value in given.items() if part in MOTIONS}
@@ -40,7 +40,7 @@ def add(edit: Edit, weights: HandleWeights, handle: int, at: Any, *, name: str |
 
 
 def move(edit: Edit, weights: HandleWeights, handle: int, given: Mapping[str, Any]) -> Edit:
-    """Return `edit` with other parts of a handle's transform."""
+    """Return `edit` with other values in a handle's transform."""
     check.keywords(given, MOTIONS, "motion of a handle")
     held = edit.handle(handle)
     moved = edit.replaced(replace(held, transform=_transform(held.transform, weights, held.place, given)))
@@ -60,7 +60,7 @@ def change(
     if transform.pivot_at is None or (place, shaped) == (held.place, held.controls):
         return changed
     if not weights.held_parts(changed, changed.handle(handle)):
-        return changed  # what it holds now has no axis: the pivot stays where it was
+        return changed  # the part that it holds now has no axis, so the pivot stays unchanged
     return _on_part(changed, weights, handle, {"pivot": transform.pivot_at}, transform)
 
 
@@ -74,7 +74,7 @@ def set_symmetry(
 
 
 def set_default(edit: Edit, weights: HandleWeights, given: Mapping[str, Any]) -> Edit:
-    """Return `edit` with the default transform D₀ that is given; None if it moves nothing."""
+    """Return `edit` with the given default transform D₀, or None as default if it moves nothing."""
     check.keywords(given, MOTIONS, "motion")
     if unknown := given.keys() - {name for name, said in MOTIONS.items() if not said.of_part}:
         raise TypeError(f"{unknown.pop()!r} is for what a handle holds, and the default transform has no handle")
@@ -90,7 +90,7 @@ def part_at(weights: HandleWeights, at: Any, level: Level = "part", *, alike: bo
 
 
 def place_of(weights: HandleWeights, at: Any) -> Place:
-    """Return the place for a vertex, point, region or text, which may also name a part."""
+    """Return the place for a vertex, point, region or text; a text may name a part."""
     return place_on(weights.mesh, _part_named(weights, at))
 
 
@@ -111,7 +111,7 @@ def _part_named(weights: HandleWeights, at: Any, own: Place | None = None) -> An
 
 
 def _transform(transform: Transform, weights: HandleWeights, place: Place, given: Mapping[str, Any]) -> Transform:
-    """Return `transform` with the given parts, `axes` as numbers, and without those that `_on_part` finds."""
+    """Return `transform` with the `given` values and `axes` as numbers, but without values that `_on_part` finds."""
     given = {name: value for name, value in given.items() if not _of_part(name, value)}
     axes: Any = given.get("axes")
     if not isinstance(axes, str) or axes == "auto":
@@ -126,7 +126,7 @@ def _transform(transform: Transform, weights: HandleWeights, place: Place, given
 
 
 def _of_part(name: str, value: Any) -> bool:
-    """Return whether a given part of a transform depends on the part of the shape that the handle holds."""
+    """Return whether a given value of a transform depends on the part of the shape that the handle holds."""
     word = isinstance(value, str) and value not in ("auto" if name == "pivot" else "", "spread")
     return (
         name in ("towards", "open") or (name in ("pivot", "joint") and word) or (name == "bend" and np.ndim(value) == 0)
@@ -134,9 +134,9 @@ def _of_part(name: str, value: Any) -> bool:
 
 
 def _on_part(edit: Edit, weights: HandleWeights, handle: int, given: Mapping[str, Any], before: Transform) -> Edit:
-    """Return `edit` with the parts of a handle's transform that depend on the held part, and with its pivot.
+    """Return `edit` with the values of a handle's transform that depend on the held part, and with its pivot.
 
-    A pivot of which nothing was said is found when the handle turns or scales and did not `before`.
+    If no pivot is given, one is found when the handle starts to rotate or scale and did not do so `before`.
     """
     found: dict[str, Any] = {
         name: value for name, value in given.items() if value is not None and _of_part(name, value)

@@ -19,13 +19,13 @@ from dfd.geometry.surface_graph import surface_graph, surface_links
 from dfd.geometry.topology import first_at_place
 from dfd.mesh.mesh import Mesh
 
-MOST_NODES = 20_000  # a mesh of more vertices is clustered
+MOST_NODES = 20_000  # a mesh with more vertices is clustered
 CELLS = 100  # grid cells along the longest side, for clustering
-RUN = 1 << 17  # faces or vertices processed at once, to bound temporary memory
+RUN = 1 << 17  # faces or vertices per batch, to bound temporary memory
 
 
 class Share(NamedTuple):
-    """The vertices that something has a share of, and that share; it has none of the others."""
+    """The vertices whose share of something is above 0, and their shares."""
 
     vertices: NDArray[np.integer]  # (N,) ascending
     values: Float32  # (N,) in (0, 1]
@@ -37,7 +37,7 @@ class Share(NamedTuple):
         return float(self.values[place]) if known else 0.0
 
     def dense(self, count: int) -> Float32:
-        """Return (count,) the shares of all vertices."""
+        """Return the shares of all vertices (count,)."""
         shares = np.zeros(count, np.float32)
         shares[self.vertices] = self.values
         return shares
@@ -64,14 +64,15 @@ class Nodes:
         self.center = _centers(vertices, self.of_vertex)  # (N, 3)
         first = first_at_place(mesh)
         component = _core.components(len(first), first[mesh.faces], np.zeros((0, 2), np.int32))[first]
-        self.component = component[self.members[self.starts]]  # (N,) of the surface without bridges
-        # (N,) whether a face uses a vertex of the component: parts and counterparts are made of those alone
+        # (N,) component of the surface without bridges
+        self.component = component[self.members[self.starts]]
+        # (N,) whether a face uses a vertex of the component. Parts and counterparts consist of such nodes only.
         self.used = np.isin(self.component, component[mesh.faces.ravel()]) | (len(mesh.faces) == 0)
         self._vertices = vertices
         self._is_fine = coarse
 
     def shares(self, parts: Float64) -> list[Share]:
-        """Interpolate each row of `parts` (K, N) from the nodes to the vertices, divided by the sum of all rows."""
+        """Interpolate each row of `parts` (K, N) from nodes to vertices, and divide by the sum of all rows."""
         rows = parts.astype(np.float32)
         total = rows.sum(axis=0)
         found = []
@@ -83,7 +84,7 @@ class Nodes:
         return found
 
     def interpolated(self, values: Float32, vertices: NDArray[np.integer] | None = None) -> Float32:
-        """Interpolate `values` (N, K) from the nodes to all vertices, or to some: (V, K)."""
+        """Interpolate `values` (N, K) from the nodes to all vertices, or to the given `vertices`: (V, K)."""
         if self._is_fine:
             return values[self.of_vertex if vertices is None else vertices]
         chosen = np.arange(len(self.of_vertex), dtype=np.int32) if vertices is None else vertices.astype(np.int32)
@@ -95,7 +96,7 @@ class Nodes:
         return found.reshape(len(chosen), *values.shape[1:])
 
     def nearest(self, points: ArrayLike) -> Int64:
-        """Return the vertex nearest to each of `points` (M, 3), among those of the nodes around it."""
+        """Return the vertex (M,) nearest to each of `points` (M, 3), among the vertices of the nearest nodes."""
         asked = np.reshape(points, (-1, 3)).astype(np.float64)
         around = self.tree.query(asked, k=min(8, len(self.center)))[1].reshape(len(asked), -1)
         found = np.empty(len(asked), np.int64)
@@ -106,18 +107,18 @@ class Nodes:
 
     @cached_property
     def tree(self) -> cKDTree:
-        """The tree of the centers."""
+        """Return the search tree of the centers."""
         return cKDTree(self.center)
 
     @cached_property
     def _reach(self) -> csr_array:
-        """(N, N) which nodes the vertices of each are interpolated from: itself and its neighbors."""
+        """Return (N, N) the nodes used to interpolate at the vertices of each node: the node and its neighbors."""
         reach = csr_array(self.graph.astype(bool) + eye_array(len(self.center), dtype=bool))
         reach.indptr, reach.indices = reach.indptr.astype(np.int32), reach.indices.astype(np.int32)
         return reach
 
     def _near(self, nodes: Bool) -> Bool:
-        """(N,) which nodes have vertices that values of `nodes` (N,) reach."""
+        """Return (N,) the nodes with vertices that receive values from `nodes` (N,)."""
         return nodes if self._is_fine else np.asarray(self._reach @ nodes.astype(np.float32)) > 0
 
 
@@ -125,7 +126,7 @@ _NODES: WeakKeyDictionary[Mesh, ref[Nodes]] = WeakKeyDictionary()
 
 
 def nodes_of(mesh: Mesh) -> Nodes:
-    """Return the nodes of a mesh, the same as long as they are in use: to find parts, and to find counterparts."""
+    """Return the nodes of a mesh; all users of one mesh share them while they are in use."""
     known = _NODES.get(mesh)
     nodes = None if known is None else known()
     if nodes is None:
@@ -135,7 +136,7 @@ def nodes_of(mesh: Mesh) -> Nodes:
 
 
 def _gathered(mesh: Mesh, links: Int32) -> Int32:
-    """(V,) the node of each vertex: the connected regions within the cells of a grid."""
+    """Return the node of each vertex (V,): the connected regions within the cells of a grid."""
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     cell = float((high - low).max()) / CELLS
     key = np.zeros(len(mesh.vertices), np.int32)
@@ -147,7 +148,7 @@ def _gathered(mesh: Mesh, links: Int32) -> Int32:
 
 
 def _contracted(mesh: Mesh, links: Int32, of_vertex: Int32) -> csr_array:
-    """The graph (N, N) between nodes, with the distances between their centers."""
+    """Return the graph (N, N) between nodes, with the distances between their centers."""
     center = _centers(mesh.vertices, of_vertex)
     found = [np.zeros((0, 2), np.int64)]
     for ends in _edges(mesh, links):
@@ -162,13 +163,13 @@ def _contracted(mesh: Mesh, links: Int32, of_vertex: Int32) -> csr_array:
 
 
 def _edges(mesh: Mesh, links: Int32) -> Iterator[Int32]:
-    """Yield the ends (E, 2) of the sides of faces, a batch of faces at a time, then `links`."""
+    """Yield the ends (E, 2) of the faces' sides, one batch of faces at a time, and then `links`."""
     for start in range(0, len(mesh.faces), RUN):
         yield mesh.faces[start : start + RUN, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     yield links
 
 
 def _centers(vertices: Float64, of_vertex: Int32) -> Float64:
-    """(N, 3) mean positions of the vertices of each node."""
+    """Return the mean position (N, 3) of the vertices of each node."""
     size = np.bincount(of_vertex)[:, None]
     return group_sums(of_vertex, vertices, len(size)) / size

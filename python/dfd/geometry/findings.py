@@ -1,4 +1,4 @@
-"""Unusual properties of a mesh, and their consequences for the controls, in plain words."""
+"""Unusual properties of a mesh, and their effect on each control."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from dfd.geometry.topology import Topology, inspect
 from dfd.mesh.mesh import Mesh
 
 _FLAT = 1e-3  # thickness over the longest side
-_FAR = 1e4  # distance from the origin over the longest side: float32 then keeps less than a thousandth of it
+# Distance from the origin over the longest side. Above it, float32 resolves less than a thousandth of the shape.
+_FAR = 1e4
 _COARSE = 0.1  # median edge over the diagonal of the box
 
 
@@ -22,10 +23,10 @@ class Finding:
     """An unusual property of a mesh."""
 
     what: str  # a sentence with the numbers
-    means: str  # a sentence that says which controls it touches, and how
+    means: str  # a sentence that names the affected controls and the effect
 
 
-# A count of `Topology`, its name in singular and plural, the finding, and its consequence.
+# Each row: a count of `Topology`, its name in singular and plural, the finding, and its consequence.
 _ODD = (
     ("unreferenced_vertices", "vertex is", "vertices are", "{} of no face.",
      "No picture shows them; they take weights by where they are, and move along."),
@@ -41,7 +42,7 @@ _ODD = (
 
 
 def findings(mesh: Mesh, topology: Topology | None = None) -> list[Finding]:
-    """List the unusual properties of `mesh`, of known or counted `topology`, and what they mean for each control."""
+    """List the unusual properties of `mesh` and their effect on each control; count `topology` if None."""
     counts = topology or inspect(mesh)
     return [Finding(what, means) for what, means in (*_components(mesh, counts), *_surface(counts), *_shape(mesh))]
 

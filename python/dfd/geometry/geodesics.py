@@ -20,39 +20,41 @@ from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
 from dfd.mesh.normalization import box_normalization
 from dfd.mesh.weld import weld
 
-_SAMPLES = 6_000  # vertices of the solver for a large mesh: more are slower and hardly more accurate
-_LONGEST_EDGE = 1.5  # in sample spacings: longer edges are split
+# Vertices of the solver for a large mesh. More vertices take longer and hardly reduce the error.
+_SAMPLES = 6_000
+_LONGEST_EDGE = 1.5  # in sample spacings; longer edges are split
 
 
 @dataclass(frozen=True)
 class _Prepared:
     solver: _core.Geodesics
-    vertex: Int32  # (V,) the vertex of the solver at each vertex's position
-    distinct: int  # vertices of the solver that stand for vertices of the mesh; others follow them
-    half: float  # half the longest side of the box, mesh units: 1 in the solver's units
+    vertex: Int32  # (V,) solver vertex at the position of each mesh vertex
+    # Number of solver vertices that stand for mesh vertices. They precede all other solver vertices.
+    distinct: int
+    half: float  # half the longest side of the box, mesh units; it is 1 in the solver
 
 
 class Geodesics:
-    """Distances along the surface of a mesh from any of its vertices; computation starts with the first query.
+    """Distances along the surface of a mesh from any of its vertices; the first query starts the computation.
 
-    Any mesh is accepted: also with holes, edges of more than two faces, repeated faces and faces without area.
+    Every mesh is accepted. It may have holes, edges of more than two faces, repeated faces, and faces without area.
 
     Parameters
     ----------
     mesh
         The surface.
     bridges
-        Whether distances cross from one component to another where they touch or nearly touch (see
-        `dfd.geometry.surface_graph`). If not, components are apart, as in the paper.
+        Whether distances cross between components that touch or nearly touch (see `dfd.geometry.surface_graph`). If
+        False, components are separate, as in the paper.
     sampled
-        Whether distances over a large mesh are computed on about 6,000 of its vertices and interpolated, which differs
-        by about 0.01. If not, they are computed on every vertex, as in the paper.
+        Whether the distances over a large mesh are computed on about 6,000 vertices and interpolated. The difference is
+        about 0.01. If False, every vertex is used, as in the paper.
 
     Raises ValueError if `bridges` or `sampled` is not True or False.
     """
 
     def __init__(self, mesh: MeshLike, *, bridges: bool = True, sampled: bool = True) -> None:
-        """Check and keep the arguments; nothing is computed yet."""
+        """Check and keep the arguments, without computing distances."""
         for name, value in (("bridges", bridges), ("sampled", sampled)):
             if not isinstance(value, bool):
                 raise ValueError(f"Geodesics: `{name}` must be True or False, got {value!r}")
@@ -63,42 +65,42 @@ class Geodesics:
         self._tree: cKDTree | None = None
 
     def __repr__(self) -> str:
-        """Say of what."""
+        """Return the mesh and the options that are off."""
         off = [f", {name}=False" for name in ("bridges", "sampled") if not getattr(self, f"_{name}")]
         return f"Geodesics({self._mesh!r}{''.join(off)})"
 
     @property
     def extent(self) -> float:
-        """The length, mesh units, that distance 1 stands for: about the largest between two connected vertices.
+        """Return the length of distance 1, mesh units: about the largest distance of two connected vertices.
 
-        It is one number for the mesh, so that a locality λ (Eq. 7) means the same for every handle.
+        The mesh has one such length, so that a locality λ (Eq. 7) has the same effect for every handle.
         """
         prepared = self.prepare()
         return prepared.solver.extent * prepared.half
 
     def prepare(self) -> _Prepared:
-        """Run the precomputation now, in this thread, instead of at the first query."""
+        """Run the precomputation in this thread now, instead of at the first query."""
         with self._lock:
             if self._result is None:
                 self._result = _prepared(self._mesh, self._bridges, self._sampled)
             return self._result
 
     def distances(self, handles: Any, *, separate: float = 1.0) -> Float32:
-        """Return how far every vertex is from each handle along the surface, as a fraction of `extent`.
+        """Return the distance of every vertex from each handle along the surface, as a fraction of `extent`.
 
         Parameters
         ----------
         handles
-            (H,) vertex indices, or (H, 3) points, each of which stands for the vertex nearest to it.
+            (H,) vertex indices, or (H, 3) points. A point stands for the vertex nearest to it.
         separate
             The distance, in [0, 1], of vertices that neither the surface nor a bridge connects to the handle.
 
         Returns
         -------
-        (H, V) in [0, 1], 0 at the handle.
+        (H, V) distances in [0, 1], 0 at the handle.
 
-        Raises ValueError if `handles` has another shape, or holds an index out of range or a coordinate that is not
-        finite, or `separate` lies outside [0, 1].
+        Raises ValueError if `handles` has another shape, an index out of range, or a coordinate that is not finite.
+        Raises ValueError if `separate` is outside [0, 1].
         """
         separate = check.number("Geodesics.distances", "separate", separate, minimum=0.0, maximum=1.0)
         chosen = self._handle_vertices(handles)

@@ -1,4 +1,4 @@
-"""The axis of a part of a surface: the curve from where it leaves the rest of the shape, its base, to its tip."""
+"""Fit the axis of a part: a curve from its base, where the part meets the rest of the shape, to its tip."""
 
 from __future__ import annotations
 
@@ -16,69 +16,81 @@ from dfd.geometry.coarse import Nodes, nodes_of
 from dfd.geometry.topology import even_points, face_areas
 from dfd.mesh.mesh import Mesh
 
-NODES = 33  # of the curve
-SAMPLES = 4_000  # points of the part's surface that the curve is fitted to
-WIDTH, WIDE = 0.08, 0.5  # of the curve's length, or in radii if that is more: over so much of it its points are means
-STOUT = 0.4  # radii in a length: of a stouter part, levels stay what the distances to the base are
-ENDS = (0.005, 0.995)  # quantiles of the levels, between which the curve runs: one vertex alone is no tip
-ROUNDS = 3  # of fitting the curve and finding anew which point of it is nearest
-FARTHEST = 0.2  # of the length: so far a vertex's nearest point may lie from what the distance to the base says
-SEAM = 0.6  # in radii at the base: over so much of the surface, motion along the axis begins
-NEAR_JOINT = 0.12  # of the length: a joint so near to where the part is held is meant
-SLENDER = 0.75  # times its width is the least length of a limb
-ROUND, FLAT = 0.95, 0.7  # of the largest variance of a wheel's surface: the least of the second, the most of the third
-CARRIED = 0.5  # of the rest of the shape: what is smaller and lies beyond a part goes along with it
-SMALL_COMPONENT = 0.05  # of a region: a smaller connected piece of it has no axis of its own
+NODES = 33  # points of the curve
+SAMPLES = 4_000  # surface samples of the part, to which the curve is fitted
+# Each point of the curve is a mean over this fraction of the length, or over this many radii if that is more.
+WIDTH, WIDE = 0.08, 0.5
+# Radius over length. A stouter part keeps the distances to the base as its levels.
+STOUT = 0.4
+# The curve runs between these quantiles of the levels, so that a single vertex does not set the tip.
+ENDS = (0.005, 0.995)
+ROUNDS = 3  # of fitting the curve and projecting the samples onto it
+# Fraction of the length: largest difference between a vertex's projection and its distance to the base.
+FARTHEST = 0.2
+# In radii at the base: distance along the surface over which motion along the axis begins.
+SEAM = 0.6
+# Fraction of the length: a joint this near to the handle is taken first.
+NEAR_JOINT = 0.12
+SLENDER = 0.75  # a limb is longer than this times its width
+# Variances of a wheel's surface, over the largest: the least of the second, and the most of the third.
+ROUND, FLAT = 0.95, 0.7
+# Fraction of the largest region around a part: smaller regions that touch the part move with it.
+CARRIED = 0.5
+# Fraction of the largest component of a region: a smaller component has no axis.
+SMALL_COMPONENT = 0.05
 
 
 @dataclass(frozen=True, eq=False)
 class PartAxis:
     """The axis of one connected part."""
 
-    vertices: Int64  # (N,) those of the part and of what hangs on it, ascending
-    # (N,) where along the axis each is, in [0, 1]: 0 at the base, where the rest of the shape begins, and 1 at the tip.
-    # What hangs on a part has that of the place where it hangs.
+    vertices: Int64  # (N,) vertices of the part and of the regions that move with it, ascending
+    # (N,) position of each vertex along the axis, in [0, 1]: 0 at the base, 1 at the tip.
+    # Vertices that move with the part have the position of the place where they are attached.
     parameter: Float64
-    nodes: Float64  # (33, 3) the curve at equal steps of its length, from base to tip, mesh units
+    nodes: Float64  # (33, 3) curve at equal steps of its length, from base to tip, mesh units
     radius: Float64  # (33,) root mean squared distance of the surface from the curve, mesh units
-    border: Float64  # (B, 3) where the part meets the rest, mesh units; of a part that is all there is, its end
-    borders: int  # in how many places it does
-    middle: Float64  # (3,) the center of its surface, mesh units
-    rest: Float64  # (3,) the center of what is around the base and does not belong to the part
-    spread: Float64  # (3,) variances of its surface along the axes of its own, ascending
+    # (B, 3) positions where the part meets the rest, mesh units; one end of the part if there is no rest
+    border: Float64
+    borders: int  # number of places where the part meets the rest
+    middle: Float64  # (3,) center of the part's surface, mesh units
+    # (3,) center of the rest of the shape near the base, mesh units
+    rest: Float64
+    # (3,) variances of the part's surface along its principal axes, ascending
+    spread: Float64
 
     @property
     def length(self) -> float:
-        """Of the curve, mesh units."""
+        """Return the length of the curve, mesh units."""
         return float(np.linalg.norm(np.diff(self.nodes, axis=0), axis=1).sum())
 
     @property
     def base(self) -> Float64:
-        """(3,) the middle of the border."""
+        """Return the mean position (3,) of the border, mesh units."""
         return (self.border.min(axis=0) + self.border.max(axis=0)) / 2
 
     @property
     def direction(self) -> Float64:
-        """(3,) of length 1, from the base to the tip."""
+        """Return the unit direction (3,) from the first to the last point of the curve."""
         return np.asarray(unit((self.nodes[-1] - self.nodes[0])[None])[0])
 
     @property
     def is_limb(self) -> bool:
-        """Whether it meets the rest in one place, is longer than wide, and no wheel, which turns about its middle."""
+        """Tell whether the part meets the rest in one place, is longer than wide, and is no wheel."""
         if self.spread[1] > ROUND * self.spread[2] and self.spread[0] < FLAT * self.spread[2]:
             return False
         return self.borders == 1 and self.length > SLENDER * 2 * float(np.sqrt(np.square(self.radius).mean()))
 
     @cached_property
     def tangents(self) -> Float64:
-        """(33, 3) directions of length 1 along the curve."""
+        """Return the unit tangents (33, 3) of the curve."""
         return unit(np.gradient(self.nodes, axis=0))
 
     def joint(self, point: NDArray[np.floating]) -> float:
-        """Where in the middle of the axis the part bends already the most, or is the narrowest beside what is around.
+        """Return the position along the axis, in [0, 1], of the joint: the strongest bend or the narrowest place.
 
-        In [0, 1]; a knee, an elbow, the neck of a bottle. Near `point` (3,), where that is in the middle itself: who
-        holds a leg by its knee does not mean the ankle.
+        Examples are a knee, an elbow, and the neck of a bottle. Only the middle of the axis, 0.2 to 0.8, is searched.
+        If `point` (3,) is there, only places near it are searched: a handle at a knee does not select the ankle.
         """
         at = np.linspace(0.0, 1.0, NODES)
         inner = (at > 0.2) & (at < 0.8)
@@ -94,14 +106,14 @@ class PartAxis:
         return float(at[np.where(inner, turn + 2 * narrow, -np.inf).argmax()])
 
     def nearest(self, point: NDArray[np.floating]) -> float:
-        """Where along the axis, in [0, 1], the point of the curve nearest to `point` (3,) is."""
+        """Return the position along the axis, in [0, 1], of the curve's point nearest to `point` (3,)."""
         return int(np.linalg.norm(self.nodes - point, axis=1).argmin()) / (NODES - 1)
 
     @property
     def hinge(self) -> tuple[Float64, Float64]:
-        """The middle (3,) and the direction (3,) of the line through the border's extremes on the side of the base.
+        """Return the middle (3,) and direction (3,) of the line through the border's extremes farthest from the tip.
 
-        A positive turn about it takes the tip away from the rest of the shape, as a jaw opens.
+        A positive turn about this line moves the tip away from the rest of the shape, as a jaw opens.
         """
         far = np.linalg.norm(self.border - self.nodes[-1], axis=1)
         back = self.border[far >= far.max() - self.radius[: NODES // 4].mean()]
@@ -126,13 +138,13 @@ class PartAxes:
 
     @cached_property
     def _areas(self) -> Float64:
-        """(N,) of the nodes, mesh units squared."""
+        """Return the area (N,) of each node, mesh units squared."""
         areas = face_areas(self._mesh.vertices, self._mesh.faces) / 3
         corners = (self._nodes.of_vertex[corner] for corner in self._mesh.faces.T)
         return np.sum([np.bincount(nodes, areas, len(self._nodes.center)) for nodes in corners], axis=0)
 
     def of(self, inside: Bool) -> list[PartAxis]:
-        """Return the axes of the components of a region `inside` (V,), the largest first; small ones have none."""
+        """Return the axes of the components of a region `inside` (V,), largest first. Small components have none."""
         nodes = self._nodes
         own = np.flatnonzero(2 * np.bincount(nodes.of_vertex, inside) > nodes.ends - nodes.starts)
         piece = connected_components(nodes.graph[own][:, own], directed=False)[1]
@@ -147,7 +159,7 @@ class PartAxes:
         return [axis for axis in found if axis is not None]
 
     def image(self, axis: PartAxis, isometry: Float64) -> PartAxis:
-        """Return the axis of a counterpart onto which `isometry` (3, 4) maps the part of `axis`."""
+        """Return the axis of a counterpart, onto which `isometry` (3, 4) maps the part of `axis`."""
         nodes, linear, shift = self._nodes, isometry[:, :3], isometry[:, 3]
         total = np.bincount(nodes.of_vertex[axis.vertices], axis.parameter, len(nodes.center))
         some, values = carried(nodes.center, nodes.tree, total / (nodes.ends - nodes.starts), isometry)
@@ -206,9 +218,9 @@ class PartAxes:
         return PartAxis(vertices, parameter, nodes, radius, center[seeds], borders, middle, rest, spread)
 
     def _on_vertices(self, some: Int64, values: Float64) -> tuple[Int64, Float64]:
-        """Interpolate `values` (M,) of the nodes `some` (M,) at their vertices: return these (N,) and the values.
+        """Interpolate `values` (M,) of the nodes `some` (M,). Return these nodes' vertices (N,) and their values (N,).
 
-        Values that are linear in space stay so: each node gives them with their gradient.
+        Each node gives a value and a gradient, so values that are linear in space stay linear.
         """
         nodes = self._nodes
         chosen = np.zeros(len(nodes.center), bool)
@@ -232,7 +244,7 @@ class PartAxes:
         return vertices, (found[:, 1] + (found[:, 2:] * points).sum(axis=1)) / found[:, 0]
 
     def _end(self, local: csr_matrix, own: Int64) -> Int64:
-        """Return which nodes of a part that nothing surrounds are its base: those at the end nearer to the center."""
+        """Return the nodes (K,) of the base, for a part without surroundings: the end nearer to the shape's center."""
         some = dijkstra(local, indices=0)
         one = int(np.where(np.isfinite(some), some, -1).argmax())
         away = dijkstra(local, indices=one)
@@ -244,10 +256,11 @@ class PartAxes:
         return np.flatnonzero(near <= 0.05 * near[np.isfinite(near)].max())
 
     def _curve(self, own: Int64, faces: Int32, number: Int64, away: Float64) -> tuple[Float64, Float64, Float64] | None:
-        """Return the curve (33, 3), its radius (33,), and where along it the nodes `own` (M,) of a part are.
+        """Return the curve (33, 3), its radius (33,), and the position along it of the nodes `own` (M,).
 
-        A principal curve (Hastie and Stuetzle 1989) that begins with the levels of the distances `away` from the base:
-        means of what lies at one level are a curve, and levels are made anew of what lies nearest to its points.
+        Return None if the faces have no area. The curve is a principal curve (Hastie and Stuetzle 1989). The first
+        levels are the distances `away` from the base. Each round takes means of the samples at each level as the curve,
+        and then projects the samples onto it for new levels.
         """
         areas = face_areas(self._mesh.vertices, faces)
         if not areas.sum() > 0:
@@ -276,7 +289,7 @@ class PartAxes:
         return nodes, radius, own_level
 
     def _with_hanging(self, own: Int64, parameter: Float64, hanging: Int64, group: Int64) -> tuple[Int64, Float64]:
-        """Return the part's nodes and `parameter`, with what hangs on it: as one, but for what is near the part."""
+        """Return the part's nodes and `parameter`, and `hanging` ones; far out, each group has one value."""
         if len(hanging) == 0:
             return own, parameter
         nodes = np.sort(np.concatenate([own, hanging]))
@@ -300,9 +313,9 @@ class PartAxes:
 
 
 def carried(vertices: Float64, tree: cKDTree, values: Float64, isometry: Float64) -> tuple[Int64, Float64]:
-    """Carry `values` (V,) by `isometry` (3, 4): return the vertices (N,) where they are above 0, and them.
+    """Map `values` (V,) by `isometry` (3, 4). Return the vertices (N,) with values above 0, and these values (N,).
 
-    Each vertex gets the mean over the vertices nearest to where it comes from, weighted by their nearness.
+    Each vertex gets the mean over the vertices nearest to its preimage, weighted by proximity.
     """
     linear, shift = isometry[:, :3], isometry[:, 3]
     some = vertices[values > 0]
@@ -320,7 +333,7 @@ def carried(vertices: Float64, tree: cKDTree, values: Float64, isometry: Float64
 def _fitted(
     at: Float64, level: Float64, values: Float64, weight: Float64, width: float, *, straight: bool = True
 ) -> Float64:
-    """(K, D) what `values` (N, D) are at the levels `at` (K,): local means, or straight lines, which keep ends."""
+    """Return `values` (N, D) at the levels `at` (K,), as (K, D): local means, or local lines, which keep the ends."""
     apart = level[None] - at[:, None]
     kernel = weight * np.exp(-0.5 * np.square(apart / width)) + 1e-12 * weight
     total = kernel.sum(axis=1)
@@ -335,7 +348,7 @@ def _fitted(
 
 
 def _even(nodes: Float64) -> Float64:
-    """(K, 3) the curve at equal steps of its length."""
+    """Return the curve resampled at equal steps of its length (K, 3)."""
     step = np.linalg.norm(np.diff(nodes, axis=0), axis=1)
     length = np.concatenate([[0.0], np.cumsum(step)])
     if length[-1] == 0:
@@ -345,19 +358,19 @@ def _even(nodes: Float64) -> Float64:
 
 
 def _on(nodes: Float64, level: Float64) -> Float64:
-    """(N, 3) the points of a curve at `level` (N,)."""
+    """Return the points (N, 3) of a curve at `level` (N,)."""
     at = np.linspace(0.0, 1.0, len(nodes))
     return np.stack([np.interp(level, at, axis) for axis in nodes.T], axis=1)
 
 
 def _projected(nodes: Float64, points: Float64, start: Float64) -> Float64:
-    """(N,) where on a curve the point nearest to each of `points` (N, 3) is, near to what `start` (N,) says."""
+    """Return the level (N,) of each of `points` (N, 3) on a curve, searched near `start` (N,)."""
     at = np.linspace(0.0, 1.0, len(nodes))
     best, nearest = start.copy(), np.full(len(points), np.inf)
     along = np.diff(nodes, axis=0)
     squares = np.maximum(np.square(along).sum(axis=1), 1e-300)
     for k, (node, side) in enumerate(zip(nodes[:-1], along, strict=True)):
-        # Beyond its ends a curve goes on straight, so that levels there stay apart.
+        # The curve continues straight beyond its ends, so that levels there stay distinct.
         low = -np.inf if k == 0 else 0.0
         high = np.inf if k == len(along) - 1 else 1.0
         some = np.flatnonzero(np.abs(at[k] - start) <= 2 * FARTHEST)

@@ -1,4 +1,4 @@
-"""Subdivision of large triangles, for measurements between vertices."""
+"""Subdivide large triangles, for measurements between vertices."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ _ROUNDS = 16  # of halving the longest edges
 
 
 def split_long_edges(vertices: Float64, faces: Int32, longest: float, *, most: int) -> tuple[Float64, Int32]:
-    """Halve edges until none is longer than `longest`, above 0; faces that share an edge share its middle.
+    """Halve edges until none is longer than `longest`, which is above 0.
 
-    About `most` vertices are added, behind the given ones (V, 3); where more would be needed, longer edges stay. The
-    vertices and the faces (F, 3) are returned.
+    Faces that share an edge share its midpoint. About `most` vertices are added at most, so some longer edges may
+    remain. Return the vertices, the given ones (V, 3) first, and the faces (F, 3).
     """
     sizes = face_sizes(vertices, faces)[0]
     long = sizes[sizes > longest]
@@ -30,13 +30,13 @@ def split_long_edges(vertices: Float64, faces: Int32, longest: float, *, most: i
 
 
 def _needed(lengths: Float64, longest: float) -> float:
-    """Return roughly how many vertices it takes to halve the sides of faces whose longest have such `lengths`."""
+    """Return the approximate number of vertices needed to split faces whose longest sides have `lengths`."""
     parts = lengths / longest
     return float((parts + parts**2 / 2).sum())
 
 
 def _halved(vertices: Float64, faces: Int32, longest: float) -> tuple[Float64, Int32] | None:
-    """Return the mesh with every edge longer than `longest` halved; None if there is none."""
+    """Return the mesh with every edge longer than `longest` halved; None if no edge is longer."""
     ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
     long = np.linalg.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1) > longest
     if not long.any():
@@ -49,10 +49,10 @@ def _halved(vertices: Float64, faces: Int32, longest: float) -> tuple[Float64, I
 
 
 def _cut(points: Float64, faces: Int64, middle: Int64) -> Int64:
-    """Return faces (G, 3) that fill `faces` (F, 3) with corners at the sides' middles (F, 3), -1 where uncut."""
+    """Return faces (G, 3) that fill `faces` (F, 3) and use the sides' midpoints `middle` (F, 3), -1 where uncut."""
     count = (middle >= 0).sum(axis=1)
     result = [faces[count == 0]]
-    # rotated so that the first side is cut where one is, and the last is uncut where two are cut
+    # Rotate the corners: the first side is cut if any is, and the last is uncut if two are cut.
     for cuts, pattern in ((1, middle >= 0), (2, np.roll(middle < 0, 1, axis=1)), (3, middle >= 0)):
         chosen = count == cuts
         turn = (pattern[chosen].argmax(axis=1)[:, None] + np.arange(3)) % 3
@@ -61,7 +61,7 @@ def _cut(points: Float64, faces: Int64, middle: Int64) -> Int64:
         if cuts == 1:
             pieces = [(a, ab, c), (ab, b, c)]
         elif cuts == 2:
-            # the rest is a quadrangle a, ab, bc, c: cut along its shorter diagonal
+            # The rest is a quadrangle a, ab, bc, c. Cut it along its shorter diagonal.
             first = np.linalg.norm(points[a] - points[bc], axis=1) < np.linalg.norm(points[ab] - points[c], axis=1)
             pieces = [(ab, b, bc), (a, ab, np.where(first, bc, c)), (np.where(first, a, ab), bc, c)]
         else:

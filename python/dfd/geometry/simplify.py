@@ -1,4 +1,4 @@
-"""A copy of a mesh with fewer faces: quadric error simplification, as the paper does before it renders."""
+"""Simplify a mesh to fewer faces by quadric errors, as the paper does before rendering."""
 
 from __future__ import annotations
 
@@ -15,35 +15,36 @@ from dfd.mesh.normals import face_normals
 
 
 def simplify(mesh: Mesh, face_count: int) -> Mesh:
-    """Simplify `mesh` to at most about `face_count` faces; one that has no more is returned as it is.
+    """Simplify `mesh` to about `face_count` faces at most.
 
-    Textures are lost: each vertex of the copy takes the color of the nearest vertex of `mesh`.
+    Return a mesh that has no more faces unchanged. The copy has no textures. Each of its vertices takes the color of
+    the nearest vertex of `mesh`.
 
-    Raises ValueError if `face_count` is not at least 4, or all vertices are one point.
+    Raises ValueError if `face_count` is less than 4, or all vertices are at one position.
 
     Source: Garland and Heckbert 1997, through fast-simplification; paper, section 3.2.
     """
     face_count = check.whole("simplify", "face_count", face_count, minimum=4)
     if len(mesh.faces) <= face_count:
         return mesh
-    # Around faces without area every collapse counts as a fold.
+    # Each collapse near a face without area would count as a fold.
     faces = mesh.faces[face_normals(mesh.vertices, mesh.faces).any(axis=1)]
     if len(faces) == 0:
         return mesh
-    # Quadrics hold squared coordinates: at the origin and with size 1, rounding is least.
+    # Quadrics hold squared coordinates. Rounding errors are smallest for a box of size 1 at the origin.
     frame = normalization(mesh)
     normalized = frame.apply(mesh.vertices)
     vertices, faces = fast_simplification.simplify(normalized, faces, target_count=min(face_count, len(faces)))
     if len(faces) == 0 or not np.isfinite(vertices).all():
         return mesh
-    # On flat regions the optimal position is ill-conditioned: clamp it to the box.
+    # The optimal position is ill-conditioned on flat regions, so clamp it to the box.
     vertices = np.clip(vertices, normalized.min(axis=0), normalized.max(axis=0))
     vertices = frame.invert(vertices)
     return Mesh(vertices, faces, appearance=_nearest_colors(mesh, vertices, faces))
 
 
 def _nearest_colors(mesh: Mesh, vertices: Float64, faces: Int32) -> Appearance | None:
-    """Color other vertices (V, 3), corners of `faces` (F, 3), like the nearest of `mesh`; None where that has none."""
+    """Color `vertices` (V, 3), corners of `faces` (F, 3), like the nearest of `mesh`; None if that has no colors."""
     if mesh.appearance is None:
         return None
     used = np.unique(mesh.faces)

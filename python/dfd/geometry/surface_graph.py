@@ -1,4 +1,4 @@
-"""A mesh as one graph of vertices: its edges, and bridges where components touch or nearly touch."""
+"""A mesh as one graph of vertices: its edges, and bridges between components that touch or nearly touch."""
 
 from __future__ import annotations
 
@@ -14,27 +14,29 @@ from dfd.geometry.topology import face_sizes, first_at_place, points_on_faces
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.weld import weld
 
-# What counts as the same position, as touching, and as nearly touching, as parts of the box's diagonal. Components that
-# the smaller gap has joined are not bridged across the larger one: legs that meet at the hips stay apart at the knees.
+# Distances for the same position, for touching, and for nearly touching, as fractions of the box's diagonal. Components
+# joined at the smaller gap get no bridges at the larger gap. Legs that meet at the hips thus stay separate at the
+# knees.
 SAME_PLACE, GAPS = 1e-6, (0.005, 0.02)
-_MOST_POINTS = 400_000  # on edges and on faces that are larger than a gap, each
-_LABELS_IN_CELL = 4  # components of which a cell keeps a point for pairs with other cells, so that confetti makes few
+_MOST_POINTS = 400_000  # on edges, and on faces larger than a gap, each
+# Components per cell with a point for pairs with other cells. It bounds the pairs of many small components.
+_LABELS_IN_CELL = 4
 
 
 def surface_graph(mesh: Mesh) -> csr_matrix:
-    """Join the vertices of `mesh` along its edges, where they share a position, and across small gaps.
+    """Join the vertices of `mesh` along its edges, at shared positions, and across small gaps.
 
-    Components that touch, cross or nearly touch (within 2 % of the diagonal of the box around all faces) are joined by
-    edges between vertices on both sides all along the gap; components farther apart stay apart. Vertices of no face
-    are joined to the nearest vertex of a face across such a gap.
+    Components touch or nearly touch if they come within 2 % of the diagonal of the box around all faces. Edges between
+    vertices on both sides join them all along the gap. Components farther apart stay separate. A vertex without faces
+    is joined to the nearest vertex of a face across such a gap.
 
-    The matrix (V, V) is symmetric, float64: lengths of edges in mesh units, all above 0 (for shared positions the
-    smallest normal number, since graph algorithms take 0 for no edge).
+    Return a symmetric float64 matrix (V, V) of edge lengths in mesh units, all above 0. Shared positions have the
+    smallest normal number, because graph algorithms read 0 as no edge.
 
     Raises ValueError if the mesh is so large that lengths overflow.
     """
     size = _size(mesh)
-    scaled = mesh.vertices / size if size > 0 else mesh.vertices  # no square over- or underflows
+    scaled = mesh.vertices / size if size > 0 else mesh.vertices  # squares neither overflow nor underflow
     sides = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     graph = edge_graph(scaled, np.concatenate([sides, surface_links(mesh)]))
     graph.data = np.maximum(graph.data * size, np.finfo(np.float64).tiny)
@@ -42,10 +44,10 @@ def surface_graph(mesh: Mesh) -> csr_matrix:
 
 
 def surface_links(mesh: Mesh) -> Int32:
-    """Return what joins the vertices of `surface_graph` besides the sides of faces, as pairs (L, 2) of vertices.
+    """Return the edges of `surface_graph` that are not sides of faces, as pairs (L, 2) of vertices.
 
-    Those are links between vertices at one position, and bridges across small gaps; they take a fraction of the
-    graph's memory.
+    They are links between vertices at one position, and bridges across small gaps. They take a fraction of the graph's
+    memory.
 
     Raises ValueError if the mesh is so large that lengths overflow.
     """
@@ -61,10 +63,10 @@ def surface_links(mesh: Mesh) -> Int32:
 
 
 def edge_graph(vertices: Float64, ends: NDArray[np.integer]) -> csr_matrix:
-    """Return the lengths, (V, V) symmetric and above 0, of edges between `ends` (E, 2), repeated ones counted once."""
+    """Return the edge lengths, (V, V) symmetric and above 0, of `ends` (E, 2). Repeated edges count once."""
     there, back = ends[ends[:, 0] != ends[:, 1]].T
     pattern = coo_array((np.ones(len(there), bool), (there, back)), shape=(len(vertices), len(vertices))).tocsr()
-    graph = csr_matrix(pattern + pattern.T, dtype=np.float64)  # boolean: repeated edges are one
+    graph = csr_matrix(pattern + pattern.T, dtype=np.float64)  # boolean, so that repeated edges merge
     row = np.repeat(np.arange(len(vertices), dtype=graph.indices.dtype), np.diff(graph.indptr))
     lengths = np.sqrt(sum((axis[row] - axis[graph.indices]) ** 2 for axis in np.ascontiguousarray(vertices.T)))
     graph.data = np.maximum(lengths, np.finfo(np.float64).tiny)
@@ -72,7 +74,7 @@ def edge_graph(vertices: Float64, ends: NDArray[np.integer]) -> csr_matrix:
 
 
 def _size(mesh: Mesh) -> float:
-    """The longest side of the mesh's box; raises ValueError if lengths overflow."""
+    """Return the longest side of the mesh's box; raises ValueError if lengths overflow."""
     size = float(np.max(mesh.extents))
     if not np.isfinite(2 * size):
         raise ValueError(f"surface_graph: `mesh` must be smaller than 1e308, got {size:g}")
@@ -112,7 +114,7 @@ def _renumbered(component: NDArray[np.integer], used: Bool) -> Int64:
 
 
 def _across(points: Float64, vertex: Int64, label: Int64, gap: float) -> Int64:
-    """Return pairs (B, 2) of vertices of different labels where their `points` (N, 3) come within `gap`."""
+    """Return pairs (B, 2) of vertices with different labels whose `points` (N, 3) come within `gap`."""
     kept, crowded = _thinned(points, label[vertex], gap / 2)
     pairs = kept[cKDTree(points[kept]).query_pairs(gap, output_type="ndarray")]
     ends = vertex[np.concatenate([pairs, crowded])]
@@ -120,9 +122,9 @@ def _across(points: Float64, vertex: Int64, label: Int64, gap: float) -> Int64:
 
 
 def _samples(vertices: Float64, faces: Int32, own: Int64, spacing: float) -> tuple[Float64, Int64]:
-    """Return points (N, 3) about `spacing` apart all over the surface, and the vertex (N,) that each stands for.
+    """Return surface samples (N, 3) about `spacing` apart, and the vertex (N,) that each stands for.
 
-    Those are the vertices themselves, and points on edges and faces that are longer than `spacing`.
+    The samples are the vertices, and points on edges and faces longer than `spacing`.
     """
     points, vertex = [vertices[own]], [own]
     longest, areas = face_sizes(vertices, faces)
@@ -143,21 +145,21 @@ def _samples(vertices: Float64, faces: Int32, own: Int64, spacing: float) -> tup
 
 
 def _capped(wanted: Float64) -> Int64:
-    """Return whole numbers of points, at least one each, in all not many more than `_MOST_POINTS`."""
+    """Return whole numbers of points, each at least 1, with a sum near `_MOST_POINTS` at most."""
     return np.ceil(wanted * min(1.0, _MOST_POINTS / max(float(wanted.sum()), 1.0))).astype(np.int64)
 
 
 def _thinned(points: Float64, label: Int64, cell: float) -> tuple[Int64, Int64]:
-    """Choose one of `points` (N, 3) for each label in every cell of a grid, of few labels where it holds many.
+    """Choose one of `points` (N, 3) for each label in every cell of a grid, for a few labels per cell.
 
-    Returned are which (K,), and (C, 2) for each of the other labels of a cell, a point of that label and one that is
-    kept there.
+    Return the indices (K,) of the chosen points. Also return pairs (C, 2) for the other labels of a cell: one point of
+    the label and one chosen point of the cell.
     """
     voxel = np.floor((points - points.min(axis=0)) / cell).astype(np.int64)
     span = voxel.max(axis=0) + 1
     if np.prod(span.astype(float)) < 2**31:
         number = (voxel[:, 0] * span[1] + voxel[:, 1]) * span[2] + voxel[:, 2]
-    else:  # cell and label numbers do not fit into one integer
+    else:  # the product of cell and label numbers overflows
         number = weld(voxel.astype(np.float64))[1].astype(np.int64)
     key, first = np.unique(number * (label.max() + 1) + label, return_index=True)
     cells = key // (label.max() + 1)
@@ -168,7 +170,7 @@ def _thinned(points: Float64, label: Int64, cell: float) -> tuple[Int64, Int64]:
 
 
 def _joined(label: Int64, pairs: Int64) -> Int64:
-    """Return the labels after `pairs` of vertices have been joined."""
+    """Return the labels after joining `pairs` of vertices."""
     count = int(label.max()) + 1
     ends = label[pairs]
     links = coo_array((np.ones(len(ends), bool), (ends[:, 0], ends[:, 1])), shape=(count, count))
@@ -177,7 +179,7 @@ def _joined(label: Int64, pairs: Int64) -> Int64:
 
 
 def _to_strays(vertices: Float64, used: Bool, gap: float) -> Int64:
-    """Return pairs (B, 2) of vertices that no face uses and the vertex of a face nearest to each, if within `gap`."""
+    """Return pairs (B, 2): a vertex without faces, and the nearest vertex of a face if it is within `gap`."""
     stray, own = np.flatnonzero(~used), np.flatnonzero(used)
     if len(stray) == 0:
         return np.zeros((0, 2), np.int64)

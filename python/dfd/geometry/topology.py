@@ -1,4 +1,4 @@
-"""Counts of a mesh's components and defects."""
+"""Count a mesh's components and defects."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Topology:
-    """Counts over a mesh, vertices that share a position counted as one."""
+    """Counts over a mesh; vertices at one position count as one."""
 
     vertex_count: int
     face_count: int
-    components: int  # of the surface, that no edge connects
+    components: int  # of the surface; no edge connects two of them
     boundary_edges: int  # edges of one face
     non_manifold_edges: int  # edges of more than two faces
     degenerate_faces: int  # faces without area
@@ -40,7 +40,7 @@ class Topology:
 def inspect(mesh: Mesh) -> Topology:
     """Count the components and defects of a mesh.
 
-    Edges and components are those of the faces that have three different corners.
+    Only faces with three different corners have edges and components.
     """
     faces = first_at_place(mesh)[mesh.faces]
     proper = faces[_three_corners(faces)]
@@ -67,7 +67,7 @@ _FIRST: WeakKeyDictionary[Mesh, Int32] = WeakKeyDictionary()
 
 
 def first_at_place(mesh: Mesh) -> Int32:
-    """Return for each vertex (V,) the first vertex that has its position. The array is read-only."""
+    """Return for each vertex (V,) the first vertex at its position, as a read-only array."""
     if mesh not in _FIRST:
         first, vertex = weld(mesh.vertices)
         _FIRST[mesh] = first.astype(np.int32)[vertex]
@@ -76,7 +76,7 @@ def first_at_place(mesh: Mesh) -> Int32:
 
 
 def face_components(faces: Int32) -> Int32:
-    """Return for each face (F, 3) the number of the connected component it belongs to."""
+    """Return the number (F,) of the connected component of each of `faces` (F, 3)."""
     if len(faces) == 0:
         return np.zeros(0, np.int32)
     numbers = _core.components(int(faces.max()) + 1, np.ascontiguousarray(faces, np.int32), np.zeros((0, 2), np.int32))
@@ -84,7 +84,7 @@ def face_components(faces: Int32) -> Int32:
 
 
 def face_sizes(vertices: NDArray[np.floating], faces: Int32) -> tuple[Float64, Float64]:
-    """Return the longest side and the area of every face, (F,) each, in units of `vertices` (V, 3) and their square."""
+    """Return the longest side (F,) and the area (F,) of every face, in units of `vertices` (V, 3) and squared units."""
     sizes = np.empty((len(faces), 2))
     points, corners = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int32)
     _core.face_sizes(points, corners, sizes, get_num_threads())
@@ -102,12 +102,12 @@ def _three_corners(faces: Int32) -> Bool:
 
 
 def _has_area(vertices: Float64, faces: Int32) -> Bool:
-    """Return whether each face has an area above the rounding of its coordinates."""
+    """Return whether the area of each face (F,) exceeds the rounding of its coordinates."""
     size = np.abs(vertices).max(initial=0.0)
-    corners = vertices[faces] / (size if size > 0 else 1.0)  # no square over- or underflows
+    corners = vertices[faces] / (size if size > 0 else 1.0)  # squares neither overflow nor underflow
     along, aside = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     crossed = np.cross(along, aside)
-    # the rounding of coordinates of size s may move the area of a sliver of length l by about s · l · epsilon
+    # Rounding coordinates of size s changes the area of a sliver of length l by up to about s · l · epsilon.
     size = np.abs(corners).max(axis=(1, 2))
     length = np.maximum(np.abs(along).max(axis=1), np.abs(aside).max(axis=1))
     large: Bool = np.abs(crossed).max(axis=1) > 4 * np.finfo(np.float64).eps * size * length
@@ -115,19 +115,19 @@ def _has_area(vertices: Float64, faces: Int32) -> Bool:
 
 
 def _edge_uses(faces: Int32) -> Int64:
-    """Return how many faces each edge has."""
+    """Return the number of faces of each edge."""
     ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
     return np.unique(ends.min(axis=1) << 32 | ends.max(axis=1), return_counts=True)[1]
 
 
 def _repeats_earlier(faces: Int32) -> Bool:
-    """Return whether each face has the corners of an earlier one."""
+    """Return whether each face (F,) has the corners of an earlier one."""
     first, number = weld(np.sort(faces, axis=1).astype(np.float64))
     return first[number] != np.arange(len(faces))
 
 
 def even_points(areas: Float64, count: int) -> tuple[Int64, Float32]:
-    """Spread `count` points over faces of `areas` (F,): return the face (N,) and barycentric row (N, 3) of each."""
+    """Spread `count` points over faces of `areas` (F,); return the face (N,) and barycentric row (N, 3) of each."""
     evenly = (np.arange(count) + 0.5) / count * areas.sum()
     hit = np.minimum(np.searchsorted(np.cumsum(areas), evenly), len(areas) - 1)
     return points_on_faces(np.bincount(hit, minlength=len(areas)))
@@ -136,9 +136,9 @@ def even_points(areas: Float64, count: int) -> tuple[Int64, Float32]:
 def sample_surface(
     vertices: NDArray[np.floating], faces: Int32, count: int, generator: np.random.Generator
 ) -> tuple[Float64, Int64]:
-    """Draw points uniformly by area: (count, 3), and the face of each (count,).
+    """Draw points (count, 3) uniformly by area, and return them with the face (count,) of each.
 
-    They are stratified: each of `count` intervals of equal area, in the order of the faces, has one point.
+    The sample is stratified. It has one point in each of `count` intervals of equal area, in the order of the faces.
     """
     total = np.cumsum(face_areas(vertices, faces))
     at = (np.arange(count) + generator.random(count)) / count * total[-1]
@@ -150,10 +150,10 @@ def sample_surface(
 
 
 def points_on_faces(counts: Int64) -> tuple[Int64, Float32]:
-    """Spread points over faces, `counts` (F,) of them on each.
+    """Spread points over faces, `counts` (F,) points on each.
 
-    Returned are the face (N,) of each point, ascending, and its barycentric coordinates (N, 3); the first point of a
-    face is its center.
+    Return the face (N,) of each point, ascending, and its barycentric coordinates (N, 3). The first point of a face is
+    its center.
     """
     ends = np.cumsum(counts)
     face = np.repeat(np.arange(len(counts)), counts)
@@ -162,7 +162,7 @@ def points_on_faces(counts: Int64) -> tuple[Int64, Float32]:
 
 
 def spread_in_triangle(index: Int64) -> Float32:
-    """Barycentric coordinates (N, 3) that fill a triangle evenly as `index` (N,) counts up from its center, 0.
+    """Return barycentric coordinates (N, 3) that fill a triangle evenly as `index` (N,) counts up from 0, the center.
 
     Source: the additive sequence of Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018.
     """
