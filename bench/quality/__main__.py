@@ -62,17 +62,23 @@ def write(path: Path, title: str, rows: Sequence[Row], legend: Mapping[str, str]
     for heading, half in (("All shapes", None), ("Constants were chosen on these", False), ("Judged on these", True)):
         some = [row for row in rows if half in (None, row[1])]
         table = [
-            [category, *np.mean([list(row[3].values()) for row in some if row[0] == category], axis=0).tolist()]
+            [category, *_means([list(row[3].values()) for row in some if row[0] == category])]
             for category in dict.fromkeys(row[0] for row in some)
         ]
         if table:
-            means = ["mean", *np.mean([row[1:] for row in table], axis=0).tolist()]
+            means = ["mean", *_means([row[1:] for row in table])]
             lines += [f"## {heading}", "", f"{len(some)} shapes.", ""]
             lines += [*to_markdown(["category", *names], [*table, means], ".3f"), ""]
     lines += [f"- **{word}**: {meaning}." for word, meaning in legend.items()]
     path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path.with_name(f"{path.name}.csv"), to_csv(["category", "shape", "half", *names], cells))
     write_text(path.with_name(f"{path.name}.md"), "\n".join(lines) + "\n")
+
+
+def _means(rows: Sequence[Sequence[float | None]]) -> list[float | None]:
+    """Return the mean of each column over the rows that have a number; None where none has."""
+    columns = ([x for x in column if x is not None and not np.isnan(x)] for column in zip(*rows, strict=True))
+    return [float(np.mean(numbers)) if numbers else None for numbers in columns]
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from trimesh.graph import connected_component_labels
 
 import dfd
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64
-from dfd.geometry.topology import face_areas
+from dfd.geometry.topology import vertex_areas
 
 Weights = NDArray[np.floating]  # (V, H), a column a handle
 Labels = NDArray[np.integer]  # (V,) the part of each vertex, −1 for none
@@ -19,8 +19,7 @@ Handles = NDArray[np.integer]  # (H,) vertices
 
 def area_fractions(mesh: dfd.Mesh) -> Float64:
     """(V,) how much of the surface belongs to each vertex, a third of each of its faces; they sum to 1."""
-    thirds = np.repeat(face_areas(mesh.vertices, mesh.faces) / 3, 3)
-    areas = np.bincount(mesh.faces.ravel(), thirds, minlength=len(mesh.vertices))
+    areas = vertex_areas(mesh.vertices, mesh.faces)
     return areas / areas.sum()
 
 

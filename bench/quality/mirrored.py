@@ -60,12 +60,12 @@ class PairedShape:
         return self.name
 
     def judged(self, field: dfd.Field) -> dict[str, float]:
-        """Return every number of `LEGEND`; those of motions are 1 where no pair is held apart."""
+        """Return every number of `LEGEND`; those of motions are NaN where no pair is held apart."""
         session = dfd.Deformer(self.mesh, field)
         found = [self._errors(session, pair) for pair in self.pairs]
-        apart = [errors for errors in found if errors]
-        shares = np.mean([np.array(errors) <= EXACT for errors in apart], axis=0) if apart else np.ones(len(LEGEND) - 1)
-        return dict(zip(LEGEND, [len(apart) / len(found), *shares.tolist()], strict=True))
+        exact = [np.array(errors) <= EXACT for errors in found if errors]
+        shares = np.mean(exact, axis=0) if exact else np.full(len(LEGEND) - 1, np.nan)
+        return dict(zip(LEGEND, [len(exact) / len(found), *shares.tolist()], strict=True))
 
     @staticmethod
     def _errors(session: dfd.Deformer, pair: Pair) -> list[float]:

@@ -24,7 +24,7 @@ Figure = bool | int | float | str | None
 
 @dataclass(frozen=True)
 class Record:
-    """Holds the result of one shape."""
+    """The result of one shape."""
 
     name: str
     path: str

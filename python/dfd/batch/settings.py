@@ -17,7 +17,7 @@ EXPORTS = ("glb", "obj", "ply", "stl", "off", "rig.glb", "weights.npz", "weights
 
 
 class BatchSettings(BaseModel):
-    """Holds all settings that the results of a shape depend on.
+    """All settings that the results of a shape depend on.
 
     Raises ValueError if a step or format is unknown, or a step lacks its input.
     """

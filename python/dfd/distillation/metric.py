@@ -48,7 +48,7 @@ _LEAST_STRETCH = 0.02  # below 1, because some mapped rows must be contracted
 
 @dataclass(frozen=True, eq=False)
 class Metric:
-    """Holds the learned map of an encoder's features of width D."""
+    """The learned map of an encoder's features of width D."""
 
     directions: Float32  # (D, d) the map of a row of features
     # thickness_directions: (BANDS, d) the map of a row of `dfd.distillation.thickness.thickness_bands`; the mapped

@@ -28,7 +28,7 @@ def _setting(default: Any, description: str, *, paper: Any = ..., **bounds: floa
 
 
 class DistillSettings(BaseModel):
-    """Holds the settings of `dfd.distill`, checked and immutable; the preset gives those that are left out.
+    """The settings of `dfd.distill`, checked and immutable; the preset gives those that are left out.
 
     Raises ValueError if a setting is out of range. Raises ValueError if neither or both of `steps` and `epochs` are
     given. Raises TypeError if there is no setting of a given name.

@@ -63,7 +63,7 @@ DISTANCE_KEPT = 0.75
 
 @dataclass(frozen=True, eq=False)
 class DiffusionProblem:
-    """Holds the part of the diffusion that does not depend on the tokens, over N points on the surface."""
+    """The part of the diffusion that does not depend on the tokens, over N points on the surface."""
 
     views: Views
     distance: float  # distance over which features are smoothed, in normalized coordinates

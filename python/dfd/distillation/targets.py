@@ -27,7 +27,7 @@ _ROWS_IN_CACHE = 512  # rows whose squares stay in a core's cache until they are
 
 
 class Targets:
-    """Holds normalized points (N, 3) and their target features, unit rows of width `dimension`."""
+    """Normalized points (N, 3) and their target features, unit rows of width `dimension`."""
 
     points: Float32
 
@@ -56,7 +56,7 @@ class Targets:
 
 @dataclass(eq=False)
 class PointTargets(Targets):
-    """Holds one target for each surface sample."""
+    """One target for each surface sample."""
 
     # points, targets: (N, 3) normalized, and (N, d) unit rows
     points: Float32

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dfd.common.linear_algebra import Float64
-from dfd.geometry.topology import face_areas
+from dfd.geometry.topology import vertex_areas
 
 if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
@@ -42,8 +42,7 @@ def differences(before: Deformer, after: Deformer) -> Float64:
 def _followed(session: Deformer) -> tuple[Float64, Float64]:
     """Return (H,) the share of the surface that follows each handle, and (H, 3) its center in the box."""
     mesh, weights = session.mesh, session.following
-    thirds = np.repeat(face_areas(mesh.vertices, mesh.faces) / 3, 3)
-    area = np.bincount(mesh.faces.ravel(), thirds, len(mesh.vertices))
+    area = vertex_areas(mesh.vertices, mesh.faces)
     held = area[:, None] * ((weights >= HELD * weights.max(axis=0)) & (weights > 0))
     total = held.sum(axis=0)
     center = held.T @ (mesh.vertices - mesh.bounds.mean(axis=0)) / np.maximum(total, 1e-300)[:, None]

@@ -26,7 +26,7 @@ DEFAULTS = PRESETS["default"]
 
 @dataclass(frozen=True, repr=False)
 class Controls(Brief):
-    """Holds the controls of a handle; `dfd.editing.presets.CONTROLS` describes each field.
+    """The controls of a handle; `dfd.editing.presets.CONTROLS` describes each field.
 
     The preset "default" gives the values that are left out. Lengths are in mesh units. Only one of `radius` and
     `locality` may be given.

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 
 class Deformer:
-    """Holds one editing session of one shape.
+    """One editing session of one shape.
 
     Every handle keeps the numbers that the caller gave, and can be changed or removed at any time. `vertices` always
     follows from the resting mesh. A new handle costs one column of weights. A frame of a drag costs only what the

@@ -37,7 +37,7 @@ CONTROLS = Controls()
 
 @dataclass(frozen=True, repr=False)
 class Handle(Brief):
-    """Holds a place on the shape, the transform of that place, and the controls of what follows it.
+    """A place on the shape, the transform of that place, and the controls of what follows it.
 
     Raises ValueError if `id` is below 1, `name` is no text, or the numbers are so large that the matrix is not finite.
     """
@@ -72,7 +72,7 @@ class Handle(Brief):
 
 @dataclass(frozen=True, repr=False)
 class Fixed(Brief):
-    """Holds a point or a region that stays in place with all its counterparts (Eq. 6)."""
+    """A point or a region that stays in place with all its counterparts (Eq. 6)."""
 
     place: Place
     strength: Annotated[float, About("How much of the weight there it takes away; 1 is Eq. 6.", 0.0, 1.0)] = 1.0
@@ -93,7 +93,7 @@ class Fixed(Brief):
 
 @dataclass(frozen=True, repr=False)
 class Edit(Brief):
-    """Holds all changes that a session made to a shape.
+    """All changes that a session made to a shape.
 
     Raises ValueError if two handles share an id, two handles or fixed points share a place, or a name is unknown.
     """

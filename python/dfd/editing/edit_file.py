@@ -89,7 +89,7 @@ SAME_BOX = 0.05
 
 @dataclass(frozen=True)
 class Units:
-    """Holds the units of lengths and angles; a file cannot have others."""
+    """The units of lengths and angles; a file cannot have others."""
 
     length: Literal["mesh"] = "mesh"
     angle: Literal["degree"] = "degree"
@@ -120,7 +120,7 @@ class MadeOn:
 
 @dataclass(frozen=True)
 class EditFile(Edit):
-    """Holds an edit of a shape with the other keys of a file."""
+    """An edit of a shape with the other keys of a file."""
 
     format: Literal["dfd-edit"] = "dfd-edit"
     version: Literal[1] = 1

@@ -9,7 +9,7 @@ from dfd.editing.edit import Edit
 
 
 class History:
-    """Holds a list of states, one of which is the present one."""
+    """A list of states, one of which is the present one."""
 
     def __init__(self, start: Edit) -> None:
         self._states = [start]

@@ -33,7 +33,7 @@ NOWHERE: Vector = (math.nan, math.nan, math.nan)
 
 @dataclass(frozen=True, repr=False)
 class Place(Brief):
-    """Holds the place of a handle or a fixed point on the resting shape: a vertex, a region, or a point in space.
+    """The place of a handle or a fixed point on the resting shape: a vertex, a region, or a point in space.
 
     Raises ValueError if it has no content, or a number is out of its bounds.
     """
@@ -74,7 +74,7 @@ class Place(Brief):
 
 
 class Found(NamedTuple):
-    """Holds the place that a text names on a mesh."""
+    """The place that a text names on a mesh."""
 
     place: Place
     note: str  # one line for display: the vertex and its distance, or the number of vertices

@@ -81,7 +81,7 @@ CONTROLS = {
 
 @dataclass(frozen=True)
 class Rules:
-    """Holds everything that differs between the presets, with the values of the preset "default"."""
+    """Everything that differs between the presets, with the values of the preset "default"."""
 
     # reach, falloff, counterparts: controls of a new handle. In pictures and labels of people, any one number for reach
     # is too wide for an ear and too narrow for a leg. A linear falloff pulls the surface into a point.

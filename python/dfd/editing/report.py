@@ -22,7 +22,7 @@ UNSEEN = 1e-3
 
 @dataclass(frozen=True)
 class HandleReport:
-    """Holds the result of one handle."""
+    """The result of one handle."""
 
     # id, name: id and name of the handle
     id: int
@@ -51,7 +51,7 @@ class HandleReport:
 
 @dataclass(frozen=True)
 class Report:
-    """Holds the result of an edit."""
+    """The result of an edit."""
 
     moved: float  # fraction of vertices that moved by more than 0.1 % of the diagonal of the box
     farthest: float  # largest distance that a vertex moved, mesh units

@@ -12,7 +12,7 @@ from dfd.encoders.weight_files import ChannelStats
 
 @dataclass(frozen=True)
 class VisionModel:
-    """Holds a network that is cut off after `block` (counted from 1) of its `depth` blocks.
+    """A network that is cut off after `block` (counted from 1) of its `depth` blocks.
 
     `tokens` maps normalized images (n, 3, H, W) to tokens (n, H / patch, W / patch, D). H and W are multiples of `step`
     pixels, or exactly `fixed_size` if it is set. The second argument of `tokens` (n, H / patch, W / patch), bool,

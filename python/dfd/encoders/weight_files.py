@@ -15,7 +15,7 @@ _WHOLE, _INDEX = "model.safetensors", "model.safetensors.index.json"  # one file
 
 
 class ChannelStats(NamedTuple):
-    """Holds mean and standard deviation of each channel (red, green, blue) of a network's training images.
+    """Mean and standard deviation of each channel (red, green, blue) of a network's training images.
 
     The encoder uses them to bring images in [0, 1] to mean 0 and deviation 1.
     """
@@ -29,7 +29,7 @@ IMAGENET = ChannelStats((0.485, 0.456, 0.406), (0.229, 0.224, 0.225))
 
 @dataclass(frozen=True)
 class EncoderWeights:
-    """Holds weights that are not loaded into a network yet: in `folder`, or already read as `tensors`, arrays by name.
+    """Weights that are not loaded into a network yet: in `folder`, or already read as `tensors`, arrays by name.
 
     `fingerprint` changes when the weights or their settings change. `channels` are those that come with the weights.
     """

@@ -22,7 +22,7 @@ SHEAR = 1e-9
 
 @dataclass(frozen=True)
 class Local:
-    """Holds the transform of a joint in its own frame: scale, then rotation, then translation."""
+    """The transform of a joint in its own frame: scale, then rotation, then translation."""
 
     translation: Float64  # (3,) mesh units
     rotation: Float64  # (4,) quaternion x, y, z, w

@@ -21,7 +21,7 @@ from dfd.posing.transforms import Transform
 
 @dataclass(frozen=True)
 class KeyPose:
-    """Holds the transforms of a session's handles at one moment.
+    """The transforms of a session's handles at one moment.
 
     Raises ValueError if `seconds` is no number or negative. Raises ValueError if `transforms` has a key that is no id
     or a value that is no transform.
@@ -78,7 +78,7 @@ _STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 @dataclass(frozen=True, repr=False)
 class _Posed(Transform):
-    """Holds a transform in a file, and the handle that it moves."""
+    """A transform in a file, and the handle that it moves."""
 
     handle: Annotated[int, Field(ge=0)] = field(kw_only=True)
 

@@ -25,7 +25,7 @@ BATCH = 1 << 14  # vertices per batch, so that no second array is as large as th
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """Holds joints, and the weights with which vertices follow them."""
+    """Joints, and the weights with which vertices follow them."""
 
     # mesh, edit: the resting shape and its edit
     mesh: Mesh

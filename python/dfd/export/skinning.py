@@ -16,7 +16,7 @@ ABOVE = 1e-5  # a sum of weights that exceeds 1 by more has other causes than th
 
 @dataclass(frozen=True)
 class Difference:
-    """Holds the deviation of a file from `dfd.pose`, over the edit and all key poses."""
+    """The deviation of a file from `dfd.pose`, over the edit and all key poses."""
 
     # largest, mean: distances of vertices, mesh units; the mean is that of the pose where it is largest
     largest: float = 0.0
@@ -26,7 +26,7 @@ class Difference:
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """Holds the skin of a rig as a file stores it; vertices and joints are relative to the rig's origin."""
+    """The skin of a rig as a file stores it; vertices and joints are relative to the rig's origin."""
 
     # joints: (V, K) of each vertex, by descending weight, no joint twice; 0 where the weight is 0
     joints: Int64

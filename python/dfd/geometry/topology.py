@@ -96,6 +96,12 @@ def face_areas(vertices: NDArray[np.floating], faces: Int32) -> Float64:
     return face_sizes(vertices, faces)[1]
 
 
+def vertex_areas(vertices: NDArray[np.floating], faces: Int32) -> Float64:
+    """Return the area of every vertex (V,), a third of each of its faces, in squared units of `vertices` (V, 3)."""
+    thirds = np.repeat(face_areas(vertices, faces) / 3, 3)
+    return np.bincount(faces.ravel(), thirds, len(vertices)).astype(np.float64)
+
+
 def _three_corners(faces: Int32) -> Bool:
     a, b, c = faces.T
     return (a != b) & (b != c) & (c != a)

@@ -133,7 +133,8 @@ class CounterpartFinder:
         counterparts
             The handle's own counterpart first, then the others, the most alike first.
         part
-            (V,) the weights of `grip`, with those of the handle's own component at its mirror images; None without it.
+            (V,) the weights of `grip`; None without it. Unless `everywhere`, mirror images of the handle's own
+            component have its weights.
         """
         nodes = self._nodes
         x, y, z = (float(value) for value in position)
@@ -192,7 +193,8 @@ class CounterpartFinder:
         inside = np.flatnonzero(component >= 0)
         if not len(inside):
             return joined
-        members = np.split(inside[np.argsort(component[inside], kind="stable")], _ends(component[inside]))
+        order = inside[np.argsort(component[inside], kind="stable")]
+        members = np.split(order, np.flatnonzero(np.diff(component[order])) + 1)
         members.sort(key=lambda each: (-len(each), each[0]))
         centers = np.array([nodes.center[each].mean(axis=0) for each in members])
         of_mesh = np.array([nodes.component[each[0]] for each in members])
@@ -290,11 +292,6 @@ class CounterpartFinder:
     @cached_property
     def _nodes(self) -> Nodes:
         return nodes_of(self._mesh)
-
-
-def _ends(numbers: Int64) -> Int64:
-    """Return where each number but the last ends when `numbers` (N,) are sorted."""
-    return np.flatnonzero(np.diff(np.sort(numbers))) + 1
 
 
 class _Box:
