@@ -77,11 +77,11 @@ def expected(of: bpy.types.Object, field_file: Path, vertex: int, **how) -> np.n
 def weights(field, vertices, faces, vertex: int, reach: float | str = "part", falloff: str | None = None) -> np.ndarray:
     """What a handle of a new session gives the vertices: sessions need pydantic, which Blender has not."""
     import dfd
-    from dfd.editing.presets import PARTLESS_REACH, PRESETS, WITHIN_PART
+    from dfd.editing.presets import LARGEST, PARTLESS_REACH, PRESETS
 
     part = dfd.parts(field, dfd.Mesh(vertices, faces)).grip(vertex) if reach == "part" else None
     if reach == "part":
-        reach = PARTLESS_REACH if part is None else WITHIN_PART
+        reach = PARTLESS_REACH if part is None else LARGEST
     column = dfd.bind(field(vertices), [vertex], reach=reach, falloff=falloff or PRESETS["default"].falloff)[:, 0]
     return column if part is None else column * part
 

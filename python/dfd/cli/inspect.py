@@ -133,5 +133,5 @@ def parts(
         rows = [(f"{len(found)} parts", parts_view(shape, found))]
         save_sheet(picture, shape, rows, views=views, azimuth=35.0, resolution=resolution)
     for row in document["parts"]:
-        pieces = f"{row['pieces']} {'pieces' if row['pieces'] > 1 else 'piece'}"
-        say(f"{row['part']:3d}  {row['share']:6.1%} of the surface, {pieces}, at vertex {row['vertex']}", result=True)
+        count = f"{row['components']} component{'s' if row['components'] > 1 else ''}"
+        say(f"{row['part']:3d}  {row['share']:6.1%} of the surface, {count}, at vertex {row['vertex']}", result=True)

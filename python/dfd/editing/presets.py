@@ -16,9 +16,7 @@ if TYPE_CHECKING:
     from dfd.weights.bind import Falloff
 
 LARGEST = 1e38  # bound of numbers, because the kernels compute with 32-bit floats
-# Settings of the reach "part". WITHIN_PART is where weights would end by features alone, large enough that the far end
-# of a part follows nearly in full. PARTLESS_REACH is the reach on a shape without parts that end, such as a ball.
-WITHIN_PART, PARTLESS_REACH = 6.0, 0.7
+PARTLESS_REACH = 0.7  # stands for the reach "part" on a shape without parts that end, such as a ball
 
 Counterparts = Literal["own_pivot", "shared_pivot", "only"]
 Reach = float | Literal["part"]

@@ -1,4 +1,4 @@
-"""The borders of parts among the nodes of the surface: they snap to nearby creases by a minimal cut."""
+"""Move the borders of parts to nearby creases by a minimal cut, and find what a part separates from the body."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, dijk
 from dfd.common.linear_algebra import Bool, Int64
 from dfd.segmentation.patches import Patches
 
-NECK = 1.5  # in the spacing of patches: components that meet only this near to the border are separate
-SMALL_COMPONENT = 0.1  # of the largest component: smaller ones join their neighbor
-BAND = 1.5  # distance from the border of patches, in their spacing, within which it may move
-CREASE = 0.1  # concavity that lowers the cost of a border by a factor of e
+NECK = 1.5  # spacings of patches; components that touch only at this distance from the border are separate
+SMALL_COMPONENT = 0.1  # share of the largest component's area; smaller components join their neighbor
+BAND = 1.5  # largest distance by which the border may move, in spacings of patches
+CREASE = 0.1  # concavity that divides the cost of a border by e
 KEEP = 0.1  # cost of a node that changes sides, relative to the girth of a patch of its area
-STEEPEST = 10.0  # largest factor by which concavity is scaled up for nodes nearer to each other than patches
-UNITS, MOST = 1e6, 2**28  # flows are integers: the cost of a border as long as the diagonal, and the largest cost
+STEEPEST = 10.0  # largest factor of the concavity between nodes that are nearer to each other than patches
+UNITS, MOST = 1e6, 2**28  # integer cost of a border as long as the diagonal, and the largest cost
 
 Mask = Bool
 
@@ -36,12 +36,12 @@ def snapped(patches: Patches, inside: Mask, held: int | None = None) -> Mask:
     deepest = np.zeros(borders.count)
     one_side = patches.borders.graph(np.equal(*inside[patches.borders.pairs.T]).astype(np.float64))
     one_side.eliminate_zeros()
-    piece = connected_components(one_side, directed=False)[1][patches.of_node]
-    np.maximum.at(deepest, piece, np.minimum(depth, band))
-    free = depth < deepest[piece] / 2
+    component = connected_components(one_side, directed=False)[1][patches.of_node]
+    np.maximum.at(deepest, component, np.minimum(depth, band))
+    free = depth < deepest[component] / 2
     if held is not None:
         start[held], free[held] = True, False
-    # Nodes that may change sides, then all others of one side as the source, and those of the other as the sink.
+    # The graph has the nodes that may change sides, one source for all other nodes inside, and one sink for the rest.
     count = int(free.sum())
     number = np.where(start, count, count + 1)
     number[free] = np.arange(count)
@@ -65,8 +65,8 @@ def snapped(patches: Patches, inside: Mask, held: int | None = None) -> Mask:
 def closed(patches: Patches, inside: Mask) -> Mask:
     """Return a part (P,) with everything that it separates from the body, such as the hoof of a leg.
 
-    The body is the largest component that remains without the part. Where it has less than half of what remains, as
-    around a trunk, the part stays as it is.
+    The body is the largest component that remains without the part. If it has less than half of the remaining area, as
+    around a trunk, the part is returned unchanged.
     """
     borders = patches.borders
     out = np.flatnonzero(~inside)
@@ -82,28 +82,28 @@ def closed(patches: Patches, inside: Mask) -> Mask:
 def components_of(patches: Patches, inside: Mask) -> Int64:
     """Return (P,) the component of a part `inside` (P,) that each patch is on, counted from 0; −1 outside the part.
 
-    Legs that meet in a narrow web are pieces all the same: what lies deep in the part tells them apart, and what does
-    not belongs to the piece nearest to it along the surface.
+    Legs that meet in a narrow web are separate components. Patches deeper than NECK define the components. Each other
+    patch belongs to the component that is nearest along the surface.
     """
     borders = patches.borders
     own = np.flatnonzero(inside)
     graph = borders.graph(borders.apart)[own][:, own]
     ends = np.unique(borders.pairs[np.not_equal(*inside[borders.pairs.T])])
     depth = dijkstra(borders.graph(borders.apart), indices=ends, min_only=True) if len(ends) else None
-    piece = np.asarray(connected_components(graph, directed=False)[1], np.int64)
+    component = np.asarray(connected_components(graph, directed=False)[1], np.int64)
     if depth is not None:
         deep = np.flatnonzero(depth[own] > NECK * patches.spacing)
         core = connected_components(graph[deep][:, deep], directed=False)[1] if len(deep) else deep
         area = np.bincount(core, patches.area[own[deep]])
         large = (area > SMALL_COMPONENT * area.max(initial=0))[core]
-        # A piece without a deep place stays one.
-        whole = np.isin(piece, piece[deep[large]])
+        # A component without a deep patch stays one.
+        whole = np.isin(component, component[deep[large]])
         seeds = deep[large]
         if len(seeds):
             source = dijkstra(graph, indices=seeds, min_only=True, return_predecessors=True)[2]
             name = np.zeros(len(own), np.int64)
             name[seeds] = core[large] + 1
-            piece = np.where(whole, name[np.where(whole, source, 0)], -piece - 1)
+            component = np.where(whole, name[np.where(whole, source, 0)], -component - 1)
     result = np.full(borders.count, -1)
-    result[own] = np.unique(piece, return_inverse=True)[1]
+    result[own] = np.unique(component, return_inverse=True)[1]
     return result

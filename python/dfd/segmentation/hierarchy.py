@@ -1,7 +1,7 @@
 """The tree of a shape's parts: patches merged by the similarity of features, smoothed except across creases.
 
-Each node of the tree is a part with its counterparts. The borders of a node tell whether people would call it a part:
-they run along creases, and the next larger node differs much from it.
+Each node of the tree is a part with its counterparts. A node is a part that people would name if its borders run along
+creases and its features differ much from those of the next larger node.
 """
 
 from __future__ import annotations
@@ -20,30 +20,30 @@ from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.segmentation.border import SMALL_COMPONENT, closed
 from dfd.segmentation.patches import BRIDGE, Distal, Patches
 
-DIMENSIONS = 24  # principal directions of the features that are kept; the others hold noise
+DIMENSIONS = 24  # number of principal components of the features that are kept; the others are noise
 DIFFUSION = 0.005  # area over which features are smoothed, relative to the surface
-CREASE = 0.1  # concavity that lowers the conductance of smoothing by a factor of e: about six degrees per patch
+CREASE = 0.1  # concavity that divides the conductance of smoothing by e, about six degrees per patch
 STEP = 0.15  # feature distance with the same effect
-ROUNDS = 3  # of smoothing; each round finds borders better in the result of the one before
-LEAST_AREA, MOST_AREA = 0.002, 0.95  # of the whole surface: the areas of parts
-LEAST_COMPONENT = 0.005  # likewise, of the mean component of a part; a crease has less
-LEAST_SHOWN = 0.005  # likewise, of the parts in a cut of the whole shape
-ALIKE = 1.4  # largest ratio between components of similar size
-# A larger node replaces the best one if its smallest component has at least EQUAL of the area of its largest, and its
-# likelihood is at least STILL_LIKELY of that of the best.
+ROUNDS = 3  # number of rounds of smoothing; each round detects borders in the result of the previous one
+LEAST_AREA, MOST_AREA = 0.002, 0.95  # bounds of the area of a part, as shares of the surface
+LEAST_COMPONENT = 0.005  # smallest mean area of a part's components, as a share of the surface; creases have less
+LEAST_SHOWN = 0.005  # smallest area of a part in a cut of the whole shape, as a share of the surface
+ALIKE = 1.4  # largest ratio between two areas that count as similar
+# A larger node replaces the best one if the areas of its smallest and largest component have at least the ratio EQUAL,
+# and its likelihood is at least STILL_LIKELY times that of the best.
 EQUAL, STILL_LIKELY = 0.8, 0.15
-CUT = 1.35  # factor of the saliency of nodes in the clearest cut, since parts that people name lie side by side
+CUT = 1.35  # factor of the saliency of nodes in the clearest cut, because parts that people name do not overlap
 # Nodes with more than MOST_MEANT of the surface are held only where no smaller one has at least a saliency of
 # LEAST_WITHIN. On 91 rigs, 0.8 loses 0.005 of the IoU, and 0.2 loses 0.003; on 76 labelled meshes, 0.6 loses 0.002, and
 # 0.1 loses 0.010.
 MOST_MEANT, LEAST_WITHIN = 0.7, 0.15
-# Power of the share of what is beyond a handle that a node holds, in its likelihood. On the rigs, 1.5 leaves 0.011 more
-# of limbs behind and loses 0.006 of the IoU; on the labelled meshes, 2.5 loses 0.002.
-HELD_BEYOND = 2.0
-SHORT = 0.2  # diagonals: short borders need stronger creases, since they crease by chance
-ROUNDING = 1e-12  # of the length of all borders: shorter ones count as 0
+# Exponent, in the likelihood of a node, of the share of the surface beyond the handle that the node holds. On 91 rigs,
+# 2 leaves 0.004 more of limbs behind, and 4 loses 0.004 of the IoU.
+HELD_BEYOND = 3.0
+SHORT = 0.2  # diagonals; added to lengths of borders, because short borders often follow a crease by chance
+ROUNDING = 1e-12  # share of the length of all borders below which a length is a rounding error
 LEAST_CONCAVITY = 0.02  # added to every border, since some parts end without a crease
-SURE = 0.1  # least saliency of two parts that may be joined
+SURE = 0.1  # smallest saliency of two parts that may be joined
 # Two parts of several components each are joined if their components and borders have similar sizes, and their features
 # differ by less than LESS_APART times the difference from their surroundings. This is repeated TWIN_ROUNDS times.
 LESS_APART, TWIN_ROUNDS = 2.0, 3
@@ -55,9 +55,9 @@ class Node:
     """A node of the tree: a part with its counterparts."""
 
     inside: Bool  # (P,) which patches belong to it
-    area: float  # relative to the whole surface
+    area: float  # as a share of the surface
     border: float  # length of its borders, in diagonals of the box
-    concavity: float  # how much the surface creases along them
+    concavity: float  # mean concavity along them, in [0, 2]
     step: float  # increase of the merge distance to the parent, in [0, 1]
 
 
@@ -66,12 +66,12 @@ class Hierarchy:
 
     Attributes
     ----------
-    branches
+    nodes
         (N,) the nodes: patches first, then nodes that merge two earlier ones.
     cut
         The nodes of the cut of the tree with the largest sum of clarity times area.
     clear
-        (N,) whether a node has more clarity than any cut of its subtree.
+        (N,) whether a node is clearer than every cut of its subtree.
 
     Parameters
     ----------
@@ -84,10 +84,10 @@ class Hierarchy:
     def __init__(self, patches: Patches, features: NDArray[np.floating]) -> None:
         self._patches = patches
         self._distal = Distal(patches)
-        self._components_by_patches: dict[bytes, tuple[Float64, int]] = {}  # most nodes of one tree are in the next
+        self._components_by_patches: dict[bytes, tuple[Float64, int]] = {}  # shared by the trees of all rounds
         values = smoothed(patches, features.astype(np.float64))
         self._join(values)
-        # Features also depend on the place on a body, so front legs and hind legs may merge with it before each other.
+        # Features also depend on the place on a body, so front legs may merge with the trunk before hind legs.
         for _ in range(TWIN_ROUNDS):
             if not (twins := self._twins(values)):
                 break
@@ -106,7 +106,7 @@ class Hierarchy:
         children = merges[:, :2].astype(np.int64)
         self._parent[children] = np.arange(count, 2 * count - 1)[:, None]
         self._size = np.concatenate([np.ones(count, np.int64), merges[:, 3].astype(np.int64)])
-        # Patches in an order in which those of every node stand side by side, from `first` on.
+        # In `_order`, the patches of each node are consecutive and start at `_first`.
         first = np.zeros(2 * count - 1, np.int64)
         for node in range(count - 2, -1, -1):
             one, other = children[node]
@@ -116,7 +116,7 @@ class Hierarchy:
         self._children = children
         self._known_components: dict[int, tuple[Float64, int]] = {}
         self._carrying: dict[int, Bool] = {}
-        self.branches = self._described()
+        self.nodes = self._described()
         self.cut, self.clear = self._clearest_cut()
 
     def _twins(self, values: Float64) -> list[Bool]:
@@ -125,10 +125,10 @@ class Hierarchy:
         nodes = [node for node in nodes if len(self._components(node)[0]) > 1]
         if len(nodes) < 2:
             return []
-        inside = np.array([self.branches[node].inside for node in nodes])
+        inside = np.array([self.nodes[node].inside for node in nodes])
         touches = self._patches.borders.graph(np.ones(len(self._patches.borders.pairs)))
         around = (touches @ inside.T > 0).T & ~inside
-        around[~around.any(axis=1)] = True  # a component: the whole shape
+        around[~around.any(axis=1)] = True  # a whole component of the mesh is compared with the whole shape
         mean = self._mean(values, inside)
         step = np.maximum(np.linalg.norm(mean - self._mean(values, around), axis=1), 1e-9)
         apart = cdist(mean, mean) / np.minimum(step[:, None], step)
@@ -159,7 +159,7 @@ class Hierarchy:
     def _may_be_part(self, node: int) -> bool:
         """Return whether a node and its mean component have the area of a part."""
         return bool(
-            LEAST_AREA < self.branches[node].area < MOST_AREA and self._components(node)[0].mean() > LEAST_COMPONENT
+            LEAST_AREA < self.nodes[node].area < MOST_AREA and self._components(node)[0].mean() > LEAST_COMPONENT
         )
 
     def saliency(self, node: int) -> float:
@@ -168,29 +168,29 @@ class Hierarchy:
         Salient nodes end at creases, differ from their surroundings, and have short borders: limbs, heads, handles. The
         mean length of one border counts, so that four legs are as salient as one.
         """
-        branch = self.branches[node]
-        likely = (branch.concavity + LEAST_CONCAVITY) * branch.step / (self.around(node) + SHORT)
+        own = self.nodes[node]
+        likely = (own.concavity + LEAST_CONCAVITY) * own.step / (self.around(node) + SHORT)
         return float(likely * (CUT if node in self.cut else 1.0))
 
     def clarity(self, node: int) -> float:
         """Return the clarity of a node's borders, comparable among all nodes."""
-        branch = self.branches[node]
-        clarity = (branch.concavity + LEAST_CONCAVITY) * branch.step**0.75
+        own = self.nodes[node]
+        clarity = (own.concavity + LEAST_CONCAVITY) * own.step**0.75
         return float(clarity / np.sqrt(self.around(node) + SHORT))
 
     def carrying(self, node: int) -> Bool:
         """(P,) Return the node with everything that it separates from the body."""
         if node not in self._carrying:
-            self._carrying[node] = closed(self._patches, self.branches[node].inside)
+            self._carrying[node] = closed(self._patches, self.nodes[node].inside)
         return self._carrying[node]
 
     def meant(self, patch: int) -> int:
         """Return the node that a handle at a patch holds.
 
-        It is the closed node with the largest expected IoU with the one that is meant, and not most of the shape. More
-        salient nodes are likelier. Nodes that leave much behind of what is beyond the handle are less likely, such as a
-        ring around a leg or its front alone. An ancestor that joins the node with as many components of equal size
-        takes its place: hind wheels follow front ones.
+        Of the closed nodes, it has the largest expected IoU with the node that is meant. Salient nodes are more likely
+        to be meant. Nodes that hold little of the surface beyond the handle are less likely, such as a ring around a
+        leg. An ancestor that doubles the number of components of equal size replaces the node: hind wheels follow front
+        wheels.
         """
         nodes, area = self.holding(patch), self._patches.area
         whole = np.array([self.carrying(node) for node in nodes])
@@ -215,9 +215,9 @@ class Hierarchy:
 
     def around(self, node: int) -> float:
         """Return the mean length of a node's borders, in diagonals of the box: the girth of a limb at its base."""
-        branch = self.branches[node]
+        own = self.nodes[node]
         # A node without borders counts as a square of its area.
-        length = branch.border or np.sqrt(branch.area * self._patches.node_area.sum())
+        length = own.border or np.sqrt(own.area * self._patches.node_area.sum())
         return float(length) / self._components(node)[1]
 
     def _similar_size(self, one: int, other: int) -> bool:
@@ -227,7 +227,7 @@ class Hierarchy:
 
     def _components(self, node: int) -> tuple[Float64, int]:
         if node not in self._known_components:
-            inside = self.branches[node].inside
+            inside = self.nodes[node].inside
             key = np.packbits(inside).tobytes()
             if key not in self._components_by_patches:
                 self._components_by_patches[key] = components_and_borders(self._patches, inside)
@@ -240,7 +240,7 @@ class Hierarchy:
         worth, clear = np.zeros(len(self._height)), np.zeros(len(self._height), bool)
         cuts = [[node] for node in range(count)]
         for node, (one, other) in enumerate(self._children, start=count):
-            own = self.branches[node].area * self.clarity(node) if self._may_be_part(node) else 0.0
+            own = self.nodes[node].area * self.clarity(node) if self._may_be_part(node) else 0.0
             below = worth[one] + worth[other]
             worth[node], clear[node] = max(own, below), own > 0 and own >= below
             cuts.append([node] if clear[node] else cuts[one] + cuts[other])
@@ -249,7 +249,7 @@ class Hierarchy:
     def shown(self) -> Int64:
         """Return (P,) the part of each patch in `cut`; small parts join the neighbor with the longest common border."""
         borders, area = self._patches.borders, self._patches.area
-        part: Int64 = np.argmax([self.branches[node].inside for node in self.cut], axis=0)
+        part: Int64 = np.argmax([self.nodes[node].inside for node in self.cut], axis=0)
         for small in sorted(set(part.tolist()), key=lambda number: area[part == number].sum()):
             if area[part == small].sum() >= LEAST_SHOWN:
                 break
@@ -265,7 +265,8 @@ class Hierarchy:
         patches, borders = self._patches, self._patches.borders
         creased = borders.length * borders.concavity.clip(0)
         area, length, crease = self._sums(patches.area), self._crossing(borders.length), self._crossing(creased)
-        concavity = np.where(length > 0, crease / (length + SHORT), BRIDGE)  # nothing but small gaps, or the component
+        # Borders of length 0 are gaps between components.
+        concavity = np.where(length > 0, crease / (length + SHORT), BRIDGE)
         above = np.where(self._parent >= 0, self._height[self._parent], self._height)
         step = (above - self._height) / (above + EVEN)
         inside = np.zeros((len(self._height), borders.count), bool)
@@ -302,10 +303,10 @@ def components_and_borders(patches: Patches, inside: Bool) -> tuple[Float64, int
     """Return the areas of the components of a part `inside` (P,), without small ones, and its number of borders."""
     pairs = patches.borders.pairs.astype(np.int32)
     same = inside[pairs[:, 0]] == inside[pairs[:, 1]]
-    piece = _core.components(len(inside), np.zeros((0, 3), np.int32), pairs[same])
-    areas = np.bincount(piece, patches.area)
+    component = _core.components(len(inside), np.zeros((0, 3), np.int32), pairs[same])
+    areas = np.bincount(component, patches.area)
     own = np.zeros(len(areas), bool)
-    own[piece[inside]] = True
+    own[component[inside]] = True
     large = areas > SMALL_COMPONENT * areas[own].max()
     # Components and their surroundings form a tree with one border per edge.
     return areas[large & own], max(int(large.sum()) - 1, 1)

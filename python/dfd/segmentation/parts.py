@@ -24,10 +24,10 @@ from dfd.segmentation.patches import Patches
 Level = Literal["smaller", "part", "larger"]
 LARGER = 1.25  # the areas of two levels differ at least by this factor
 LEAST_SALIENCY = 0.033  # parts found by chance on a ball have up to 0.031, parts that people name 0.08 to 2
-# The seam is the band in which the weights of a grip fall to 0. Its width is SEAM diagonals of the box, or THICKNESS
-# of the length around the limb if that is less. BEYOND is the share of its width outside the part.
-SEAM, THICKNESS, BEYOND = 0.05, 0.25, 0.3
-# Parts with more than MOST_OF_LIMBS borders per connected piece, such as a trunk, have a seam TRUNK times as wide.
+# In the blend band, the weights of a grip fall from 1 to 0. The border of the part, with weight 0.5, is the middle of
+# the band. Its width is the smaller of WIDEST diagonals of the box and THICKNESS times the length around the limb.
+WIDEST, THICKNESS = 0.05, 0.25
+# Parts with more than MOST_OF_LIMBS borders per component, such as a trunk, have a blend band TRUNK times as wide.
 TRUNK, MOST_OF_LIMBS = 3.0, 1.5
 
 
@@ -44,7 +44,7 @@ class Part:
 
     mask: Bool = field(repr=False)  # (V,) which vertices belong to the part
     share: float  # its area relative to the whole surface
-    pieces: int  # the number of its connected pieces; very small ones are not counted
+    components: int  # the number of its connected components, without very small ones
     vertex: int  # a vertex far inside it, or the vertex of the request
 
     @property
@@ -91,27 +91,27 @@ class Parts:
         at
             A vertex index, or a point (3,) in mesh units: the nearest vertex counts.
         level
-            "part" is the part that people most likely mean. "smaller" is a part inside it, "larger" a part around it;
-            if there is none, they equal "part".
+            "part" is the part that people most likely mean. "smaller" is a part inside it, and "larger" is a part
+            around it. If there is none, they equal "part".
         alike
-            Whether pieces that look alike belong to the part, such as the other legs. False gives one connected piece.
+            Whether counterparts belong to the part, such as the other legs. False gives one connected component.
 
         Raises ValueError if `at` is neither, `level` is unknown, or the mesh has no face with an area.
         """
         check.choice("Parts.part", "level", level, Level)
         vertex = self._vertex(at)
         patch = int(self._patches.of_vertex[vertex])
-        inside = self._hierarchy.branches[self._chosen(patch, level)].inside
+        inside = self._hierarchy.nodes[self._chosen(patch, level)].inside
         if not alike:
-            piece = components_of(self._patches, inside)
-            inside = piece == piece[patch]
+            component = components_of(self._patches, inside)
+            inside = component == component[patch]
         nodes = self._snapped(inside, vertex)
         return self._part(inside, self._carried([~nodes, nodes]) == 1, vertex)
 
     def grip(self, at: Any) -> Grip | None:
-        """Return what a handle at a place holds: the part, and all that only the part connects to the rest.
+        """Return the part that a handle at a place holds, and everything that only this part connects to the rest.
 
-        None means that there is no part, such as on a ball.
+        Returns None if there is no part, such as on a ball.
         """
         vertex = self._vertex(at)
         if not self._has_surface:
@@ -123,8 +123,8 @@ class Parts:
         if inside.all() or max(map(tree.saliency, tree.holding(patch))) < LEAST_SALIENCY:
             return None
         side = self._snapped(inside, vertex)
-        width = patches.size * self._seam(chosen, inside)
-        # Gaps between components are borders: the seam does not cross from teeth to lips.
+        width = patches.size * self._band(chosen, inside)
+        # The blend band does not cross gaps between components of the mesh, such as from teeth to lips.
         graph, component = patches.nodes.graph, patches.nodes.component
         row = np.repeat(np.arange(len(side)), np.diff(graph.indptr))
         whole = component[row] == component[graph.indices]
@@ -136,48 +136,48 @@ class Parts:
             if len(sources := ends[side[ends] != inner]):
                 found = dijkstra(graph, indices=sources, min_only=True, limit=width)
                 depth[side == inner] = np.minimum(found[side == inner], width)
-        within = np.clip(BEYOND + np.where(side, depth, -depth) / width, 0.0, 1.0)
+        within = np.clip(0.5 + np.where(side, depth, -depth) / width, 0.0, 1.0)
         within = within * within * (3.0 - 2.0 * within)
-        # A handle on the band itself has weight 1 there.
+        # A handle in the blend band has weight 1 at its own vertex.
         held = patches.nodes.interpolated(within.astype(np.float32))
         whole = max(held[vertex], np.float32(0.01))
-        pieces = components_of(patches, inside)
-        area = np.bincount(pieces[inside], patches.area[inside])
-        large = (area > SMALL_COMPONENT * area.max()) | (np.arange(len(area)) == pieces[patches.of_vertex[vertex]])
-        component = np.where(side, np.where(large[pieces] & inside, pieces, -1)[patches.of_node], -1)
+        component = components_of(patches, inside)
+        area = np.bincount(component[inside], patches.area[inside])
+        large = (area > SMALL_COMPONENT * area.max()) | (np.arange(len(area)) == component[patch])
+        component = np.where(side, np.where(large[component] & inside, component, -1)[patches.of_node], -1)
         return Grip(np.minimum(held / whole, 1), np.minimum(within / whole, 1).astype(np.float32), component)
 
     def cut(self) -> list[Part]:
         """Cut the whole shape into parts, the largest first; every vertex belongs to one.
 
-        Pieces that look alike are one part. Of all cuts of the tree, the one with the clearest borders is chosen.
+        Counterparts are one part. Of all cuts of the tree, this is the one with the clearest borders.
 
         Raises ValueError if the mesh has no face with an area.
         """
         patches, part = self._patches, self._hierarchy.shown()
-        branches = part == np.unique(part)[:, None]
-        claims = np.array([snapped(patches, inside) for inside in branches])
+        found = part == np.unique(part)[:, None]
+        claims = np.array([snapped(patches, inside) for inside in found])
         # A node that no part or several parts claim stays with the part of its patch.
-        of_node = np.where(claims.sum(axis=0) == 1, claims.argmax(axis=0), branches.argmax(axis=0)[patches.of_node])
-        sides = [of_node == number for number in range(len(branches))]
+        of_node = np.where(claims.sum(axis=0) == 1, claims.argmax(axis=0), found.argmax(axis=0)[patches.of_node])
+        sides = [of_node == number for number in range(len(found))]
         label = self._carried(sides)
-        found = [
+        parts = [
             self._part(inside, label == number, self._middle(inside))
-            for number, inside in enumerate(branches)
+            for number, inside in enumerate(found)
             if (label == number).any()
         ]
-        return sorted(found, key=lambda each: -each.share)
+        return sorted(parts, key=lambda each: -each.share)
 
     def prepare(self) -> None:
         """Compute the tree of parts. It takes half a second, and seconds for a million faces."""
         if self._has_surface:
             _ = self._hierarchy
 
-    def _seam(self, chosen: int, inside: Bool) -> float:
-        """Return the width of the seam around a part, in diagonals of the box."""
-        pieces, borders = components_and_borders(self._patches, inside)
-        wider = TRUNK if borders > MOST_OF_LIMBS * len(pieces) else 1.0
-        return wider * min(SEAM, self._hierarchy.around(chosen) * THICKNESS)
+    def _band(self, chosen: int, inside: Bool) -> float:
+        """Return the width of the blend band around a part, in diagonals of the box."""
+        components, borders = components_and_borders(self._patches, inside)
+        wider = TRUNK if borders > MOST_OF_LIMBS * len(components) else 1.0
+        return wider * min(WIDEST, self._hierarchy.around(chosen) * THICKNESS)
 
     def _snapped(self, inside: Bool, vertex: int) -> Bool:
         """Return which nodes (N,) belong to the part of patches `inside` (P,) at a vertex."""
@@ -187,7 +187,7 @@ class Parts:
         """Return the tree node of the part at a patch."""
         tree = self._hierarchy
         nodes = tree.holding(patch)
-        area = np.array([tree.branches[node].area for node in nodes])
+        area = np.array([tree.nodes[node].area for node in nodes])
         clarity = np.array([tree.clarity(node) for node in nodes])
         best = nodes.index(tree.meant(patch))
         among = np.array([best])
@@ -209,8 +209,8 @@ class Parts:
         return label
 
     def _part(self, inside: Bool, mask: Bool, vertex: int) -> Part:
-        piece, area = components_of(self._patches, inside)[inside], self._patches.area[inside]
-        sizes = np.bincount(piece, area)
+        component, area = components_of(self._patches, inside)[inside], self._patches.area[inside]
+        sizes = np.bincount(component, area)
         return Part(mask, float(area.sum()), int((sizes > SMALL_COMPONENT * sizes.max()).sum()), vertex)
 
     def _middle(self, inside: Bool) -> int:
@@ -249,7 +249,7 @@ class Parts:
 def cut_document(found: Sequence[Part]) -> dict[str, Any]:
     """Return the parts as a JSON document: a row for each part, numbered from 1, and the part of every vertex."""
     rows = [
-        {"part": number, "share": round(each.share, 4), "pieces": each.pieces, "vertex": each.vertex}
+        {"part": number, "share": round(each.share, 4), "components": each.components, "vertex": each.vertex}
         for number, each in enumerate(found, start=1)
     ]
     return {"parts": rows, "part_of_vertex": (1 + np.argmax([part.mask for part in found], axis=0)).tolist()}

@@ -1,4 +1,4 @@
-"""The surface as about two thousand patches, of which parts consist, and the borders between them."""
+"""Divide the surface into about two thousand patches, and describe the borders between them."""
 
 from __future__ import annotations
 
@@ -19,20 +19,21 @@ from dfd.geometry.topology import first_at_place
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-COUNT = 2_000  # patches, about: more cost time with the square and find no other parts
-PACKING = 0.75  # distance that seeds keep, in sides of squares of a patch's area: so many fit at random
-TURNED = 0.6  # in those distances, what a turn of the normal by 1 counts: the two sides of a thin sheet have own seeds
-# At most: many loose components fill space, where more than `COUNT` fit. Seeds then keep so many times the distance.
+COUNT = 2_000  # approximate number of patches; time grows with its square, and more patches find no other parts
+PACKING = 0.75  # distance between random seeds that yields COUNT patches, in sides of squares of a patch's area
+TURNED = 0.6  # weight of normals in distances between seeds, so that both sides of a thin sheet get seeds
+# Largest number of patches. Meshes of many loose components fill space and get more than COUNT seeds. The distance
+# between seeds is then multiplied by WIDER until they are at most MOST.
 MOST, WIDER = 2 * COUNT, 1.25
-SAMPLES = 8  # vertices of a patch that its features are the mean of
-# Distance along the surface within which patches are beside another one, in diagonals. On 91 rigs, 0.15 leaves 0.010
-# more of limbs behind, and 0.25 loses 0.003 of the IoU.
+SAMPLES = 8  # largest number of vertices per patch over which features are averaged
+# Largest distance along the surface between patches that lie beside each other, in diagonals. On 91 rigs, 0.15 leaves
+# 0.010 more of limbs behind, and 0.25 loses 0.003 of the IoU.
 BESIDE = 0.2
-STARTS = 96  # patches from which distances are measured to find the middle
-# Patches are in the middle if their mean squared distance is at most so many times the least one. On 76 labelled
-# meshes, a single patch loses 0.006 of the IoU: what is behind a limb on its other side is no farther along it.
+STARTS = 96  # number of patches from which distances are measured to find the middle
+# Patches are in the middle if their mean squared distance is at most MIDDLE times the smallest one. On 76 labelled
+# meshes, a single patch as the middle loses 0.006 of the IoU.
 MIDDLE = 1.5
-BRIDGE = 1.0  # the concavity of a small gap between components: nothing parts them more clearly
+BRIDGE = 1.0  # concavity of a small gap between components of the mesh, which is a clear border
 
 Indices = Int64
 
@@ -43,11 +44,11 @@ class Borders:
     Attributes
     ----------
     pairs
-        (E, 2) pieces that touch, the lower number first.
+        (E, 2) patches that touch, the lower number first.
     length
         (E,) of the border between them, in diagonals of the box; 0 across small gaps.
     concavity
-        (E,) how far normals turn towards each other across it, in [−2, 2]; above 0 in a crease.
+        (E,) by how much normals point towards each other across it, in [−2, 2]; above 0 in a crease.
     apart
         (E,) distances of the centers, in diagonals of the box.
     """
@@ -62,14 +63,14 @@ class Borders:
         self.concavity[length == 0] = BRIDGE
 
     def graph(self, values: Float64) -> csr_array:
-        """Make the symmetric matrix (N, N) with `values` (E,) of the pairs."""
+        """Return the symmetric sparse matrix (N, N) with `values` (E,) at the pairs."""
         one, other = self.pairs.T
         ends = np.concatenate([one, other]), np.concatenate([other, one])
         return csr_array((np.concatenate([values, values]), ends), shape=(self.count, self.count))
 
 
 class Patches:
-    """The patches of one mesh, gathered from the nodes of `dfd.geometry.coarse`.
+    """The patches of one mesh, groups of the nodes of `dfd.geometry.coarse`.
 
     Attributes
     ----------
@@ -80,7 +81,7 @@ class Patches:
     of_node, of_vertex
         (N,) and (V,) the patch of each.
     area
-        (P,) of the patches, as parts of the whole surface.
+        (P,) of the patches, as shares of the surface.
     borders
         Between patches.
     node_area, twin
@@ -114,7 +115,7 @@ class Patches:
         weight = np.maximum(area, 1e-9 * area.sum())
         self.area = np.bincount(self.of_node, weight, minlength=count) / weight.sum()
         middle = group_sums(self.of_node, center * weight[:, None], count) / (self.area * weight.sum())[:, None]
-        # Not of unit length: around a thin limb normals cancel, and their noise is no crease.
+        # Mean normals are not normalized: around a thin limb they cancel, and their direction would be noise.
         turned = group_sums(self.of_node, normal, count) / (self.area * weight.sum())[:, None]
         self.borders = Borders(*_contracted(self.of_node, pairs, length, count), middle, turned)
 
@@ -161,10 +162,10 @@ class Distal:
             self._steps.append(step)
 
     def beyond(self, patch: int) -> Bool:
-        """(P,) Return what is beyond a patch, seen from the middle of the shape.
+        """Return (P,) which patches are beyond a patch, seen from the middle of the shape.
 
-        It is all that the shortest paths from the middle reach through patches beside this one, at least as far from
-        the middle and connected with it there.
+        Shortest paths from the middle reach them through patches beside this one. These are connected with this patch
+        and at least as far from the middle.
         """
         far = self._distance >= self._distance[patch]
         component = _core.components(len(far), np.zeros((0, 3), np.int32), self._pairs[far[self._pairs].all(axis=1)])

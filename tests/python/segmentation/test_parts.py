@@ -48,12 +48,12 @@ def test_a_click_finds_the_part_with_its_look_alikes_or_one_piece_of_it(chair, c
     one_leg, tip = chair.vertices_of("leg", 0), foot_of(chair)
     found = chair_parts.part(tip)
     assert overlap(found.mask, legs) > 0.85
-    assert found.pieces == 4
+    assert found.components == 4
     assert found.mask[tip]
     assert found.vertex == tip
     alone = chair_parts.part(tip, alike=False)
     assert overlap(alone.mask, np.isin(np.arange(len(legs)), one_leg)) > 0.85
-    assert alone.pieces == 1
+    assert alone.components == 1
     assert alone.share == pytest.approx(found.share / 4, rel=0.1)
 
 
@@ -179,7 +179,7 @@ def test_equal_legs_are_held_together_unless_their_surroundings_are_more_alike(c
     rows[back] += towards.astype(np.float32) / 4
     rows /= np.linalg.norm(rows, axis=1, keepdims=True)
     found = Parts(chair.mesh, lambda some: rows[some]).part(foot_of(chair))
-    assert found.pieces == pieces
+    assert found.components == pieces
     assert overlap(found.mask, chair.labels == chair.parts.index("leg")) > 0.85 * pieces / 4
 
 
@@ -326,7 +326,7 @@ def test_vertices_that_no_face_uses_change_no_part(chair):
     found = [Parts(mesh, lambda some: rows[some]).part(foot_of(chair)) for mesh in (chair.mesh, whole)]
     count = len(chair.mesh.vertices)
     assert overlap(found[1].mask[:count], found[0].mask) > 0.95
-    assert found[1].pieces == found[0].pieces == 4
+    assert found[1].components == found[0].components == 4
     deformer = dfd.Deformer(whole, field_of(whole))
     handle = deformer.add(foot_of(chair), counterparts="own_pivot")
     deformer.move(handle, translation=(0, 0.1, 0))

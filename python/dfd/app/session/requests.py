@@ -108,7 +108,7 @@ def suggest(session: Session) -> answers.Answer:
     deformer = session.require().deformer
     found: list[answers.Suggestion] = []
     for number, part in enumerate(deformer.bound.grips.parts.cut()[:MOST_SUGGESTED], start=1):
-        alike = f", {part.pieces} alike" if part.pieces > 1 else ""
+        alike = f", {part.components} alike" if part.components > 1 else ""
         position = vector("position", deformer.mesh.vertices[part.vertex])
         found.append(answers.Suggestion(vertex=part.vertex, position=position, name=f"Part {number}{alike}"))
     return answers.SuggestionsMessage(suggestions=tuple(found))
