@@ -40,7 +40,9 @@ def main() -> None:
     threads = dfd.get_num_threads()
     torch.set_num_threads(threads)
     rows = list(lines(options.vertices))
-    print(f"{options.vertices:,} vertices, {threads} threads, {_core.instruction_set()}; ratios are of the best times\n")
+    print(
+        f"{options.vertices:,} vertices, {threads} threads, {_core.instruction_set()}; ratios are of the best times\n"
+    )
     print("\n".join(to_markdown(COLUMNS, rows)))
     OUTPUT.mkdir(parents=True, exist_ok=True)
     write_text(OUTPUT / "table.csv", to_csv(COLUMNS, rows))
