@@ -1,6 +1,6 @@
 """`python -m bench.speed`: kernels against the machine's ceilings and other libraries.
 
-Each call is timed in turn with the ceiling or the library that it is compared with. bench/results/speed keeps the table.
+Each call is timed in turn with the ceiling or library beside it. bench/results/speed keeps the table.
 """
 
 from __future__ import annotations

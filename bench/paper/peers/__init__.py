@@ -1,8 +1,8 @@
-"""Methods that DFD is compared with, each in three steps: what belongs to the shape, to its handles, and to a pose.
+"""Methods that DFD is compared with, each in three steps: for the shape, for its handles, and for a pose.
 
-ARAP and bounded biharmonic weights are libigl's; biharmonic coordinates, OptCtrlPoints and NeuralMLS are written here
-from their papers. All but ARAP and NeuralMLS work within tetrahedra, made by fTetWild. The networks of APAP and
-DeepMetaHandles cannot be had.
+ARAP and bounded biharmonic weights are libigl's. Biharmonic coordinates, OptCtrlPoints and NeuralMLS are written here
+from their papers. All but ARAP and NeuralMLS work within tetrahedra. The networks of APAP and DeepMetaHandles cannot
+be had.
 """
 
 from __future__ import annotations

@@ -1,24 +1,26 @@
-"""Biharmonic coordinates in tetrahedra, and the same that are quick to bind anew.
+"""Biharmonic coordinates in tetrahedra, by a direct solve and by OptCtrlPoints.
 
 Wang et al., "Linear Subspace Design for Real-Time Shape Deformation", 2015; Kim et al., "OptCtrlPoints", 2023.
-
-Checked in tests/python/bench/test_paper.py: both interpolate their control points and reproduce affine maps, as the
-first paper proves of its coordinates; the second has the weights of the first's direct solve.
+libigl for Python gives the coordinates but not the energy, which OptCtrlPoints factors.
 """
 
 from __future__ import annotations
 
+from typing import Any
+
+import igl
 import numpy as np
+from scipy.linalg import qr
 from scipy.sparse import coo_array, csc_array, diags_array
 from scipy.sparse.linalg import splu
 
-from bench.paper.peers.peer import Body, PeerError, libigl
+from bench.paper.peers.peer import Body, PeerError
 from bench.quality.measures import components_of
 from dfd.common.linear_algebra import Float64, Int64
 
 
 class Coordinates:
-    """Weights W of least biharmonic energy that are 1 at their handle and 0 at the others; they are affinely exact."""
+    """Weights of least biharmonic energy, 1 at their handle and 0 at the others; they reproduce affine maps."""
 
     volume = True
 
@@ -28,18 +30,18 @@ class Coordinates:
         self.energy = bilaplacian(self.within.nodes, self.within.cells)
 
     def bind(self, held: Int64, group: Int64) -> None:
-        """Factor the energy without the handles, and solve for their weights."""
-        handles, self.first = on_nodes(self.body, held)
-        self.held = held
+        """Solve for the weights of the nodes nearest to the handles."""
+        handles, first = on_nodes(self.body, held)
+        self.held, self.first = held, first
         self.weights = self.solve(handles)
 
     def solve(self, handles: Int64) -> Float64:
-        """Weights (N, K) of distinct nodes (K,)."""
+        """Return the weights (N, K) of distinct nodes (K,)."""
         nodes = self.within.nodes
         size = np.ptp(nodes, axis=0).max()
         components = components_of(self.within.cells, len(nodes))
         for component in range(components.max() + 1):
-            # Affine functions cost nothing: fewer than four handles leave them open there.
+            # Affine functions have energy 0, so only four handles determine them.
             own = handles[components[handles] == component]
             if np.linalg.matrix_rank(np.c_[np.ones(len(own)), nodes[own] / size], tol=1e-3) < 4:
                 on_each = f" on every one of the {components.max() + 1} components" if components.max() else ""
@@ -48,11 +50,7 @@ class Coordinates:
         weights = np.zeros((len(nodes), len(handles)))
         weights[handles, np.arange(len(handles))] = 1.0
         if len(free):
-            rest = self.energy[:, free].tocsc()
-            try:
-                weights[free] = -splu(rest[free]).solve(self.energy[free][:, handles].toarray())
-            except RuntimeError:
-                raise PeerError("meets a singular system") from None
+            weights[free] = -factored(self.energy, free).solve(self.energy[free][:, handles].toarray())
         return weights
 
     def deform(self, targets: Float64) -> Float64:
@@ -62,33 +60,24 @@ class Coordinates:
 
 
 class OptCtrlPoints(Coordinates):
-    """The same weights as those of `Coordinates`; of fewer than four handles, the smallest of all that there are.
+    """The weights of `Coordinates`, and of fewer than four handles the smallest that solve their equations.
 
-    The energy is factored once. The weights of any K handles then follow from a system of K + 4 equations, as in the
-    paper's reformulation whose matrix depends on the number of control points rather than of vertices:
-    W = G S Λ + P C, where S picks the handles, G is a generalized inverse of the energy and P spans the affine
+    The energy is factored once. K handles then take a system of K + 4 equations, as in the paper's reformulation:
+    W = G S Λ + P C, where S picks the handles, G is a generalized inverse of the energy, and P spans the affine
     functions, whose energy is 0.
     """
 
     def prepare(self, body: Body) -> None:
-        """Assemble the energy and factor it, four nodes held: that is the generalized inverse."""
+        """Assemble the energy, and factor it with four nodes held, which gives the generalized inverse."""
         super().prepare(body)
         nodes = self.within.nodes
-        positions = (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()
-        self.affine = np.c_[np.ones(len(nodes)), positions]
-        pins = [int(positions[:, 0].argmin())]
-        for count in range(1, 4):  # each as far as can be from the point, line or plane of those before
-            spanned = np.linalg.qr((positions[pins[1:]] - positions[pins[0]]).T)[0] if count > 1 else np.zeros((3, 1))
-            offsets = positions - positions[pins[0]]
-            pins.append(int(np.linalg.norm(offsets - offsets @ spanned @ spanned.T, axis=1).argmax()))
+        self.affine = np.c_[np.ones(len(nodes)), (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()]
+        pins = qr(self.affine.T, mode="r", pivoting=True)[1][:4]  # four nodes far from one plane
         self.free = np.setdiff1d(np.arange(len(nodes)), pins)
-        try:
-            self.factors = splu(self.energy[self.free][:, self.free].tocsc())
-        except RuntimeError:
-            raise PeerError("meets a singular system: the tetrahedra are not of one component") from None
+        self.factors = factored(self.energy, self.free)
 
     def solve(self, handles: Int64) -> Float64:
-        """Weights (N, K) of distinct nodes (K,), by the small system."""
+        """Return the weights (N, K) of distinct nodes (K,), by the small system."""
         count = len(handles)
         ones = np.zeros((len(self.affine), count))
         ones[handles, np.arange(count)] = 1.0
@@ -103,31 +92,37 @@ class OptCtrlPoints(Coordinates):
         return inverse @ (solved[:count] / scale) + self.affine @ solved[count:]
 
 
+def factored(energy: csc_array, free: Int64) -> Any:
+    """Return the factors of the energy (N, N) on the `free` nodes; raise PeerError if it is singular there."""
+    try:
+        return splu(energy[free][:, free].tocsc())
+    except RuntimeError:
+        raise PeerError("meets a singular system, as where tetrahedra have several components") from None
+
+
 def on_nodes(body: Body, held: Int64) -> tuple[Int64, Int64]:
-    """The distinct nodes (K,) nearest to vertices (N,), and which of those each node stands for."""
+    """Return the distinct nodes (K,) nearest to vertices (N,), and the index (K,) of a vertex for each."""
     nodes, first = np.unique(body.within.nearest(body.vertices[held]), return_index=True)
     return nodes, first
 
 
 def bilaplacian(nodes: Float64, cells: Int64) -> csc_array:
-    """(N, N) the squared Laplacian whose null space is all affine functions: no condition is set at the boundary.
+    """Return the squared Laplacian (N, N) whose null space is all affine functions, with no condition at the boundary.
 
-    (L + N)ᵀ M⁻¹ (L + N), where L integrates −∇φ·∇u over the volume and N adds ∂u/∂n over the boundary's triangles, so
-    that an affine u gives 0 at every node. Nodes are taken at unit size, which scales the energy alone.
+    It is (L + N)ᵀ M⁻¹ (L + N). L integrates −∇φ·∇u over the volume. N adds ∂u/∂n over the triangles of the boundary, so
+    that an affine u gives 0 at every node.
     """
-    igl = libigl()
-    positions = (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()
-    at = positions[cells]
-    volumes = np.abs(np.linalg.det(at[:, 1:] - at[:, :1])) / 6
+    positions = (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()  # unit size only scales the energy
+    volumes = np.abs(igl.volume(positions, cells))
     if volumes.min() <= 0:
         raise PeerError("has tetrahedra without volume")
-    facets, owner, _ = map(np.asarray, igl.boundary_facets(cells))
-    corners = positions[facets]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2  # as long as the area
-    inwards = np.einsum("bd,bd->b", normals, corners.mean(axis=1) - at[owner].mean(axis=1)) < 0
-    normals[inwards] *= -1
+    facets, owner, apex = igl.boundary_facets(cells)
     gradient = csc_array(igl.grad(positions, cells))  # (3 T, N), of all x, then y, then z
-    slopes = sum(diags_array(normals[:, k]) @ gradient[owner + k * len(cells)] for k in range(3))
+    slopes = csc_array((len(facets), len(nodes)))
+    for rows in (owner + k * len(cells) for k in range(3)):
+        # The outward normal, as long as the area, is −3 times the volume times the gradient of the opposite node.
+        normal = -3 * volumes[owner] * gradient[rows, cells[owner, apex]]
+        slopes += diags_array(normal) @ gradient[rows]
     thirds = (np.full(facets.size, 1 / 3), (facets.ravel(), np.repeat(np.arange(len(facets)), 3)))
     laplacian = igl.cotmatrix(positions, cells) + coo_array(thirds, shape=(len(nodes), len(facets))) @ slopes
     masses = np.bincount(cells.ravel(), np.repeat(volumes / 4, 4), minlength=len(nodes))

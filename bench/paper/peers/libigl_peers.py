@@ -1,14 +1,12 @@
-"""Methods of libigl: ARAP, and bounded biharmonic weights.
-
-Checked in tests/python/bench/test_paper.py: both interpolate their control points, and translate with them.
-"""
+"""ARAP and bounded biharmonic weights, by libigl."""
 
 from __future__ import annotations
 
+import igl
 import numpy as np
 
 from bench.paper.peers.biharmonic import on_nodes
-from bench.paper.peers.peer import Body, PeerError, check_components, libigl
+from bench.paper.peers.peer import Body, PeerError, check_components
 from dfd.common.linear_algebra import Float64, Int64
 
 ITERATIONS = 100
@@ -20,12 +18,11 @@ class Arap:
     volume = False
 
     def prepare(self, body: Body) -> None:
-        """Nothing belongs to the shape alone."""
+        """Keep the shape."""
         self.body = body
 
     def bind(self, held: Int64, group: Int64) -> None:
         """Factor the Laplacian without the held vertices."""
-        igl = libigl()
         check_components(self.body.faces, len(self.body.vertices), held)
         self.data = igl.ARAPData()
         self.data.max_iter = ITERATIONS
@@ -33,19 +30,19 @@ class Arap:
 
     def deform(self, targets: Float64) -> Float64:
         """Alternate between rotations and positions."""
-        return np.asarray(libigl().arap_solve(np.ascontiguousarray(targets), self.data, self.body.vertices))
+        return np.asarray(igl.arap_solve(np.ascontiguousarray(targets), self.data, self.body.vertices))
 
 
 class Bounded:
     """Bounded biharmonic weights in tetrahedra; Jacobson et al., 2011.
 
-    Handles that move alike have one column; all weights are between 0 and 1, and sum to 1 with those that stay.
+    Handles that move alike have one column. All weights are between 0 and 1, and sum to 1 with those that stay.
     """
 
     volume = True
 
     def prepare(self, body: Body) -> None:
-        """Nothing belongs to the shape but its tetrahedra."""
+        """Keep the shape and its tetrahedra."""
         self.body, self.within = body, body.within
 
     def bind(self, held: Int64, group: Int64) -> None:
@@ -57,7 +54,7 @@ class Bounded:
         self.weights = np.ones((len(nodes), 1))
         if len(self.columns) > 1:
             ones = (group[first][:, None] == self.columns).astype(np.float64)
-            weights = np.asarray(libigl().bbw(nodes, cells, handles, ones))
+            weights = np.asarray(igl.bbw(nodes, cells, handles, ones))
             if weights.shape != (len(nodes), len(self.columns)) or not np.isfinite(weights).all():
                 raise PeerError("finds no solution")
             self.weights = weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-300)

@@ -1,10 +1,7 @@
 """Moving least squares with learned weights; Shechter et al., "NeuralMLS", 2022.
 
-A small network learns to tell which control point lies at a position; its answers for any other point, which its
-smoothness decides, are the weights of rigid moving least squares (Schaefer et al., 2006).
-
-Checked in tests/python/bench/test_paper.py: it reproduces rigid motions, as Schaefer et al. prove of moving least
-squares, and moves its control points to within 2 % of the size from their targets.
+A small network learns which control point lies at a position. Its smooth answers elsewhere are the weights of rigid
+moving least squares (Schaefer et al., 2006).
 """
 
 from __future__ import annotations
@@ -21,12 +18,12 @@ WIDTH, HIDDEN = 256, 3
 STEPS, RATE = 1_000, 1e-3
 ENOUGH = 0.02  # mean cross-entropy at which training ends
 MOST_SECONDS = 40.0
-STILL = 1e-4  # of the size squared: pulls rotations that few points determine towards none
+STILL = 1e-4  # of the size squared: pulls badly determined rotations towards none
 AT_ONCE = 1 << 15
 
 
 class NeuralMLS:
-    """Control points are the held vertices; the network is trained by `bind`, in less than a minute."""
+    """Control points are the held vertices; `bind` trains the network in less than a minute."""
 
     volume = False
 
@@ -37,7 +34,7 @@ class NeuralMLS:
         self.points = torch.from_numpy(self._scaled(body.vertices))
 
     def bind(self, held: Int64, group: Int64) -> None:
-        """Train the network on the control points, and ask it for the weights of all vertices."""
+        """Train the network on the control points, and evaluate it at all vertices."""
         self.control = self.points[held]
         with torch.random.fork_rng():
             torch.manual_seed(0)
@@ -60,7 +57,7 @@ class NeuralMLS:
         self.weights = torch.cat(answers)
 
     def deform(self, targets: Float64) -> Float64:
-        """Move every vertex by the rigid motion that fits the control points best, weighted as it is."""
+        """Move every vertex by the rigid motion that fits the control points best, by its weights."""
         wanted = torch.from_numpy(self._scaled(targets))
         pairs = (self.control[:, :, None] * wanted[:, None]).reshape(-1, 9)
         moved = []
