@@ -39,7 +39,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         folder=options.meshes,
         quick=options.quick,
         encoder=options.encoder,
-        answers=options.answers,
         say=lambda line: console.print(line, markup=False, soft_wrap=True),
     )
     try:
@@ -57,7 +56,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--quick", action="store_true", help="fewer and smaller pictures, fewer shapes")
     parser.add_argument("-o", "--output", type=Path, default=OUTPUT, help="folder to write to (%(default)s)")
     parser.add_argument("--encoder", default=DEFAULT_ENCODER, help="of all fields (%(default)s)")
-    parser.add_argument("--answers", type=Path, help="CSV of a user study for table2: user, example, method")
     return parser
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 import dfd
 from bench.paper.distortion import surface_metrics
-from bench.paper.page import PULLS, BoxHandle, Context, Sections, Subject, gallery, pulls_of
+from bench.paper.page import PULLS, BoxHandle, Context, Section, Subject, gallery, pulls_of
 from bench.quality.measures import area_fractions
 from dfd.editing.presets import PRESETS as DEFAULTS
 
@@ -39,7 +39,7 @@ AFFINE = {
 }
 
 
-def fig1(context: Context) -> Sections:
+def fig1(context: Context) -> list[Section]:
     """Edits of the teaser: one handle, mirrored by the plane of symmetry that is found."""
     subjects = context.subjects(SYMMETRY, (2, 4), refined=True)
     return gallery(
@@ -50,7 +50,7 @@ def fig1(context: Context) -> Sections:
     )
 
 
-def fig2(context: Context) -> Sections:
+def fig2(context: Context) -> list[Section]:
     """Affine edits by one handle: rotations and scales, some with locality."""
 
     def flipped(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> list[float]:
@@ -61,7 +61,7 @@ def fig2(context: Context) -> Sections:
     return gallery(subjects, lambda subject: {"edit": subject.pull()}, ("flipped %",), flipped)
 
 
-def fig3(context: Context) -> Sections:
+def fig3(context: Context) -> list[Section]:
     """Translations by one handle, with its weights."""
 
     def off(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> list[float]:
@@ -73,7 +73,7 @@ def fig3(context: Context) -> Sections:
     return gallery(subjects, lambda subject: {"edit": subject.pull()}, ("off %",), off)
 
 
-def fig5(context: Context) -> Sections:
+def fig5(context: Context) -> list[Section]:
     """Planes of symmetry that are seen, and one handle with and without them."""
 
     def score(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> list[Any]:
@@ -104,7 +104,7 @@ def fig5(context: Context) -> Sections:
     )
 
 
-def fig6(context: Context) -> Sections:
+def fig6(context: Context) -> list[Section]:
     """Feature space constraints (Eq. 6): a twist without and with a fixed point, which holds what looks like it."""
 
     def held(subject: Subject) -> list[int]:
@@ -129,7 +129,7 @@ def fig6(context: Context) -> Sections:
     )
 
 
-def fig7(context: Context) -> Sections:
+def fig7(context: Context) -> list[Section]:
     """Locality (Eq. 7): one rotation under growing λ."""
 
     def follows(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> list[float]:

@@ -13,20 +13,7 @@ from scipy.spatial import KDTree
 
 import dfd
 from bench.paper.distortion import surface_metrics
-from bench.paper.page import (
-    NAMES,
-    PRESETS,
-    Context,
-    Section,
-    Sections,
-    Shape,
-    Subject,
-    Table,
-    aim,
-    gallery,
-    pulls_of,
-    session,
-)
+from bench.paper.page import NAMES, PRESETS, Context, Section, Shape, Subject, aim, gallery, pulls_of
 from bench.quality.measures import area_fractions
 from dfd.common.linear_algebra import Float64
 from dfd.common.preset import Preset
@@ -84,7 +71,7 @@ CHAIRS = {
 FOLLOWS = 0.5
 
 
-def fig4(context: Context) -> Sections:
+def fig4(context: Context) -> list[Section]:
     """Pixels that teach a field, and fields of the shape and of a hundredth of its faces, from render to weights."""
     pixels: list[list[Any]] = []
     reduced: list[list[Any]] = []
@@ -130,8 +117,8 @@ def fig4(context: Context) -> Sections:
     columns = ["shape", "vertices", "pixels of vertices", "pixels of triangles"]
     of_reduced = ["shape", "preset", "faces", "distill s", "weights s", "mean distance", "spread"]
     return [
-        Section("Pixels", first, table=Table(columns, pixels)),
-        Section("From render to weights", second, drawn, Table(of_reduced, reduced)),
+        Section("Pixels", first, columns=columns, rows=pixels),
+        Section("From render to weights", second, drawn, of_reduced, reduced),
     ]
 
 
@@ -156,7 +143,7 @@ def _distinct_pixels(views: Views) -> int:
     return len(np.unique(np.stack([views.view, np.rint(views.row), np.rint(views.column)]), axis=1).T)
 
 
-def fig13(context: Context) -> Sections:
+def fig13(context: Context) -> list[Section]:
     """Barycentric distillation against vertices alone, from a coarse copy to the fine mesh."""
     lengths = []
 
@@ -166,7 +153,7 @@ def fig13(context: Context) -> Sections:
         lengths.append(f"{shape.name} {steps:,}")
         for name, (preset, changes) in KINDS.items():
             field = context.field(shape, preset, **changes, **({"steps": steps} if "supervision" in changes else {}))
-            sessions[name] = session(shape.mesh, field, preset, [subject.case.on(shape)])
+            sessions[name] = replace(subject, preset=preset, field=field).pull()
         return sessions
 
     def measure(subject: Subject, each: dfd.Deformer, fine: dfd.Deformer) -> list[float | None]:
@@ -189,20 +176,20 @@ def fig13(context: Context) -> Sections:
     return [replace(section, text=text)]
 
 
-def fig11(context: Context) -> Sections:
+def fig11(context: Context) -> list[Section]:
     """One deformation with the features of several image encoders."""
     return _encoded(
         context, "after", "angle °", "Mean changes of angles over the surface; no fixed point, no regularization."
     )
 
 
-def fig12(context: Context) -> Sections:
+def fig12(context: Context) -> list[Section]:
     """The weights of one handle with the features of several image encoders."""
     text = "The correlation over the surface with the weights of the first encoder. The paper shows DINO, CLIP, SAM 2, "
     return _encoded(context, "weights", "correlation", f"{text}Diff3F and others.")
 
 
-def _encoded(context: Context, shown: str, column: str, text: str) -> Sections:
+def _encoded(context: Context, shown: str, column: str, text: str) -> list[Section]:
     found, absent = encoders(context)
     one = len({name for name, _ in found.values()}) == 1
 
@@ -270,7 +257,7 @@ def subdivided(mesh: dfd.Mesh, times: int) -> dfd.Mesh:
     return mesh if times == 0 else dfd.Mesh(vertices, faces)
 
 
-def fig19(context: Context) -> Sections:
+def fig19(context: Context) -> list[Section]:
     """One field on other tessellations of a shape, and on other shapes of its class."""
 
     def variants(subject: Subject) -> dict[str, dfd.Deformer]:
@@ -283,7 +270,7 @@ def fig19(context: Context) -> Sections:
         for name, mesh in meshes.items():
             features = field(in_box_of(mesh, shape.mesh) if name in known else mesh.vertices)
             handle = {"at": int(np.linalg.norm(features - held, axis=1).argmin()), "translation": DOWN * mesh.diagonal}
-            sessions[name] = session(mesh, field, subject.preset, [handle], features=features)
+            sessions[name] = replace(subject, shape=Shape(name, mesh)).session([handle], features=features)
         return sessions
 
     def measure(subject: Subject, each: dfd.Deformer, first: dfd.Deformer) -> list[float | None]:
@@ -318,7 +305,7 @@ def in_box_of(mesh: dfd.Mesh, other: dfd.Mesh) -> Float64:
     return begin + (mesh.vertices - low) / np.maximum(high - low, 1e-12) * (end - begin)
 
 
-def fig20(context: Context) -> Sections:
+def fig20(context: Context) -> list[Section]:
     """Weights of the same parts on different shapes of one class."""
     return gallery(
         context.subjects(CHAIRS, (3, 6), refined=True),

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from bench.paper import comparisons, controls, features, resolution
-from bench.paper.page import NAMES, Context, Figure, Rule, Sections
+from bench.paper.page import NAMES, Context, Figure, Rule, Section
 
 OURS = NAMES["paper"]
 
@@ -97,15 +97,13 @@ FIGURES: dict[str, Figure] = {
     "fig21": Figure("reasonable shapes", "size of DFD's result over the shape's", column("size", **DFD), most=1.5),
     "fig22": Figure("DFD distorts more", "area change, DFD's over the others'", ratio("area %", DFD, PEERS), 1),
     "table1": Figure("every tick of Table 1", "ticks as in the paper, %", column("as in the paper, %"), 100),
-    "table2": Figure("82 %", "DFD-T chosen, %", column("chosen %", method="DFD-T"), 50),
     "table3": Figure("1,150 times (1 handle)", "OptCtrlPoints' seconds over DFD's", resolution.slower, 1000),
 }
-PAGES: dict[str, Callable[[Context], Sections]] = {
+PAGES: dict[str, Callable[[Context], list[Section]]] = {
     name: getattr(module, name)
     for name in FIGURES
     for module in (controls, features, comparisons, resolution)
     if hasattr(module, name)
 }
-CANNOT = dict.fromkeys(
-    ("fig23", "fig24"), "it shows screens of the paper's user study; fig14 draws such pictures, table2 tallies answers"
-)
+SCREENS = "it shows screens of the paper's user study; fig14 draws such pictures"
+CANNOT = {"fig23": SCREENS, "fig24": SCREENS, "table2": "the answers of the paper's user study are not at hand"}

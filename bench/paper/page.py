@@ -1,4 +1,4 @@
-"""What pages about the paper share: the meshes at hand, fields and sessions of two presets, pictures and tables."""
+"""What all pages use: the meshes at hand, fields and sessions of two presets, pictures and tables."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ from dfd.pictures.viewpoint import azimuth_towards
 PRESETS: tuple[Preset, ...] = ("paper", "default")
 NAMES: dict[Preset, str] = {"paper": "paper preset", "default": "dfd default"}
 MESH_ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
-BALL = 0.01  # of the longest side: the radius in which the paper gives other methods the neighbors of a point as well
-LONGEST_EDGE = 0.03  # of the diagonal: with longer ones weights, which are exact at vertices alone, look coarse
+BALL = 0.01  # of the longest side, the radius around a point in which the paper constrains other methods
+LONGEST_EDGE = 0.03  # of the diagonal; weights, which are exact at vertices alone, look coarse on longer ones
 QUICK: dict[str, Any] = {"views": 8, "resolution": 196}
 QUICK_PAPER: dict[str, Any] = {"epochs": 5, "batch": 2_000}
 RESOLUTION = 320
-BEFORE, AFTER = np.array([64, 112, 216]), np.array([52, 168, 83])  # as in the paper: blue before, green after
+BEFORE, AFTER = np.array([64, 112, 216]), np.array([52, 168, 83])  # the paper's blue before, green after
 
 Point = tuple[float, float, float]
 Pictures = tuple[str, Sequence[tuple[UInt8, str]]]  # a heading, and pictures with their captions
@@ -47,20 +47,22 @@ Pictures = tuple[str, Sequence[tuple[UInt8, str]]]  # a heading, and pictures wi
 
 @dataclass(frozen=True)
 class Shape:
-    """A mesh with the name of its file, or of the sample that it is."""
+    """A mesh with the name of its file or sample."""
 
     name: str
     mesh: dfd.Mesh
 
     def at(self, point: Sequence[float]) -> int:
-        """Return the vertex of a face nearest to `point`, whose coordinates go from 0 to 1 along the box."""
-        low, high = self.mesh.bounds
+        """Return the vertex with a face nearest to `point`, whose coordinates go from 0 to 1 along the box."""
         corners = np.unique(self.mesh.faces)
-        away = self.mesh.vertices[corners] - (low + np.asarray(point) * (high - low))
-        return int(corners[np.linalg.norm(away, axis=1).argmin()])
+        return int(corners[np.linalg.norm(self.mesh.vertices[corners] - self.place(point), axis=1).argmin()])
+
+    def place(self, point: Sequence[float]) -> Float64:
+        """Return `point` (3,), whose coordinates go from 0 to 1 along the box, in mesh units."""
+        return self.mesh.bounds[0] + np.asarray(point) * self.mesh.extents
 
     def refined(self) -> Shape:
-        """Return the shape with long edges halved, without its appearance; as it is if no face is large."""
+        """Return the shape with long edges halved, without its appearance; unchanged if no edge is long."""
         longest = LONGEST_EDGE * self.mesh.diagonal
         vertices, faces = split_long_edges(self.mesh.vertices, self.mesh.faces, longest, most=50_000)
         return self if len(faces) == len(self.mesh.faces) else Shape(self.name, dfd.Mesh(vertices, faces))
@@ -68,7 +70,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class BoxHandle:
-    """A handle and what it does, places from 0 to 1 along the sides of a shape's box: it fits any mesh of the shape."""
+    """A handle and its motion, with places from 0 to 1 along the sides of a shape's box, for any mesh of the shape."""
 
     at: Point
     offset: Point = (0.0, 0.0, 0.0)  # of the diagonal
@@ -77,21 +79,20 @@ class BoxHandle:
     locality: float = 0.0
     pivot: Point | None = None
     fixed: tuple[Point, ...] = ()
-    azimuth: float | None = None  # degrees, from where it is seen
+    azimuth: float | None = None  # degrees, of the camera
 
     def on(self, shape: Shape) -> dict[str, Any]:
-        """Return what `Deformer.add` takes by name."""
+        """Return the keywords of `Deformer.add`."""
         handle: dict[str, Any] = {"at": shape.at(self.at), "translation": np.array(self.offset) * shape.mesh.diagonal}
         for name in ("rotation", "scale", "locality"):
             if value := getattr(self, name):
                 handle[name] = value
         if self.pivot is not None:
-            low, high = shape.mesh.bounds
-            handle["pivot"] = low + np.array(self.pivot) * (high - low)
+            handle["pivot"] = shape.place(self.pivot)
         return handle
 
 
-# A pull of each shape that pages show, and of any other; other methods hold the top or the feet besides.
+# A pull of each shape that pages show, and of any other.
 PULLS = {
     "spot": BoxHandle((0.1, 1.0, 0.4), (-0.06, 0.1, 0.0)),
     "kaykit_chair_A": BoxHandle((0.0, 0.0, 1.0), (0.0, -0.15, 0.0)),
@@ -110,33 +111,8 @@ PULLS = {
 
 
 def pulls_of(*names: str) -> dict[str, BoxHandle]:
-    """Return the pulls of the shapes called `names`, and of any other."""
+    """Return the pulls of the shapes called `names`, and of any other shape."""
     return {name: PULLS.get(name, PULLS["*"]) for name in (*names, "*")}
-
-
-def session(
-    mesh: dfd.Mesh,
-    field: dfd.Field,
-    preset: Preset,
-    handles: Sequence[Mapping[str, Any]],
-    *,
-    fixed: Sequence[Any] = (),
-    symmetric: bool = False,
-    features: Float32 | None = None,
-) -> dfd.Deformer:
-    """Return a session with `handles`, each what `Deformer.add` takes by name, and `fixed` points.
-
-    `symmetric` lets handles act on both sides of the plane that `"auto"` finds by the preset, if there is one.
-    """
-    deformer = dfd.Deformer(mesh, field, preset=preset, features=features)
-    if symmetric:
-        with suppress(ValueError):  # looks alike across no plane
-            deformer.set_symmetry("auto")
-    for point in fixed:
-        deformer.fix(point)
-    for handle in handles:
-        deformer.add(**handle)
-    return deformer
 
 
 @dataclass(frozen=True)
@@ -153,17 +129,30 @@ class Subject:
         """The first two columns of every table."""
         return [self.shape.name, NAMES[self.preset]]
 
-    @property
-    def heading(self) -> str:
-        """That of its row of pictures."""
-        return ", ".join(self.label)
+    def session(
+        self,
+        handles: Iterable[Mapping[str, Any]],
+        *,
+        fixed: Sequence[int] = (),
+        symmetric: bool = False,
+        features: Float32 | None = None,
+    ) -> dfd.Deformer:
+        """Return a session with `handles`, each the keywords of `Deformer.add`, and `fixed` points.
 
-    def session(self, handles: Sequence[Mapping[str, Any]], **more: Any) -> dfd.Deformer:
-        """See `session`."""
-        return session(self.shape.mesh, self.field, self.preset, handles, **more)
+        `symmetric` lets handles act on both sides of the plane that `"auto"` finds by the preset, if there is one.
+        """
+        deformer = dfd.Deformer(self.shape.mesh, self.field, preset=self.preset, features=features)
+        if symmetric:
+            with suppress(ValueError):  # no plane has equal features on both sides
+                deformer.set_symmetry("auto")
+        for point in fixed:
+            deformer.fix(point)
+        for handle in handles:
+            deformer.add(**handle)
+        return deformer
 
     def pull(self, changes: Mapping[str, Any] | None = None, **more: Any) -> dfd.Deformer:
-        """Return a session with the handle of the case, with `changes`; `more` is as in `session`."""
+        """Return a session with the handle of the case, with `changes`; `more` are keywords of `session`."""
         return self.session([{**self.case.on(self.shape), **(changes or {})}], **more)
 
 
@@ -172,24 +161,25 @@ load_once = cache(load_encoder)
 
 @dataclass
 class Context:
-    """Settings of a run, and what its pages share."""
+    """Settings of a run, and the meshes and fields of its pages."""
 
-    folder: Path | None = None  # where meshes are looked for first; None for `DFD_MESHES` alone
+    folder: Path | None = None  # of meshes; None for `DFD_MESHES`
     quick: bool = False  # fewer and smaller pictures, fewer shapes
     encoder: str | Path = DEFAULT_ENCODER  # a name or a folder
-    settings: Mapping[str, Any] = field(default_factory=dict)  # further keywords of `dfd.distill`, over the presets'
-    answers: Path | None = None  # of a user study, see `table2`
+    settings: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # further keywords of `dfd.distill`, which override the presets'
     say: Callable[[str], None] = lambda line: None
 
     @cached_property
     def files(self) -> dict[str, Path]:
-        """The mesh files at hand by their stems: those of the folder given, then those of DFD_MESHES."""
+        """The mesh files by their stems: those of `folder`, then those of DFD_MESHES."""
         known = os.environ.get("DFD_MESHES")
         folders = [folder for folder in (Path(known) if known else None, self.folder) if folder]
         return {path.stem: path for folder in folders for path in reversed(_mesh_files(folder))}
 
     def shape(self, name: str) -> Shape:
-        """Return the shape of a file at hand, or else of a sample."""
+        """Return the shape of a file, or else of a sample."""
         return Shape(name, dfd.load(self.files[name]) if name in self.files else SAMPLES[name]().mesh)
 
     def of(self, most: tuple[Any, Any]) -> Any:
@@ -197,10 +187,10 @@ class Context:
         return most[0 if self.quick else 1]
 
     def cases(self, known: Mapping[str, Any], most: tuple[int, int]) -> list[tuple[Shape, Any]]:
-        """Return at most so many shapes, in a quick and in a whole run, and what is known of each by its name.
+        """Return at most so many shapes, in a quick and in a whole run, with the case that is `known` by each name.
 
-        Of a folder that was given: its meshes, the known ones first, the others with the case that is called "*". Else
-        the known ones among files and samples, in their order.
+        With a `folder`, its meshes: the known ones first, the others with the case "*". Without, the known ones among
+        files and samples, in their order.
         """
         if self.folder is not None:
             stems = [path.stem for path in _mesh_files(self.folder)]
@@ -224,39 +214,38 @@ class Context:
                 yield Subject(shape, case, preset, self.field(shape, preset))
 
     def distill_settings(self, preset: Preset, **more: Any) -> dict[str, Any]:
-        """Return the keywords of `dfd.distill` for a preset, with `more` over those of this run."""
+        """Return the keywords of `dfd.distill` for a preset; `more` overrides those of this run."""
         given = {**self.settings, **more}
         shorter = {**QUICK, **(QUICK_PAPER if preset == "paper" else {})} if self.quick else {}
-        if "steps" in given:  # one length of a fit at a time
+        if "steps" in given:  # a fit has steps or epochs, not both
             shorter.pop("epochs", None)
         return {"preset": preset, **shorter, **given}
 
     def loaded(self, preset: Preset, encoder: str | Path | None = None, block: int | None = None) -> Encoder:
-        """Return the encoder; the paper's sees the background as well."""
+        """Return the encoder; the paper's takes the background, too."""
         return load_once(self.encoder if encoder is None else encoder, block=block, background=preset == "paper")
 
     def field(
         self, shape: Shape, preset: Preset, *, encoder: Encoder | None = None, stages: Stages | None = None, **more: Any
     ) -> dfd.Field:
-        """Return the field of a shape from the user's cache; with `stages`, distill in any case and time it."""
+        """Return the field of a shape; with `stages`, ignore the user's cache and time each stage."""
         self.say(f"field of {shape.name}, {NAMES[preset]}" + "".join(f", {n} {v}" for n, v in more.items()))
         model, settings = encoder or self.loaded(preset), self.distill_settings(preset, **more)
         return dfd.distill(shape.mesh, model, progress=stages or False, cache=stages is None, **settings)
 
     def notes(self) -> list[str]:
-        """Return what a reader has to know about how a page was made."""
+        """Return how the page was made."""
         where = "a folder that was given" if self.folder else "DFD_MESHES" if self.files else "made samples alone"
         notes = [
-            f"**{NAMES['paper']}** is the procedure of the paper, **{NAMES['default']}** what dfd does if nothing is "
-            f"said; encoder {getattr(self.encoder, 'name', self.encoder)}.",
+            f"**{NAMES['paper']}** is the procedure of the paper, **{NAMES['default']}** the settings without a preset.",
+            f"Encoder: {getattr(self.encoder, 'name', self.encoder)}.",
             f"Meshes: {where}.",
         ]
         if self.quick:
             made, whole = DistillSettings(**self.distill_settings("paper")), DistillSettings(preset="paper")
             notes.append(
                 f"Made with --quick: {made.views} pictures of {made.resolution}² instead of {whole.views} of "
-                f"{whole.resolution}², a shorter fit in the paper preset, and fewer shapes. Weights are rougher than "
-                "they would be."
+                f"{whole.resolution}², a shorter fit in the paper preset, and fewer shapes. Weights are rougher."
             )
         return notes
 
@@ -269,13 +258,13 @@ def _mesh_files(folder: Path) -> list[Path]:
 
 
 def aim(mesh: dfd.Mesh, points: Any, *moved: Float64, **more: Any) -> dict[str, Any]:
-    """Return options of `picture` that show `points` (N, 3) from outside, with room for all of `moved` (V, 3)."""
+    """Return options of `picture` that show `points` (N, 3) from outside, and all of `moved` (V, 3)."""
     frame = [mesh.vertices, *moved]
     return {"azimuth": azimuth_towards(mesh, points), "frame": frame, "resolution": RESOLUTION, **more}
 
 
 def silhouettes(mesh: dfd.Mesh, moved: Float64, where: dict[str, Any]) -> UInt8:
-    """Draw the outlines before (blue) and after (green) over the moved shape, as in the paper's Fig. 8 and 23."""
+    """Draw the moved shape in green over the resting one in blue, as in the paper's Fig. 8 and 23."""
     old, new = (picture(mesh, vertices=vertices, **where).astype(float) for vertices in (mesh.vertices, moved))
     in_old, in_new = ((image < 250).any(axis=2, keepdims=True) for image in (old, new))
     page = np.where(in_new, 0.55 * new + 0.45 * AFTER, new)
@@ -287,25 +276,17 @@ def silhouettes(mesh: dfd.Mesh, moved: Float64, where: dict[str, Any]) -> UInt8:
 
 
 @dataclass(frozen=True)
-class Table:
-    """Numbers and words: one list a row, as many entries as `columns`; None where there is none."""
-
-    columns: Sequence[str]
-    rows: Sequence[Sequence[Any]]
-
-
-@dataclass(frozen=True)
 class Section:
-    """A part of a page."""
+    """A part of a page: its pictures, and its table with a list as long as `columns` for each row."""
 
     heading: str
     text: str = ""
     pictures: Sequence[Pictures] = ()
-    table: Table | None = None
-    image: Image.Image | None = None  # a picture of its own kind, such as a plot
+    columns: Sequence[str] = ()
+    rows: Sequence[Sequence[Any]] = ()  # None is an empty cell
+    image: Image.Image | None = None  # such as a plot
 
 
-Sections = Sequence[Section]
 Rule = Callable[[Sequence[Mapping[str, Any]]], float]  # a number from the rows of all tables of a page, by column
 
 
@@ -320,11 +301,11 @@ def gallery(
     shown: Sequence[str] = ("weights", "after"),
     azimuth: float | None = None,
     source: Callable[[Subject], Mapping[str, Any]] = lambda subject: {},
-) -> Sections:
-    """Draw every subject by the sessions of its `variants`, and tabulate what `measure` says of each in `columns`.
+) -> list[Section]:
+    """Draw every subject by the sessions of its `variants`, and tabulate the `columns` that `measure` gives of each.
 
-    `measure` is given the first of the sessions as well, from whose side all are seen. `shown` are views of
-    `session_views`, a row of pictures each; `source` is what `picture` draws of the shape at rest.
+    `measure` takes the subject, a session and the first session, whose camera draws all. `shown` are views of
+    `session_views`, a row of pictures each. `source` returns options of `picture` for the shape at rest.
     """
     drawn, rows = [], []
     for subject in subjects:
@@ -344,21 +325,23 @@ def gallery(
             for what in shown
         ]
         if alone:
-            drawn.append((subject.heading, [start, *(cell for row in cells for cell in row)]))
+            drawn.append((", ".join(subject.label), [start, *(cell for row in cells for cell in row)]))
         else:
-            drawn += [(f"{subject.heading}: {what}", [start, *row]) for what, row in zip(shown, cells, strict=True)]
+            drawn += [
+                (", ".join(subject.label) + f": {what}", [start, *row]) for what, row in zip(shown, cells, strict=True)
+            ]
         rows += [[*subject.label, name, *measure(subject, each, first)] for name, each in sessions.items()]
-    return [Section(heading, text, drawn, Table(["shape", "preset", "variant", *columns], rows))]
+    return [Section(heading, text, drawn, ["shape", "preset", "variant", *columns], rows)]
 
 
 @dataclass(frozen=True)
 class Figure:
-    """What the paper says by a figure or table, and the number that decides whether it holds here."""
+    """The claim of a figure or table, and the number that decides whether it holds here."""
 
-    paper: str  # its number, or what it shows where it has none
-    measured: str  # what the number is
+    paper: str  # the paper's number, or what its pictures show
+    measured: str  # the name of the number
     number: Rule
-    least: float = -np.inf  # bounds of the number within which it agrees with the paper
+    least: float = -np.inf  # bounds of a number that agrees with the paper
     most: float = np.inf
 
     def verdict(self, number: float, quick: bool) -> str:
@@ -371,11 +354,8 @@ class Figure:
         return f"{self.measured}: {number:.3g}, which {agrees} with the paper (our bound: {bound}){inputs}."
 
 
-def write(make: Callable[[Context], Sections], figure: Figure, name: str, folder: Path, context: Context) -> Path:
-    """Write NAME.md with one PNG per section that has pictures, and one CSV per table.
-
-    Return the path of the Markdown file.
-    """
+def write(make: Callable[[Context], list[Section]], figure: Figure, name: str, folder: Path, context: Context) -> Path:
+    """Write NAME.md, a PNG for each section with pictures and a CSV for each section; return the path of NAME.md."""
     folder.mkdir(parents=True, exist_ok=True)
     sections, body = make(context), list[str]()
     rows: list[dict[str, Any]] = []
@@ -386,20 +366,13 @@ def write(make: Callable[[Context], Sections], figure: Figure, name: str, folder
             if image is not None:
                 save_png(folder / f"{stem}.png", image)
                 body += ["", f"![{section.heading}]({stem}.png)"]
-        if (table := section.table) is not None:
-            write_text(folder / f"{name}_{number}.csv", to_csv(table.columns, table.rows))
-            rows += [dict(zip(table.columns, row, strict=True)) for row in table.rows]
-            body += ["", *to_markdown(table.columns, table.rows)]
+        write_text(folder / f"{name}_{number}.csv", to_csv(section.columns, section.rows))
+        rows += [dict(zip(section.columns, row, strict=True)) for row in section.rows]
+        body += ["", *to_markdown(section.columns, section.rows)]
     decides = figure.number(rows)
     here = f"{decides:.3g}" if np.isfinite(decides) else "not measured"
     said = to_markdown(["", "the paper", "here"], [[figure.measured, figure.paper, here]])
-    head = [
-        f"# {name}: {(make.__doc__ or '').splitlines()[0]}",
-        "",
-        *said,
-        "",
-        figure.verdict(decides, context.quick),
-        "",
-    ]
+    title, verdict = (make.__doc__ or "").splitlines()[0], figure.verdict(decides, context.quick)
+    head = [f"# {name}: {title}", "", *said, "", verdict, ""]
     write_text(folder / f"{name}.md", "\n".join([*head, *(f"- {note}" for note in context.notes()), *body]) + "\n")
     return folder / f"{name}.md"

@@ -18,20 +18,7 @@ from scipy.spatial import KDTree
 import dfd
 from bench.paper.comparisons import FEET, Case, case_of, deform, farthest, pulled
 from bench.paper.features import distilled, resampled
-from bench.paper.page import (
-    BALL,
-    NAMES,
-    PRESETS,
-    BoxHandle,
-    Context,
-    Section,
-    Sections,
-    Shape,
-    Subject,
-    Table,
-    gallery,
-    pulls_of,
-)
+from bench.paper.page import BALL, NAMES, PRESETS, BoxHandle, Context, Section, Shape, Subject, gallery, pulls_of
 from bench.paper.peers import PEERS
 from bench.paper.peers.biharmonic import OptCtrlPoints
 from bench.paper.peers.peer import Job, PeerError, run, tetrahedra
@@ -69,7 +56,7 @@ PROPERTIES = ("global semantics", "local control", "size robust", "new handle")
 TICKS = {"ARAP": "-x--", "biharmonic": "-x--", "NeuralMLS": "-xx-", "DFD": "xxxx"}  # x where the paper has a tick
 
 
-def fig10(context: Context) -> Sections:
+def fig10(context: Context) -> list[Section]:
     """Seconds of every method to preprocess, bind and pose over the number of faces."""
     rows: list[list[Any]] = []
     for given, _ in context.cases(TIMED, (1, 3)):
@@ -100,7 +87,7 @@ def fig10(context: Context) -> Sections:
         name: [(row[1], dict(zip(PHASES, (row[3], row[4], row[6]), strict=True))) for row in rows if row[2] == name]
         for name in dict.fromkeys(row[2] for row in rows)
     }
-    return [Section("Seconds", text, table=Table(columns, rows), image=plot(series))]
+    return [Section("Seconds", text, columns=columns, rows=rows, image=plot(series))]
 
 
 def _dfd_seconds(context: Context, shape: Shape, preset: Preset) -> list[float]:
@@ -186,7 +173,7 @@ def gap(mesh: dfd.Mesh, moved: NDArray[np.floating]) -> float | None:
     return float(np.linalg.norm(after - before, axis=1).mean())
 
 
-def fig17(context: Context) -> Sections:
+def fig17(context: Context) -> list[Section]:
     """Shapes with holes, loose components and non-manifold edges: defects, and one pull."""
 
     def torn(subject: Subject, each: dfd.Deformer, _: dfd.Deformer) -> list[Any]:
@@ -220,7 +207,7 @@ def remeshed(shape: Shape, part: int) -> Shape:
     return Shape(f"{shape.name}, edges / {part}", dfd.Mesh(*found[:2]))
 
 
-def fig18(context: Context) -> Sections:
+def fig18(context: Context) -> list[Section]:
     """Large meshes: defects, holes, and seconds of each stage with nothing taken from the cache."""
     taken: dict[tuple[str, str], list[float]] = {}
 
@@ -251,13 +238,12 @@ def fig18(context: Context) -> Sections:
     return gallery(subjects(), lambda subject: {"pull": subject.pull()}, columns, measure, text)
 
 
-def table1(context: Context) -> Sections:
+def table1(context: Context) -> list[Section]:
     """Properties of methods, each measured: semantics, locality, robustness to size, and new handles."""
     rows = []
     for shape, _ in context.cases(TICKED, (1, 2)):
-        mesh = shape.refined().mesh
         sizes = [resampled(shape, count) for count in context.of(TICKED_FACES)]
-        case = case_of(Shape(shape.name, mesh), FOOT)
+        case = case_of(shape.refined(), FOOT)
         for name, paper in TICKS.items():
             context.say(f"{shape.name}, {name}")
             try:
@@ -274,11 +260,11 @@ def table1(context: Context) -> Sections:
         "largest size. The networks of APAP and DeepMetaHandles cannot be had."
     )
     columns = ["shape", "method", *PROPERTIES, "as in the paper, %", "note"]
-    return [Section("Ticks", text, table=Table(columns, rows))]
+    return [Section("Ticks", text, columns=columns, rows=rows)]
 
 
 def _ticks(context: Context, case: Case, name: str, sizes: Sequence[Shape]) -> list[bool]:
-    shape, at, own = Shape(case.name, case.mesh), int(case.handles[0]), name == "DFD"
+    shape, at, own = case.shape, int(case.held[0]), name == "DFD"
     feet, flank = [each for each in map(shape.at, FEET) if each != at], shape.at((0.5, 0.5, 1.0))
     if own:
         session = pulled(context, case, "paper")
@@ -287,8 +273,8 @@ def _ticks(context: Context, case: Case, name: str, sizes: Sequence[Shape]) -> l
         moved.append(session.vertices)
     else:
         moved = [deform(name, case, BALL)] * 2
-    length = np.linalg.norm(case.targets[0] - case.mesh.vertices[at])
-    wide, local = (np.linalg.norm(each - case.mesh.vertices, axis=1) / length for each in moved)
+    length = np.linalg.norm(case.target - shape.mesh.vertices[at])
+    wide, local = (np.linalg.norm(each - shape.mesh.vertices, axis=1) / length for each in moved)
     seconds = [
         _dfd_seconds(context, size, "paper")[:3:2]
         if own
@@ -304,7 +290,7 @@ def _ticks(context: Context, case: Case, name: str, sizes: Sequence[Shape]) -> l
     ]
 
 
-def table3(context: Context) -> Sections:
+def table3(context: Context) -> list[Section]:
     """Seconds to bind 1, 10 and 100 new handles, beside OptCtrlPoints in the same nodes."""
     repeats = context.of((3, 50))
     rows: list[list[Any]] = []
@@ -345,7 +331,7 @@ def table3(context: Context) -> Sections:
     )
     handles = [f"{count} handle{'s' * (count > 1)} s" for count in COUNTS]
     return [
-        Section("Seconds to rebind", text, table=Table(["shape", "edge", "nodes", "method", *handles, "note"], rows))
+        Section("Seconds to rebind", text, columns=["shape", "edge", "nodes", "method", *handles, "note"], rows=rows)
     ]
 
 
