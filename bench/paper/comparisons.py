@@ -20,11 +20,11 @@ from bench.paper.page import (
     BoxHandle,
     Context,
     Pictures,
+    Row,
     Section,
     Shape,
     Subject,
     aim,
-    silhouettes,
 )
 from bench.paper.peers import PEERS
 from bench.paper.peers.peer import Job, PeerError, run
@@ -46,8 +46,8 @@ DENSE_TEXT = (
 
 COMPARED = ("ARAP", "biharmonic", "BBW", "NeuralMLS")  # OptCtrlPoints has the weights of biharmonic coordinates
 EXPLODED = 3.0  # times the shape's diagonal, above which a result is not drawn
-BLUE, GREEN = (40, 90, 230), (20, 150, 60)
-COLUMNS = ("handle off %", "area %", "angle °", "edge %", "volume %", "flipped faces", "size")
+BLUE, GREEN = (40, 90, 230), (20, 150, 60)  # of the handle and its target
+BEFORE, AFTER = np.array([64, 112, 216]), np.array([52, 168, 83])  # as in the paper
 LEGEND = """\
 Blue dots are handles, green dots their targets, squares the fixed or control points of the other methods. The shape
 before is blue, the one after green. **handle off**: the largest distance from a target, of the diagonal. **area**,
@@ -180,6 +180,15 @@ def marked(case: Case, where: Mapping[str, object], image: UInt8) -> UInt8:
     return image
 
 
+def silhouettes(mesh: dfd.Mesh, moved: Float64, where: dict[str, Any]) -> UInt8:
+    """Draw the moved shape in green over the resting one in blue, as in the paper's Fig. 8 and 23."""
+    old, new = (picture(mesh, vertices=vertices, **where).astype(float) for vertices in (mesh.vertices, moved))
+    in_old, in_new = ((image < 250).any(axis=2, keepdims=True) for image in (old, new))
+    page = np.where(in_new, 0.55 * new + 0.45 * AFTER, new)
+    page = np.where(in_old, 0.6 * page + 0.4 * BEFORE, page)
+    return page.clip(0, 255).astype(np.uint8)
+
+
 # --- figures
 
 
@@ -232,7 +241,8 @@ def _compared(
 
     The page shows why a method fails and goes on with the others.
     """
-    pictures, rows = [], []
+    pictures: list[Pictures] = []
+    rows: list[Row] = []
     for case in cases:
         context.say(case.shape.name)
         methods: dict[str, Callable[[], Float64]] = {
@@ -245,23 +255,30 @@ def _compared(
             methods |= {peer: partial(deform, peer, case, ball) for peer in COMPARED}
         results: dict[str, Float64 | str] = {}  # the moved vertices (V, 3), or the reason of the failure
         for method, move in methods.items():
+            row = {"shape": case.shape.name, "method": method}
             try:
                 results[method] = moved = move()
-                changes, note = measured(case, moved)
+                row |= measured(case, moved)
             except (PeerError, ValueError, OSError, MemoryError) as error:
-                changes, note = [None] * len(COLUMNS), " ".join(str(error).split()) or type(error).__name__
-            if note:
-                results[method] = note
-            rows.append([case.shape.name, method, *changes, note])
+                row["note"] = " ".join(str(error).split()) or type(error).__name__
+            results[method] = row.get("note") or results[method]
+            rows.append(row)
         pictures.append(drawn(context, case, results, weights=weights))
-    return [Section("Results", f"{text}\n\n{LEGEND}".lstrip(), pictures, ["shape", "method", *COLUMNS, "note"], rows)]
+    return [Section("Results", f"{text}\n\n{LEGEND}".lstrip(), pictures, rows)]
 
 
-def measured(case: Case, moved: Float64) -> tuple[list[Any], str]:
-    """Return the numbers of `COLUMNS` for moved vertices (V, 3), and a note if they explode."""
+def measured(case: Case, moved: Float64) -> dict[str, Any]:
+    """Return the columns of `LEGEND` for moved vertices (V, 3), and a note, which is empty unless they explode."""
     found, diagonal = surface_metrics(case.shape.mesh, moved), case.shape.mesh.diagonal
     size = float(np.linalg.norm(np.ptp(moved, axis=0))) / diagonal
     missing = float(np.linalg.norm(moved[case.held[case.handle]] - case.target)) / diagonal
-    volume = None if found.volume is None else 100 * found.volume
-    changes = [100 * missing, 100 * found.area, found.angle, 100 * found.edge_length, volume, found.flipped_faces, size]
-    return changes, f"explodes: {size:.3g} times as large" if size > EXPLODED else ""
+    return {
+        "handle off %": 100 * missing,
+        "area %": 100 * found.area,
+        "angle °": found.angle,
+        "edge %": 100 * found.edge_length,
+        "volume %": None if found.volume is None else 100 * found.volume,
+        "flipped faces": found.flipped_faces,
+        "size": size,
+        "note": f"explodes: {size:.3g} times as large" if size > EXPLODED else "",
+    }

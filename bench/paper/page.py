@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache, cached_property
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 from PIL import Image
 
 import dfd
+from bench.quality.measures import area_fractions
 from bench.quality.shapes import SAMPLES
 from bench.tables import to_csv, to_markdown, write_text
 from dfd.common.linear_algebra import Float32, Float64, UInt8
@@ -36,10 +38,11 @@ LONGEST_EDGE = 0.03  # of the diagonal; weights, which are exact at vertices alo
 QUICK: dict[str, Any] = {"views": 8, "resolution": 196}
 QUICK_PAPER: dict[str, Any] = {"epochs": 5, "batch": 2_000}
 RESOLUTION = 320
-BEFORE, AFTER = np.array([64, 112, 216]), np.array([52, 168, 83])  # the paper's blue before, green after
 
 Point = tuple[float, float, float]
 Pictures = tuple[str, Sequence[tuple[UInt8, str]]]  # a heading, and pictures with their captions
+Row = Mapping[str, Any]  # a number or word by the name of its column; None or nothing is an empty cell
+Rule = Callable[[Sequence[Row]], float]  # a number from the rows of all tables of a page
 
 
 # --- shapes, handles and sessions
@@ -123,11 +126,6 @@ class Subject:
     case: Any
     preset: Preset
     field: dfd.Field
-
-    @property
-    def label(self) -> list[str]:
-        """The first two columns of every table."""
-        return [self.shape.name, NAMES[self.preset]]
 
     def session(
         self,
@@ -237,7 +235,7 @@ class Context:
         """Return how the page was made."""
         where = "a folder that was given" if self.folder else "DFD_MESHES" if self.files else "made samples alone"
         notes = [
-            f"**{NAMES['paper']}** is the procedure of the paper, **{NAMES['default']}** the settings without a preset.",
+            f"**{NAMES['paper']}** is the procedure of the paper, **{NAMES['default']}** dfd's own settings.",
             f"Encoder: {getattr(self.encoder, 'name', self.encoder)}.",
             f"Meshes: {where}.",
         ]
@@ -263,38 +261,24 @@ def aim(mesh: dfd.Mesh, points: Any, *moved: Float64, **more: Any) -> dict[str, 
     return {"azimuth": azimuth_towards(mesh, points), "frame": frame, "resolution": RESOLUTION, **more}
 
 
-def silhouettes(mesh: dfd.Mesh, moved: Float64, where: dict[str, Any]) -> UInt8:
-    """Draw the moved shape in green over the resting one in blue, as in the paper's Fig. 8 and 23."""
-    old, new = (picture(mesh, vertices=vertices, **where).astype(float) for vertices in (mesh.vertices, moved))
-    in_old, in_new = ((image < 250).any(axis=2, keepdims=True) for image in (old, new))
-    page = np.where(in_new, 0.55 * new + 0.45 * AFTER, new)
-    page = np.where(in_old, 0.6 * page + 0.4 * BEFORE, page)
-    return page.clip(0, 255).astype(np.uint8)
-
-
 # --- the page
 
 
 @dataclass(frozen=True)
 class Section:
-    """A part of a page: its pictures, and its table with a list as long as `columns` for each row."""
+    """A part of a page: its pictures, and its table."""
 
     heading: str
     text: str = ""
     pictures: Sequence[Pictures] = ()
-    columns: Sequence[str] = ()
-    rows: Sequence[Sequence[Any]] = ()  # None is an empty cell
+    rows: Sequence[Row] = ()
     image: Image.Image | None = None  # such as a plot
-
-
-Rule = Callable[[Sequence[Mapping[str, Any]]], float]  # a number from the rows of all tables of a page, by column
 
 
 def gallery(
     subjects: Iterable[Subject],
     variants: Callable[[Subject], Mapping[str, dfd.Deformer]],
-    columns: Sequence[str],
-    measure: Callable[[Subject, dfd.Deformer, dfd.Deformer], Sequence[Any]],
+    measure: Callable[[Subject, dfd.Deformer, dfd.Deformer], Row],
     text: str = "",
     *,
     heading: str = "Results",
@@ -302,36 +286,39 @@ def gallery(
     azimuth: float | None = None,
     source: Callable[[Subject], Mapping[str, Any]] = lambda subject: {},
 ) -> list[Section]:
-    """Draw every subject by the sessions of its `variants`, and tabulate the `columns` that `measure` gives of each.
+    """Draw every subject by the sessions of its `variants`, and tabulate what `measure` returns for each.
 
     `measure` takes the subject, a session and the first session, whose camera draws all. `shown` are views of
     `session_views`, a row of pictures each. `source` returns options of `picture` for the shape at rest.
     """
-    drawn, rows = [], []
+    drawn: list[Pictures] = []
+    rows: list[Row] = []
     for subject in subjects:
         sessions, mesh = variants(subject), subject.shape.mesh
-        first, angle = next(iter(sessions.values())), getattr(subject.case, "azimuth", azimuth)
-        views: dict[str, dict[str, dict[str, Any]]] = {}
+        first = next(iter(sessions.values()))
+        camera = session_views(first, getattr(subject.case, "azimuth", azimuth))["before"]
+        views = {name: session_views(each, camera["azimuth"]) for name, each in sessions.items()}
         room = [mesh.vertices, *(each.vertices for each in sessions.values() if each.mesh is mesh)]
-        for name, each in sessions.items():
-            views[name] = session_views(each, angle)
-            angle = views[name]["before"]["azimuth"]
-            for view in views[name].values():
-                view.update(resolution=RESOLUTION, **({"frame": room} if each.mesh is mesh else {}))
-        start = (picture(mesh, **{**next(iter(views.values()))["before"], **source(subject)}), "before")
-        alone = len(views) == 1
-        cells = [
-            [(picture(sessions[name].mesh, **each[what]), what if alone else name) for name, each in views.items()]
-            for what in shown
-        ]
-        if alone:
-            drawn.append((", ".join(subject.label), [start, *(cell for row in cells for cell in row)]))
+        look: dict[str, Any] = {"resolution": RESOLUTION, "frame": room}
+        start = (picture(mesh, **{**camera, **look, **source(subject)}), "before")
+        cells: dict[str, list[tuple[UInt8, str]]] = {what: [] for what in shown}
+        for (name, each), what in product(sessions.items(), shown):
+            options = {**views[name][what], **(look if each.mesh is mesh else {"resolution": RESOLUTION})}
+            cells[what].append((picture(each.mesh, **options), name))
+        title = f"{subject.shape.name}, {NAMES[subject.preset]}"
+        if len(sessions) == 1:
+            drawn.append((title, [start, *((row[0][0], what) for what, row in cells.items())]))
         else:
-            drawn += [
-                (", ".join(subject.label) + f": {what}", [start, *row]) for what, row in zip(shown, cells, strict=True)
-            ]
-        rows += [[*subject.label, name, *measure(subject, each, first)] for name, each in sessions.items()]
-    return [Section(heading, text, drawn, ["shape", "preset", "variant", *columns], rows)]
+            drawn += [(f"{title}: {what}", [start, *row]) for what, row in cells.items()]
+        for name, each in sessions.items():
+            label = {"shape": subject.shape.name, "preset": NAMES[subject.preset], "variant": name}
+            rows.append({**label, **measure(subject, each, first)})
+    return [Section(heading, text, drawn, rows)]
+
+
+def following(subject: Subject, session: dfd.Deformer, least: float) -> float:
+    """Return how much of the surface follows the first handle by a weight above `least`, per cent."""
+    return 100 * float(area_fractions(subject.shape.mesh)[session.following[:, 0] > least].sum())
 
 
 @dataclass(frozen=True)
@@ -358,7 +345,6 @@ def write(make: Callable[[Context], list[Section]], figure: Figure, name: str, f
     """Write NAME.md, a PNG for each section with pictures and a CSV for each section; return the path of NAME.md."""
     folder.mkdir(parents=True, exist_ok=True)
     sections, body = make(context), list[str]()
-    rows: list[dict[str, Any]] = []
     for number, section in enumerate(sections, 1):
         body += ["", f"## {section.heading}", "", section.text]
         sheet = contact_sheet(section.pictures, cell=RESOLUTION) if section.pictures else None
@@ -366,9 +352,11 @@ def write(make: Callable[[Context], list[Section]], figure: Figure, name: str, f
             if image is not None:
                 save_png(folder / f"{stem}.png", image)
                 body += ["", f"![{section.heading}]({stem}.png)"]
-        write_text(folder / f"{name}_{number}.csv", to_csv(section.columns, section.rows))
-        rows += [dict(zip(section.columns, row, strict=True)) for row in section.rows]
-        body += ["", *to_markdown(section.columns, section.rows)]
+        columns = dict.fromkeys(key for row in sorted(section.rows, key=len, reverse=True) for key in row)
+        cells = [[row.get(key) for key in columns] for row in section.rows]
+        write_text(folder / f"{name}_{number}.csv", to_csv(columns, cells))
+        body += ["", *to_markdown(columns, cells)]
+    rows = [row for section in sections for row in section.rows]
     decides = figure.number(rows)
     here = f"{decides:.3g}" if np.isfinite(decides) else "not measured"
     said = to_markdown(["", "the paper", "here"], [[figure.measured, figure.paper, here]])
