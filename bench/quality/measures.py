@@ -1,4 +1,4 @@
-"""Measures of weights against labelled parts, and weights by distance to compare with."""
+"""Measure weights against labelled parts, and compute weights by distance for comparison."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ Handles = NDArray[np.integer]  # (H,) vertices
 
 
 def area_fractions(mesh: dfd.Mesh) -> Float64:
-    """(V,) how much of the surface belongs to each vertex, a third of each of its faces; they sum to 1."""
+    """Return the share of the surface of each vertex (V,), a third of each of its faces; they sum to 1."""
     areas = vertex_areas(mesh.vertices, mesh.faces)
     return areas / areas.sum()
 
 
 def draw_handles(labels: Labels, each: int, seed: int = 0) -> Int64:
-    """Vertices to grab: `each` of every part, or all of a smaller part; part after part."""
+    """Draw vertices (H,), part after part: `each` of every part, or all of a smaller part."""
     generator = np.random.default_rng(seed)
     parts = [np.flatnonzero(labels == part) for part in range(labels.max() + 1)]
     return np.concatenate([generator.choice(part, min(each, len(part)), replace=False) for part in parts])
 
 
 def average_precision(scores: NDArray[np.floating], relevant: Bool) -> float:
-    """Area under precision against recall when vertices are ranked by `scores`; equal scores count as one step."""
+    """Return the area under precision over recall of vertices ranked by `scores`; equal scores are one step."""
     order = np.argsort(-scores, kind="stable")
     hits = np.cumsum(relevant[order])
     last = np.append(np.diff(scores[order]) != 0, True)
@@ -40,9 +40,9 @@ def average_precision(scores: NDArray[np.floating], relevant: Bool) -> float:
 
 
 def handle_precision(weights: Weights, labels: Labels, handles: Handles) -> Float64:
-    """Average precision (H,) with which each handle's column ranks its own kind of part first.
+    """Return the average precision (H,) with which each handle's column ranks its part first.
 
-    Neither the handle itself nor vertices without a part count; NaN where a part is nothing but its handle.
+    The handle and vertices without a part are left out. A part without further vertices gives NaN.
     """
     precision = np.full(len(handles), np.nan)
     for column, handle in enumerate(handles):
@@ -55,13 +55,13 @@ def handle_precision(weights: Weights, labels: Labels, handles: Handles) -> Floa
 
 
 def mean_over_labels(labels: Labels, values: Any) -> float:
-    """Return the mean of values (H,) of handles over each of their `labels` (H,) and over these; NaN is left out."""
+    """Return the mean over the labels of the means of `values` (H,) over each of `labels` (H,), without NaN."""
     known = ~np.isnan(values)
     return float(np.mean([np.asarray(values)[known & (labels == each)].mean() for each in np.unique(labels[known])]))
 
 
 def soft_iou(areas: Float64, weights: NDArray[Any], truth: Bool) -> float:
-    """Return Σ min(w, t) / Σ max(w, t) over a surface whose vertices have `areas` (V,), for weights (V,) and a mask."""
+    """Return Σ min(w, t) / Σ max(w, t) over vertices of `areas` (V,), for `weights` w (V,) and the mask `truth` t."""
     return float(areas @ np.minimum(weights, truth) / (areas @ np.maximum(weights, truth)))
 
 
@@ -71,7 +71,7 @@ def components_of(corners: NDArray[np.integer], count: int) -> Int32:
     return np.asarray(connected_component_labels(edges, node_count=count), np.int32)
 
 
-# --- weights by methods that know no features
+# --- weights without features
 
 
 def euclidean(vertices: NDArray[np.floating], handles: Handles) -> Float64:
