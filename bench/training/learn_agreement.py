@@ -1,8 +1,8 @@
-"""How likely a carried edit moves the same part, learned from edits that are carried between rigs of one family.
+"""Learn how likely a carried edit moves the same part, from edits carried between rigs of one family.
 
-A handle is right if what follows it on the other rig overlaps by an IoU of 0.6 with what hangs on the joints that it
-moves on the first one. `python -m bench.training.learn_agreement FOLDER…` prints the constants of
-`dfd.editing.agreement`, and how often handles are right by their confidence on families that were left out.
+A handle is right if its part on the other rig has an IoU of 0.6 with the vertices of the joints that it moves on the
+first. `python -m bench.training.learn_agreement FOLDER…` prints the constants of `dfd.editing.agreement`, and how often
+handles are right by their confidence on families that were left out.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from dfd.editing.agreement import HELD, differences
 from dfd.editing.edit import Edit
 from dfd.editing.transfer import transfer
 
-RIGHT = 0.6  # IoU: from here on a handle moves the same part
-SHARED = 0.6  # of the names of joints: rigs that share fewer are not compared
+RIGHT = 0.6  # IoU, the least of a handle that moves the same part
+SHARED = 0.6  # of the names of joints, the least of rigs that are compared
 TARGETS = 3  # rigs to which each handle is carried
-FAMILY_POWER = 0.5  # a family counts as the square root of its handles
+FAMILY_POWER = 0.5  # a family has the weight of the square root of its handles
 
 
 def carried(shapes: list[tuple[RiggedShape, dfd.Deformer]]) -> Iterator[tuple[str, Float64, bool]]:
@@ -51,7 +51,7 @@ def carried(shapes: list[tuple[RiggedShape, dfd.Deformer]]) -> Iterator[tuple[st
 
 
 def fitted(rows: Float64, right: Bool, weight: Float64) -> Float64:
-    """Return (3,) EQUAL, BY_SHARE and BY_PLACE that make `right` (N,) likeliest by `rows` (N, 2)."""
+    """Return EQUAL, BY_SHARE and BY_PLACE (3,) of the largest likelihood of `right` (N,) by `rows` (N, 2)."""
     sign = np.where(right, -1.0, 1.0)
 
     def loss(constants: Float64) -> float:

@@ -1,8 +1,8 @@
-"""`python -m bench.training.learn_metric`: learn which differences tell parts apart, judged on families left out.
+"""`python -m bench.training.learn_metric`: learn which differences tell parts apart, and judge it by families left out.
 
-From the rigs in the folder that DFD_MESHES names (its "rigs" and "upright" folders, and skinned characters), +y up, the
-samples of dfd, and the rigs and people in a folder given with `--lessons`. What the encoder sees is kept between runs.
-Equal features give equal files. docs/learned.md names the sources of the metric that comes with the package.
+The shapes are the rigs in the folder DFD_MESHES ("rigs", "upright" and skinned characters), +y up, the samples of dfd,
+and the rigs and people in a folder given with `--lessons`. A file keeps the features of each between runs. Equal
+features give equal files. docs/learned.md names the sources of the package's metric.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from dfd.encoders.encode import Encoder, load_encoder
 from dfd.encoders.learned_file import encoder_identity
 
 REPORT, CACHE = RESULTS / "metric.md", RESULTS / "metric_features"
-DIRECTIONS = 51  # with the kinds of parts beside them, 64 numbers
+DIRECTIONS = 51  # and the 13 kinds of parts make 64 numbers
 RIDGE = 1.0  # of the mean variance within parts
-POWER = 0.125  # of the ratio of variances that a direction's length is
+POWER = 0.125  # of the ratio of variances, which gives the length of a direction
 FACES = 20_000  # of the samples
-EACH, SEEDS = 8, 3  # handles of every part, and how often they are drawn
+EACH, SEEDS = 8, 3  # handles of every part, and draws
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -50,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def labelled_shapes(folder: Path, lessons: Path | None) -> list[Shape]:
-    """Every shape to learn from; characters by the merged names of their parts."""
+    """Return every shape to learn from; characters have the merged names of their parts."""
     found = [*shapes.rigs(folder), *shapes.rigs(folder, under="upright"), *shapes.characters(folder)]
     for under in ("rigs", "people") if lessons else ():
         found += shapes.rigs(lessons, under=under)
@@ -58,14 +58,14 @@ def labelled_shapes(folder: Path, lessons: Path | None) -> list[Shape]:
 
 
 def learn(lessons: Sequence[Lesson], encoder: Encoder) -> Metric:
-    """The metric of all lessons."""
+    """Return the metric of all lessons."""
     return Metric(*discriminants(lessons), *encoder_identity(encoder), learn_kinds(lessons))
 
 
 def discriminants(lessons: Sequence[Lesson]) -> tuple[Float32, Float32]:
-    """The directions, (D, d) and (BANDS, d), that tell parts apart best: variance between them over that within.
+    """Return the directions (D, d) and (BANDS, d) of the largest variance between parts over that within parts.
 
-    Every family counts alike. A direction is of unit variance within parts, times a power of the ratio of variances.
+    Families have equal weight. A direction has unit variance within parts, times a power of the ratio of variances.
 
     Source: Fisher, "The use of multiple measurements in taxonomic problems", 1936; ridge: Friedman, "Regularized
     discriminant analysis", 1989.
@@ -93,7 +93,7 @@ def precision(lesson: Lesson, features: Float32) -> float:
 
 
 def report(lessons: Sequence[Lesson]) -> str:
-    """Return the precision on each shape by features alone, and through the metric that the other families gave."""
+    """Return the precision on each shape by features alone, and by the metric of the other families."""
     rows: list[list[Any]] = []
     for family in dict.fromkeys(each.family for each in lessons):
         others = [each for each in lessons if each.family != family]
@@ -112,7 +112,7 @@ def report(lessons: Sequence[Lesson]) -> str:
     lines = [
         "# A learned metric",
         "",
-        "Each shape judged without its family; precision at the vertices, before a field is fitted.",
+        "Each shape is judged without its family, by the precision at the vertices before a field is fitted.",
         "",
         *to_markdown(["family", "shape", "features alone", "learned"], rows, ".3f"),
         "",

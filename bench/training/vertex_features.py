@@ -1,4 +1,4 @@
-"""What a metric is learned from: what an encoder sees at the vertices of a shape, and how thick the shape is there."""
+"""Features that an encoder gives at the vertices of a shape, and the thickness there, to learn a metric from."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 import dfd
 from bench.quality.measures import area_fractions
 from bench.quality.parts import family_of
 from bench.quality.shapes import Shape
-from dfd.common.files import atomic_write
+from bench.training.sources import kept_arrays
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillSettings
@@ -26,13 +27,13 @@ from dfd.upright.find_up import resolve_up
 from dfd.views.render import render
 
 NEAREST = 3  # points that a vertex is interpolated from
-THICKNESS = 0.25  # that a band of thickness counts, beside the numbers of a feature of unit length
-FEWEST = 5  # vertices of a part that says something
+THICKNESS = 0.25  # weight of a band of thickness beside a feature of unit length
+FEWEST = 5  # vertices of a part that is used
 
 
 @dataclass(frozen=True, eq=False)
 class VertexFeatures:
-    """What distillation has at the vertices of a shape before a field is fitted, by the plain distance."""
+    """The targets of a distillation, interpolated at the vertices of a shape."""
 
     features: Float32  # (V, D) unit rows
     thickness: Float32  # (V, BANDS), see `dfd.distillation.thickness`
@@ -40,7 +41,7 @@ class VertexFeatures:
 
 @dataclass(frozen=True, eq=False)
 class Lesson:
-    """A labelled shape with what is seen at its vertices."""
+    """A labelled shape with the features of its vertices."""
 
     shape: Shape
     seen: VertexFeatures
@@ -52,7 +53,7 @@ class Lesson:
 
     @cached_property
     def mean(self) -> Float32:
-        """(D,) the mean feature of the surface, whose faces stand for their corners."""
+        """The mean feature (D,) over the surface."""
         mean = np.average(self.seen.features, axis=0, weights=area_fractions(self.shape.mesh))
         return np.asarray(mean, np.float32)
 
@@ -63,10 +64,7 @@ class Lesson:
 
     @cached_property
     def scatters(self) -> tuple[Float64, Float64]:
-        """How features and bands vary within and between parts, (D + BANDS, D + BANDS) each; their sum has trace 1.
-
-        Parts count alike.
-        """
+        """The covariances (D + BANDS, D + BANDS) within and between parts of equal weight; their sum has trace 1."""
         every = np.concatenate(
             [self.seen.features, np.float32(THICKNESS) * self.seen.thickness], axis=1, dtype=np.float64
         )
@@ -79,22 +77,18 @@ class Lesson:
 
 
 def cached_vertex_features(folder: Path, mesh: dfd.Mesh, encoder: Encoder) -> VertexFeatures:
-    """`vertex_features`, from `folder` if they are there: taking them takes seconds for each shape."""
-    path = folder / f"{mesh.content_hash}.npz"
-    if not path.is_file():
-        folder.mkdir(parents=True, exist_ok=True)
-        with atomic_write(path) as temporary, temporary.open("wb") as stream:
-            seen = vertex_features(mesh, encoder)
-            np.savez(stream, features=seen.features.astype(np.float16), thickness=seen.thickness)
-    with np.load(path) as kept:
-        return VertexFeatures(unit(kept["features"].astype(np.float32)), kept["thickness"])
+    """Return `vertex_features`, from a file in `folder` if it exists."""
+
+    def made() -> dict[str, NDArray[Any]]:
+        seen = vertex_features(mesh, encoder)
+        return {"features": seen.features.astype(np.float16), "thickness": seen.thickness}
+
+    kept = kept_arrays(folder / f"{mesh.content_hash}.npz", made)
+    return VertexFeatures(unit(kept["features"].astype(np.float32)), kept["thickness"])
 
 
 def vertex_features(mesh: dfd.Mesh, encoder: Encoder, **changes: Any) -> VertexFeatures:
-    """What `mesh`, +y up, looks like at its vertices, as distillation has it at the surface points around them.
-
-    `changes` are settings of `dfd.distill` that are not its defaults.
-    """
+    """Interpolate the targets of a distillation of `mesh`, +y up; `changes` are settings of `dfd.distill`."""
     settings, stages = DistillSettings(up="file", **changes), Stages(show=False)
     frame = resolve_up(mesh, encoder, settings.up, stages=stages).frame
     views = render(mesh, **settings.of_pictures(), frame=frame, stages=stages)
