@@ -1,13 +1,12 @@
-"""The code on the pages is run by the build, and the pictures beside it are what came of it.
+"""Run the code on the pages, and put its output and pictures beside it.
 
-In a page, every fence of `python` is run, one after the other in one namespace, and in every fence of `sh` the commands
-that begin with `dfd`; where a command writes a mesh that the Python on the page wrote too, both must be the same. After
-a fence, these lines stand for what the build puts there:
+A page runs every fence of `python` in one namespace, and in every fence of `sh` the commands that begin with `dfd`. A
+mesh that both write must be the same. These lines stand for what the build puts there:
 
-    <!-- output -->        what the fence printed
-    <!-- draw NAME -->     pictures of a variable, as it is there or, where it comes later, at the page's end: a session
-                           before, with its weights, and after; or a dict, which has a caption for each session,
-                           picture, or pair of a mesh and what `picture` draws of it
+    <!-- output -->        the output of the fence above
+    <!-- draw NAME -->     pictures of a variable, here or, if it is defined later, at the end of the page. A session is
+                           drawn before, with its weights, and after. A dict has a caption for each session, picture, or
+                           pair of a mesh and options of `picture`.
 """
 
 from __future__ import annotations
@@ -42,16 +41,16 @@ STEP = re.compile(r"^```(python|sh)\n(.*?)^```$|^<!-- (output|draw)(?: (\w+))? -
 LATER = re.compile(r"^<!-- draw (\w+) -->$", re.MULTILINE)
 RESOLUTION = 360
 CAMERA = ("vertices", "azimuth", "elevation", "zoom", "target", "frame")  # the arguments of `viewpoint`
-TOLERANCE = 1e-4  # of the diagonal: a file has 32-bit floats
-MARGIN = 6  # pixels around what a strip shows
-SHAPES = "how_to/index"  # the page that makes the shapes of all others
+TOLERANCE = 1e-4  # of the diagonal, as files have 32-bit floats
+MARGIN = 6  # pixels around the shapes of a strip
+SHAPES = "how_to/index"  # this page makes the shapes of all others
 
 Cell = tuple[str, list[NDArray[np.uint8]]]  # a caption, and pictures one below the other
 log = logging.getLogger(__name__)
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Run a page's code when the page is read."""
+    """Run the code of each page that is read."""
     app.connect("builder-inited", _make_shapes)
     app.connect("env-before-read-docs", _show_last)
     app.connect("source-read", _run_page)
@@ -66,7 +65,7 @@ def _make_shapes(app: Sphinx) -> None:
 
 
 def _show_last(app: Sphinx, env: BuildEnvironment, names: list[str]) -> None:
-    """Read the page last that shows what others draw."""
+    """Read the page of the shapes last, as it shows pictures of others."""
     names.sort(key=SHAPES.__eq__)
 
 
@@ -79,7 +78,7 @@ def _run_page(app: Sphinx, name: str, source: list[str]) -> None:
 
 
 class _Page:
-    """The code of one page, as it is run."""
+    """The code of one page, and its output."""
 
     def __init__(self, name: str) -> None:
         self.name, self.space = name, {"__name__": name}
@@ -87,7 +86,7 @@ class _Page:
         self.began = time.time() - 1
 
     def run(self, text: str) -> str:
-        """Run all fences of the page, and put in what stands for what came of them."""
+        """Run all fences of the page, and replace the lines that stand for output and pictures."""
         with contextlib.chdir(FILES):
             text = STEP.sub(self._step, text)
             return LATER.sub(lambda mark: self._draw(self.space[mark[1]]), text)
@@ -110,7 +109,7 @@ class _Page:
         return step[0]
 
     def _command(self, line: str) -> str:
-        """Run one command, and return what it told."""
+        """Run one command, and return its output."""
         words = shlex.split(line, comments=True)
         if not words or words[0] != "dfd":
             return ""
@@ -123,7 +122,7 @@ class _Page:
             if file.stat().st_mtime_ns != written:
                 now = dfd.load(file)
                 if np.abs(now.vertices - vertices).max() > TOLERANCE * now.diagonal:
-                    raise RuntimeError(f"{file.name} is another than by Python")
+                    raise RuntimeError(f"{file.name} differs from the one by Python")
         return "".join(f"{told}\n" for told in result.output.splitlines() if "━" not in told)
 
     # --- pictures
@@ -145,14 +144,14 @@ class _Page:
 
 
 def _before_after(session: dfd.Deformer) -> list[Cell]:
-    """A session at rest, what follows its handles, and what came of it."""
+    """Draw a session at rest, its weights, and its deformed shape."""
     views = _views(session, [session])
     captions = {"before": "before", "weights": "what follows", "after": "after"}
     return [(caption, [_transparent(session.mesh, **views[name])]) for name, caption in captions.items()]
 
 
 def _strip(cells: dict[str, Any]) -> list[Cell]:
-    """A picture for each caption; of sessions, what follows their handles and what came of it."""
+    """Draw a picture for each caption; of a session, its weights and its deformed shape."""
     sessions = [value for value in cells.values() if isinstance(value, dfd.Deformer)]
     drawn: list[Cell] = []
     for caption, value in cells.items():
@@ -168,19 +167,19 @@ def _strip(cells: dict[str, Any]) -> list[Cell]:
 
 
 def _views(session: dfd.Deformer, sessions: list[dfd.Deformer]) -> dict[str, dict[str, Any]]:
-    """What `picture` draws of one of several sessions, all by one camera, from where the handles show."""
+    """Return options of `picture` for one of several sessions, all with one camera that faces the handles."""
     mesh = sessions[0].mesh
     places = np.array([handle.place.position for each in sessions for handle in each.handles]).reshape(-1, 3)
-    # Never from behind: people know a shape by its front.
+    # People know a shape by its front, so the camera stays within 45° of it.
     azimuth = float(np.clip((azimuth_towards(mesh, places) + 180) % 360 - 180, -45, 45))
     frame = [mesh.vertices, *(each.vertices for each in sessions)]
     return {name: {**view, "frame": frame} for name, view in session_views(session, azimuth).items()}
 
 
 def _transparent(mesh: dfd.Mesh, **options: Any) -> NDArray[np.uint8]:
-    """What `picture` draws, (R, R, 4), without its white, so that it stands on a dark page as well.
+    """Draw a picture (R, R, 4) without its white, for pages with a dark background.
 
-    Opaque is what the shape covers; marks beyond it are as opaque as they are not white.
+    The shape is opaque. Marks beyond it are as opaque as they differ from white.
     """
     options = {"resolution": RESOLUTION, **options}
     image = picture(mesh, **options) / np.float32(255)
