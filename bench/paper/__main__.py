@@ -10,7 +10,8 @@ from pathlib import Path
 from rich.console import Console
 
 from bench.paper.figures import CANNOT, FIGURES, PAGES
-from bench.paper.page import Context, write
+from bench.paper.page import write
+from bench.paper.subjects import Context
 from dfd.encoders.known import DEFAULT_ENCODER
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "paper"

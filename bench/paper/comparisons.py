@@ -12,22 +12,10 @@ from scipy.spatial import KDTree
 
 import dfd
 from bench.paper.distortion import surface_metrics
-from bench.paper.page import (
-    BALL,
-    NAMES,
-    PRESETS,
-    PULLS,
-    BoxHandle,
-    Context,
-    Pictures,
-    Row,
-    Section,
-    Shape,
-    Subject,
-    aim,
-)
+from bench.paper.page import Pictures, Row, Section, aim
 from bench.paper.peers import PEERS
 from bench.paper.peers.peer import Job, PeerError, run
+from bench.paper.subjects import NAMES, PRESETS, PULLS, BoxHandle, Context, Shape, Subject
 from dfd.common.linear_algebra import Float64, Int64, UInt8
 from dfd.common.preset import Preset
 from dfd.pictures.picture import picture
@@ -44,15 +32,15 @@ DENSE_TEXT = (
     "choice lengthen the legs."
 )
 
+BALL = 0.01  # of the longest side, the radius around a point in which the paper constrains other methods
 COMPARED = ("ARAP", "biharmonic", "BBW", "NeuralMLS")  # OptCtrlPoints has the weights of biharmonic coordinates
 EXPLODED = 3.0  # times the shape's diagonal, above which a result is not drawn
-BLUE, GREEN = (40, 90, 230), (20, 150, 60)  # of the handle and its target
 BEFORE, AFTER = np.array([64, 112, 216]), np.array([52, 168, 83])  # as in the paper
 LEGEND = """\
-Blue dots are handles, green dots their targets, squares the fixed or control points of the other methods. The shape
-before is blue, the one after green. **handle off**: the largest distance from a target, of the diagonal. **area**,
-**angle**, **edge**: mean changes over the surface. **volume**: the change of the enclosed volume; empty for open
-surfaces. **flipped faces**: folded over against those around them. **size**: of the result, over the shape's.
+The dot is the handle, and its target after the deformation. Squares are the fixed or control points of the other
+methods. The shape before is blue, the one after green. **handle off**: the distance from the target, of the diagonal.
+**area**, **angle**, **edge**: mean changes over the surface. **volume**: the change of the enclosed volume; empty for
+open surfaces. **flipped faces**: folded over against those around them. **size**: of the result, over the shape's.
 **biharmonic** and **BBW** work within tetrahedra of the shape with at most 6,000 faces. The networks of APAP and
 DeepMetaHandles cannot be had."""
 
@@ -157,7 +145,7 @@ def drawn(context: Context, case: Case, results: Mapping[str, Float64 | str], *,
     mesh, source = case.shape.mesh, case.shape.mesh.vertices[case.held[[case.handle]]]
     where = aim(mesh, source, case.target, *(each for each in results.values() if not isinstance(each, str)))
     held = mesh.vertices[case.held if case.dense else case.fixed]
-    found = [(marked(case, where, picture(mesh, fixed=held, **where)), "source")]
+    found = [(picture(mesh, fixed=held, handles=source, **where), "source")]
     presets = {NAMES[preset]: preset for preset in PRESETS} if weights else {}
     for method, moved in results.items():
         if isinstance(moved, str):
@@ -166,23 +154,15 @@ def drawn(context: Context, case: Case, results: Mapping[str, Float64 | str], *,
         if method in presets:
             follows = pulled(context, case, presets[method]).following.max(axis=1)
             found.append((picture(mesh, weights=follows, handles=source, **where), f"{method}: weights"))
-        found.append((silhouettes(mesh, moved, where), method))
+        found.append((silhouettes(mesh, moved, case.target, where), method))
     return case.shape.name, found
 
 
-def marked(case: Case, where: Mapping[str, object], image: UInt8) -> UInt8:
-    """Mark the handle in blue and its target in green, on top of the shape."""
-    mesh = case.shape.mesh
-    bare, image = picture(mesh, **where).astype(int), image.copy()
-    for points, color in ((mesh.vertices[case.held[[case.handle]]], BLUE), (case.target, GREEN)):
-        dots = picture(mesh, handles=points, **where).astype(int)
-        image[np.abs(dots - bare).max(axis=2) > 4] = color
-    return image
-
-
-def silhouettes(mesh: dfd.Mesh, moved: Float64, where: dict[str, Any]) -> UInt8:
-    """Draw the moved shape in green over the resting one in blue, as in the paper's Fig. 8 and 23."""
-    old, new = (picture(mesh, vertices=vertices, **where).astype(float) for vertices in (mesh.vertices, moved))
+def silhouettes(mesh: dfd.Mesh, moved: Float64, target: Float64, where: dict[str, Any]) -> UInt8:
+    """Draw the moved shape in green, with the target, over the resting one in blue, as in the paper's Fig. 8."""
+    old, new = (
+        picture(mesh, **options, **where).astype(float) for options in ({}, {"vertices": moved, "handles": target})
+    )
     in_old, in_new = ((image < 250).any(axis=2, keepdims=True) for image in (old, new))
     page = np.where(in_new, 0.55 * new + 0.45 * AFTER, new)
     page = np.where(in_old, 0.6 * page + 0.4 * BEFORE, page)

@@ -8,7 +8,8 @@ import numpy as np
 
 import dfd
 from bench.paper.distortion import surface_metrics
-from bench.paper.page import PULLS, BoxHandle, Context, Row, Section, Subject, following, gallery, pulls_of
+from bench.paper.page import Row, Section, following, gallery
+from bench.paper.subjects import PULLS, BoxHandle, Context, Subject, pulls_of
 from dfd.editing.presets import PRESETS as DEFAULTS
 
 MIDDLE, TWIST = (0.5, 0.5, 0.5), (0, 50, 0)

@@ -16,20 +16,8 @@ from scipy.spatial.transform import Rotation
 
 import dfd
 from bench.paper.distortion import surface_metrics
-from bench.paper.page import (
-    NAMES,
-    PRESETS,
-    Context,
-    Pictures,
-    Row,
-    Section,
-    Shape,
-    Subject,
-    aim,
-    following,
-    gallery,
-    pulls_of,
-)
+from bench.paper.page import Pictures, Row, Section, aim, following, gallery
+from bench.paper.subjects import NAMES, PRESETS, Context, Shape, Subject, pulls_of
 from bench.quality.measures import area_fractions
 from dfd.common.linear_algebra import Float64
 from dfd.common.preset import Preset

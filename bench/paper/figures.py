@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from bench.paper import comparisons, controls, features, resolution
-from bench.paper.page import NAMES, Context, Figure, Rule, Section
+from bench.paper.page import Figure, Rule, Section
+from bench.paper.subjects import NAMES, Context
 
 OURS = NAMES["paper"]
 

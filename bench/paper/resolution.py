@@ -17,12 +17,13 @@ from PIL import Image
 from scipy.spatial import KDTree
 
 import dfd
-from bench.paper.comparisons import FEET, Case, case_of, deform, farthest, pulled
+from bench.paper.comparisons import BALL, FEET, Case, case_of, deform, farthest, pulled
 from bench.paper.features import distilled, resampled
-from bench.paper.page import BALL, NAMES, PRESETS, BoxHandle, Context, Row, Section, Shape, Subject, gallery, pulls_of
+from bench.paper.page import Row, Section, gallery
 from bench.paper.peers import PEERS
 from bench.paper.peers.biharmonic import OptCtrlPoints
 from bench.paper.peers.peer import Job, PeerError, run, tetrahedra
+from bench.paper.subjects import NAMES, PRESETS, BoxHandle, Context, Shape, Subject, pulls_of
 from bench.quality.measures import components_of
 from bench.speed.measure import together
 from dfd.common.linear_algebra import Float32, Int64
@@ -37,6 +38,7 @@ PEER_HANDLES = 10  # farthest points: other methods need several
 
 BROKEN = pulls_of("truck_defects", "chair_nonmanifold", "plane_holes", "knight", "robot")
 BOUNDARY, CLAY = (0.85, 0.15, 0.1), (0.82, 0.81, 0.78)
+NEAR = 0.005  # of the diagonal, between vertices of two components that belong together
 
 LARGE = pulls_of("plane_holes", "koala", "truck_defects", "spot", "quadruped")
 SHORTER = (1, 2, 8)  # edges, each of that part of a mesh's mean length: the resolutions that a mesh is remeshed to
@@ -130,9 +132,6 @@ def plot(rows: Sequence[Row]) -> Image.Image:
     stream = BytesIO()
     figure.savefig(stream, format="png", dpi=100)
     return Image.open(stream).convert("RGB")
-
-
-NEAR = 0.005  # of the diagonal, between vertices of two components that belong together
 
 
 def defects(mesh: dfd.Mesh) -> tuple[int, int, Int64]:

@@ -12,13 +12,14 @@ import trimesh
 from tiny_encoder import save_tiny_encoder
 
 import dfd
-from bench.paper import comparisons, page, resolution
+from bench.paper import comparisons, page, resolution, subjects
 from bench.paper.__main__ import main
 from bench.paper.comparisons import farthest
 from bench.paper.figures import CANNOT, FIGURES, PAGES
-from bench.paper.page import Context, Figure, write
+from bench.paper.page import Figure, write
 from bench.paper.peers import PEERS
 from bench.paper.peers.peer import Body, Done, Job, Tetrahedra, run
+from bench.paper.subjects import Context
 
 igl = pytest.importorskip("igl")
 
@@ -40,7 +41,7 @@ def small(monkeypatch) -> None:
     """Small pictures of coarse shapes; other methods, and the search for planes, have tests of their own."""
     seconds = dict.fromkeys(("tetrahedra", "prepare", "bind", "pose"), 0.5)
     monkeypatch.setattr(page, "RESOLUTION", 48)
-    monkeypatch.setattr(page, "LONGEST_EDGE", 0.2)
+    monkeypatch.setattr(subjects, "LONGEST_EDGE", 0.2)
     monkeypatch.setattr(resolution, "FACES", (300, 900))
     monkeypatch.setattr("dfd.editing.influence.grips.symmetry_planes", lambda field, mesh: [])
     for module in (comparisons, resolution):
