@@ -21,7 +21,6 @@ from bench.paper.comparisons import BALL, FEET, Case, case_of, deform, farthest,
 from bench.paper.features import distilled, resampled
 from bench.paper.page import Row, Section, gallery
 from bench.paper.peers import PEERS
-from bench.paper.peers.biharmonic import OptCtrlPoints
 from bench.paper.peers.peer import Job, PeerError, run, tetrahedra
 from bench.paper.subjects import NAMES, PRESETS, BoxHandle, Context, Shape, Subject, pulls_of
 from bench.quality.measures import components_of
@@ -302,7 +301,7 @@ def table3(context: Context) -> list[Section]:
             start: dict[str, Any] = {"shape": shape.name, "edge": edge}
             try:
                 within = tetrahedra(mesh.vertices, faces, patience, edge=edge)
-                done = run(OptCtrlPoints, mesh, jobs, patience=patience, most_faces=None, edge=edge)
+                done = run(PEERS["OptCtrlPoints"], mesh, jobs, patience=patience, most_faces=None, edge=edge)
             except PeerError as error:
                 rows.append({**start, "method": "OptCtrlPoints", "note": str(error)})
                 break

@@ -6,6 +6,7 @@ libigl for Python gives the coordinates but not the energy, which OptCtrlPoints 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import igl
@@ -14,32 +15,43 @@ from scipy.linalg import qr
 from scipy.sparse import coo_array, csc_array, diags_array
 from scipy.sparse.linalg import splu
 
-from bench.paper.peers.peer import Body, PeerError
+from bench.paper.peers.peer import Bind, Body, Deform, PeerError, Tetrahedra, on_nodes
 from bench.quality.measures import components_of
 from dfd.common.linear_algebra import Float64, Int64
 
+Solve = Callable[[Int64], Float64]  # the weights (N, K) of distinct nodes (K,)
 
-class Coordinates:
-    """Weights of least biharmonic energy, 1 at their handle and 0 at the others; they reproduce affine maps."""
 
-    volume = True
+def coordinates(body: Body) -> Bind:
+    """Prepare weights of least biharmonic energy, 1 at their handle and 0 at the others; they reproduce affine maps."""
+    return _binding(body, direct(body.within))
 
-    def prepare(self, body: Body) -> None:
-        """Assemble the energy."""
-        self.body, self.within = body, body.within
-        self.energy = bilaplacian(self.within.nodes, self.within.cells)
 
-    def bind(self, held: Int64, group: Int64) -> None:
-        """Solve for the weights of the nodes nearest to the handles."""
-        handles, first = on_nodes(self.body, held)
-        self.held, self.first = held, first
-        self.weights = self.solve(handles)
+def opt_ctrl_points(body: Body) -> Bind:
+    """Prepare the weights of `coordinates` by `small_system`."""
+    return _binding(body, small_system(body.within))
 
-    def solve(self, handles: Int64) -> Float64:
-        """Return the weights (N, K) of distinct nodes (K,)."""
-        nodes = self.within.nodes
-        size = np.ptp(nodes, axis=0).max()
-        components = components_of(self.within.cells, len(nodes))
+
+def _binding(body: Body, solve: Solve) -> Bind:
+    def bind(held: Int64, group: Int64) -> Deform:
+        nodes, first = on_nodes(body, held)
+        weights = solve(nodes)
+
+        def deform(targets: Float64) -> Float64:
+            offsets = (targets - body.vertices[held])[first]
+            return body.vertices + body.within.on_surface(weights @ offsets)
+
+        return deform
+
+    return bind
+
+
+def direct(within: Tetrahedra) -> Solve:
+    """Assemble the energy, which every solve factors without the handles."""
+    nodes, energy = within.nodes, bilaplacian(within.nodes, within.cells)
+
+    def solve(handles: Int64) -> Float64:
+        size, components = np.ptp(nodes, axis=0).max(), components_of(within.cells, len(nodes))
         for component in range(components.max() + 1):
             # Affine functions have energy 0, so only four handles determine them.
             own = handles[components[handles] == component]
@@ -50,60 +62,44 @@ class Coordinates:
         weights = np.zeros((len(nodes), len(handles)))
         weights[handles, np.arange(len(handles))] = 1.0
         if len(free):
-            weights[free] = -factored(self.energy, free).solve(self.energy[free][:, handles].toarray())
+            weights[free] = -_factored(energy, free).solve(energy[free][:, handles].toarray())
         return weights
 
-    def deform(self, targets: Float64) -> Float64:
-        """Blend the handles' offsets."""
-        offsets = (targets - self.body.vertices[self.held])[self.first]
-        return self.body.vertices + self.within.on_surface(self.weights @ offsets)
+    return solve
 
 
-class OptCtrlPoints(Coordinates):
-    """The weights of `Coordinates`, and of fewer than four handles the smallest that solve their equations.
+def small_system(within: Tetrahedra) -> Solve:
+    """Factor the energy once, with four nodes held, which gives a generalized inverse.
 
-    The energy is factored once. K handles then take a system of K + 4 equations, as in the paper's reformulation:
-    W = G S Λ + P C, where S picks the handles, G is a generalized inverse of the energy, and P spans the affine
-    functions, whose energy is 0.
+    K handles then take a system of K + 4 equations, as in the paper's reformulation: W = G S Λ + P C, where S picks the
+    handles, G is the inverse, and P spans the affine functions, whose energy is 0. Fewer than four handles have the
+    smallest weights that solve their equations.
     """
+    nodes = within.nodes
+    affine = np.c_[np.ones(len(nodes)), (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()]
+    pins = qr(affine.T, mode="r", pivoting=True)[1][:4]  # four nodes far from one plane
+    free = np.setdiff1d(np.arange(len(nodes)), pins)
+    factors = _factored(bilaplacian(nodes, within.cells), free)
 
-    def prepare(self, body: Body) -> None:
-        """Assemble the energy, and factor it with four nodes held, which gives the generalized inverse."""
-        super().prepare(body)
-        nodes = self.within.nodes
-        self.affine = np.c_[np.ones(len(nodes)), (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()]
-        pins = qr(self.affine.T, mode="r", pivoting=True)[1][:4]  # four nodes far from one plane
-        self.free = np.setdiff1d(np.arange(len(nodes)), pins)
-        self.factors = factored(self.energy, self.free)
-
-    def solve(self, handles: Int64) -> Float64:
-        """Return the weights (N, K) of distinct nodes (K,), by the small system."""
+    def solve(handles: Int64) -> Float64:
         count = len(handles)
-        ones = np.zeros((len(self.affine), count))
+        ones = np.zeros((len(nodes), count))
         ones[handles, np.arange(count)] = 1.0
         inverse = np.zeros_like(ones)  # columns of the generalized inverse
-        inverse[self.free] = self.factors.solve(ones[self.free])
-        system = np.zeros((count + 4, count + 4))
+        inverse[free] = factors.solve(ones[free])
         scale = max(float(np.abs(inverse[handles]).max()), 1e-300)
-        system[:count, :count] = inverse[handles] / scale
-        system[:count, count:] = self.affine[handles]
-        system[count:, :count] = self.affine[handles].T
+        system = np.block([[inverse[handles] / scale, affine[handles]], [affine[handles].T, np.zeros((4, 4))]])
         solved = np.linalg.lstsq(system, np.eye(count + 4)[:, :count], rcond=1e-12)[0]
-        return inverse @ (solved[:count] / scale) + self.affine @ solved[count:]
+        return inverse @ (solved[:count] / scale) + affine @ solved[count:]
+
+    return solve
 
 
-def factored(energy: csc_array, free: Int64) -> Any:
-    """Return the factors of the energy (N, N) on the `free` nodes; raise PeerError if it is singular there."""
+def _factored(energy: csc_array, free: Int64) -> Any:
     try:
         return splu(energy[free][:, free].tocsc())
     except RuntimeError:
         raise PeerError("meets a singular system, as where tetrahedra have several components") from None
-
-
-def on_nodes(body: Body, held: Int64) -> tuple[Int64, Int64]:
-    """Return the distinct nodes (K,) nearest to vertices (N,), and the index (K,) of a vertex for each."""
-    nodes, first = np.unique(body.within.nearest(body.vertices[held]), return_index=True)
-    return nodes, first
 
 
 def bilaplacian(nodes: Float64, cells: Int64) -> csc_array:

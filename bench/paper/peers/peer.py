@@ -15,7 +15,7 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import fast_simplification
 import igl
@@ -66,19 +66,17 @@ class Body:
     within: Tetrahedra | None = None
 
 
-class Peer(Protocol):
-    """A method in three timed steps, each of which may raise PeerError."""
+Deform = Callable[[Float64], Float64]  # targets (N, 3) of the held vertices to all vertices (V, 3)
+# Held vertices (N,) and their groups (N,) to a deformation. A group moves alike, and stays if it is below 0.
+Bind = Callable[[Int64, Int64], Deform]
 
-    volume: bool  # whether it needs tetrahedra
 
-    def prepare(self, body: Body) -> None:
-        """Take the shape; once per shape."""
+@dataclass(frozen=True)
+class Peer:
+    """A method in three timed steps, once per shape, per set of handles and per pose; each may raise PeerError."""
 
-    def bind(self, held: Int64, group: Int64) -> None:
-        """Take the held vertices (N,), once per set; those of one `group` (N,) move alike, and stay where it is < 0."""
-
-    def deform(self, targets: Float64) -> Float64:
-        """Return all vertices (V, 3) for held ones near `targets` (N, 3); once per pose."""
+    prepare: Callable[[Body], Bind]
+    volume: bool = False  # whether it needs tetrahedra
 
 
 @dataclass(frozen=True)
@@ -99,7 +97,7 @@ class Done:
 
 
 def run(
-    make: Callable[[], Peer],
+    peer: Peer,
     mesh: dfd.Mesh,
     jobs: Sequence[Job],
     *,
@@ -117,11 +115,11 @@ def run(
     used, faces = np.unique(mesh.faces, return_inverse=True)  # a vertex without a face makes equations singular
     vertices, faces = mesh.vertices[used], faces.reshape(-1, 3).astype(np.int64)
     filling = FILLING_PATIENCE if most_faces else patience
-    within = tetrahedra(vertices, faces, filling, most_faces, edge) if make().volume else None
+    within = tetrahedra(vertices, faces, filling, most_faces, edge) if peer.volume else None
     body = Body(vertices, faces, within)
     own = [Job(np.searchsorted(used, mesh.representative[job.held]), job.group, job.targets) for job in jobs]
     done = []
-    for moved, seconds in in_child(_run, make, body, own, seconds=patience):
+    for moved, seconds in in_child(_run, peer, body, own, seconds=patience):
         if not np.isfinite(moved).all():
             raise PeerError("gives NaN")
         result = mesh.vertices.copy()
@@ -132,19 +130,24 @@ def run(
     return done
 
 
-def _run(make: Callable[[], Peer], body: Body, jobs: Sequence[Job]) -> list[tuple[Float64, dict[str, float]]]:
-    peer = make()
+def _run(peer: Peer, body: Body, jobs: Sequence[Job]) -> list[tuple[Float64, dict[str, float]]]:
     begin = time.perf_counter()
-    peer.prepare(body)
+    bind = peer.prepare(body)
     prepared = time.perf_counter() - begin
     done = []
     for job in jobs:
         start = time.perf_counter()
-        peer.bind(job.held, job.group)
+        deform = bind(job.held, job.group)
         bound = time.perf_counter()
-        moved = peer.deform(job.targets)
+        moved = deform(job.targets)
         done.append((moved, {"prepare": prepared, "bind": bound - start, "pose": time.perf_counter() - bound}))
     return done
+
+
+def on_nodes(body: Body, held: Int64) -> tuple[Int64, Int64]:
+    """Return the distinct nodes (K,) nearest to vertices (N,), and the index (K,) of a vertex for each."""
+    nodes, first = np.unique(body.within.nearest(body.vertices[held]), return_index=True)
+    return nodes, first
 
 
 def check_components(corners: NDArray[np.integer], count: int, held: NDArray[np.integer]) -> None:
