@@ -35,7 +35,7 @@ DENSE_TEXT = (
 BALL = 0.01  # of the longest side, the radius around a point in which the paper constrains other methods
 COMPARED = ("ARAP", "biharmonic", "BBW", "NeuralMLS")  # OptCtrlPoints has the weights of biharmonic coordinates
 EXPLODED = 3.0  # times the shape's diagonal, above which a result is not drawn
-BEFORE, AFTER = np.array([64, 112, 216]), np.array([52, 168, 83])  # as in the paper
+BEFORE, AFTER = np.array([64, 112, 216]), np.array([52, 168, 83])  # colors of the paper
 LEGEND = """\
 The dot is the handle, and its target after the deformation. Squares are the fixed or control points of the other
 methods. The shape before is blue, the one after green. **handle off**: the distance from the target, of the diagonal.
@@ -57,12 +57,12 @@ class Case:
 
     @property
     def fixed(self) -> Int64:
-        """The vertices that stay."""
+        """Return the vertices that stay."""
         return self.held[len(self.held) if self.dense else 1 :]
 
     @property
     def target(self) -> Float64:
-        """The target (1, 3) of DFD's handle."""
+        """Return the target (1, 3) of DFD's handle."""
         return self.held_to[[self.handle]]
 
 
@@ -106,9 +106,6 @@ def farthest(points: Float64, count: int) -> Int64:
     return np.array(chosen, np.int64)
 
 
-# --- methods
-
-
 def pulled(context: Context, case: Case, preset: Preset, *, all_handles: bool = False) -> dfd.Deformer:
     """Return a session in which the handle, with `all_handles` every held vertex, is at its target."""
     rows = range(len(case.held)) if all_handles else [case.handle]
@@ -135,9 +132,6 @@ def constraints(case: Case, ball: float) -> Job:
     held, group = corners[near], group[near]
     offsets = (case.held_to - mesh.vertices[case.held])[group]
     return Job(held, np.where(np.isin(case.held[group], case.fixed), -1, group), mesh.vertices[held] + offsets)
-
-
-# --- pictures
 
 
 def drawn(context: Context, case: Case, results: Mapping[str, Float64 | str], *, weights: bool = False) -> Pictures:
@@ -167,9 +161,6 @@ def silhouettes(mesh: dfd.Mesh, moved: Float64, target: Float64, where: dict[str
     page = np.where(in_new, 0.55 * new + 0.45 * AFTER, new)
     page = np.where(in_old, 0.6 * page + 0.4 * BEFORE, page)
     return page.clip(0, 255).astype(np.uint8)
-
-
-# --- figures
 
 
 def fig8(context: Context) -> list[Section]:

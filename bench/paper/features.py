@@ -39,14 +39,14 @@ COARSE = 200  # faces, of triangles much larger than features
 VERTICES_ALONE = "paper preset, coarse copy, vertices alone"
 PULLED = pulls_of("koala", "scorpion", "human_neutral", "quadruped")
 COARSE_COPY: dict[str, Any] = {"simplify_to": COARSE}
-KINDS: dict[str, tuple[Preset, dict[str, Any]]] = {  # columns: the preset, and what is changed of it
+KINDS: dict[str, tuple[Preset, dict[str, Any]]] = {  # by column, the preset and the changed settings
     "paper preset, fine copy, all pixels": ("paper", {}),
     VERTICES_ALONE: ("paper", {**COARSE_COPY, "supervision": "vertex"}),
     "paper preset, coarse copy, all pixels": ("paper", COARSE_COPY),
     "dfd default, coarse copy": ("default", COARSE_COPY),
 }
 
-Choice = tuple[str, int | None]  # an encoder's name, and the block whose tokens are taken; None is its own choice
+Choice = tuple[str, int | None]  # an encoder's name, and the block of its tokens; None is its default
 OTHERS = tuple(name for name in KNOWN_ENCODERS if name != DEFAULT_ENCODER)
 BLOCKS = (3, 6, 9, 12)
 HELD = pulls_of("spot", "scorpion", "human_neutral", "quadruped")

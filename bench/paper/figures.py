@@ -47,7 +47,7 @@ def is_whole(size: float | None) -> bool:
     return size is not None and size <= comparisons.EXPLODED
 
 
-DFD = {"method": OURS}  # whose failures count, those of the others do not
+DFD = {"method": OURS}  # failures of DFD count; those of the others do not
 PEERS, COORDINATES = ({"method": each, "size": is_whole} for each in (comparisons.COMPARED, "biharmonic"))
 FAILING = {"method": comparisons.COMPARED}
 FREE, FIXED, FAR, WIDE = ({"preset": OURS, "variant": each} for each in ("free", "fixed", "λ = 32", "λ = 0"))

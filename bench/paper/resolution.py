@@ -32,7 +32,7 @@ from dfd.geometry.topology import face_components, first_at_place, inspect
 PHASES = ("preprocess s", "bind s", "pose s")
 TIMED = dict.fromkeys(("koala", "scorpion", "spot", "quadruped", "*"))
 FACES = (1_000, 10_000, 100_000, 1_000_000, 10_000_000)
-PATIENCE = (40.0, 600.0)  # seconds for a peer's tetrahedra, and for all else that it does, in a quick and a whole run
+PATIENCE = (40.0, 600.0)  # seconds for a peer's tetrahedra, and for its steps, in a quick and a whole run
 PEER_HANDLES = 10  # farthest points: other methods need several
 
 BROKEN = pulls_of("truck_defects", "chair_nonmanifold", "plane_holes", "knight", "robot")
@@ -40,7 +40,7 @@ BOUNDARY, CLAY = (0.85, 0.15, 0.1), (0.82, 0.81, 0.78)
 NEAR = 0.005  # of the diagonal, between vertices of two components that belong together
 
 LARGE = pulls_of("plane_holes", "koala", "truck_defects", "spot", "quadruped")
-SHORTER = (1, 2, 8)  # edges, each of that part of a mesh's mean length: the resolutions that a mesh is remeshed to
+SHORTER = (1, 2, 8)  # the mean edge length is divided by these to remesh
 RENDERING = ("simplify", "render")  # the stages that the paper's R counts
 
 COUNTS = (1, 10, 100)
@@ -272,7 +272,7 @@ def _ticks(context: Context, case: Case, name: str, sizes: Sequence[Shape]) -> l
         for size in sizes
     ]
     for each in taken:
-        # A further handle costs DFD a binding, the others all that they do for a set.
+        # A further handle costs DFD one binding; the others bind their whole set again.
         each["new s"] = each.get("rebind s", each["bind s"])
     fine, coarse = (each.get("preprocess s", 0.0) + each["new s"] for each in taken[::-1])
     alike = wide[feet].min() >= FOLLOWED and wide[flank] < wide[feet].min() / 2

@@ -148,14 +148,12 @@ class Context:
     folder: Path | None = None  # of meshes; None for `DFD_MESHES`
     quick: bool = False  # fewer and smaller pictures, fewer shapes
     encoder: str | Path = DEFAULT_ENCODER  # a name or a folder
-    settings: Mapping[str, Any] = field(
-        default_factory=dict
-    )  # further keywords of `dfd.distill`, which override the presets'
+    settings: Mapping[str, Any] = field(default_factory=dict)  # keywords of `dfd.distill`, which override the presets'
     say: Callable[[str], None] = lambda line: None
 
     @cached_property
     def files(self) -> dict[str, Path]:
-        """The mesh files by their stems: those of `folder`, then those of DFD_MESHES."""
+        """Return the mesh files by their stems: those of `folder`, then those of DFD_MESHES."""
         known = os.environ.get("DFD_MESHES")
         folders = [folder for folder in (Path(known) if known else None, self.folder) if folder]
         return {path.stem: path for folder in folders for path in reversed(_mesh_files(folder))}

@@ -20,7 +20,7 @@ from bench.tables import to_csv, to_markdown, write_text
 from dfd.encoders.known import DEFAULT_ENCODER
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "quality"
-MEASURES: dict[str, tuple[Any, Any]] = {  # by verb, the module and what reads its shapes
+MEASURES: dict[str, tuple[Any, Any]] = {  # by verb, the module and the reader of its shapes
     "labelled": (labelled, labelled.labelled_shapes),
     "anatomy": (anatomy, anatomy.rigged_shapes),
     "mirrored": (mirrored, mirrored.paired_shapes),

@@ -1,8 +1,8 @@
 """Weights, parts and handles judged by the names that people gave to parts.
 
 Constants may be chosen on the first half of each category; the second half judges. The folder of a category has
-`N.off` and `N_labels.txt` (a line with a name, and a line with its faces, counted from 1), as in Kalogerakis, Hertzmann
-and Singh, "Learning 3D Mesh Segmentation and Labeling", 2010.
+`N.off` and `N_labels.txt`: a line with the name of each part, then a line with its faces, counted from 1. The benchmark
+is of Kalogerakis, Hertzmann and Singh, "Learning 3D Mesh Segmentation and Labeling", 2010.
 """
 
 from __future__ import annotations

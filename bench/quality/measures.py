@@ -12,7 +12,7 @@ import dfd
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64
 from dfd.geometry.topology import vertex_areas
 
-Weights = NDArray[np.floating]  # (V, H), a column a handle
+Weights = NDArray[np.floating]  # (V, H), a column for each handle
 Labels = NDArray[np.integer]  # (V,) the part of each vertex, −1 for none
 Handles = NDArray[np.integer]  # (H,) vertices
 
@@ -69,9 +69,6 @@ def components_of(corners: NDArray[np.integer], count: int) -> Int32:
     """Return the connected component (count,) of each vertex; elements (E, K), such as faces, connect their corners."""
     edges = corners[:, [[a, a + 1] for a in range(corners.shape[1] - 1)]].reshape(-1, 2)
     return np.asarray(connected_component_labels(edges, node_count=count), np.int32)
-
-
-# --- weights without features
 
 
 def euclidean(vertices: NDArray[np.floating], handles: Handles) -> Float64:

@@ -69,7 +69,7 @@ def _binding(made: MadeInput) -> Iterator[Row]:
 
 
 def _against_torch(made: MadeInput) -> Iterator[Row]:
-    """Compare compact features, and full ones like torch's, with torch."""
+    """Time compact features, and full ones like torch's, beside torch."""
     features = made.features()
     size = f"{len(features):,} vertices"
     for count, most in ((1, 1 / 300), (100, 1 / 30)):
@@ -108,9 +108,6 @@ def _row(timings: Mapping[str, Timing], work: str, against: str, most: float | N
     milliseconds = [1e3 * each for each in (own.best, own.median, own.spread)]
     met = "" if most is None else "yes" if ratio <= most else "no"
     return [called or work, *milliseconds, against, 1e3 * other.best, ratio, most, met]
-
-
-# --- peers
 
 
 def torch_binding(features: Float32, handles: Int64) -> Call:

@@ -45,9 +45,6 @@ def together(
     return {name: Timing(min(taken[name]), mid, high - low) for name, (low, mid, high) in quartiles.items()}
 
 
-# --- ceilings
-
-
 def reading(array: NDArray[Any]) -> Callable[[], object]:
     """Return a call that reads a contiguous array of a multiple of 8 bytes."""
     with warnings.catch_warnings():

@@ -1,8 +1,8 @@
 """Learn how likely a carried edit moves the same part, from edits carried between rigs of one family.
 
-A handle is right if its part on the other rig has an IoU of 0.6 with the vertices of the joints that it moves on the
-first. `python -m bench.training.learn_agreement FOLDER…` prints the constants of `dfd.editing.agreement`, and how often
-handles are right by their confidence on families that were left out.
+A handle moves some joints on the first rig. It is right if its part on the other rig has an IoU of 0.6 with the
+vertices of these joints. `python -m bench.training.learn_agreement FOLDER…` prints the constants of
+`dfd.editing.agreement`, and how often handles are right by their confidence on families that were left out.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ POINTS = 80  # of a part
 STEPS, BATCH, LEARNING_RATE, DECAY = 400, 1024, 3e-3, 0.05
 DROPPED, DROPPED_UNITS = 0.2, 0.5  # shares of the inputs and of the hidden units that dropout takes
 UNSURE = 0.05  # of the probability goes to all kinds, so that the network is less certain of unknown shapes
-FAMILY_POWER = 0.5  # a family counts as the square root of its shapes
+FAMILY_POWER = 0.5  # a family has the weight of the square root of its shapes
 SCALE = 20.0  # about √384, so that the inputs are near one
 
 

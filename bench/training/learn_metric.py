@@ -1,8 +1,8 @@
 """`python -m bench.training.learn_metric`: learn which differences tell parts apart, and judge it by families left out.
 
-The shapes are the rigs in the folder DFD_MESHES ("rigs", "upright" and skinned characters), +y up, the samples of dfd,
-and the rigs and people in a folder given with `--lessons`. A file keeps the features of each between runs. Equal
-features give equal files. docs/learned.md names the sources of the package's metric.
+The shapes are the rigs and skinned characters in the folder DFD_MESHES, +y up, and the samples of dfd. `--lessons`
+adds a folder with rigs and people. A file keeps the features of each between runs. Equal features give equal files.
+docs/learned.md names the sources of the package's metric.
 """
 
 from __future__ import annotations

@@ -40,9 +40,9 @@ from dfd.upright.probe_views import CORNERS, SIDES, ProbeCameras, ViewTokens
 from dfd.upright.stability import StabilityCues
 
 REPORT, KEPT_VIEWS = RESULTS / "up.md", RESULTS / "views_around"
-KEPT = 0.99  # of upright files have their axis among those with pictures
-KEPT_OWN = 0.97  # of those in DFD_MESHES and the samples have it as the likeliest; many of them hardly have an up
-KEPT_UP = 0.985  # of upright files are not taken for upside down
+KEPT = 0.99  # least share of upright files whose axis is among those with pictures
+KEPT_OWN = 0.97  # of those in DFD_MESHES and the samples, many without a clear up, whose axis is the likeliest
+KEPT_UP = 0.985  # of upright files that are not taken for upside down
 Z_SHARE = 0.35  # of the log-odds of the file's +y, for its ±z, as many files have z up
 PRIORS, LOSSES = np.arange(0, 12, 0.05), np.arange(0, 6, 0.1)
 # Log-odds of the six frames per unit of the prior of +y, and of −y.

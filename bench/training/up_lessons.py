@@ -52,12 +52,12 @@ class UpLesson:
 
     @property
     def all_seen(self) -> ViewTokens:
-        """All pictures along its own axes."""
+        """Return all pictures along its own axes."""
         return sum(self.sides, self.corners)
 
     @property
     def tilted_ups(self) -> Float64:
-        """The ups of `FRAMES` (6, 3), rotated."""
+        """Return the ups of `FRAMES` (6, 3), rotated."""
         return UPS @ self.rotation.T
 
 

@@ -53,18 +53,18 @@ class Lesson:
 
     @cached_property
     def mean(self) -> Float32:
-        """The mean feature (D,) over the surface."""
+        """Return the mean feature (D,) over the surface."""
         mean = np.average(self.seen.features, axis=0, weights=area_fractions(self.shape.mesh))
         return np.asarray(mean, np.float32)
 
     @property
     def kinds(self) -> list[tuple[str, Float32]]:
-        """The name of each part, and the features (N, D) of its vertices."""
+        """Return the name of each part, and the features (N, D) of its vertices."""
         return [(name, self.seen.features[self.shape.labels == part]) for part, name in enumerate(self.shape.parts)]
 
     @cached_property
     def scatters(self) -> tuple[Float64, Float64]:
-        """The covariances (D + BANDS, D + BANDS) within and between parts of equal weight; their sum has trace 1."""
+        """Return the covariances (D + BANDS, D + BANDS) within and between parts, over the trace of their sum."""
         every = np.concatenate(
             [self.seen.features, np.float32(THICKNESS) * self.seen.thickness], axis=1, dtype=np.float64
         )

@@ -125,8 +125,6 @@ class _Page:
                     raise RuntimeError(f"{file.name} differs from the one by Python")
         return "".join(f"{told}\n" for told in result.output.splitlines() if "━" not in told)
 
-    # --- pictures
-
     def _draw(self, value: Any) -> str:
         cells = _before_after(value) if isinstance(value, dfd.Deformer) else _strip(value)
         inked = np.any([image[..., 3] > 0 for _, images in cells for image in images], axis=0)

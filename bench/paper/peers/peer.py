@@ -157,9 +157,6 @@ def check_components(corners: NDArray[np.integer], count: int, held: NDArray[np.
         raise PeerError(f"needs a handle or a fixed point on every one of the {component.max() + 1} components")
 
 
-# --- a process of its own
-
-
 def in_child(function: Callable[..., Any], *arguments: Any, seconds: float) -> Any:
     """Return the result of `function` in a process of its own; raise PeerError if it fails or exceeds `seconds`."""
     others = set(multiprocessing.active_children())
@@ -177,8 +174,6 @@ def in_child(function: Callable[..., Any], *arguments: Any, seconds: float) -> A
             for child in set(multiprocessing.active_children()) - others:
                 child.kill()
 
-
-# --- tetrahedra
 
 known: dict[Any, Tetrahedra | PeerError] = {}  # several peers and pages ask for the tetrahedra of one shape
 
