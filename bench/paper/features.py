@@ -30,7 +30,6 @@ from dfd.pictures.picture import picture
 from dfd.views.render import Supervision, Views, render
 
 DISTILLED = dict.fromkeys(("koala", "plane_holes", "scorpion", "spot", "quadruped", "*"))
-REDUCED = 0.99
 LUCY = (200_000, 28_000_000)  # faces, in a quick and a whole run
 AT_ONCE = 500_000  # vertices, which bounds the memory for features
 SUPERVISION: dict[str, Supervision] = {"pixels of vertices": "vertex", "pixels of triangles": "barycentric"}
@@ -77,18 +76,16 @@ FOLLOWS = 0.5
 
 def fig4(context: Context) -> list[Section]:
     """Pixels that teach a field, and fields of the shape and of a hundredth of its faces, from render to weights."""
-    pixels: list[Row] = []
-    fields: list[Row] = []
+    rows: list[Row] = []
     drawn: list[Pictures] = []
     for given, _ in context.cases(DISTILLED, (1, 2)):
         shape = resampled(given, context.of(LUCY))
         mesh = shape.mesh
-        few = simplify(mesh, max(500, round((1 - REDUCED) * len(mesh.faces))))
-        counts = {
+        few = simplify(mesh, max(500, len(mesh.faces) // 100))
+        pixels = {"vertices": len(few.vertices)} | {
             name: _distinct_pixels(render(few, views=8, resolution=252, framing="paper", supervision=kind))
             for name, kind in SUPERVISION.items()
         }
-        pixels.append({"shape": shape.name, "vertices": len(few.vertices), **counts})
         where = aim(mesh, np.empty((0, 3)))
         row = [(picture(each, **where), f"{len(each.faces):,} faces") for each in (mesh, few)]
         for preset in PRESETS:
@@ -97,29 +94,24 @@ def fig4(context: Context) -> list[Section]:
             handle = field(mesh.vertices[[shape.at((0.5, 1.0, 0.5))]])
             for some in np.array_split(mesh.vertices, len(mesh.vertices) // AT_ONCE + 1):
                 dfd.bind(field(some), handle)
-            seconds = time.perf_counter() - begin
+            seconds = {"distill s": distill_seconds, "weights s": time.perf_counter() - begin}
             of_few = context.field(Shape(f"{shape.name} reduced", few), preset)(few.vertices)
             own = field(few.vertices)
             # Each fit has another rotation of feature space, so the colors of both use the same directions.
-            colors = feature_colors(np.concatenate([own, of_few]))
-            row += [
-                (picture(few, colors=some, **where), f"{NAMES[preset]}: field of {what}")
-                for some, what in zip(np.split(colors, 2), ("the shape", "the reduced one"), strict=True)
-            ]
+            colors = np.split(feature_colors(np.concatenate([own, of_few])), 2)
+            for some, what in zip(colors, ("the shape", "the reduced one"), strict=True):
+                row.append((picture(few, colors=some, **where), f"{NAMES[preset]}: field of {what}"))
             start = {"shape": shape.name, "preset": NAMES[preset], "faces": len(mesh.faces)}
             off, spread = (float(np.linalg.norm(own - other, axis=1).mean()) for other in (of_few, own.mean(axis=0)))
-            times = {"distill s": distill_seconds, "weights s": seconds}
-            fields.append({**start, **times, "mean distance": off, "spread": spread})
+            rows.append({**start, **pixels, **seconds, "mean distance": off, "spread": spread})
         drawn.append((shape.name, row))
-    first = (
-        "Eight pictures of 252² of the reduced shape. Other methods learn from the pixels that a vertex falls into, "
-        "barycentric distillation from every pixel that a triangle covers."
+    text = (
+        "Pixels are those of eight pictures of 252² of the reduced shape, whose vertices are counted. Other methods "
+        "learn from the pixels that a vertex falls into, barycentric distillation from every pixel that a triangle "
+        "covers. The mean distance between both fields, at these vertices, stands beside the spread of the features. "
+        "The paper: Lucy, 28 million faces, takes 5.7 minutes to render, 3.7 s if reduced."
     )
-    second = (
-        "Fields of the shape and of a hundredth of its faces, at the vertices of the latter: their distance beside the "
-        "spread of the features. The paper: Lucy, 28 million faces, takes 5.7 minutes to render, 3.7 s if reduced."
-    )
-    return [Section("Pixels", first, rows=pixels), Section("From render to weights", second, drawn, fields)]
+    return [Section("From render to weights", text, drawn, rows)]
 
 
 def distilled(context: Context, shape: Shape, preset: Preset) -> tuple[dfd.Field, float, Stages]:
@@ -135,7 +127,10 @@ def resampled(shape: Shape, count: int) -> Shape:
     times = 0
     while len(shape.mesh.faces) * 4**times < count:
         times += 1
-    return Shape(shape.name, subdivided(simplify(shape.mesh, count // 4**times), times))
+    mesh = simplify(shape.mesh, count // 4**times)
+    for _ in range(times):
+        mesh = subdivided(mesh)
+    return Shape(shape.name, mesh)
 
 
 def _distinct_pixels(views: Views) -> int:
@@ -145,14 +140,14 @@ def _distinct_pixels(views: Views) -> int:
 
 def fig13(context: Context) -> list[Section]:
     """Barycentric distillation against vertices alone, from a coarse copy to the fine mesh."""
-    lengths = []
 
     def variants(subject: Subject) -> dict[str, dfd.Deformer]:
-        shape, sessions = subject.shape, {}
-        steps = len(context.field(shape, "paper", **COARSE_COPY).settings["losses"])
-        lengths.append(f"{shape.name} {steps:,}")
+        sessions = {}
+        steps = len(context.field(subject.shape, "paper", **COARSE_COPY).settings["losses"])
         for name, (preset, changes) in KINDS.items():
-            field = context.field(shape, preset, **changes, **({"steps": steps} if "supervision" in changes else {}))
+            if name == VERTICES_ALONE:
+                changes = {**changes, "steps": steps}
+            field = context.field(subject.shape, preset, **changes)
             sessions[name] = replace(subject, preset=preset, field=field).pull()
         return sessions
 
@@ -161,15 +156,12 @@ def fig13(context: Context) -> list[Section]:
         off = float(area_fractions(mesh) @ np.abs(each.weights - fine.weights)[:, 0])
         return {"roughness": roughness(mesh, each.weights[:, 0]), "off": off if each.preset == "paper" else None}
 
-    [section] = gallery(
-        context.subjects(PULLED, (1, 2), presets=("paper",)), variants, measure, heading="One pull on the fine mesh"
-    )
     text = (
-        f"The coarse copy has {COARSE} faces, much larger than features. Fits to it take the same number of steps "
-        f"({', '.join(lengths)}): with vertices alone the same samples come again and again. Roughness is the mean of "
-        "|∇W| on the fine mesh, in weight per diagonal; off is the mean difference from the weights of the fine copy."
+        f"The coarse copy has {COARSE} faces, much larger than features. Fits to it take the same number of steps; "
+        "with vertices alone, they repeat the same samples. Roughness is the mean of |∇W| on the fine mesh, in weight "
+        "per diagonal; off is the mean difference from the weights of the fine copy."
     )
-    return [replace(section, text=text)]
+    return gallery(context.subjects(PULLED, (1, 2), presets=("paper",)), variants, measure, text)
 
 
 def fig11(context: Context) -> list[Section]:
@@ -206,12 +198,7 @@ def _encoded(context: Context, shown: str, measure: Callable[..., Row], text: st
         fields = {name: context.field(subject.shape, subject.preset, encoder=model) for name, model in models.items()}
         return {name: replace(subject, field=field).pull() for name, field in fields.items()}
 
-    one = len({name for name, _ in found.values()}) == 1
-    heading = "Blocks of one encoder, as no other was loaded" if one else "Encoders"
-    subjects = context.subjects(HELD, (1, 3))
-    [section] = gallery(subjects, variants, measure, text + absent, heading=heading, shown=[shown])
-    pictures = [(f"{where} ({heading.lower()})", images) for where, images in section.pictures]
-    return [replace(section, pictures=pictures)]
+    return gallery(context.subjects(HELD, (1, 3)), variants, measure, text + absent, shown=[shown])
 
 
 def encoders(context: Context) -> tuple[dict[str, Choice], str]:
@@ -242,12 +229,9 @@ def roughness(mesh: dfd.Mesh, weights: NDArray[np.floating]) -> float:
     return float(np.average(np.linalg.norm(slopes, axis=0), weights=areas[areas > 0]) * mesh.diagonal)
 
 
-def subdivided(mesh: dfd.Mesh, times: int) -> dfd.Mesh:
-    """Return the mesh with every face cut into four, `times` times, without its appearance."""
-    vertices, faces = mesh.vertices, mesh.faces
-    for _ in range(times):
-        vertices, faces = trimesh.remesh.subdivide(vertices, faces)
-    return mesh if times == 0 else dfd.Mesh(vertices, faces)
+def subdivided(mesh: dfd.Mesh) -> dfd.Mesh:
+    """Return the mesh with every face cut into four, without its appearance."""
+    return dfd.Mesh(*trimesh.remesh.subdivide(mesh.vertices, mesh.faces))
 
 
 def fig19(context: Context) -> list[Section]:
@@ -255,7 +239,7 @@ def fig19(context: Context) -> list[Section]:
 
     def variants(subject: Subject) -> dict[str, dfd.Deformer]:
         shape, field, (place, others) = subject.shape, subject.field, subject.case
-        copies = [shape.mesh, *(simplify(shape.mesh, count) for count in (1000, 5000)), subdivided(shape.mesh, 1)]
+        copies = [shape.mesh, *(simplify(shape.mesh, count) for count in (1000, 5000)), subdivided(shape.mesh)]
         known = [name for name in others if name in context.files or name == "quadruped"]
         meshes = {f"{len(each.faces):,} faces": each for each in copies}
         meshes.update({name: turned(context.shape(name), others[name]) for name in known})

@@ -50,7 +50,6 @@ def gallery(
     measure: Callable[[Subject, dfd.Deformer, dfd.Deformer], Row],
     text: str = "",
     *,
-    heading: str = "Results",
     shown: Sequence[str] = ("weights", "after"),
     azimuth: float | None = None,
     source: Callable[[Subject], Mapping[str, Any]] = lambda subject: {},
@@ -82,7 +81,7 @@ def gallery(
         for name, each in sessions.items():
             label = {"shape": subject.shape.name, "preset": NAMES[subject.preset], "variant": name}
             rows.append({**label, **measure(subject, each, first)})
-    return [Section(heading, text, drawn, rows)]
+    return [Section("Results", text, drawn, rows)]
 
 
 def following(subject: Subject, session: dfd.Deformer, least: float) -> float:

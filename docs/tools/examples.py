@@ -32,15 +32,14 @@ import dfd
 from dfd.cli import app as command_line
 from dfd.pictures.picture import picture
 from dfd.pictures.sheet import session_views
-from dfd.pictures.viewpoint import azimuth_towards, viewpoint
-from dfd.views.raycast import Scene
+from dfd.pictures.viewpoint import azimuth_towards
 
 BUILD = Path(__file__).resolve().parents[2] / "build" / "docs"
 FILES, PICTURES = BUILD / "files", BUILD / "pictures"
 STEP = re.compile(r"^```(python|sh)\n(.*?)^```$|^<!-- (output|draw)(?: (\w+))? -->$", re.MULTILINE | re.DOTALL)
 LATER = re.compile(r"^<!-- draw (\w+) -->$", re.MULTILINE)
 RESOLUTION = 360
-CAMERA = ("vertices", "azimuth", "elevation", "zoom", "target", "frame")  # the arguments of `viewpoint`
+MARKS = ("handles", "fixed", "labels")  # options of `picture`
 TOLERANCE = 1e-4  # of the diagonal, as files have 32-bit floats
 MARGIN = 6  # pixels around the shapes of a strip
 SHAPES = "how_to/index"  # this page makes the shapes of all others
@@ -126,7 +125,7 @@ class _Page:
         return "".join(f"{told}\n" for told in result.output.splitlines() if "━" not in told)
 
     def _draw(self, value: Any) -> str:
-        cells = _before_after(value) if isinstance(value, dfd.Deformer) else _strip(value)
+        cells = _cells(value)
         inked = np.any([image[..., 3] > 0 for _, images in cells for image in images], axis=0)
         sides = (np.flatnonzero(inked.any(axis=axis)) for axis in (1, 0))
         crop = tuple(slice(max(each[0] - MARGIN, 0), each[-1] + MARGIN) for each in sides)
@@ -141,25 +140,21 @@ class _Page:
         return "\n".join([*lines, "::::"])
 
 
-def _before_after(session: dfd.Deformer) -> list[Cell]:
-    """Draw a session at rest, its weights, and its deformed shape."""
-    views = _views(session, [session])
-    captions = {"before": "before", "weights": "what follows", "after": "after"}
-    return [(caption, [_transparent(session.mesh, **views[name])]) for name, caption in captions.items()]
-
-
-def _strip(cells: dict[str, Any]) -> list[Cell]:
-    """Draw a picture for each caption; of a session, its weights and its deformed shape."""
-    sessions = [value for value in cells.values() if isinstance(value, dfd.Deformer)]
+def _cells(value: Any) -> list[Cell]:
+    """Draw the captions of a dict, sessions with weights above the deformed shape; or a session's three stages."""
+    if isinstance(value, dfd.Deformer):
+        stages = zip(("before", "what follows", "after"), _views(value, [value]).values(), strict=True)
+        return [(caption, [_transparent(value.mesh, **view)]) for caption, view in stages]
+    sessions = [each for each in value.values() if isinstance(each, dfd.Deformer)]
     drawn: list[Cell] = []
-    for caption, value in cells.items():
-        if isinstance(value, dfd.Deformer):
-            views = _views(value, sessions)
-            drawn.append((caption, [_transparent(value.mesh, **views[name]) for name in ("weights", "after")]))
-        elif isinstance(value, np.ndarray):
-            drawn.append((caption, [np.dstack([value, np.full(value.shape[:2], 255, np.uint8)])]))
+    for caption, each in value.items():
+        if isinstance(each, dfd.Deformer):
+            views = _views(each, sessions)
+            drawn.append((caption, [_transparent(each.mesh, **views[name]) for name in ("weights", "after")]))
+        elif isinstance(each, np.ndarray):
+            drawn.append((caption, [np.dstack([each, np.full(each.shape[:2], 255, np.uint8)])]))
         else:
-            mesh, options = value
+            mesh, options = each
             drawn.append((caption, [_transparent(mesh, **options)]))
     return drawn
 
@@ -181,12 +176,8 @@ def _transparent(mesh: dfd.Mesh, **options: Any) -> NDArray[np.uint8]:
     """
     options = {"resolution": RESOLUTION, **options}
     image = picture(mesh, **options) / np.float32(255)
-    camera = viewpoint(mesh, **{name: options[name] for name in CAMERA if name in options})
-    side = options["resolution"]
-    scene = Scene(np.asarray(options.get("vertices", mesh.vertices), np.float32), mesh.faces)
-    covered = np.zeros(side * 2 * side * 2, np.float32)
-    covered[scene.cast(camera.position, camera.ray_directions(2 * side)).ray] = 1
-    shape = covered.reshape(side, 2, side, 2).mean(axis=(1, 3))[..., None]
-    alpha = np.maximum(shape, 1 - image.min(axis=2, keepdims=True))
+    look = {name: value for name, value in options.items() if name not in ("colors", "weights", *MARKS)}
+    black = picture(mesh, colors=np.zeros((len(mesh.vertices), 3)), **look) / np.float32(255)
+    alpha = 1 - np.minimum(black, image).min(axis=2, keepdims=True)
     color = (image - (1 - alpha)) / np.maximum(alpha, 1e-3)
     return (np.dstack([color, alpha]).clip(0, 1) * 255 + 0.5).astype(np.uint8)
