@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 
 import dfd
 from bench.quality import anatomy, labelled, mirrored
@@ -46,13 +46,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     path = given.output / f"{given.verb}{own}"
     rows: list[Row] = []
     for shape in read(given.folder, quick=given.quick):
-        Console(stderr=True, highlight=False).print(shape.name)
+        print(shape.name, file=sys.stderr)
         field = dfd.distill(shape.mesh, given.encoder, progress=False)
         # Each rig is its own category, on which constants are never chosen.
         category, kept_back = getattr(shape, "category", shape.name), getattr(shape, "kept_back", True)
         rows.append((category, kept_back, shape.name, shape.judged(field)))
         write(path, (module.__doc__ or "").splitlines()[0], rows, module.LEGEND)
-    Console().print(f"{path}.md", highlight=False, soft_wrap=True)
+    print(f"{path}.md")
 
 
 def write(path: Path, title: str, rows: Sequence[Row], legend: Mapping[str, str]) -> None:
@@ -79,8 +79,7 @@ def write(path: Path, title: str, rows: Sequence[Row], legend: Mapping[str, str]
 
 def _means(rows: Sequence[Sequence[float | None]]) -> list[float | None]:
     """Return the mean of each column over the rows that have a number; None where none has."""
-    columns = ([x for x in column if x is not None and not np.isnan(x)] for column in zip(*rows, strict=True))
-    return [float(np.mean(numbers)) if numbers else None for numbers in columns]
+    return np.ma.masked_invalid(np.array(rows, float)).mean(axis=0).tolist()
 
 
 if __name__ == "__main__":
