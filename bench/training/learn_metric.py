@@ -22,7 +22,7 @@ from bench.quality.shapes import Shape
 from bench.tables import to_markdown, write_text
 from bench.training.learn_kinds import learn_kinds
 from bench.training.sources import RESULTS, options_of
-from bench.training.vertex_features import THICKNESS, Lesson, cached_vertex_features
+from bench.training.vertex_features import THICKNESS, Lesson, cached_lesson
 from dfd.common.linear_algebra import Float32
 from dfd.distillation.metric import FOLDER, Metric
 from dfd.encoders.encode import Encoder, load_encoder
@@ -43,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     lessons = []
     for shape in labelled_shapes(options.meshes, options.lessons):
         print(shape.name, flush=True)
-        lessons.append(Lesson(shape, cached_vertex_features(CACHE, shape.mesh, encoder)))
+        lessons.append(cached_lesson(CACHE, shape, encoder))
     learn(lessons, encoder).save(options.output)
     write_text(REPORT, report(lessons))
     print(f"{options.output}\n{REPORT}")
@@ -78,7 +78,7 @@ def discriminants(lessons: Sequence[Lesson]) -> tuple[Float32, Float32]:
     ratio, directions = ratio[: -DIRECTIONS - 1 : -1], directions[:, : -DIRECTIONS - 1 : -1]
     directions *= np.sign(directions[np.abs(directions).argmax(axis=0), np.arange(directions.shape[1])])
     directions *= np.maximum(ratio, 0) ** POWER
-    of_features, of_bands = np.split(directions, [lessons[0].seen.features.shape[1]])
+    of_features, of_bands = np.split(directions, [lessons[0].features.shape[1]])
     return np.ascontiguousarray(of_features, np.float32), np.ascontiguousarray(THICKNESS * of_bands, np.float32)
 
 
@@ -95,20 +95,19 @@ def precision(lesson: Lesson, features: Float32) -> float:
 def report(lessons: Sequence[Lesson]) -> str:
     """Return the precision on each shape by features alone, and by the metric of the other families."""
     rows: list[list[Any]] = []
+    gains: dict[str, float] = {}
     for family in dict.fromkeys(each.family for each in lessons):
         others = [each for each in lessons if each.family != family]
         if not others:
             continue
         metric = Metric(*discriminants(others), "", 0, learn_kinds(others))
-        for lesson in (each for each in lessons if each.family == family):
-            features, thickness = lesson.seen.features, lesson.seen.thickness
-            mapped = metric.mapped(features, thickness, np.random.default_rng(0), mean=lesson.mean)
-            rows.append([family, lesson.shape.name, precision(lesson, features), precision(lesson, mapped)])
-    gains: dict[str, list[float]] = {}
-    for family, _, alone, learned in rows:
-        gains.setdefault(family, []).append(learned - alone)
-    by_family = {family: float(np.mean(some)) for family, some in gains.items()}
-    told = ", ".join(f"{family} {gain:+.3f}" for family, gain in by_family.items())
+        own = [each for each in lessons if each.family == family]
+        for lesson in own:
+            generator = np.random.default_rng(0)
+            mapped = metric.mapped(lesson.features, lesson.thickness, generator, mean=lesson.mean)
+            rows.append([family, lesson.shape.name, precision(lesson, lesson.features), precision(lesson, mapped)])
+        gains[family] = float(np.mean([learned - alone for *_, alone, learned in rows[-len(own) :]]))
+    by_family = ", ".join(f"{family} {gain:+.3f}" for family, gain in gains.items())
     lines = [
         "# A learned metric",
         "",
@@ -116,9 +115,10 @@ def report(lessons: Sequence[Lesson]) -> str:
         "",
         *to_markdown(["family", "shape", "features alone", "learned"], rows, ".3f"),
         "",
-        f"Gain by family, mean {np.mean(list(by_family.values())):+.4f}: {told}.",
+        f"Gain by family, mean {np.mean(list(gains.values())):+.4f}: {by_family}.",
+        "",
     ]
-    return "\n".join([*lines, ""])
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":

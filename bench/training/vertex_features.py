@@ -32,19 +32,12 @@ FEWEST = 5  # vertices of a part that is used
 
 
 @dataclass(frozen=True, eq=False)
-class VertexFeatures:
-    """The targets of a distillation, interpolated at the vertices of a shape."""
-
-    features: Float32  # (V, D) unit rows
-    thickness: Float32  # (V, BANDS), see `dfd.distillation.thickness`
-
-
-@dataclass(frozen=True, eq=False)
 class Lesson:
-    """A labelled shape with the features of its vertices."""
+    """A labelled shape with the targets of its distillation, interpolated at its vertices."""
 
     shape: Shape
-    seen: VertexFeatures
+    features: Float32  # (V, D) unit rows
+    thickness: Float32  # (V, BANDS), see `dfd.distillation.thickness`
 
     @property
     def family(self) -> str:
@@ -54,20 +47,18 @@ class Lesson:
     @cached_property
     def mean(self) -> Float32:
         """Return the mean feature (D,) over the surface."""
-        mean = np.average(self.seen.features, axis=0, weights=area_fractions(self.shape.mesh))
+        mean = np.average(self.features, axis=0, weights=area_fractions(self.shape.mesh))
         return np.asarray(mean, np.float32)
 
     @property
     def kinds(self) -> list[tuple[str, Float32]]:
         """Return the name of each part, and the features (N, D) of its vertices."""
-        return [(name, self.seen.features[self.shape.labels == part]) for part, name in enumerate(self.shape.parts)]
+        return [(name, self.features[self.shape.labels == part]) for part, name in enumerate(self.shape.parts)]
 
     @cached_property
     def scatters(self) -> tuple[Float64, Float64]:
         """Return the covariances (D + BANDS, D + BANDS) within and between parts, over the trace of their sum."""
-        every = np.concatenate(
-            [self.seen.features, np.float32(THICKNESS) * self.seen.thickness], axis=1, dtype=np.float64
-        )
+        every = np.concatenate([self.features, np.float32(THICKNESS) * self.thickness], axis=1, dtype=np.float64)
         rows = [every[self.shape.labels == part] for part in range(len(self.shape.parts))]
         rows = [part for part in rows if len(part) >= FEWEST]
         within = np.mean([np.cov(part.T, bias=True) for part in rows], axis=0)
@@ -76,19 +67,19 @@ class Lesson:
         return within / trace, between / trace
 
 
-def cached_vertex_features(folder: Path, mesh: dfd.Mesh, encoder: Encoder) -> VertexFeatures:
-    """Return `vertex_features`, from a file in `folder` if it exists."""
+def cached_lesson(folder: Path, shape: Shape, encoder: Encoder) -> Lesson:
+    """Return the lesson of a shape, with `vertex_features` from a file in `folder` if it exists."""
 
     def made() -> dict[str, NDArray[Any]]:
-        seen = vertex_features(mesh, encoder)
-        return {"features": seen.features.astype(np.float16), "thickness": seen.thickness}
+        features, thickness = vertex_features(shape.mesh, encoder)
+        return {"features": features.astype(np.float16), "thickness": thickness}
 
-    kept = kept_arrays(folder / f"{mesh.content_hash}.npz", made)
-    return VertexFeatures(unit(kept["features"].astype(np.float32)), kept["thickness"])
+    kept = kept_arrays(folder / f"{shape.mesh.content_hash}.npz", made)
+    return Lesson(shape, unit(kept["features"].astype(np.float32)), kept["thickness"])
 
 
-def vertex_features(mesh: dfd.Mesh, encoder: Encoder, **changes: Any) -> VertexFeatures:
-    """Interpolate the targets of a distillation of `mesh`, +y up; `changes` are settings of `dfd.distill`."""
+def vertex_features(mesh: dfd.Mesh, encoder: Encoder, **changes: Any) -> tuple[Float32, Float32]:
+    """Return the features and thickness of a `Lesson`, for a mesh +y up; `changes` are settings of `dfd.distill`."""
     settings, stages = DistillSettings(up="file", **changes), Stages(show=False)
     frame = resolve_up(mesh, encoder, settings.up, stages=stages).frame
     views = render(mesh, **settings.of_pictures(), frame=frame, stages=stages)
@@ -103,4 +94,4 @@ def vertex_features(mesh: dfd.Mesh, encoder: Encoder, **changes: Any) -> VertexF
     def at_vertices(rows: Float32) -> Float32:
         return np.asarray(np.einsum("vkd,vk->vd", rows[near], nearness.astype(np.float32)), np.float32)
 
-    return VertexFeatures(unit(at_vertices(targets.features)), at_vertices(thickness_bands(views, targets)))
+    return unit(at_vertices(targets.features)), at_vertices(thickness_bands(views, targets))
