@@ -194,10 +194,9 @@ def remeshed(shape: Shape, part: int) -> Shape:
     """Return the shape, remeshed so that no edge is longer than the mean divided by `part`; unchanged for 1."""
     if part == 1:
         return shape
-    mesh, edges = shape.mesh, np.diff(shape.mesh.vertices[shape.mesh.faces[:, [0, 1, 2, 0]]], axis=1)
-    longest = float(np.linalg.norm(edges, axis=2).mean()) / part
-    found = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, longest, max_iter=30)
-    return Shape(f"{shape.name}, edges / {part}", dfd.Mesh(*found[:2]))
+    surface = trimesh.Trimesh(shape.mesh.vertices, shape.mesh.faces, process=False)
+    finer = surface.subdivide_to_size(surface.edges_unique_length.mean() / part, max_iter=30)
+    return Shape(f"{shape.name}, edges / {part}", dfd.Mesh(finer.vertices, finer.faces))
 
 
 def fig18(context: Context) -> list[Section]:

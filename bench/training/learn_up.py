@@ -45,8 +45,6 @@ KEPT_OWN = 0.97  # of those in DFD_MESHES and the samples, many without a clear 
 KEPT_UP = 0.985  # of upright files that are not taken for upside down
 Z_SHARE = 0.35  # of the log-odds of the file's +y, for its ±z, as many files have z up
 PRIORS, LOSSES = np.arange(0, 12, 0.05), np.arange(0, 6, 0.1)
-# Log-odds of the six frames per unit of the prior of +y, and of −y.
-_FAVOR = np.array([[0, 0, 1, 0, Z_SHARE, Z_SHARE], [0, 0, 0, 1, 0, 0]])
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -115,21 +113,31 @@ def own_names(lessons: Sequence[UpLesson]) -> set[str]:
     return {each.name for each in lessons if not each.name.startswith(LESSONS)}
 
 
+def favored(odds: Float64, up: int, priors: tuple[float, float]) -> Float64:
+    """Add to `odds` (…, 6) those of the file's +y along frame `up`, of its −y, and of its ±z along the next axis."""
+    z = (up // 2 + 1) % 3
+    added = np.zeros(len(FRAMES))
+    added[[up, up ^ 1]] = priors
+    added[[2 * z, 2 * z + 1]] = Z_SHARE * priors[0]
+    return odds + added
+
+
+def of_axes(odds: Float64) -> Float64:
+    """Return the log-odds (…, 3) that either frame of an axis is up, from those of frames (…, 6)."""
+    return np.logaddexp(odds[..., ::2], odds[..., 1::2])
+
+
 def decided(odds: Float64, up: int, priors: tuple[float, float]) -> tuple[int, int]:
-    """Return the axis and the frame that win if frame `up` is the file's +y, and its z the next axis.
+    """Return the axis and the frame that win if frame `up` is the file's +y.
 
     `odds` (7, 6) are those of `left_out_odds`. As in `dfd.upright.find_up`, one look around the file's +y is enough if
     it is certain.
     """
-    axes = np.logaddexp(odds[up, ::2], odds[up, 1::2])
+    axes = of_axes(odds[up])
     sure = np.exp(axes.max() - np.logaddexp.reduce(axes)) >= EARLY_STOP_CONFIDENCE
-    favored = odds[up if sure else -1].copy()
-    favored[up] += priors[0]
-    favored[up ^ 1] += priors[1]
-    z = (up // 2 + 1) % 3
-    favored[[2 * z, 2 * z + 1]] += Z_SHARE * priors[0]
-    axis = int(np.logaddexp(favored[::2], favored[1::2]).argmax())
-    return axis, 2 * axis + int(favored[2 * axis + 1] > favored[2 * axis])
+    found = favored(odds[up if sure else -1], up, priors)
+    axis = int(of_axes(found).argmax())
+    return axis, 2 * axis + int(found[2 * axis + 1] > found[2 * axis])
 
 
 def least_priors(odds: Mapping[str, Float64], own: Collection[str] = ()) -> tuple[float, float]:
@@ -143,13 +151,12 @@ def least_priors(odds: Mapping[str, Float64], own: Collection[str] = ()) -> tupl
     least = KEPT_OWN if own else 0.0
 
     def enough(up: float, down: float) -> bool:
-        favored = rows + up * _FAVOR[0] + down * _FAVOR[1]
-        axes = np.logaddexp(favored[:, ::2], favored[:, 1::2])
-        first, second = np.argsort(-axes, axis=1).T[:2]
+        found = favored(rows, TRUE, (up, down))
+        axes = of_axes(found)
+        first, second = np.argsort(-axes, axis=1).T[:2] == TRUE // 2
         doubtful = axes.max(axis=1) - np.logaddexp.reduce(axes, axis=1) < np.log(CLEAR)
-        shown = (first == TRUE // 2) | (doubtful & (second == TRUE // 2))
-        fallen = (first == TRUE // 2) & (favored[:, TRUE ^ 1] > favored[:, TRUE])
-        kept = shown.mean() >= KEPT and (first == TRUE // 2)[among].mean() >= least
+        fallen = first & (found[:, TRUE ^ 1] > found[:, TRUE])
+        kept = (first | (doubtful & second)).mean() >= KEPT and first[among].mean() >= least
         return bool(kept and fallen.mean() <= 1 - KEPT_UP)
 
     pairs = ((float(up), float(up - loss)) for up in PRIORS for loss in LOSSES)

@@ -198,11 +198,24 @@ def tetrahedra(
 
 
 def _fill(vertices: Float64, faces: Int64, most: int | None, edge: float) -> Tetrahedra:
+    import wildmeshing  # the tests run without it
+
     begin = time.perf_counter()
     points, sides = vertices, faces
     if most is not None and len(faces) > most:
         points, sides = fast_simplification.simplify(vertices.astype(np.float32), faces, target_count=most)
-    nodes, cells = _fill_by_ftetwild(np.asarray(points, np.float64), np.asarray(sides), edge)
+    # fTetWild prints every step and writes a file into the working folder; both belong to a process that then ends.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        tetrahedralizer = wildmeshing.Tetrahedralizer(stop_quality=30, max_its=30, edge_length_r=edge)
+        center = np.mean(points, axis=0, dtype=np.float64)
+        tetrahedralizer.set_mesh(points - center, np.asarray(sides, np.int32))
+        tetrahedralizer.tetrahedralize()
+        positions, corners = tetrahedralizer.get_tet_mesh()[:2]
+    if len(corners) == 0:
+        raise PeerError("cannot be filled with tetrahedra: the surface encloses nothing")
+    used, corners = np.unique(corners, return_inverse=True)
+    nodes, cells = np.ascontiguousarray(positions[used] + center), corners.reshape(-1, 4).astype(np.int64)
     boundary = igl.boundary_facets(cells)[0]
     squared, face, closest = igl.point_mesh_squared_distance(np.ascontiguousarray(vertices), nodes, boundary)
     farthest = np.sqrt(squared.max()) / np.linalg.norm(np.ptp(vertices, axis=0))
@@ -211,23 +224,3 @@ def _fill(vertices: Float64, faces: Int64, most: int | None, edge: float) -> Tet
     corners = boundary[face]
     barycentric = igl.barycentric_coordinates(closest, *(np.ascontiguousarray(nodes[corner]) for corner in corners.T))
     return Tetrahedra(nodes, cells, corners, barycentric, time.perf_counter() - begin)
-
-
-def _fill_by_ftetwild(points: Float64, faces: NDArray[np.integer], edge: float) -> tuple[Float64, Int64]:
-    """Return nodes (N, 3) and tetrahedra (T, 4) within a surface that is nearly closed.
-
-    fTetWild prints every step and writes a file into the working folder. Both belong to a process that then ends.
-    """
-    import wildmeshing  # the tests run without it
-
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
-        tetrahedralizer = wildmeshing.Tetrahedralizer(stop_quality=30, max_its=30, edge_length_r=edge)
-        center = points.mean(axis=0)
-        tetrahedralizer.set_mesh(points - center, faces.astype(np.int32))
-        tetrahedralizer.tetrahedralize()
-        nodes, cells = tetrahedralizer.get_tet_mesh()[:2]
-    if len(cells) == 0:
-        raise PeerError("cannot be filled with tetrahedra: the surface encloses nothing")
-    used, corners = np.unique(cells, return_inverse=True)
-    return np.ascontiguousarray(nodes[used] + center), corners.reshape(-1, 4).astype(np.int64)
