@@ -16,17 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import dfd
-from bench.quality.measures import (
-    area_fractions,
-    draw_handles,
-    euclidean,
-    geodesic,
-    handle_precision,
-    mean_over_labels,
-    soft_iou,
-)
+from bench.quality.measures import Handles, area_fractions, draw_handles, handle_precision, mean_over_labels, soft_iou
 from bench.quality.shapes import Shape, made
-from dfd.common.linear_algebra import Int64
+from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.geometry.topology import face_areas
 from dfd.segmentation.parts import Parts
 
@@ -72,6 +64,17 @@ class LabelledShape(Shape):
                 found[name].append(soft_iou(areas, session.following[:, 0].astype(np.float64), truth))
                 session.remove(held)
         return {name: mean_over_labels(labels[handles], values) for name, values in found.items()}
+
+
+def euclidean(vertices: NDArray[np.floating], handles: Handles) -> Float64:
+    """Return 1 − distance through space over that of the farthest vertex: (V, H)."""
+    distance = np.linalg.norm(vertices[:, None] - vertices[handles], axis=2)
+    return 1 - distance / np.maximum(distance.max(axis=0), 1e-300)
+
+
+def geodesic(geodesics: dfd.Geodesics, handles: Handles) -> Float32:
+    """Return 1 − distance along the surface over that of the farthest vertex: (V, H)."""
+    return 1 - geodesics.distances(handles).T
 
 
 def labelled_shapes(folder: Path | None, *, quick: bool = False) -> Iterator[LabelledShape]:

@@ -1,4 +1,4 @@
-"""Measure weights against labelled parts, and compute weights by distance for comparison."""
+"""Measure weights against labelled parts."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from trimesh.graph import connected_component_labels
 
 import dfd
-from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64
+from dfd.common.linear_algebra import Bool, Float64, Int32, Int64
 from dfd.geometry.topology import vertex_areas
 
 Weights = NDArray[np.floating]  # (V, H), a column for each handle
@@ -69,14 +69,3 @@ def components_of(corners: NDArray[np.integer], count: int) -> Int32:
     """Return the connected component (count,) of each vertex; elements (E, K), such as faces, connect their corners."""
     edges = corners[:, [[a, a + 1] for a in range(corners.shape[1] - 1)]].reshape(-1, 2)
     return np.asarray(connected_component_labels(edges, node_count=count), np.int32)
-
-
-def euclidean(vertices: NDArray[np.floating], handles: Handles) -> Float64:
-    """Return 1 − distance through space over that of the farthest vertex: (V, H)."""
-    distance = np.linalg.norm(vertices[:, None] - vertices[handles], axis=2)
-    return 1 - distance / np.maximum(distance.max(axis=0), 1e-300)
-
-
-def geodesic(geodesics: dfd.Geodesics, handles: Handles) -> Float32:
-    """Return 1 − distance along the surface over that of the farthest vertex: (V, H)."""
-    return 1 - geodesics.distances(handles).T

@@ -17,17 +17,7 @@ import dfd
 from bench.quality.shapes import SAMPLES
 from bench.tables import to_markdown, write_text
 from bench.training.sources import RESULTS, kept_arrays, options_of, upright_files
-from bench.training.up_lessons import (
-    FRAMES,
-    LESSONS,
-    TRUE,
-    UpLesson,
-    by_family,
-    by_shape,
-    learned_odds,
-    learned_votes,
-    left_out_odds,
-)
+from bench.training.up_lessons import FRAMES, LESSONS, TRUE, UpLesson, learned_odds, learned_votes, left_out_odds
 from dfd.common.linear_algebra import Float64
 from dfd.encoders.encode import Encoder, load_encoder
 from dfd.encoders.learned_file import encoder_identity
@@ -103,7 +93,7 @@ def look_once(mesh: dfd.Mesh, encoder: Encoder, frames: Float64, eyes: Float64) 
 def learn(lessons: Sequence[UpLesson], encoder: Encoder) -> UpProbe:
     """Return the probe of all lessons, with the odds and priors of votes that were learned without the shape."""
     votes = learned_votes(tuple(lessons)).without()
-    up, down = least_priors(left_out_odds(tuple(lessons), by_shape), own_names(lessons))
+    up, down = least_priors(left_out_odds(tuple(lessons), "name"), own_names(lessons))
     odds, identity = learned_odds(tuple(lessons)), encoder_identity(encoder)
     return UpProbe(votes.mean, votes.form, votes.vector, odds, up, down, Z_SHARE * up, *identity)
 
@@ -165,7 +155,7 @@ def least_priors(odds: Mapping[str, Float64], own: Collection[str] = ()) -> tupl
 
 def report(lessons: Sequence[UpLesson]) -> str:
     """Return how often the upright axis, and in brackets the up direction, is found by the lessons of others."""
-    priors = least_priors(left_out_odds(tuple(lessons), by_shape), own_names(lessons))
+    priors = least_priors(left_out_odds(tuple(lessons), "name"), own_names(lessons))
     own = [each for each in lessons if each.name in own_names(lessons)]
     lines = [
         "# Which way is up",
@@ -173,7 +163,7 @@ def report(lessons: Sequence[UpLesson]) -> str:
         f"{len(lessons)} shapes, of which {len(own)} are from DFD_MESHES or samples; those are judged. Log-odds of the "
         f"file's +y: {priors[0]:.2f}, of −y: {priors[1]:.2f}, of ±z: {Z_SHARE * priors[0]:.2f}.",
     ]
-    for left_out, group in (("its family", by_family), ("itself", by_shape)):
+    for left_out, group in (("its family", "family"), ("itself", "name")):
         odds, rows = left_out_odds(tuple(lessons), group), []
         for family in [*dict.fromkeys(each.family for each in own), "all"]:
             some = [odds[each.name] for each in own if family in (each.family, "all")]

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cache
-from operator import attrgetter
+from typing import Literal
 
 import numpy as np
 from scipy.optimize import minimize
@@ -61,8 +61,7 @@ class UpLesson:
         return UPS @ self.rotation.T
 
 
-Group = Callable[[UpLesson], str]
-by_family, by_shape = attrgetter("family"), attrgetter("name")  # what is left out when a shape is judged
+Group = Literal["family", "name"]  # the lessons to leave out for a judged shape: its family, or itself
 
 
 class Ridge:
@@ -150,8 +149,8 @@ def left_out_choices(lessons: tuple[UpLesson, ...], group: Group) -> dict[str, C
     """Return `choices` of every shape by votes that were learned without its group."""
     votes = learned_votes(lessons)
     found: dict[str, Choices] = {}
-    for own in dict.fromkeys(map(group, lessons)):
-        members = [each for each in lessons if group(each) == own]
+    for own in dict.fromkeys(getattr(each, group) for each in lessons):
+        members = [each for each in lessons if getattr(each, group) == own]
         probe = votes.without([each.name for each in members])
         found |= {each.name: choices(each, probe) for each in members}
     return found
@@ -165,7 +164,7 @@ def learned_odds(lessons: tuple[UpLesson, ...], without: Collection[str] = ()) -
     """
     some = [
         left_out_choices(lessons, group)[each.name]
-        for group in (by_family, by_shape)
+        for group in ("family", "name")
         for each in lessons
         if each.name not in without
     ]
@@ -204,9 +203,9 @@ def left_out_odds(lessons: tuple[UpLesson, ...], group: Group) -> dict[str, Floa
     of hundreds of shapes.
     """
     found: dict[str, Float64] = {}
-    groups = list(dict.fromkeys(map(group, lessons)))
+    groups = list(dict.fromkeys(getattr(each, group) for each in lessons))
     for fold in (set(groups[first::FOLDS]) for first in range(FOLDS)):
-        names = [each.name for each in lessons if group(each) in fold]
+        names = [each.name for each in lessons if getattr(each, group) in fold]
         odds_at_once, odds_along, _ = learned_odds(lessons, names)
         for name in names:
             at_once, along, _ = left_out_choices(lessons, group)[name]
