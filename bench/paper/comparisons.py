@@ -154,12 +154,12 @@ def drawn(context: Context, case: Case, results: Mapping[str, Float64 | str], *,
 
 def silhouettes(mesh: dfd.Mesh, moved: Float64, target: Float64, where: dict[str, Any]) -> UInt8:
     """Draw the moved shape in green, with the target, over the resting one in blue, as in the paper's Fig. 8."""
-    old, new = (
-        picture(mesh, **options, **where).astype(float) for options in ({}, {"vertices": moved, "handles": target})
-    )
+    shown = ({}, {"vertices": moved}, {"vertices": moved, "handles": target})
+    old, new, marked = (picture(mesh, **options, **where).astype(float) for options in shown)
     in_old, in_new = ((image < 250).any(axis=2, keepdims=True) for image in (old, new))
     page = np.where(in_new, 0.55 * new + 0.45 * AFTER, new)
     page = np.where(in_old, 0.6 * page + 0.4 * BEFORE, page)
+    page = np.where((marked != new).any(axis=2, keepdims=True), marked, page)
     return page.clip(0, 255).astype(np.uint8)
 
 
