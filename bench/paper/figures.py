@@ -1,32 +1,28 @@
-"""Every figure and table of the paper and its supplement, in one table: what it says, and the number that decides.
+"""The claims of all figures and tables of the paper and its supplement, and the numbers that decide them.
 
-Where the paper has no number, the bound is ours: the least that its words need.
+Where the paper has no number, the bound is ours, the least that its words need.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from bench.paper import comparisons, controls, features, resolution
-from bench.paper.page import Figure, Rule, Section
+from bench.paper.page import Figure, Row, Rule, Section
 from bench.paper.subjects import NAMES, Context
 
 OURS = NAMES["paper"]
 
 
 def column(name: str, reduce: Callable[[Any], Any] = np.mean, **where: Any) -> Rule:
-    """Return the rule that reduces a column, over rows whose others are as said: a value, several, or a condition."""
+    """Return the rule that reduces a column over the rows that have one of the given values in other columns."""
 
-    def fits(row: Any, key: str, value: Any) -> bool:
-        return bool(value(row.get(key)) if callable(value) else row.get(key) in np.atleast_1d(value))
-
-    def number(rows: Any) -> float:
-        found = [
-            row[name] for row in rows if row.get(name) is not None and all(fits(row, *each) for each in where.items())
-        ]
+    def number(rows: Sequence[Row]) -> float:
+        fitting = [row for row in rows if all(row.get(key) in np.atleast_1d(each) for key, each in where.items())]
+        found = [row[name] for row in fitting if row.get(name) is not None]
         return float(reduce(found)) if found else float("nan")
 
     return number
@@ -42,13 +38,9 @@ def spread(found: Any) -> float:
     return float(max(found) / max(min(found), 1e-9))
 
 
-def is_whole(size: float | None) -> bool:
-    """Return whether a result has not exploded."""
-    return size is not None and size <= comparisons.EXPLODED
-
-
 DFD = {"method": OURS}  # failures of DFD count; those of the others do not
-PEERS, COORDINATES = ({"method": each, "size": is_whole} for each in (comparisons.COMPARED, "biharmonic"))
+# Results that explode have a note.
+PEERS, COORDINATES = ({"method": each, "note": ""} for each in (comparisons.COMPARED, "biharmonic"))
 FAILING = {"method": comparisons.COMPARED}
 FREE, FIXED, FAR, WIDE = ({"preset": OURS, "variant": each} for each in ("free", "fixed", "λ = 32", "λ = 0"))
 PIXELS, VERTICES = ({"variant": name} for name in ("paper preset, coarse copy, all pixels", features.VERTICES_ALONE))

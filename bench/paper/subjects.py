@@ -153,10 +153,10 @@ class Context:
 
     @cached_property
     def files(self) -> dict[str, Path]:
-        """Return the mesh files by their stems: those of `folder`, then those of DFD_MESHES."""
-        known = os.environ.get("DFD_MESHES")
-        folders = [folder for folder in (Path(known) if known else None, self.folder) if folder]
-        return {path.stem: path for folder in folders for path in reversed(_mesh_files(folder))}
+        """Return the mesh files of `folder`, or else of DFD_MESHES, by their stems."""
+        folder = self.folder or os.environ.get("DFD_MESHES")
+        paths = sorted(Path(folder).rglob("*"), reverse=True) if folder else []
+        return {path.stem: path for path in paths if path.suffix.lower() in MESH_ENDINGS}
 
     def shape(self, name: str) -> Shape:
         """Return the shape of a file, or else of a sample."""
@@ -173,8 +173,7 @@ class Context:
         files and samples, in their order.
         """
         if self.folder is not None:
-            stems = [path.stem for path in _mesh_files(self.folder)]
-            names = sorted(dict.fromkeys(stems), key=lambda name: (name not in known, name))
+            names = sorted(self.files, key=lambda name: (name not in known, name))
         else:
             names = [name for name in known if name in self.files or name in SAMPLES]
         return [(self.shape(name), known.get(name, known["*"])) for name in names[: self.of(most)]]
@@ -228,7 +227,3 @@ class Context:
                 f"{whole.resolution}², a shorter fit in the paper preset, and fewer shapes. Weights are rougher."
             )
         return notes
-
-
-def _mesh_files(folder: Path) -> list[Path]:
-    return [path for path in sorted(folder.rglob("*")) if path.suffix.lower() in MESH_ENDINGS]
