@@ -124,10 +124,7 @@ class Votes:
         return UpProbe(self._mean, form, vector, np.zeros((3, len(TERMS))), 0.0, 0.0, 0.0, "", 0)
 
 
-@cache
-def learned_votes(lessons: tuple[UpLesson, ...]) -> Votes:
-    """Return the votes of all lessons."""
-    return Votes(lessons)
+learned_votes = cache(Votes)
 
 
 def choices(lesson: UpLesson, probe: UpProbe) -> Choices:
