@@ -12,7 +12,7 @@ from scipy.spatial import KDTree
 
 import dfd
 from bench.paper.distortion import surface_metrics
-from bench.paper.page import Pictures, Row, Section, aim
+from bench.paper.page import Page, Pictures, Row, aim
 from bench.paper.peers import PEERS
 from bench.paper.peers.peer import Job, PeerError, run
 from bench.paper.subjects import NAMES, PRESETS, PULLS, BoxHandle, Context, Shape, Subject
@@ -163,37 +163,37 @@ def silhouettes(mesh: dfd.Mesh, moved: Float64, target: Float64, where: dict[str
     return page.clip(0, 255).astype(np.uint8)
 
 
-def fig8(context: Context) -> list[Section]:
+def fig8(context: Context) -> Page:
     """One handle translated, with its weights, beside methods that need fixed points."""
     return _compared(context, pulls(context, (1, 6)), weights=True)
 
 
-def fig9(context: Context, most: tuple[int, int] = (1, 3)) -> list[Section]:
+def fig9(context: Context, most: tuple[int, int] = (1, 3)) -> Page:
     """Layouts like those of DeepMetaHandles by every method; DFD has the control point that goes farthest."""
     return _compared(context, stretched(context, most), DENSE_TEXT, ball=0.0)
 
 
-def fig16(context: Context) -> list[Section]:
+def fig16(context: Context) -> Page:
     """Fig. 9 on every shape."""
     return fig9(context, (2, 12))
 
 
-def fig14(context: Context, ball: float = BALL) -> list[Section]:
+def fig14(context: Context, ball: float = BALL) -> Page:
     """One handle by every method, others with the neighbors of their constraints."""
     return _compared(context, pulls(context, (2, 10)), ball=ball)
 
 
-def fig15(context: Context) -> list[Section]:
+def fig15(context: Context) -> Page:
     """One handle by every method, others without neighbors."""
     return fig14(context, 0.0)
 
 
-def fig22(context: Context) -> list[Section]:
+def fig22(context: Context) -> Page:
     """What every method does to the surface, in numbers: area, angle, edge and volume are Implicit-ARAP's."""
     return _compared(context, pulls(context, (2, 2)))
 
 
-def fig21(context: Context) -> list[Section]:
+def fig21(context: Context) -> Page:
     """DFD with fifty handles."""
     text = f"{DENSE_TEXT} Where weights sum to more than 1, Eq. 1 as it is written scales the shape by the sum."
     return _compared(context, stretched(context, (1, 6)), text, all_handles=True)
@@ -207,7 +207,7 @@ def _compared(
     ball: float = BALL,
     weights: bool = False,
     all_handles: bool = False,
-) -> list[Section]:
+) -> Page:
     """Draw and measure every case by every method; with `all_handles` by DFD alone, whose handles are all points.
 
     The page shows why a method fails and goes on with the others.
@@ -235,7 +235,7 @@ def _compared(
             results[method] = row.get("note") or results[method]
             rows.append(row)
         pictures.append(drawn(context, case, results, weights=weights))
-    return [Section("Results", f"{text}\n\n{LEGEND}".lstrip(), pictures, rows)]
+    return Page(f"{text}\n\n{LEGEND}".lstrip(), pictures, rows)
 
 
 def measured(case: Case, moved: Float64) -> dict[str, Any]:

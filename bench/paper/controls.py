@@ -8,7 +8,7 @@ import numpy as np
 
 import dfd
 from bench.paper.distortion import surface_metrics
-from bench.paper.page import Row, Section, following, gallery
+from bench.paper.page import Page, Row, following, gallery
 from bench.paper.subjects import PULLS, BoxHandle, Context, Subject, pulls_of
 from dfd.editing.presets import PRESETS as DEFAULTS
 
@@ -39,7 +39,7 @@ AFFINE = {
 }
 
 
-def fig1(context: Context) -> list[Section]:
+def fig1(context: Context) -> Page:
     """Edits of the teaser: one handle, mirrored by the plane of symmetry that is found."""
     return gallery(
         context.subjects(SYMMETRY, (2, 4), refined=True),
@@ -48,7 +48,7 @@ def fig1(context: Context) -> list[Section]:
     )
 
 
-def fig2(context: Context) -> list[Section]:
+def fig2(context: Context) -> Page:
     """Affine edits by one handle: rotations and scales, some with locality."""
 
     def flipped(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> Row:
@@ -59,7 +59,7 @@ def fig2(context: Context) -> list[Section]:
     return gallery(subjects, lambda subject: {"edit": subject.pull()}, flipped)
 
 
-def fig3(context: Context) -> list[Section]:
+def fig3(context: Context) -> Page:
     """Translations by one handle, with its weights."""
 
     def off(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> Row:
@@ -71,7 +71,7 @@ def fig3(context: Context) -> list[Section]:
     return gallery(subjects, lambda subject: {"edit": subject.pull()}, off)
 
 
-def fig5(context: Context) -> list[Section]:
+def fig5(context: Context) -> Page:
     """Planes of symmetry that are seen, and one handle with and without them."""
 
     def score(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> Row:
@@ -98,7 +98,7 @@ def fig5(context: Context) -> list[Section]:
     )
 
 
-def fig6(context: Context) -> list[Section]:
+def fig6(context: Context) -> Page:
     """Feature space constraints (Eq. 6): a twist without and with a fixed point, which holds what looks like it."""
 
     def held(subject: Subject) -> list[int]:
@@ -123,7 +123,7 @@ def fig6(context: Context) -> list[Section]:
     )
 
 
-def fig7(context: Context) -> list[Section]:
+def fig7(context: Context) -> Page:
     """Locality (Eq. 7): one rotation under growing λ."""
     return gallery(
         context.subjects(TURNS, (1, 2)),

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 import dfd
 from bench.paper.distortion import surface_metrics
-from bench.paper.page import Pictures, Row, Section, aim, following, gallery
+from bench.paper.page import Page, Pictures, Row, aim, following, gallery
 from bench.paper.subjects import NAMES, PRESETS, Context, Shape, Subject, pulls_of
 from bench.quality.measures import area_fractions
 from dfd.common.linear_algebra import Float64
@@ -74,7 +74,7 @@ CHAIRS = {
 FOLLOWS = 0.5
 
 
-def fig4(context: Context) -> list[Section]:
+def fig4(context: Context) -> Page:
     """Pixels that teach a field, and fields of the shape and of a hundredth of its faces, from render to weights."""
     rows: list[Row] = []
     drawn: list[Pictures] = []
@@ -111,7 +111,7 @@ def fig4(context: Context) -> list[Section]:
         "covers. The mean distance between both fields, at these vertices, stands beside the spread of the features. "
         "The paper: Lucy, 28 million faces, takes 5.7 minutes to render, 3.7 s if reduced."
     )
-    return [Section("From render to weights", text, drawn, rows)]
+    return Page(text, drawn, rows)
 
 
 def distilled(context: Context, shape: Shape, preset: Preset) -> tuple[dfd.Field, float, Stages]:
@@ -138,7 +138,7 @@ def _distinct_pixels(views: Views) -> int:
     return len(np.unique(np.stack([views.view, np.rint(views.row), np.rint(views.column)]), axis=1).T)
 
 
-def fig13(context: Context) -> list[Section]:
+def fig13(context: Context) -> Page:
     """Barycentric distillation against vertices alone, from a coarse copy to the fine mesh."""
 
     def variants(subject: Subject) -> dict[str, dfd.Deformer]:
@@ -164,7 +164,7 @@ def fig13(context: Context) -> list[Section]:
     return gallery(context.subjects(PULLED, (1, 2), presets=("paper",)), variants, measure, text)
 
 
-def fig11(context: Context) -> list[Section]:
+def fig11(context: Context) -> Page:
     """One deformation with the features of several image encoders."""
 
     def angles(subject: Subject, each: dfd.Deformer, _: dfd.Deformer) -> Row:
@@ -174,7 +174,7 @@ def fig11(context: Context) -> list[Section]:
     return _encoded(context, "after", angles, text)
 
 
-def fig12(context: Context) -> list[Section]:
+def fig12(context: Context) -> Page:
     """The weights of one handle with the features of several image encoders."""
 
     def correlation(subject: Subject, each: dfd.Deformer, first: dfd.Deformer) -> Row:
@@ -190,7 +190,7 @@ def fig12(context: Context) -> list[Section]:
     return _encoded(context, "weights", correlation, text)
 
 
-def _encoded(context: Context, shown: str, measure: Callable[..., Row], text: str) -> list[Section]:
+def _encoded(context: Context, shown: str, measure: Callable[..., Row], text: str) -> Page:
     found, absent = encoders(context)
 
     def variants(subject: Subject) -> dict[str, dfd.Deformer]:
@@ -234,7 +234,7 @@ def subdivided(mesh: dfd.Mesh) -> dfd.Mesh:
     return dfd.Mesh(*trimesh.remesh.subdivide(mesh.vertices, mesh.faces))
 
 
-def fig19(context: Context) -> list[Section]:
+def fig19(context: Context) -> Page:
     """One field on other tessellations of a shape, and on other shapes of its class."""
 
     def variants(subject: Subject) -> dict[str, dfd.Deformer]:
@@ -278,7 +278,7 @@ def in_box_of(mesh: dfd.Mesh, other: dfd.Mesh) -> Float64:
     return other.bounds[0] + (mesh.vertices - mesh.bounds[0]) / np.maximum(mesh.extents, 1e-12) * other.extents
 
 
-def fig20(context: Context) -> list[Section]:
+def fig20(context: Context) -> Page:
     """Weights of the same parts on different shapes of one class."""
     return gallery(
         context.subjects(CHAIRS, (3, 6), refined=True),

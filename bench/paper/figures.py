@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from bench.paper import comparisons, controls, features, resolution
-from bench.paper.page import Figure, Row, Rule, Section
+from bench.paper.page import Figure, Page, Row, Rule
 from bench.paper.subjects import NAMES, Context
 
 OURS = NAMES["paper"]
@@ -92,7 +92,7 @@ FIGURES: dict[str, Figure] = {
     "table1": Figure("every tick of Table 1", "ticks as in the paper, %", column("as in the paper, %"), 100),
     "table3": Figure("1,150 times (1 handle)", "OptCtrlPoints' seconds over DFD's", resolution.slower, 1000),
 }
-PAGES: dict[str, Callable[[Context], list[Section]]] = {
+PAGES: dict[str, Callable[[Context], Page]] = {
     name: getattr(module, name)
     for name in FIGURES
     for module in (controls, features, comparisons, resolution)

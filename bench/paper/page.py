@@ -24,7 +24,7 @@ from dfd.pictures.viewpoint import azimuth_towards
 RESOLUTION = 320
 Pictures = tuple[str, Sequence[tuple[UInt8, str]]]  # a heading, and pictures with their captions
 Row = Mapping[str, Any]  # a number or word by the name of its column; None or nothing is an empty cell
-Rule = Callable[[Sequence[Row]], float]  # a number from the rows of all tables of a page
+Rule = Callable[[Sequence[Row]], float]  # a number from the rows of a page
 
 
 def aim(mesh: dfd.Mesh, points: Any, *moved: Float64, **more: Any) -> dict[str, Any]:
@@ -34,11 +34,10 @@ def aim(mesh: dfd.Mesh, points: Any, *moved: Float64, **more: Any) -> dict[str, 
 
 
 @dataclass(frozen=True)
-class Section:
-    """A part of a page: its pictures, and its table."""
+class Page:
+    """A figure or table: a text, pictures, and a table."""
 
-    heading: str
-    text: str = ""
+    text: str
     pictures: Sequence[Pictures] = ()
     rows: Sequence[Row] = ()
     image: Image.Image | None = None  # such as a plot
@@ -53,7 +52,7 @@ def gallery(
     shown: Sequence[str] = ("weights", "after"),
     azimuth: float | None = None,
     source: Callable[[Subject], Mapping[str, Any]] = lambda subject: {},
-) -> list[Section]:
+) -> Page:
     """Draw every subject by the sessions of its `variants`, and tabulate what `measure` returns for each.
 
     `measure` takes the subject, a session and the first session, whose camera draws all. `shown` are views of
@@ -81,7 +80,7 @@ def gallery(
         for name, each in sessions.items():
             label = {"shape": subject.shape.name, "preset": NAMES[subject.preset], "variant": name}
             rows.append({**label, **measure(subject, each, first)})
-    return [Section("Results", text, drawn, rows)]
+    return Page(text, drawn, rows)
 
 
 def following(subject: Subject, session: dfd.Deformer, least: float) -> float:
@@ -109,26 +108,32 @@ class Figure:
         return f"{self.measured}: {number:.3g}, which {agrees} with the paper (our bound: {bound}){inputs}."
 
 
-def write(make: Callable[[Context], list[Section]], figure: Figure, name: str, folder: Path, context: Context) -> Path:
-    """Write NAME.md, a PNG for each section with pictures and a CSV for each section; return the path of NAME.md."""
+def write(make: Callable[[Context], Page], figure: Figure, name: str, folder: Path, context: Context) -> Path:
+    """Write NAME.md with its pictures as PNG and its table as CSV; return the path of NAME.md."""
     folder.mkdir(parents=True, exist_ok=True)
-    sections, body = make(context), list[str]()
-    for number, section in enumerate(sections, 1):
-        body += ["", f"## {section.heading}", "", section.text]
-        sheet = contact_sheet(section.pictures, cell=RESOLUTION) if section.pictures else None
-        for image, stem in ((sheet, f"{name}_{number}"), (section.image, f"{name}_{number}_plot")):
-            if image is not None:
-                save_png(folder / f"{stem}.png", image)
-                body += ["", f"![{section.heading}]({stem}.png)"]
-        columns = dict.fromkeys(key for row in sorted(section.rows, key=len, reverse=True) for key in row)
-        cells = [[row.get(key) for key in columns] for row in section.rows]
-        write_text(folder / f"{name}_{number}.csv", to_csv(columns, cells))
-        body += ["", *to_markdown(columns, cells)]
-    rows = [row for section in sections for row in section.rows]
-    decides = figure.number(rows)
-    here = f"{decides:.3g}" if np.isfinite(decides) else "not measured"
+    page = make(context)
+    number = figure.number(page.rows)
+    here = f"{number:.3g}" if np.isfinite(number) else "not measured"
     said = to_markdown(["", "the paper", "here"], [[figure.measured, figure.paper, here]])
-    title, verdict = (make.__doc__ or "").splitlines()[0], figure.verdict(decides, context.quick)
-    head = [f"# {name}: {title}", "", *said, "", verdict, ""]
-    write_text(folder / f"{name}.md", "\n".join([*head, *(f"- {note}" for note in context.notes()), *body]) + "\n")
+    title, verdict = (make.__doc__ or "").splitlines()[0], figure.verdict(number, context.quick)
+    lines = [
+        f"# {name}: {title}",
+        "",
+        *said,
+        "",
+        verdict,
+        "",
+        *(f"- {note}" for note in context.notes()),
+        "",
+        page.text,
+    ]
+    sheet = contact_sheet(page.pictures, cell=RESOLUTION) if page.pictures else None
+    for image, stem in ((sheet, name), (page.image, f"{name}_plot")):
+        if image is not None:
+            save_png(folder / f"{stem}.png", image)
+            lines += ["", f"![{title}]({stem}.png)"]
+    columns = dict.fromkeys(key for row in sorted(page.rows, key=len, reverse=True) for key in row)
+    cells = [[row.get(key) for key in columns] for row in page.rows]
+    write_text(folder / f"{name}.csv", to_csv(columns, cells))
+    write_text(folder / f"{name}.md", "\n".join([*lines, "", *to_markdown(columns, cells), ""]))
     return folder / f"{name}.md"

@@ -19,7 +19,7 @@ from scipy.spatial import KDTree
 import dfd
 from bench.paper.comparisons import BALL, FEET, Case, case_of, deform, farthest, pulled
 from bench.paper.features import distilled, resampled
-from bench.paper.page import Row, Section, gallery
+from bench.paper.page import Page, Row, gallery
 from bench.paper.peers import PEERS
 from bench.paper.peers.peer import Job, PeerError, run, tetrahedra
 from bench.paper.subjects import NAMES, PRESETS, BoxHandle, Context, Shape, Subject, pulls_of
@@ -58,7 +58,7 @@ PROPERTIES = ("global semantics", "local control", "size robust", "new handle")
 TICKS = {"ARAP": "-x--", "biharmonic": "-x--", "NeuralMLS": "-xx-", "DFD": "xxxx"}  # x where the paper has a tick
 
 
-def fig10(context: Context) -> list[Section]:
+def fig10(context: Context) -> Page:
     """Seconds of every method to preprocess, bind and pose over the number of faces."""
     rows: list[Row] = []
     for given, _ in context.cases(TIMED, (1, 3)):
@@ -85,7 +85,7 @@ def fig10(context: Context) -> list[Section]:
         f"{context.of(PATIENCE):g} s for their tetrahedra and as many for the rest. The paper's plot has no numbers; "
         "its text says that biharmonic coordinates fail above 10⁵ faces. APAP cannot be had."
     )
-    return [Section("Seconds", text, rows=rows, image=plot(rows))]
+    return Page(text, rows=rows, image=plot(rows))
 
 
 def _dfd_seconds(context: Context, shape: Shape, preset: Preset) -> dict[str, float]:
@@ -163,7 +163,7 @@ def gap(mesh: dfd.Mesh, moved: NDArray[np.floating]) -> float | None:
     return float(np.linalg.norm(after - before, axis=1).mean())
 
 
-def fig17(context: Context) -> list[Section]:
+def fig17(context: Context) -> Page:
     """Shapes with holes, loose components and non-manifold edges: defects, and one pull."""
 
     def torn(subject: Subject, each: dfd.Deformer, _: dfd.Deformer) -> Row:
@@ -199,7 +199,7 @@ def remeshed(shape: Shape, part: int) -> Shape:
     return Shape(f"{shape.name}, edges / {part}", dfd.Mesh(finer.vertices, finer.faces))
 
 
-def fig18(context: Context) -> list[Section]:
+def fig18(context: Context) -> Page:
     """Large meshes: defects, holes, and seconds of each stage with nothing taken from the cache."""
     taken: dict[tuple[str, str], Row] = {}
 
@@ -229,7 +229,7 @@ def fig18(context: Context) -> list[Section]:
     return gallery(subjects(), lambda subject: {"pull": subject.pull()}, measure, text)
 
 
-def table1(context: Context) -> list[Section]:
+def table1(context: Context) -> Page:
     """Properties of methods, each measured: semantics, locality, robustness to size, and new handles."""
     rows: list[Row] = []
     for shape, _ in context.cases(TICKED, (1, 2)):
@@ -251,7 +251,7 @@ def table1(context: Context) -> list[Section]:
         f"faces take less than {MORE / 2:g} times as long. New handle: weights within {FRAME * 1000:.0f} ms at the "
         "largest size. The networks of APAP and DeepMetaHandles cannot be had."
     )
-    return [Section("Ticks", text, rows=rows)]
+    return Page(text, rows=rows)
 
 
 def _ticks(context: Context, case: Case, name: str, sizes: Sequence[Shape]) -> list[bool]:
@@ -279,7 +279,7 @@ def _ticks(context: Context, case: Case, name: str, sizes: Sequence[Shape]) -> l
     return [bool(tick) for tick in ticks]
 
 
-def table3(context: Context) -> list[Section]:
+def table3(context: Context) -> Page:
     """Seconds to bind 1, 10 and 100 new handles, beside OptCtrlPoints in the same nodes."""
     repeats, patience = context.of((3, 50)), context.of(PATIENCE)
     rows: list[Row] = []
@@ -321,7 +321,7 @@ def table3(context: Context) -> list[Section]:
         "diagonal, shrink until OptCtrlPoints fails. OptCtrlPoints factors once before. It then takes a back "
         "substitution for each handle and one small dense system. The paper's seconds are those of an A40."
     )
-    return [Section("Seconds to rebind", text, rows=rows)]
+    return Page(text, rows=rows)
 
 
 def _seconds(features: Callable[[], Float32], sets: Sequence[Int64]) -> float:
