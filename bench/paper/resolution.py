@@ -15,6 +15,7 @@ import trimesh
 from numpy.typing import NDArray
 from PIL import Image
 from scipy.spatial import KDTree
+from trimesh.graph import connected_component_labels
 
 import dfd
 from bench.paper.comparisons import BALL, FEET, Case, case_of, deform, farthest, pulled
@@ -23,7 +24,6 @@ from bench.paper.page import Page, Row, gallery
 from bench.paper.peers import PEERS
 from bench.paper.peers.peer import Job, PeerError, run, tetrahedra
 from bench.paper.subjects import NAMES, PRESETS, BoxHandle, Context, Shape, Subject, pulls_of
-from bench.quality.measures import components_of
 from bench.speed.measure import together
 from dfd.common.linear_algebra import Float32, Int64
 from dfd.common.preset import Preset
@@ -145,7 +145,7 @@ def defects(mesh: dfd.Mesh) -> tuple[int, int, Int64]:
     boundary, crowded = ends[uses == 1], ends[uses > 2]
     split = np.intersect1d(np.flatnonzero(~np.asarray(igl.is_vertex_manifold(faces))), faces)
     used, number = np.unique(boundary, return_inverse=True)
-    holes = int(components_of(number.reshape(-1, 2), len(used)).max(initial=-1)) + 1
+    holes = len(np.unique(connected_component_labels(number.reshape(-1, 2), node_count=len(used))))
     return len(crowded) + len(np.setdiff1d(split, crowded)), holes, boundary
 
 

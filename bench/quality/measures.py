@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from trimesh.graph import connected_component_labels
 
 import dfd
-from dfd.common.linear_algebra import Bool, Float64, Int32, Int64
+from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.geometry.topology import vertex_areas
 
 Weights = NDArray[np.floating]  # (V, H), a column for each handle
@@ -63,9 +62,3 @@ def mean_over_labels(labels: Labels, values: Any) -> float:
 def soft_iou(areas: Float64, weights: NDArray[Any], truth: Bool) -> float:
     """Return Σ min(w, t) / Σ max(w, t) over vertices of `areas` (V,), for `weights` w (V,) and the mask `truth` t."""
     return float(areas @ np.minimum(weights, truth) / (areas @ np.maximum(weights, truth)))
-
-
-def components_of(corners: NDArray[np.integer], count: int) -> Int32:
-    """Return the connected component (count,) of each vertex; elements (E, K), such as faces, connect their corners."""
-    edges = corners[:, [[a, a + 1] for a in range(corners.shape[1] - 1)]].reshape(-1, 2)
-    return np.asarray(connected_component_labels(edges, node_count=count), np.int32)

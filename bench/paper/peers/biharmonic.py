@@ -16,7 +16,6 @@ from scipy.sparse import coo_array, csc_array, diags_array
 from scipy.sparse.linalg import splu
 
 from bench.paper.peers.peer import Bind, Body, Deform, PeerError, Tetrahedra, on_nodes
-from bench.quality.measures import components_of
 from dfd.common.linear_algebra import Float64, Int64
 
 Solve = Callable[[Int64], Float64]  # the weights (N, K) of distinct nodes (K,)
@@ -51,7 +50,7 @@ def direct(within: Tetrahedra) -> Solve:
     nodes, energy = within.nodes, bilaplacian(within.nodes, within.cells)
 
     def solve(handles: Int64) -> Float64:
-        size, components = np.ptp(nodes, axis=0).max(), components_of(within.cells, len(nodes))
+        size, components = np.ptp(nodes, axis=0).max(), igl.vertex_components(within.cells)
         for component in range(components.max() + 1):
             # Affine functions have energy 0, so only four handles determine them.
             own = handles[components[handles] == component]

@@ -15,7 +15,7 @@ def arap(body: Body) -> Bind:
     """Prepare as-rigid-as-possible surface modeling; Sorkine and Alexa, 2007. Every held vertex is a constraint."""
 
     def bind(held: Int64, group: Int64) -> Deform:
-        check_components(body.faces, len(body.vertices), held)
+        check_components(body.faces, held)
         data = igl.ARAPData()
         data.max_iter = ITERATIONS
         igl.arap_precomputation(body.vertices, body.faces, 3, held.astype(np.int32), data)
@@ -33,7 +33,7 @@ def bounded(body: Body) -> Bind:
     def bind(held: Int64, group: Int64) -> Deform:
         nodes, cells = body.within.nodes, body.within.cells
         handles, first = on_nodes(body, held)
-        check_components(cells, len(nodes), handles)
+        check_components(cells, handles)
         columns, weights = np.unique(group), np.ones((len(nodes), 1))
         if len(columns) > 1:
             ones = (group[first][:, None] == columns).astype(np.float64)

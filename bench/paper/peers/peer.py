@@ -20,11 +20,9 @@ from typing import Any
 import fast_simplification
 import igl
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 import dfd
-from bench.quality.measures import components_of
 from dfd.common.linear_algebra import Float64, Int64
 
 PATIENCE = 300.0  # seconds for all steps of one peer on one shape
@@ -150,9 +148,9 @@ def on_nodes(body: Body, held: Int64) -> tuple[Int64, Int64]:
     return nodes, first
 
 
-def check_components(corners: NDArray[np.integer], count: int, held: NDArray[np.integer]) -> None:
-    """Raise PeerError unless every component of elements (E, K), of `count` vertices, holds one of `held`."""
-    component = components_of(corners, count)
+def check_components(corners: Int64, held: Int64) -> None:
+    """Raise PeerError unless every component of elements (E, K) holds one of the vertices `held`."""
+    component = igl.vertex_components(corners)
     if len(np.unique(component[held])) <= component.max():
         raise PeerError(f"needs a handle or a fixed point on every one of the {component.max() + 1} components")
 
