@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import igl
 import numpy as np
 import trimesh
 from numpy.typing import ArrayLike, NDArray
@@ -59,11 +60,7 @@ def surface_metrics(mesh: Mesh, vertices: ArrayLike) -> SurfaceMetrics:
 
 def _angles(vertices: Float64, faces: NDArray[np.integer]) -> Float64:
     """Return the angles (F, 3) at the corners, degrees; 0 where an edge has no length."""
-    corners = vertices[faces]
-    one, other = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
-    # arccos loses small angles.
-    sine, cosine = np.linalg.norm(np.cross(one, other), axis=2), (one * other).sum(axis=2)
-    return np.degrees(np.arctan2(sine, cosine))
+    return np.nan_to_num(np.degrees(igl.internal_angles(np.ascontiguousarray(vertices), faces.astype(np.int64))))
 
 
 def _volume_change(resting: Float64, moved: Float64, faces: NDArray[np.integer]) -> float | None:

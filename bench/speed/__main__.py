@@ -1,6 +1,7 @@
 """`python -m bench.speed`: kernels against the machine's ceilings and other libraries.
 
-Each call is timed in turn with the ceiling or library beside it. bench/results/speed keeps the table.
+Each call is timed in turn with the ceiling or library beside it; ratios are of the best times. bench/results/speed keeps
+the table.
 """
 
 from __future__ import annotations
@@ -40,9 +41,7 @@ def main() -> None:
     threads = dfd.get_num_threads()
     torch.set_num_threads(threads)
     rows = list(lines(options.vertices))
-    print(
-        f"{options.vertices:,} vertices, {threads} threads, {_core.instruction_set()}; ratios are of the best times\n"
-    )
+    print(f"{options.vertices:,} vertices, {threads} threads, {_core.instruction_set()}\n")
     print("\n".join(to_markdown(COLUMNS, rows)))
     OUTPUT.mkdir(parents=True, exist_ok=True)
     write_text(OUTPUT / "table.csv", to_csv(COLUMNS, rows))

@@ -52,7 +52,7 @@ class MadeInput:
         return calls
 
     def poses(self, dtype: str = "float32") -> Calls:
-        """Return the calls named in `POSES`; all handles move, those of a drag rest but for one."""
+        """Return the calls named in `POSES`. All handles move; in a drag, only one does."""
         vertices, calls = self.vertices.astype(dtype), Calls()
         out, plane = np.empty_like(vertices), dfd.SymmetryPlane((1.0, 0.0, 0.0), 0.0, band=0.01)
         for count in (1, 100):
