@@ -61,4 +61,4 @@ def mean_over_labels(labels: Labels, values: Any) -> float:
 
 def soft_iou(areas: Float64, weights: NDArray[Any], truth: Bool) -> float:
     """Return Σ min(w, t) / Σ max(w, t) over vertices of `areas` (V,), for `weights` w (V,) and the mask `truth` t."""
-    return float(areas @ np.minimum(weights, truth) / (areas @ np.maximum(weights, truth)))
+    return float(areas @ np.minimum(weights, truth) / max(areas @ np.maximum(weights, truth), 1e-12))

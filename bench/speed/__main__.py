@@ -1,7 +1,6 @@
 """`python -m bench.speed`: kernels against the machine's ceilings and other libraries.
 
-Each call is timed in turn with the ceiling or library beside it; ratios are of the best times. bench/results/speed keeps
-the table.
+Each call is timed in turn with the ceiling or library beside it. Ratios are of the best times.
 """
 
 from __future__ import annotations

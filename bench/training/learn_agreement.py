@@ -16,6 +16,7 @@ from scipy.optimize import minimize
 
 import dfd
 from bench.quality.anatomy import RiggedShape, rigged_shapes
+from bench.quality.measures import soft_iou
 from bench.quality.parts import family_of
 from dfd.common.linear_algebra import Bool, Float64
 from dfd.editing.agreement import HELD, differences
@@ -39,14 +40,14 @@ def carried(shapes: list[tuple[RiggedShape, dfd.Deformer]]) -> Iterator[tuple[st
             session.apply(Edit())
             session.add(int(handles[0]))
             moved = session.following[:, 0] >= HELD
-            meant = [(_iou(shape, moved, inside), joints) for joints, inside in shape.meant(int(handles[0]))]
+            meant = [(soft_iou(shape.areas, moved, inside), joints) for joints, inside in shape.meant(int(handles[0]))]
             overlap, joints = max(meant, default=(0.0, []))
             for number in generator.permutation(len(others))[:TARGETS] if overlap >= RIGHT else ():
                 other, target = others[number]
                 if set(joints) <= set(other.joints):
                     target.apply(transfer(session.edit, session.mesh, session.field, target.mesh, target.field).edit)
                     wanted = np.any([other.subtree(other.joints.index(joint)) for joint in joints], axis=0)
-                    found = _iou(other, target.following[:, 0] >= HELD, wanted)
+                    found = soft_iou(other.areas, target.following[:, 0] >= HELD, wanted)
                     yield family, differences(session, target)[0], found >= RIGHT
 
 
@@ -83,10 +84,6 @@ def main() -> None:
     for least in (0.5, 0.7, 0.8, 0.9):
         some = confidence >= least
         print(f"confidence of at least {least}: {some.sum()} handles, {right[some].mean():.3f} right")
-
-
-def _iou(shape: RiggedShape, one: Bool, other: Bool) -> float:
-    return float(shape.areas @ (one & other) / max(shape.areas @ (one | other), 1e-12))
 
 
 if __name__ == "__main__":
