@@ -1,4 +1,4 @@
-"""Tables of numbers and words, as CSV for programs and as Markdown for people; None is an empty cell."""
+"""Write tables of numbers and words, as CSV and as Markdown; None is an empty cell."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ Rows = Sequence[Sequence[Any]]
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a whole file, or leave the one that is there."""
+    """Write a whole file, or leave the existing one."""
     with atomic_write(path) as temporary:
         temporary.write_text(text, "utf-8")
 
 
 def to_csv(columns: Iterable[str], rows: Rows) -> str:
-    """One line a row, under the names of the columns."""
+    """Return a line of names and a line for each row."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
@@ -32,7 +32,7 @@ def to_csv(columns: Iterable[str], rows: Rows) -> str:
 
 
 def to_markdown(columns: Iterable[str], rows: Rows, form: str = ".3g") -> list[str]:
-    """The lines of a table, columns of numbers to the right; `form` is that of numbers that are not whole."""
+    """Return the lines of a table with numbers to the right; `form` is the format of fractions."""
     right = [all(cell is None or isinstance(cell, int | float) for cell in each) for each in zip(*rows, strict=True)]
     rule = "|" + "|".join("---:" if each else "---" for each in right) + "|"
     return [_line(columns), rule, *(_line(_shown(cell, form) for cell in row) for row in rows)]

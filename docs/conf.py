@@ -1,4 +1,4 @@
-"""Settings of Sphinx: `make docs` builds these pages into build/docs/html."""
+"""Settings of Sphinx, by which `make docs` builds these pages into build/docs/html."""
 
 from __future__ import annotations
 
@@ -7,14 +7,11 @@ from importlib import metadata
 from pathlib import Path
 
 HERE = Path(__file__).parent
-sys.path[:0] = [str(HERE), str(HERE.parent)]  # the build's own tools, and `bench`
+sys.path[:0] = [str(HERE), str(HERE.parent)]  # `tools` and `bench`
 
 project = "dfd"
 project_copyright = "the authors of dfd, MIT license"
-try:
-    release = metadata.version("dfd")
-except metadata.PackageNotFoundError:
-    release = ""
+release = metadata.version("dfd")
 
 extensions = [
     "myst_parser",
@@ -31,7 +28,7 @@ exclude_patterns = ["tools"]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 
-# Signatures say the types, docstrings the shapes and units.
+# Types are in the signatures, shapes and units in the docstrings.
 autodoc_default_options = {"members": True, "member-order": "bysource"}
 autodoc_typehints = "signature"
 autodoc_type_aliases = {"MeshLike": "MeshLike", "ArrayLike": "ArrayLike"}

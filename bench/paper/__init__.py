@@ -1,5 +1,5 @@
 """The paper's figures and tables, each by one command, on the meshes at hand.
 
 `python -m bench.paper NAME` from the repository's root writes bench/results/paper/NAME.md; `--list` names the pages. A
-page is a function of one argument, the `Context` of `page`, which has the meshes, fields and sessions.
+page is a function of one argument, the `Context` of `subjects`, which has the meshes, fields and sessions.
 """

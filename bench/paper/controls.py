@@ -1,4 +1,4 @@
-"""Pages about edits (Fig. 1 to 3) and what a person sets: symmetry (Fig. 5), fixed points (6) and locality (7)."""
+"""Pages about edits (Fig. 1 to 3), symmetry (Fig. 5), fixed points (Fig. 6) and locality (Fig. 7)."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 
 import dfd
 from bench.paper.distortion import surface_metrics
-from bench.paper.page import PULLS, BoxHandle, Context, Sections, Subject, gallery, pulls_of
-from bench.quality.measures import area_fractions
+from bench.paper.page import Page, Row, following, gallery
+from bench.paper.subjects import PULLS, BoxHandle, Context, Subject, pulls_of
 from dfd.editing.presets import PRESETS as DEFAULTS
 
 MIDDLE, TWIST = (0.5, 0.5, 0.5), (0, 50, 0)
@@ -19,7 +19,7 @@ TWISTS = {
     "kaiju": BoxHandle((0.5, 0.6, 0.8), rotation=TWIST, pivot=MIDDLE, fixed=((0.3, 0.0, 0.7),)),
     "*": BoxHandle((0.5, 0.7, 1.0), rotation=TWIST, pivot=MIDDLE, fixed=((0.5, 0.0, 1.0),)),
 }
-ALIKE = 0.5  # the paper's weight (Eq. 4) above which a vertex counts as alike to the fixed point
+ALIKE = 0.5  # weight (Eq. 4) for the fixed point, above which a vertex is alike
 
 TURNS = {
     "spot": BoxHandle((0.3, 1.0, 0.15), rotation=(0, 0, 30), pivot=(0.45, 0.88, 0.2), azimuth=150),
@@ -39,49 +39,46 @@ AFFINE = {
 }
 
 
-def fig1(context: Context) -> Sections:
+def fig1(context: Context) -> Page:
     """Edits of the teaser: one handle, mirrored by the plane of symmetry that is found."""
-    subjects = context.subjects(SYMMETRY, (2, 4), refined=True)
     return gallery(
-        subjects,
+        context.subjects(SYMMETRY, (2, 4), refined=True),
         lambda subject: {"edit": subject.pull(symmetric=True)},
-        ("plane %",),
-        lambda _, session, __: [100 * (session.symmetry is not None)],
+        lambda _, session, __: {"plane %": 100 * (session.symmetry is not None)},
     )
 
 
-def fig2(context: Context) -> Sections:
+def fig2(context: Context) -> Page:
     """Affine edits by one handle: rotations and scales, some with locality."""
 
-    def flipped(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> list[float]:
+    def flipped(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> Row:
         mesh = subject.shape.mesh
-        return [100 * surface_metrics(mesh, session.vertices).flipped_faces / len(mesh.faces)]
+        return {"flipped %": 100 * surface_metrics(mesh, session.vertices).flipped_faces / len(mesh.faces)}
 
     subjects = context.subjects(AFFINE, (3, 6), refined=True)
-    return gallery(subjects, lambda subject: {"edit": subject.pull()}, ("flipped %",), flipped)
+    return gallery(subjects, lambda subject: {"edit": subject.pull()}, flipped)
 
 
-def fig3(context: Context) -> Sections:
+def fig3(context: Context) -> Page:
     """Translations by one handle, with its weights."""
 
-    def off(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> list[float]:
+    def off(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> Row:
         handle, mesh = subject.case.on(subject.shape), subject.shape.mesh
         target = mesh.vertices[handle["at"]] + handle["translation"]
-        return [100 * float(np.linalg.norm(session.vertices[handle["at"]] - target)) / mesh.diagonal]
+        return {"off %": 100 * float(np.linalg.norm(session.vertices[handle["at"]] - target)) / mesh.diagonal}
 
     subjects = context.subjects(PULLS, (3, 10), refined=True)
-    return gallery(subjects, lambda subject: {"edit": subject.pull()}, ("off %",), off)
+    return gallery(subjects, lambda subject: {"edit": subject.pull()}, off)
 
 
-def fig5(context: Context) -> Sections:
+def fig5(context: Context) -> Page:
     """Planes of symmetry that are seen, and one handle with and without them."""
 
-    def score(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> list[Any]:
-        plane = session.symmetry
-        if plane is None:
-            axes = dfd.symmetry_planes(subject.field, subject.shape.mesh, threshold=2.0, candidates="axes")
-            return [0, "", axes[0].score if axes else None]
-        return [100, str(np.round(plane.normal, 2)), plane.score]
+    def score(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> Row:
+        if plane := session.symmetry:
+            return {"plane %": 100, "normal": str(np.round(plane.normal, 2)), "score": plane.score}
+        axes = dfd.symmetry_planes(subject.field, subject.shape.mesh, threshold=2.0, candidates="axes")
+        return {"plane %": 0, "normal": "", "score": axes[0].score if axes else None}
 
     def sides(subject: Subject) -> dict[str, Any]:
         plane = subject.pull(symmetric=True).symmetry
@@ -90,55 +87,47 @@ def fig5(context: Context) -> Sections:
     text = (
         "The score is the mean distance between the features of a vertex and of its mirror image. The paper takes "
         f"coordinate planes with a score below ε = {DEFAULTS['paper'].threshold:g}; the default also looks for others. "
-        "Where none is found, the score is that of the best coordinate plane. Colors of the first picture: its sides."
+        "Without a plane, the score is that of the best coordinate plane. Colors of the first picture: its sides."
     )
-    subjects = context.subjects(SYMMETRY, (2, 4), refined=True)
-    names = ("one handle", "with a plane")
     return gallery(
-        subjects,
-        lambda subject: {name: subject.pull(symmetric=name != names[0]) for name in names},
-        ("plane %", "normal", "score"),
+        context.subjects(SYMMETRY, (2, 4), refined=True),
+        lambda subject: {"one handle": subject.pull(), "with a plane": subject.pull(symmetric=True)},
         score,
         text,
         source=sides,
     )
 
 
-def fig6(context: Context) -> Sections:
+def fig6(context: Context) -> Page:
     """Feature space constraints (Eq. 6): a twist without and with a fixed point, which holds what looks like it."""
 
     def held(subject: Subject) -> list[int]:
         return [subject.shape.at(point) for point in subject.case.fixed]
 
-    def moved(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> list[float | None]:
+    def moved(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> Row:
         mesh = subject.shape.mesh
         alike = dfd.bind(subject.field.features(mesh), held(subject))[:, 0] >= ALIKE
         lengths = 100 * np.linalg.norm(session.vertices - mesh.vertices, axis=1) / mesh.diagonal
-        return [float(lengths[each].mean()) if each.any() else None for each in (alike, ~alike)]
+        sets = {"alike moves %": alike, "all else moves %": ~alike}
+        return {name: float(lengths[each].mean()) for name, each in sets.items() if each.any()}
 
     text = (
-        f"Mean distances moved, of the diagonal of the box; alike is what has a weight of at least {ALIKE} for the "
-        "fixed point. dfd lets handles arrive at their targets in spite of fixed points, the paper does not."
+        f"Mean distances moved, of the diagonal. Alike vertices have a weight of at least {ALIKE} for the fixed point. "
+        "With fixed points, handles of dfd still reach their targets; the paper's do not."
     )
     return gallery(
         context.subjects(TWISTS, (2, 3)),
         lambda subject: {"free": subject.pull(), "fixed": subject.pull(fixed=held(subject))},
-        ("alike moves %", "all else moves %"),
         moved,
         text,
     )
 
 
-def fig7(context: Context) -> Sections:
+def fig7(context: Context) -> Page:
     """Locality (Eq. 7): one rotation under growing λ."""
-
-    def follows(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> list[float]:
-        return [100 * float(area_fractions(subject.shape.mesh)[session.following[:, 0] > FOLLOWS].sum())]
-
     return gallery(
         context.subjects(TURNS, (1, 2)),
         lambda subject: {f"λ = {each}": subject.pull({"locality": each}) for each in LOCALITIES},
-        ("follows %",),
-        follows,
+        lambda subject, session, _: {"follows %": following(subject, session, FOLLOWS)},
         f"How much of the surface has a weight above {FOLLOWS}.",
     )

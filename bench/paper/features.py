@@ -3,30 +3,21 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import igl
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
+from scipy.spatial.transform import Rotation
 
 import dfd
 from bench.paper.distortion import surface_metrics
-from bench.paper.page import (
-    NAMES,
-    PRESETS,
-    Context,
-    Section,
-    Sections,
-    Shape,
-    Subject,
-    Table,
-    aim,
-    gallery,
-    pulls_of,
-    session,
-)
+from bench.paper.page import Page, Pictures, Row, aim, following, gallery
+from bench.paper.subjects import NAMES, PRESETS, Context, Shape, Subject, pulls_of
 from bench.quality.measures import area_fractions
 from dfd.common.linear_algebra import Float64
 from dfd.common.preset import Preset
@@ -39,29 +30,28 @@ from dfd.pictures.picture import picture
 from dfd.views.render import Supervision, Views, render
 
 DISTILLED = dict.fromkeys(("koala", "plane_holes", "scorpion", "spot", "quadruped", "*"))
-REDUCED = 0.99
 LUCY = (200_000, 28_000_000)  # faces, in a quick and a whole run
-AT_ONCE = 500_000  # vertices, so that features of all of them need not fit into memory
-SUPERVISION: tuple[Supervision, ...] = ("vertex", "barycentric")
+AT_ONCE = 500_000  # vertices, which bounds the memory for features
+SUPERVISION: dict[str, Supervision] = {"pixels of vertices": "vertex", "pixels of triangles": "barycentric"}
 
 COARSE = 200  # faces, of triangles much larger than features
 VERTICES_ALONE = "paper preset, coarse copy, vertices alone"
 PULLED = pulls_of("koala", "scorpion", "human_neutral", "quadruped")
 COARSE_COPY: dict[str, Any] = {"simplify_to": COARSE}
-KINDS: dict[str, tuple[Preset, dict[str, Any]]] = {  # columns: the preset, and what is changed of it
+KINDS: dict[str, tuple[Preset, dict[str, Any]]] = {  # by column, the preset and the changed settings
     "paper preset, fine copy, all pixels": ("paper", {}),
     VERTICES_ALONE: ("paper", {**COARSE_COPY, "supervision": "vertex"}),
     "paper preset, coarse copy, all pixels": ("paper", COARSE_COPY),
     "dfd default, coarse copy": ("default", COARSE_COPY),
 }
 
-Choice = tuple[str, int | None]  # an encoder's name, and the block whose tokens are taken; None is its own choice
+Choice = tuple[str, int | None]  # an encoder's name, and the block of its tokens; None is its default
 OTHERS = tuple(name for name in KNOWN_ENCODERS if name != DEFAULT_ENCODER)
 BLOCKS = (3, 6, 9, 12)
 HELD = pulls_of("spot", "scorpion", "human_neutral", "quadruped")
 
-# The shape that is distilled, where it is taken hold of, and others of its class with the angle, in degrees about y,
-# that turns them to look the same way.
+# The shape that is distilled, the place of the handle, and others of its class, each with the rotation about y, in
+# degrees, after which they face the same way.
 CLASSES = {
     "spot": ((0.2, 0.0, 0.2), {"quadruped": 180, "horse": 180, "alpaca": 180}),
     "fox": ((0.2, 0.0, 0.8), {"wolf": 0, "horse": 0}),
@@ -84,59 +74,48 @@ CHAIRS = {
 FOLLOWS = 0.5
 
 
-def fig4(context: Context) -> Sections:
+def fig4(context: Context) -> Page:
     """Pixels that teach a field, and fields of the shape and of a hundredth of its faces, from render to weights."""
-    pixels: list[list[Any]] = []
-    reduced: list[list[Any]] = []
-    drawn = []
+    rows: list[Row] = []
+    drawn: list[Pictures] = []
     for given, _ in context.cases(DISTILLED, (1, 2)):
         shape = resampled(given, context.of(LUCY))
         mesh = shape.mesh
-        few = simplify(mesh, max(500, round((1 - REDUCED) * len(mesh.faces))))
-        counts = [
-            _distinct_pixels(render(few, views=8, resolution=252, framing="paper", supervision=kind))
-            for kind in SUPERVISION
-        ]
-        pixels.append([shape.name, len(few.vertices), *counts])
+        few = simplify(mesh, max(500, len(mesh.faces) // 100))
+        pixels = {"vertices": len(few.vertices)} | {
+            name: _distinct_pixels(render(few, views=8, resolution=252, framing="paper", supervision=kind))
+            for name, kind in SUPERVISION.items()
+        }
         where = aim(mesh, np.empty((0, 3)))
         row = [(picture(each, **where), f"{len(each.faces):,} faces") for each in (mesh, few)]
         for preset in PRESETS:
             begin = time.perf_counter()
-            field, taken, _ = distilled(context, shape, preset)
+            field, distill_seconds, _ = distilled(context, shape, preset)
             handle = field(mesh.vertices[[shape.at((0.5, 1.0, 0.5))]])
             for some in np.array_split(mesh.vertices, len(mesh.vertices) // AT_ONCE + 1):
                 dfd.bind(field(some), handle)
-            seconds = time.perf_counter() - begin
+            seconds = {"distill s": distill_seconds, "weights s": time.perf_counter() - begin}
             of_few = context.field(Shape(f"{shape.name} reduced", few), preset)(few.vertices)
             own = field(few.vertices)
-            # Colors of both by the same directions; fields of two fits have their own turn of feature space.
-            colors = feature_colors(np.concatenate([own, of_few]))
-            row += [
-                (picture(few, colors=some, **where), f"{NAMES[preset]}: field of {what}")
-                for some, what in zip(np.split(colors, 2), ("the shape", "the reduced one"), strict=True)
-            ]
-            off = np.linalg.norm(own - of_few, axis=1).mean()
-            spread = np.linalg.norm(own - own.mean(axis=0), axis=1).mean()
-            reduced.append([shape.name, NAMES[preset], len(mesh.faces), taken, seconds, float(off), float(spread)])
+            # Each fit has another rotation of feature space, so the colors of both use the same directions.
+            colors = np.split(feature_colors(np.concatenate([own, of_few])), 2)
+            for some, what in zip(colors, ("the shape", "the reduced one"), strict=True):
+                row.append((picture(few, colors=some, **where), f"{NAMES[preset]}: field of {what}"))
+            start = {"shape": shape.name, "preset": NAMES[preset], "faces": len(mesh.faces)}
+            off, spread = (float(np.linalg.norm(own - other, axis=1).mean()) for other in (of_few, own.mean(axis=0)))
+            rows.append({**start, **pixels, **seconds, "mean distance": off, "spread": spread})
         drawn.append((shape.name, row))
-    first = (
-        "Eight pictures of 252² of the reduced shape. Other methods learn from the pixels that a vertex falls into, "
-        "barycentric distillation from every pixel that a triangle covers."
+    text = (
+        "Pixels are those of eight pictures of 252² of the reduced shape, whose vertices are counted. Other methods "
+        "learn from the pixels that a vertex falls into, barycentric distillation from every pixel that a triangle "
+        "covers. The mean distance between both fields, at these vertices, stands beside the spread of the features. "
+        "The paper: Lucy, 28 million faces, takes 5.7 minutes to render, 3.7 s if reduced."
     )
-    second = (
-        "Fields of the shape and of a hundredth of its faces, at the vertices of the latter: their distance beside the "
-        "spread of the features. The paper: Lucy, 28 million faces, takes 5.7 minutes to render, 3.7 s if reduced."
-    )
-    columns = ["shape", "vertices", "pixels of vertices", "pixels of triangles"]
-    of_reduced = ["shape", "preset", "faces", "distill s", "weights s", "mean distance", "spread"]
-    return [
-        Section("Pixels", first, table=Table(columns, pixels)),
-        Section("From render to weights", second, drawn, Table(of_reduced, reduced)),
-    ]
+    return Page(text, drawn, rows)
 
 
 def distilled(context: Context, shape: Shape, preset: Preset) -> tuple[dfd.Field, float, Stages]:
-    """A field with nothing taken from the cache, its seconds without loading the encoder, and its stages."""
+    """Return a field without use of the cache, its seconds without loading the encoder, and its stages."""
     model, stages = context.loaded(preset), Stages(show=False)
     begin = time.perf_counter()
     field = context.field(shape, preset, encoder=model, stages=stages)
@@ -144,96 +123,86 @@ def distilled(context: Context, shape: Shape, preset: Preset) -> tuple[dfd.Field
 
 
 def resampled(shape: Shape, count: int) -> Shape:
-    """The shape with about `count` faces: simplified until cutting faces into four leads there."""
+    """Return the shape with about `count` faces, simplified so that cutting faces into four gives that number."""
     times = 0
     while len(shape.mesh.faces) * 4**times < count:
         times += 1
-    return Shape(shape.name, subdivided(simplify(shape.mesh, count // 4**times), times))
+    mesh = simplify(shape.mesh, count // 4**times)
+    for _ in range(times):
+        mesh = subdivided(mesh)
+    return Shape(shape.name, mesh)
 
 
 def _distinct_pixels(views: Views) -> int:
-    """How many pixels of all pictures show a point, each counted once however many vertices fall into it."""
+    """Return the number of pixels of all pictures that show a point or more."""
     return len(np.unique(np.stack([views.view, np.rint(views.row), np.rint(views.column)]), axis=1).T)
 
 
-def fig13(context: Context) -> Sections:
+def fig13(context: Context) -> Page:
     """Barycentric distillation against vertices alone, from a coarse copy to the fine mesh."""
-    lengths = []
 
     def variants(subject: Subject) -> dict[str, dfd.Deformer]:
-        shape, sessions = subject.shape, {}
-        steps = len(context.field(shape, "paper", **COARSE_COPY).settings["losses"])
-        lengths.append(f"{shape.name} {steps:,}")
+        sessions = {}
+        steps = len(context.field(subject.shape, "paper", **COARSE_COPY).settings["losses"])
         for name, (preset, changes) in KINDS.items():
-            field = context.field(shape, preset, **changes, **({"steps": steps} if "supervision" in changes else {}))
-            sessions[name] = session(shape.mesh, field, preset, [subject.case.on(shape)])
+            if name == VERTICES_ALONE:
+                changes = {**changes, "steps": steps}
+            field = context.field(subject.shape, preset, **changes)
+            sessions[name] = replace(subject, preset=preset, field=field).pull()
         return sessions
 
-    def measure(subject: Subject, each: dfd.Deformer, fine: dfd.Deformer) -> list[float | None]:
+    def measure(subject: Subject, each: dfd.Deformer, fine: dfd.Deformer) -> Row:
         mesh = subject.shape.mesh
-        off = area_fractions(mesh) @ np.abs(each.weights - fine.weights)[:, 0]
-        return [roughness(mesh, each.weights[:, 0]), float(off) if each.preset == "paper" else None]
+        off = float(area_fractions(mesh) @ np.abs(each.weights - fine.weights)[:, 0])
+        return {"roughness": roughness(mesh, each.weights[:, 0]), "off": off if each.preset == "paper" else None}
 
-    [section] = gallery(
-        context.subjects(PULLED, (1, 2), presets=("paper",)),
-        variants,
-        ("roughness", "off"),
-        measure,
-        heading="One pull on the fine mesh",
-    )
     text = (
-        f"The coarse copy has {COARSE} faces, much larger than features. Fits to it take the same number of steps "
-        f"({', '.join(lengths)}): with vertices alone the same samples come again and again. Roughness is the mean of "
-        "|∇W| on the fine mesh, in weight per diagonal; off is the mean difference from the weights of the fine copy."
+        f"The coarse copy has {COARSE} faces, much larger than features. Fits to it take the same number of steps; "
+        "with vertices alone, they repeat the same samples. Roughness is the mean of |∇W| on the fine mesh, in weight "
+        "per diagonal; off is the mean difference from the weights of the fine copy."
     )
-    return [replace(section, text=text)]
+    return gallery(context.subjects(PULLED, (1, 2), presets=("paper",)), variants, measure, text)
 
 
-def fig11(context: Context) -> Sections:
+def fig11(context: Context) -> Page:
     """One deformation with the features of several image encoders."""
-    return _encoded(
-        context, "after", "angle °", "Mean changes of angles over the surface; no fixed point, no regularization."
-    )
+
+    def angles(subject: Subject, each: dfd.Deformer, _: dfd.Deformer) -> Row:
+        return {"angle °": surface_metrics(subject.shape.mesh, each.vertices).angle}
+
+    text = "Mean changes of angles over the surface; no fixed point, no regularization."
+    return _encoded(context, "after", angles, text)
 
 
-def fig12(context: Context) -> Sections:
+def fig12(context: Context) -> Page:
     """The weights of one handle with the features of several image encoders."""
-    text = "The correlation over the surface with the weights of the first encoder. The paper shows DINO, CLIP, SAM 2, "
-    return _encoded(context, "weights", "correlation", f"{text}Diff3F and others.")
+
+    def correlation(subject: Subject, each: dfd.Deformer, first: dfd.Deformer) -> Row:
+        both = np.concatenate([each.weights, first.weights], axis=1)
+        covariance = np.cov(both.T, aweights=area_fractions(subject.shape.mesh))
+        found = float(covariance[0, 1] / np.sqrt(np.prod(covariance.diagonal())))
+        return {"correlation": None if each is first else found}
+
+    text = (
+        "The correlation over the surface with the weights of the first encoder. The paper shows DINO, CLIP, SAM 2, "
+        "Diff3F and others."
+    )
+    return _encoded(context, "weights", correlation, text)
 
 
-def _encoded(context: Context, shown: str, column: str, text: str) -> Sections:
+def _encoded(context: Context, shown: str, measure: Callable[..., Row], text: str) -> Page:
     found, absent = encoders(context)
-    one = len({name for name, _ in found.values()}) == 1
 
     def variants(subject: Subject) -> dict[str, dfd.Deformer]:
-        shape, preset = subject.shape, subject.preset
-        fields = {
-            name: context.field(shape, preset, encoder=context.loaded(preset, *each)) for name, each in found.items()
-        }
+        models = {name: context.loaded(subject.preset, *each) for name, each in found.items()}
+        fields = {name: context.field(subject.shape, subject.preset, encoder=model) for name, model in models.items()}
         return {name: replace(subject, field=field).pull() for name, field in fields.items()}
 
-    def measure(subject: Subject, each: dfd.Deformer, first: dfd.Deformer) -> list[float | None]:
-        mesh = subject.shape.mesh
-        if shown == "after":
-            return [surface_metrics(mesh, each.vertices).angle]
-        if each is first:
-            return [None]
-        both = np.concatenate([each.weights, first.weights], axis=1)
-        covariance = np.cov(both.T, aweights=area_fractions(mesh))
-        return [float(covariance[0, 1] / np.sqrt(np.prod(covariance.diagonal())))]
-
-    heading = "Blocks of one encoder, as no other was loaded" if one else "Encoders"
-    subjects = context.subjects(HELD, (1, 3))
-    sections = gallery(subjects, variants, (column,), measure, text + absent, heading=heading, shown=[shown])
-    if one:
-        pictures = [(f"{where} ({heading.lower()})", images) for where, images in sections[0].pictures]
-        sections = [replace(sections[0], pictures=pictures)]
-    return sections
+    return gallery(context.subjects(HELD, (1, 3)), variants, measure, text + absent, shown=[shown])
 
 
 def encoders(context: Context) -> tuple[dict[str, Choice], str]:
-    """Return encoders by what a page calls them, the default first; and a sentence about those that are missing."""
+    """Return encoders by their names on a page, the default first, and a sentence about those that are missing."""
     own = context.loaded("paper")
     label = str(own.name).rpartition("/")[2]
     found: dict[str, Choice] = {f"{label}, block {own.block}": (own.name, None)}
@@ -255,27 +224,22 @@ def encoders(context: Context) -> tuple[dict[str, Choice], str]:
 
 def roughness(mesh: dfd.Mesh, weights: NDArray[np.floating]) -> float:
     """Return the mean of |∇W| over the surface for weights (V,), in weight per diagonal of the box."""
-    import igl
-
     faces = mesh.faces[(areas := face_areas(mesh.vertices, mesh.faces)) > 0].astype(np.int64)
     slopes = (igl.grad(mesh.vertices, faces) @ weights.astype(np.float64)).reshape(3, -1)
     return float(np.average(np.linalg.norm(slopes, axis=0), weights=areas[areas > 0]) * mesh.diagonal)
 
 
-def subdivided(mesh: dfd.Mesh, times: int) -> dfd.Mesh:
-    """Return the mesh with every face cut into four, `times` times over; holes stay, appearance goes."""
-    vertices, faces = mesh.vertices, mesh.faces
-    for _ in range(times):
-        vertices, faces = trimesh.remesh.subdivide(vertices, faces)
-    return mesh if times == 0 else dfd.Mesh(vertices, faces)
+def subdivided(mesh: dfd.Mesh) -> dfd.Mesh:
+    """Return the mesh with every face cut into four, without its appearance."""
+    return dfd.Mesh(*trimesh.remesh.subdivide(mesh.vertices, mesh.faces))
 
 
-def fig19(context: Context) -> Sections:
+def fig19(context: Context) -> Page:
     """One field on other tessellations of a shape, and on other shapes of its class."""
 
     def variants(subject: Subject) -> dict[str, dfd.Deformer]:
         shape, field, (place, others) = subject.shape, subject.field, subject.case
-        copies = [shape.mesh, *(simplify(shape.mesh, count) for count in (1000, 5000)), subdivided(shape.mesh, 1)]
+        copies = [shape.mesh, *(simplify(shape.mesh, count) for count in (1000, 5000)), subdivided(shape.mesh)]
         known = [name for name in others if name in context.files or name == "quadruped"]
         meshes = {f"{len(each.faces):,} faces": each for each in copies}
         meshes.update({name: turned(context.shape(name), others[name]) for name in known})
@@ -283,52 +247,45 @@ def fig19(context: Context) -> Sections:
         for name, mesh in meshes.items():
             features = field(in_box_of(mesh, shape.mesh) if name in known else mesh.vertices)
             handle = {"at": int(np.linalg.norm(features - held, axis=1).argmin()), "translation": DOWN * mesh.diagonal}
-            sessions[name] = session(mesh, field, subject.preset, [handle], features=features)
+            sessions[name] = replace(subject, shape=Shape(name, mesh)).session([handle], features=features)
         return sessions
 
-    def measure(subject: Subject, each: dfd.Deformer, first: dfd.Deformer) -> list[float | None]:
+    def measure(subject: Subject, each: dfd.Deformer, first: dfd.Deformer) -> Row:
         mesh, weights, off = each.mesh, each.weights[:, 0], None
         distance, nearest = KDTree(mesh.vertices).query(first.mesh.vertices)
         if each is not first and distance.max() < 0.1 * mesh.diagonal:  # another tessellation of the same shape
             off = float(np.abs(weights[nearest] - first.weights[:, 0]).mean())
-        return [len(mesh.faces), 100 * float(area_fractions(mesh)[weights > FOLLOWS].sum()), off]
+        follows = 100 * float(area_fractions(mesh)[weights > FOLLOWS].sum())
+        return {"faces": len(mesh.faces), "follows %": follows, "mean difference": off}
 
     text = (
-        "Other tessellations ask the field at their own vertices. Another shape of the class is turned to look the "
-        "same way and scaled to the box; its handle is the vertex whose feature is nearest to that of the handle. In "
-        f"the table: how much of the surface has a weight above {FOLLOWS}, and the mean difference from the weights of "
+        "Other tessellations evaluate the field at their own vertices. Another shape of the class is turned to face "
+        "the same way and scaled to the box; its handle is the vertex whose feature is nearest to that of the handle. "
+        f"The table: how much of the surface has a weight above {FOLLOWS}, and the mean difference from the weights of "
         "the shape's own mesh."
     )
-    columns = ("faces", "follows %", "mean difference")
-    return gallery(context.subjects(CLASSES, (1, 2)), variants, columns, measure, text)
+    return gallery(context.subjects(CLASSES, (1, 2)), variants, measure, text)
 
 
 def turned(shape: Shape, degrees: float) -> dfd.Mesh:
-    """The shape turned about y, its long edges halved, without its appearance."""
-    angle = np.radians(degrees)
-    rotation = np.array([(np.cos(angle), 0, np.sin(angle)), (0, 1, 0), (-np.sin(angle), 0, np.cos(angle))])
+    """Return the shape turned about y, its long edges halved, without its appearance."""
     refined = shape.refined().mesh
-    return dfd.Mesh(refined.vertices @ rotation.T, refined.faces)
+    return dfd.Mesh(Rotation.from_euler("y", degrees, degrees=True).apply(refined.vertices), refined.faces)
 
 
 def in_box_of(mesh: dfd.Mesh, other: dfd.Mesh) -> Float64:
-    """The vertices of `mesh` scaled, side by side, into the box of `other`."""
-    low, high = mesh.bounds
-    begin, end = other.bounds
-    return begin + (mesh.vertices - low) / np.maximum(high - low, 1e-12) * (end - begin)
+    """Return the vertices of `mesh`, scaled along each axis into the box of `other`."""
+    return other.bounds[0] + (mesh.vertices - mesh.bounds[0]) / np.maximum(mesh.extents, 1e-12) * other.extents
 
 
-def fig20(context: Context) -> Sections:
+def fig20(context: Context) -> Page:
     """Weights of the same parts on different shapes of one class."""
     return gallery(
         context.subjects(CHAIRS, (3, 6), refined=True),
         lambda subject: {
             part: subject.session([{"at": subject.shape.at(place)}]) for part, place in subject.case.items()
         },
-        ("follows %",),
-        lambda subject, each, _: [
-            100 * float(area_fractions(subject.shape.mesh)[each.following[:, 0] > FOLLOWS].sum())
-        ],
+        lambda subject, each, _: {"follows %": following(subject, each, FOLLOWS)},
         f"How much of the surface, in % of its area, has a weight above {FOLLOWS} for each part.",
         shown=["weights"],
         azimuth=35.0,

@@ -1,31 +1,28 @@
-"""Every figure and table of the paper and its supplement, in one table: what it says, and the number that decides.
+"""The claims of all figures and tables of the paper and its supplement, and the numbers that decide them.
 
-Where the paper has no number, the bound is ours: the least that its words need.
+Where the paper has no number, the bound is ours, the least that its words need.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from bench.paper import comparisons, controls, features, resolution
-from bench.paper.page import NAMES, Context, Figure, Rule, Sections
+from bench.paper.page import Figure, Page, Row, Rule
+from bench.paper.subjects import NAMES, Context
 
 OURS = NAMES["paper"]
 
 
 def column(name: str, reduce: Callable[[Any], Any] = np.mean, **where: Any) -> Rule:
-    """Return the rule that reduces a column, over rows whose others are as said: a value, several, or a condition."""
+    """Return the rule that reduces a column over the rows that have one of the given values in other columns."""
 
-    def fits(row: Any, key: str, value: Any) -> bool:
-        return bool(value(row.get(key)) if callable(value) else row.get(key) in np.atleast_1d(value))
-
-    def number(rows: Any) -> float:
-        found = [
-            row[name] for row in rows if row.get(name) is not None and all(fits(row, *each) for each in where.items())
-        ]
+    def number(rows: Sequence[Row]) -> float:
+        fitting = [row for row in rows if all(row.get(key) in np.atleast_1d(each) for key, each in where.items())]
+        found = [row[name] for row in fitting if row.get(name) is not None]
         return float(reduce(found)) if found else float("nan")
 
     return number
@@ -41,13 +38,9 @@ def spread(found: Any) -> float:
     return float(max(found) / max(min(found), 1e-9))
 
 
-def is_whole(size: float | None) -> bool:
-    """Return whether a result has not exploded."""
-    return size is not None and size <= comparisons.EXPLODED
-
-
-DFD = {"method": OURS}  # whose failures count, those of the others do not
-PEERS, COORDINATES = ({"method": each, "size": is_whole} for each in (comparisons.COMPARED, "biharmonic"))
+DFD = {"method": OURS}  # failures of DFD count; those of the others do not
+# Results that explode have a note.
+PEERS, COORDINATES = ({"method": each, "note": ""} for each in (comparisons.COMPARED, "biharmonic"))
 FAILING = {"method": comparisons.COMPARED}
 FREE, FIXED, FAR, WIDE = ({"preset": OURS, "variant": each} for each in ("free", "fixed", "λ = 32", "λ = 0"))
 PIXELS, VERTICES = ({"variant": name} for name in ("paper preset, coarse copy, all pixels", features.VERTICES_ALONE))
@@ -97,15 +90,13 @@ FIGURES: dict[str, Figure] = {
     "fig21": Figure("reasonable shapes", "size of DFD's result over the shape's", column("size", **DFD), most=1.5),
     "fig22": Figure("DFD distorts more", "area change, DFD's over the others'", ratio("area %", DFD, PEERS), 1),
     "table1": Figure("every tick of Table 1", "ticks as in the paper, %", column("as in the paper, %"), 100),
-    "table2": Figure("82 %", "DFD-T chosen, %", column("chosen %", method="DFD-T"), 50),
     "table3": Figure("1,150 times (1 handle)", "OptCtrlPoints' seconds over DFD's", resolution.slower, 1000),
 }
-PAGES: dict[str, Callable[[Context], Sections]] = {
+PAGES: dict[str, Callable[[Context], Page]] = {
     name: getattr(module, name)
     for name in FIGURES
     for module in (controls, features, comparisons, resolution)
     if hasattr(module, name)
 }
-CANNOT = dict.fromkeys(
-    ("fig23", "fig24"), "it shows screens of the paper's user study; fig14 draws such pictures, table2 tallies answers"
-)
+SCREENS = "it shows screens of the paper's user study; fig14 draws such pictures"
+CANNOT = {"fig23": SCREENS, "fig24": SCREENS, "table2": "the answers of the paper's user study are not at hand"}

@@ -1,12 +1,10 @@
-"""What pages about the paper share: the meshes at hand, fields and sessions of two presets, pictures and tables."""
+"""Draw, tabulate and write a page of the paper."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, field
-from functools import cache, cached_property
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -14,351 +12,90 @@ import numpy as np
 from PIL import Image
 
 import dfd
-from bench.quality.shapes import SAMPLES
+from bench.paper.subjects import NAMES, Context, Subject
+from bench.quality.measures import area_fractions
 from bench.tables import to_csv, to_markdown, write_text
-from dfd.common.linear_algebra import Float32, Float64, UInt8
-from dfd.common.preset import Preset
-from dfd.common.progress import Stages
-from dfd.distillation.settings import DistillSettings
-from dfd.encoders.encode import Encoder, load_encoder
-from dfd.encoders.known import DEFAULT_ENCODER
-from dfd.geometry.refine import split_long_edges
+from dfd.common.linear_algebra import Float64, UInt8
 from dfd.pictures.contact_sheet import contact_sheet
 from dfd.pictures.picture import picture, save_png
 from dfd.pictures.sheet import session_views
 from dfd.pictures.viewpoint import azimuth_towards
 
-PRESETS: tuple[Preset, ...] = ("paper", "default")
-NAMES: dict[Preset, str] = {"paper": "paper preset", "default": "dfd default"}
-MESH_ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
-BALL = 0.01  # of the longest side: the radius in which the paper gives other methods the neighbors of a point as well
-LONGEST_EDGE = 0.03  # of the diagonal: with longer ones weights, which are exact at vertices alone, look coarse
-QUICK: dict[str, Any] = {"views": 8, "resolution": 196}
-QUICK_PAPER: dict[str, Any] = {"epochs": 5, "batch": 2_000}
 RESOLUTION = 320
-BEFORE, AFTER = np.array([64, 112, 216]), np.array([52, 168, 83])  # as in the paper: blue before, green after
-
-Point = tuple[float, float, float]
 Pictures = tuple[str, Sequence[tuple[UInt8, str]]]  # a heading, and pictures with their captions
-
-
-# --- shapes, handles and sessions
-
-
-@dataclass(frozen=True)
-class Shape:
-    """A mesh with the name of its file, or of the sample that it is."""
-
-    name: str
-    mesh: dfd.Mesh
-
-    def at(self, point: Sequence[float]) -> int:
-        """Return the vertex of a face nearest to `point`, whose coordinates go from 0 to 1 along the box."""
-        low, high = self.mesh.bounds
-        corners = np.unique(self.mesh.faces)
-        away = self.mesh.vertices[corners] - (low + np.asarray(point) * (high - low))
-        return int(corners[np.linalg.norm(away, axis=1).argmin()])
-
-    def refined(self) -> Shape:
-        """Return the shape with long edges halved, without its appearance; as it is if no face is large."""
-        longest = LONGEST_EDGE * self.mesh.diagonal
-        vertices, faces = split_long_edges(self.mesh.vertices, self.mesh.faces, longest, most=50_000)
-        return self if len(faces) == len(self.mesh.faces) else Shape(self.name, dfd.Mesh(vertices, faces))
-
-
-@dataclass(frozen=True)
-class BoxHandle:
-    """A handle and what it does, places from 0 to 1 along the sides of a shape's box: it fits any mesh of the shape."""
-
-    at: Point
-    offset: Point = (0.0, 0.0, 0.0)  # of the diagonal
-    rotation: Point | None = None  # degrees
-    scale: Point | None = None
-    locality: float = 0.0
-    pivot: Point | None = None
-    fixed: tuple[Point, ...] = ()
-    azimuth: float | None = None  # degrees, from where it is seen
-
-    def on(self, shape: Shape) -> dict[str, Any]:
-        """Return what `Deformer.add` takes by name."""
-        handle: dict[str, Any] = {"at": shape.at(self.at), "translation": np.array(self.offset) * shape.mesh.diagonal}
-        for name in ("rotation", "scale", "locality"):
-            if value := getattr(self, name):
-                handle[name] = value
-        if self.pivot is not None:
-            low, high = shape.mesh.bounds
-            handle["pivot"] = low + np.array(self.pivot) * (high - low)
-        return handle
-
-
-# A pull of each shape that pages show, and of any other; other methods hold the top or the feet besides.
-PULLS = {
-    "spot": BoxHandle((0.1, 1.0, 0.4), (-0.06, 0.1, 0.0)),
-    "kaykit_chair_A": BoxHandle((0.0, 0.0, 1.0), (0.0, -0.15, 0.0)),
-    "scorpion": BoxHandle((0.0, 0.2, 1.0), (-0.05, 0.0, 0.1)),
-    "koala": BoxHandle((0.0, 0.95, 0.75), (-0.08, 0.08, 0.0)),
-    "fox": BoxHandle((0.2, 1.0, 0.7), (0.0, 0.12, 0.0)),
-    "table_roundlarge": BoxHandle((0.0, 0.0, 0.5), (0.0, -0.12, 0.0)),
-    "shark": BoxHandle((0.0, 0.4, 0.6), (-0.12, 0.0, 0.0)),
-    "human_neutral": BoxHandle((1.0, 0.75, 0.5), (0.02, 0.12, 0.05)),
-    "boat": BoxHandle((0.5, 1.0, 0.5), (0.0, 0.15, 0.0)),
-    "plane_holes": BoxHandle((0.0, 0.2, 0.4), (-0.1, 0.1, 0.0)),
-    "chair": BoxHandle((0.0, 0.0, 1.0), (0.0, -0.15, 0.0)),
-    "quadruped": BoxHandle((0.2, 1.0, 0.9), (-0.04, 0.12, 0.0)),
-    "*": BoxHandle((0.5, 1.0, 0.5), (0.0, 0.15, 0.0)),
-}
-
-
-def pulls_of(*names: str) -> dict[str, BoxHandle]:
-    """Return the pulls of the shapes called `names`, and of any other."""
-    return {name: PULLS.get(name, PULLS["*"]) for name in (*names, "*")}
-
-
-def session(
-    mesh: dfd.Mesh,
-    field: dfd.Field,
-    preset: Preset,
-    handles: Sequence[Mapping[str, Any]],
-    *,
-    fixed: Sequence[Any] = (),
-    symmetric: bool = False,
-    features: Float32 | None = None,
-) -> dfd.Deformer:
-    """Return a session with `handles`, each what `Deformer.add` takes by name, and `fixed` points.
-
-    `symmetric` lets handles act on both sides of the plane that `"auto"` finds by the preset, if there is one.
-    """
-    deformer = dfd.Deformer(mesh, field, preset=preset, features=features)
-    if symmetric:
-        with suppress(ValueError):  # looks alike across no plane
-            deformer.set_symmetry("auto")
-    for point in fixed:
-        deformer.fix(point)
-    for handle in handles:
-        deformer.add(**handle)
-    return deformer
-
-
-@dataclass(frozen=True)
-class Subject:
-    """A shape, what a page knows of it, and its field by one preset."""
-
-    shape: Shape
-    case: Any
-    preset: Preset
-    field: dfd.Field
-
-    @property
-    def label(self) -> list[str]:
-        """The first two columns of every table."""
-        return [self.shape.name, NAMES[self.preset]]
-
-    @property
-    def heading(self) -> str:
-        """That of its row of pictures."""
-        return ", ".join(self.label)
-
-    def session(self, handles: Sequence[Mapping[str, Any]], **more: Any) -> dfd.Deformer:
-        """See `session`."""
-        return session(self.shape.mesh, self.field, self.preset, handles, **more)
-
-    def pull(self, changes: Mapping[str, Any] | None = None, **more: Any) -> dfd.Deformer:
-        """Return a session with the handle of the case, with `changes`; `more` is as in `session`."""
-        return self.session([{**self.case.on(self.shape), **(changes or {})}], **more)
-
-
-load_once = cache(load_encoder)
-
-
-@dataclass
-class Context:
-    """Settings of a run, and what its pages share."""
-
-    folder: Path | None = None  # where meshes are looked for first; None for `DFD_MESHES` alone
-    quick: bool = False  # fewer and smaller pictures, fewer shapes
-    encoder: str | Path = DEFAULT_ENCODER  # a name or a folder
-    settings: Mapping[str, Any] = field(default_factory=dict)  # further keywords of `dfd.distill`, over the presets'
-    answers: Path | None = None  # of a user study, see `table2`
-    say: Callable[[str], None] = lambda line: None
-
-    @cached_property
-    def files(self) -> dict[str, Path]:
-        """The mesh files at hand by their stems: those of the folder given, then those of DFD_MESHES."""
-        known = os.environ.get("DFD_MESHES")
-        folders = [folder for folder in (Path(known) if known else None, self.folder) if folder]
-        return {path.stem: path for folder in folders for path in reversed(_mesh_files(folder))}
-
-    def shape(self, name: str) -> Shape:
-        """Return the shape of a file at hand, or else of a sample."""
-        return Shape(name, dfd.load(self.files[name]) if name in self.files else SAMPLES[name]().mesh)
-
-    def of(self, most: tuple[Any, Any]) -> Any:
-        """Return the first of two numbers in a quick run, the second in a whole one."""
-        return most[0 if self.quick else 1]
-
-    def cases(self, known: Mapping[str, Any], most: tuple[int, int]) -> list[tuple[Shape, Any]]:
-        """Return at most so many shapes, in a quick and in a whole run, and what is known of each by its name.
-
-        Of a folder that was given: its meshes, the known ones first, the others with the case that is called "*". Else
-        the known ones among files and samples, in their order.
-        """
-        if self.folder is not None:
-            stems = [path.stem for path in _mesh_files(self.folder)]
-            names = sorted(dict.fromkeys(stems), key=lambda name: (name not in known, name))
-        else:
-            names = [name for name in known if name in self.files or name in SAMPLES]
-        return [(self.shape(name), known.get(name, known["*"])) for name in names[: self.of(most)]]
-
-    def subjects(
-        self,
-        known: Mapping[str, Any],
-        most: tuple[int, int],
-        *,
-        refined: bool = False,
-        presets: Sequence[Preset] = PRESETS,
-    ) -> Iterator[Subject]:
-        """Yield the shapes of `cases`, with long edges halved where `refined`, each with its field of every preset."""
-        for found, case in self.cases(known, most):
-            shape = found.refined() if refined else found
-            for preset in presets:
-                yield Subject(shape, case, preset, self.field(shape, preset))
-
-    def distill_settings(self, preset: Preset, **more: Any) -> dict[str, Any]:
-        """Return the keywords of `dfd.distill` for a preset, with `more` over those of this run."""
-        given = {**self.settings, **more}
-        shorter = {**QUICK, **(QUICK_PAPER if preset == "paper" else {})} if self.quick else {}
-        if "steps" in given:  # one length of a fit at a time
-            shorter.pop("epochs", None)
-        return {"preset": preset, **shorter, **given}
-
-    def loaded(self, preset: Preset, encoder: str | Path | None = None, block: int | None = None) -> Encoder:
-        """Return the encoder; the paper's sees the background as well."""
-        return load_once(self.encoder if encoder is None else encoder, block=block, background=preset == "paper")
-
-    def field(
-        self, shape: Shape, preset: Preset, *, encoder: Encoder | None = None, stages: Stages | None = None, **more: Any
-    ) -> dfd.Field:
-        """Return the field of a shape from the user's cache; with `stages`, distill in any case and time it."""
-        self.say(f"field of {shape.name}, {NAMES[preset]}" + "".join(f", {n} {v}" for n, v in more.items()))
-        model, settings = encoder or self.loaded(preset), self.distill_settings(preset, **more)
-        return dfd.distill(shape.mesh, model, progress=stages or False, cache=stages is None, **settings)
-
-    def notes(self) -> list[str]:
-        """Return what a reader has to know about how a page was made."""
-        where = "a folder that was given" if self.folder else "DFD_MESHES" if self.files else "made samples alone"
-        notes = [
-            f"**{NAMES['paper']}** is the procedure of the paper, **{NAMES['default']}** what dfd does if nothing is "
-            f"said; encoder {getattr(self.encoder, 'name', self.encoder)}.",
-            f"Meshes: {where}.",
-        ]
-        if self.quick:
-            made, whole = DistillSettings(**self.distill_settings("paper")), DistillSettings(preset="paper")
-            notes.append(
-                f"Made with --quick: {made.views} pictures of {made.resolution}² instead of {whole.views} of "
-                f"{whole.resolution}², a shorter fit in the paper preset, and fewer shapes. Weights are rougher than "
-                "they would be."
-            )
-        return notes
-
-
-def _mesh_files(folder: Path) -> list[Path]:
-    return [path for path in sorted(folder.rglob("*")) if path.suffix.lower() in MESH_ENDINGS]
-
-
-# --- pictures
+Row = Mapping[str, Any]  # a number or word by the name of its column; None or nothing is an empty cell
+Rule = Callable[[Sequence[Row]], float]  # a number from the rows of a page
 
 
 def aim(mesh: dfd.Mesh, points: Any, *moved: Float64, **more: Any) -> dict[str, Any]:
-    """Return options of `picture` that show `points` (N, 3) from outside, with room for all of `moved` (V, 3)."""
+    """Return options of `picture` that show `points` (N, 3) from outside, and all of `moved` (V, 3)."""
     frame = [mesh.vertices, *moved]
     return {"azimuth": azimuth_towards(mesh, points), "frame": frame, "resolution": RESOLUTION, **more}
 
 
-def silhouettes(mesh: dfd.Mesh, moved: Float64, where: dict[str, Any]) -> UInt8:
-    """Draw the outlines before (blue) and after (green) over the moved shape, as in the paper's Fig. 8 and 23."""
-    old, new = (picture(mesh, vertices=vertices, **where).astype(float) for vertices in (mesh.vertices, moved))
-    in_old, in_new = ((image < 250).any(axis=2, keepdims=True) for image in (old, new))
-    page = np.where(in_new, 0.55 * new + 0.45 * AFTER, new)
-    page = np.where(in_old, 0.6 * page + 0.4 * BEFORE, page)
-    return page.clip(0, 255).astype(np.uint8)
-
-
-# --- the page
-
-
 @dataclass(frozen=True)
-class Table:
-    """Numbers and words: one list a row, as many entries as `columns`; None where there is none."""
+class Page:
+    """A figure or table: a text, pictures, and a table."""
 
-    columns: Sequence[str]
-    rows: Sequence[Sequence[Any]]
-
-
-@dataclass(frozen=True)
-class Section:
-    """A part of a page."""
-
-    heading: str
-    text: str = ""
+    text: str
     pictures: Sequence[Pictures] = ()
-    table: Table | None = None
-    image: Image.Image | None = None  # a picture of its own kind, such as a plot
-
-
-Sections = Sequence[Section]
-Rule = Callable[[Sequence[Mapping[str, Any]]], float]  # a number from the rows of all tables of a page, by column
+    rows: Sequence[Row] = ()
+    image: Image.Image | None = None  # such as a plot
 
 
 def gallery(
     subjects: Iterable[Subject],
     variants: Callable[[Subject], Mapping[str, dfd.Deformer]],
-    columns: Sequence[str],
-    measure: Callable[[Subject, dfd.Deformer, dfd.Deformer], Sequence[Any]],
+    measure: Callable[[Subject, dfd.Deformer, dfd.Deformer], Row],
     text: str = "",
     *,
-    heading: str = "Results",
     shown: Sequence[str] = ("weights", "after"),
     azimuth: float | None = None,
     source: Callable[[Subject], Mapping[str, Any]] = lambda subject: {},
-) -> Sections:
-    """Draw every subject by the sessions of its `variants`, and tabulate what `measure` says of each in `columns`.
+) -> Page:
+    """Draw every subject by the sessions of its `variants`, and tabulate what `measure` returns for each.
 
-    `measure` is given the first of the sessions as well, from whose side all are seen. `shown` are views of
-    `session_views`, a row of pictures each; `source` is what `picture` draws of the shape at rest.
+    `measure` takes the subject, a session and the first session, whose camera draws all. `shown` are views of
+    `session_views`, a row of pictures each. `source` returns options of `picture` for the shape at rest.
     """
-    drawn, rows = [], []
+    drawn: list[Pictures] = []
+    rows: list[Row] = []
     for subject in subjects:
         sessions, mesh = variants(subject), subject.shape.mesh
-        first, angle = next(iter(sessions.values())), getattr(subject.case, "azimuth", azimuth)
-        views: dict[str, dict[str, dict[str, Any]]] = {}
+        first = next(iter(sessions.values()))
+        camera = session_views(first, getattr(subject.case, "azimuth", azimuth))["before"]
+        views = {name: session_views(each, camera["azimuth"]) for name, each in sessions.items()}
         room = [mesh.vertices, *(each.vertices for each in sessions.values() if each.mesh is mesh)]
-        for name, each in sessions.items():
-            views[name] = session_views(each, angle)
-            angle = views[name]["before"]["azimuth"]
-            for view in views[name].values():
-                view.update(resolution=RESOLUTION, **({"frame": room} if each.mesh is mesh else {}))
-        start = (picture(mesh, **{**next(iter(views.values()))["before"], **source(subject)}), "before")
-        alone = len(views) == 1
-        cells = [
-            [(picture(sessions[name].mesh, **each[what]), what if alone else name) for name, each in views.items()]
-            for what in shown
-        ]
-        if alone:
-            drawn.append((subject.heading, [start, *(cell for row in cells for cell in row)]))
+        look: dict[str, Any] = {"resolution": RESOLUTION, "frame": room}
+        start = (picture(mesh, **{**camera, **look, **source(subject)}), "before")
+        cells: dict[str, list[tuple[UInt8, str]]] = {what: [] for what in shown}
+        for (name, each), what in product(sessions.items(), shown):
+            options = {**views[name][what], **(look if each.mesh is mesh else {"resolution": RESOLUTION})}
+            cells[what].append((picture(each.mesh, **options), name))
+        title = f"{subject.shape.name}, {NAMES[subject.preset]}"
+        if len(sessions) == 1:
+            drawn.append((title, [start, *((row[0][0], what) for what, row in cells.items())]))
         else:
-            drawn += [(f"{subject.heading}: {what}", [start, *row]) for what, row in zip(shown, cells, strict=True)]
-        rows += [[*subject.label, name, *measure(subject, each, first)] for name, each in sessions.items()]
-    return [Section(heading, text, drawn, Table(["shape", "preset", "variant", *columns], rows))]
+            drawn += [(f"{title}: {what}", [start, *row]) for what, row in cells.items()]
+        for name, each in sessions.items():
+            label = {"shape": subject.shape.name, "preset": NAMES[subject.preset], "variant": name}
+            rows.append({**label, **measure(subject, each, first)})
+    return Page(text, drawn, rows)
+
+
+def following(subject: Subject, session: dfd.Deformer, least: float) -> float:
+    """Return how much of the surface follows the first handle by a weight above `least`, per cent."""
+    return 100 * float(area_fractions(subject.shape.mesh)[session.following[:, 0] > least].sum())
 
 
 @dataclass(frozen=True)
 class Figure:
-    """What the paper says by a figure or table, and the number that decides whether it holds here."""
+    """The claim of a figure or table, and the number that decides whether it holds here."""
 
-    paper: str  # its number, or what it shows where it has none
-    measured: str  # what the number is
+    paper: str  # the paper's number, or what its pictures show
+    measured: str  # the name of the number
     number: Rule
-    least: float = -np.inf  # bounds of the number within which it agrees with the paper
+    least: float = -np.inf  # bounds of a number that agrees with the paper
     most: float = np.inf
 
     def verdict(self, number: float, quick: bool) -> str:
@@ -371,35 +108,32 @@ class Figure:
         return f"{self.measured}: {number:.3g}, which {agrees} with the paper (our bound: {bound}){inputs}."
 
 
-def write(make: Callable[[Context], Sections], figure: Figure, name: str, folder: Path, context: Context) -> Path:
-    """Write NAME.md with one PNG per section that has pictures, and one CSV per table.
-
-    Return the path of the Markdown file.
-    """
+def write(make: Callable[[Context], Page], figure: Figure, name: str, folder: Path, context: Context) -> Path:
+    """Write NAME.md with its pictures as PNG and its table as CSV; return the path of NAME.md."""
     folder.mkdir(parents=True, exist_ok=True)
-    sections, body = make(context), list[str]()
-    rows: list[dict[str, Any]] = []
-    for number, section in enumerate(sections, 1):
-        body += ["", f"## {section.heading}", "", section.text]
-        sheet = contact_sheet(section.pictures, cell=RESOLUTION) if section.pictures else None
-        for image, stem in ((sheet, f"{name}_{number}"), (section.image, f"{name}_{number}_plot")):
-            if image is not None:
-                save_png(folder / f"{stem}.png", image)
-                body += ["", f"![{section.heading}]({stem}.png)"]
-        if (table := section.table) is not None:
-            write_text(folder / f"{name}_{number}.csv", to_csv(table.columns, table.rows))
-            rows += [dict(zip(table.columns, row, strict=True)) for row in table.rows]
-            body += ["", *to_markdown(table.columns, table.rows)]
-    decides = figure.number(rows)
-    here = f"{decides:.3g}" if np.isfinite(decides) else "not measured"
+    page = make(context)
+    number = figure.number(page.rows)
+    here = f"{number:.3g}" if np.isfinite(number) else "not measured"
     said = to_markdown(["", "the paper", "here"], [[figure.measured, figure.paper, here]])
-    head = [
-        f"# {name}: {(make.__doc__ or '').splitlines()[0]}",
+    title, verdict = (make.__doc__ or "").splitlines()[0], figure.verdict(number, context.quick)
+    lines = [
+        f"# {name}: {title}",
         "",
         *said,
         "",
-        figure.verdict(decides, context.quick),
+        verdict,
         "",
+        *(f"- {note}" for note in context.notes()),
+        "",
+        page.text,
     ]
-    write_text(folder / f"{name}.md", "\n".join([*head, *(f"- {note}" for note in context.notes()), *body]) + "\n")
+    sheet = contact_sheet(page.pictures, cell=RESOLUTION) if page.pictures else None
+    for image, stem in ((sheet, name), (page.image, f"{name}_plot")):
+        if image is not None:
+            save_png(folder / f"{stem}.png", image)
+            lines += ["", f"![{title}]({stem}.png)"]
+    columns = dict.fromkeys(key for row in sorted(page.rows, key=len, reverse=True) for key in row)
+    cells = [[row.get(key) for key in columns] for row in page.rows]
+    write_text(folder / f"{name}.csv", to_csv(columns, cells))
+    write_text(folder / f"{name}.md", "\n".join([*lines, "", *to_markdown(columns, cells), ""]))
     return folder / f"{name}.md"

@@ -1,4 +1,4 @@
-"""`python -m bench.quality labelled`, `anatomy` and `mirrored`: how good weights are, see the modules of these names.
+"""`python -m bench.quality labelled`, `anatomy` and `mirrored`: judge weights as the modules of these names say.
 
 All numbers are means over the shapes of a category, and over the categories.
 """
@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 
 import dfd
 from bench.quality import anatomy, labelled, mirrored
@@ -20,7 +20,7 @@ from bench.tables import to_csv, to_markdown, write_text
 from dfd.encoders.known import DEFAULT_ENCODER
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "quality"
-MEASURES: dict[str, tuple[Any, Any]] = {  # by verb, the module and what reads its shapes
+MEASURES: dict[str, tuple[Any, Any]] = {  # by verb, the module and the reader of its shapes
     "labelled": (labelled, labelled.labelled_shapes),
     "anatomy": (anatomy, anatomy.rigged_shapes),
     "mirrored": (mirrored, mirrored.paired_shapes),
@@ -29,7 +29,7 @@ Row = tuple[str, bool, str, Mapping[str, float]]  # category, whether it is kept
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Judge a folder of shapes; the tables are written after every one."""
+    """Judge a folder of shapes, and write the tables after every shape."""
     parser = argparse.ArgumentParser("python -m bench.quality", description=__doc__)
     parser.add_argument("verb", choices=list(MEASURES), help="by labels of people, or by skinned GLB files")
     parser.add_argument("folder", type=Path, nargs="?", help="folder to judge (labelled: by default samples of dfd)")
@@ -46,15 +46,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     path = given.output / f"{given.verb}{own}"
     rows: list[Row] = []
     for shape in read(given.folder, quick=given.quick):
-        Console(stderr=True, highlight=False).print(shape.name)
+        print(shape.name, file=sys.stderr)
         field = dfd.distill(shape.mesh, given.encoder, progress=False)
-        rows.append((shape.category, shape.kept_back, shape.name, shape.judged(field)))
+        # Each rig is its own category, on which constants are never chosen.
+        category, kept_back = getattr(shape, "category", shape.name), getattr(shape, "kept_back", True)
+        rows.append((category, kept_back, shape.name, shape.judged(field)))
         write(path, (module.__doc__ or "").splitlines()[0], rows, module.LEGEND)
-    Console().print(f"{path}.md", highlight=False, soft_wrap=True)
+    print(f"{path}.md")
 
 
 def write(path: Path, title: str, rows: Sequence[Row], legend: Mapping[str, str]) -> None:
-    """Write PATH.csv with a row a shape, and PATH.md with a row a category, of all shapes and of each half."""
+    """Write PATH.csv with a row per shape, and PATH.md with a row per category, of all shapes and of each half."""
     names = list(rows[0][3])
     halves = {True: "judged", False: "chosen on"}
     cells = [[category, name, halves[kept], *numbers.values()] for category, kept, name, numbers in rows]
@@ -77,8 +79,7 @@ def write(path: Path, title: str, rows: Sequence[Row], legend: Mapping[str, str]
 
 def _means(rows: Sequence[Sequence[float | None]]) -> list[float | None]:
     """Return the mean of each column over the rows that have a number; None where none has."""
-    columns = ([x for x in column if x is not None and not np.isnan(x)] for column in zip(*rows, strict=True))
-    return [float(np.mean(numbers)) if numbers else None for numbers in columns]
+    return np.ma.masked_invalid(np.array(rows, float)).mean(axis=0).tolist()
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """How well a handle holds what hangs on a joint, judged by the rigs of characters and animals.
 
-A rig says what hangs on what. For a handle at a vertex of joint j, a person may mean the subtree of j or of one of its
-ancestors, alone, with its other side, with front and hind limbs, or with all of its kind.
+A person with a handle at a joint may mean the subtree of the joint or of an ancestor. They may mean
+it alone, with its other side, with front and hind limbs, or with all of its kind.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order
 
 import dfd
 from bench.quality.measures import area_fractions, soft_iou
@@ -20,18 +22,18 @@ from bench.quality.parts import kind_of_part, strongest_joints
 from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.mesh.file.gltf.header import objects, parents
 
-LARGEST_MEANT = 0.6  # of the surface: larger subtrees are the whole shape
-SMALLEST_JUDGED, LARGEST_JUDGED = 0.003, 0.4  # likewise, of the joints that handles are put on
+LARGEST_MEANT = 0.6  # of the surface; larger subtrees are the whole shape
+SMALLEST_JUDGED, LARGEST_JUDGED = 0.003, 0.4  # of the surface, for the subtrees of joints with handles
 HANDLES = 3  # per joint
 HELD_WELL = 0.7  # soft IoU
 LEGEND = {
-    "soft IoU": "Σ min(w, t) / Σ max(w, t) over the surface for the set t that a person may mean and is most alike",
+    "soft IoU": "Σ min(w, t) / Σ max(w, t) over the surface for the most similar set t that a person may mean",
     "left behind": "the share of what hangs on the joint that a handle does not move",
     "held well": f"the share of joints with a soft IoU of at least {HELD_WELL}",
 }
-# Feet hang on a root for inverse kinematics; here they hang on the limb that they border on.
+# For inverse kinematics, feet hang on a root; here they hang on the limb that they border on.
 FOOT = re.compile(r"foot|toe|hoof|paw|hand|fist|^ff|^ik", re.IGNORECASE)
-# Parents of joints whose file keeps them in one flat list, by the names of the Unreal mannequin without their side.
+# Parents of the joints of the Unreal mannequin, without their side, for files with a flat list of joints.
 MANNEQUIN = {
     "pelvis": "root",
     "spine_01": "pelvis",
@@ -59,28 +61,16 @@ class RiggedShape:
     areas: Float64  # (V,) fraction of the surface that belongs to each vertex
     joints: tuple[str, ...]  # (J,) their names
     parent: Int64  # (J,) the joint that each hangs on, −1 for a root
-    of_vertex: Int64  # (V,) the joint that moves each vertex the most, −1 for none
-    kept_back = True  # constants are never chosen on it
-
-    @property
-    def category(self) -> str:
-        """Every shape is a category of its own."""
-        return self.name
+    of_vertex: Int64  # (V,) the joint of largest weight, −1 for none
 
     def subtree(self, joint: int) -> Bool:
-        """(V,) Return which vertices hang on a joint."""
-        below = np.zeros(len(self.joints) + 1, bool)
-        below[joint] = True
-        for _ in self.joints:
-            grown = below[:-1] | ((self.parent >= 0) & below[self.parent])
-            if np.array_equal(grown, below[:-1]):
-                break
-            below[:-1] = grown
-        below[-1] = False
-        return below[self.of_vertex]
+        """Return whether each vertex (V,) hangs on a joint."""
+        below = np.flatnonzero(self.parent >= 0)
+        tree = csr_array((np.ones(len(below)), (self.parent[below], below)), shape=(len(self.joints),) * 2)
+        return np.isin(self.of_vertex, breadth_first_order(tree, joint, return_predecessors=False))
 
     def meant(self, vertex: int) -> Iterator[tuple[list[str], Bool]]:
-        """Yield every set (V,) that a person may mean who grabs the shape at a vertex, and the joints it hangs on."""
+        """Yield the joints and vertices (V,) of every set that a person may mean by a handle at a vertex."""
         joint = int(self.of_vertex[vertex])
         while joint >= 0 and self.areas @ self.subtree(joint) <= LARGEST_MEANT:
             for kin in self._kin(joint):
@@ -88,14 +78,14 @@ class RiggedShape:
             joint = int(self.parent[joint])
 
     def judge(self, vertex: int, weights: NDArray[np.floating]) -> tuple[float, float]:
-        """Return the best soft IoU of weights (V,) with a set that may be meant, and the share left behind."""
+        """Return the best soft IoU of weights (V,) with a set that a person may mean, and the share left behind."""
         joint, values = int(self.of_vertex[vertex]), weights.astype(np.float64)
         own = self.subtree(joint)
         best = max((soft_iou(self.areas, values, meant) for _, meant in self.meant(vertex)), default=0.0)
         return best, 1.0 - float(self.areas[own] @ values[own] / self.areas[own].sum())
 
     def handles(self) -> list[Int64]:
-        """Return up to three vertices of each joint that is judged, those that it moves the most."""
+        """Return up to three vertices of each judged joint, at random."""
         generator = np.random.default_rng(0)
         found = []
         for joint in range(len(self.joints)):
@@ -119,7 +109,7 @@ class RiggedShape:
         return dict(zip(LEGEND, map(float, (overlap.mean(), left.mean(), (overlap >= HELD_WELL).mean())), strict=True))
 
     def _kin(self, joint: int) -> Iterator[list[int]]:
-        """The joint alone, with its other side, with front and hind limbs, and with all of its kind."""
+        """Yield the joint alone, with its other side, with front and hind limbs, and with all of its kind."""
         yield [joint]
         for same in (sides_as_one, _limb, kind_of_part):
             name = same(self.joints[joint])
@@ -142,14 +132,11 @@ def rigged_shapes(folder: Path, *, quick: bool = False) -> Iterator[RiggedShape]
 
 
 def read_rigged(path: Path) -> RiggedShape | None:
-    """Read one file; None if it has no joints or no vertex follows one."""
+    """Read one file; None if no vertex follows a joint."""
     mesh = dfd.load(path)
-    names = strongest_joints(mesh)
-    joints = tuple(dict.fromkeys(name for name in _joint_names(mesh)))
-    if not joints or all(name is None for name in names):
+    joints, of_vertex = strongest_joints(mesh)
+    if (of_vertex < 0).all():
         return None
-    number = {name: index for index, name in enumerate(joints)}
-    of_vertex = np.array([-1 if name is None else number[name] for name in names], np.int64)
     parent = _tree(mesh, joints)
     shape = RiggedShape(path.stem, mesh, area_fractions(mesh), joints, parent, of_vertex)
     for joint, name in enumerate(joints):
@@ -159,18 +146,8 @@ def read_rigged(path: Path) -> RiggedShape | None:
     return shape
 
 
-def _joint_names(mesh: dfd.Mesh) -> list[str]:
-    if mesh.scene is None or mesh.scene.gltf is None:
-        return []
-    header = mesh.scene.gltf.header
-    nodes = objects(header, "nodes")
-    return [nodes[joint].get("name", "") for skin in objects(header, "skins") for joint in skin["joints"]]
-
-
 def _tree(mesh: dfd.Mesh, joints: tuple[str, ...]) -> Int64:
-    """Return the joint next above each (J,): by its nodes, or by the mannequin's names if the list is flat."""
-    assert mesh.scene is not None
-    assert mesh.scene.gltf is not None
+    """Return the parent of each joint (J,) by the nodes, or by `MANNEQUIN` if the joints are a flat list."""
     header = mesh.scene.gltf.header
     nodes, above = objects(header, "nodes"), parents(header)
     number = {name: index for index, name in enumerate(joints)}
@@ -188,10 +165,8 @@ def _tree(mesh: dfd.Mesh, joints: tuple[str, ...]) -> Int64:
     for name, index in small.items():
         side = name[-2:] if name.endswith(("_l", "_r")) else ""
         stem = name.removesuffix(side)
-        finger = re.fullmatch(r"(index|middle|ring|pinky|thumb)_0(\d)", stem)
-        if finger:
-            order = int(finger[2])
-            stem_above = "hand" if order == 1 else f"{finger[1]}_0{order - 1}"
+        if finger := re.fullmatch(r"(index|middle|ring|pinky|thumb)_0(\d)", stem):
+            stem_above = "hand" if finger[2] == "1" else f"{finger[1]}_0{int(finger[2]) - 1}"
         else:
             stem_above = MANNEQUIN.get(stem, "")
         found[index] = small.get(stem_above + side, small.get(stem_above, -1))
@@ -199,7 +174,7 @@ def _tree(mesh: dfd.Mesh, joints: tuple[str, ...]) -> Int64:
 
 
 def _bordering(shape: RiggedShape, joint: int) -> int:
-    """The joint on which most edges border that leave the subtree of `joint`; its parent where none does."""
+    """Return the joint at most of the edges that leave the subtree of `joint`; its parent if none do."""
     inside = shape.subtree(joint)
     edges = shape.mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     edges = np.concatenate([edges, edges[:, ::-1]])
@@ -209,12 +184,12 @@ def _bordering(shape: RiggedShape, joint: int) -> int:
 
 
 def sides_as_one(joint: str) -> str:
-    """A joint's name without its side and number: "upperarm.l", "LeftUpperArm" and "UpperArm_R" give "upperarm"."""
+    """Return a name without side and number: "upperarm.l", "LeftUpperArm" and "UpperArm_R" give "upperarm"."""
     name = re.sub(r"(?<=[a-z])[LR](?=$|[^A-Za-z])|^[lr](?=[A-Z])", "", joint).lower()
     name = re.sub(r"left|right|[._\-\s][lr]\b|\b[lr][._\-\s]|[._\-\s][lr](?=[._\-\s])", "", name)
     return re.sub(r"^[._\-\s]+|[._\-\s\d]+$", "", name)
 
 
 def _limb(joint: str) -> str:
-    """A joint's name without its side and without what tells front from hind."""
+    """Return a name without its side and without front or hind."""
     return re.sub(r"front|fore|back|hind|rear|mid(dle)?", "", sides_as_one(joint)).strip("._- ")

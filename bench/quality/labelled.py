@@ -1,10 +1,8 @@
 """Weights, parts and handles judged by the names that people gave to parts.
 
-Constants may be chosen on the first half of each category; the second half judges.
-
-A folder a category has `N.off` and `N_labels.txt` (a line with a name, and a line with its faces, counted from 1), as
-the Labeled Princeton Segmentation Benchmark; Kalogerakis, Hertzmann and Singh, "Learning 3D Mesh Segmentation and
-Labeling", 2010.
+Constants may be chosen on the first half of each category; the second half judges. The folder of a category has
+`N.off` and `N_labels.txt`: a line with the name of each part, then a line with its faces, counted from 1. The benchmark
+is of Kalogerakis, Hertzmann and Singh, "Learning 3D Mesh Segmentation and Labeling", 2010.
 """
 
 from __future__ import annotations
@@ -18,21 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 import dfd
-from bench.quality.measures import (
-    area_fractions,
-    draw_handles,
-    euclidean,
-    geodesic,
-    handle_precision,
-    mean_over_labels,
-    soft_iou,
-)
+from bench.quality.measures import Handles, area_fractions, draw_handles, handle_precision, mean_over_labels, soft_iou
 from bench.quality.shapes import Shape, made
-from dfd.common.linear_algebra import Int64
+from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.geometry.topology import face_areas
 from dfd.segmentation.parts import Parts
 
-EACH = 4  # handles in every label
+EACH = 4  # handles per label
 FEW_FACES, FACES = 4_000, 20_000  # of samples
 LEGEND = {
     "precision": "mean average precision with which a handle's weights rank its own label first, also by distances",
@@ -44,15 +34,14 @@ LEGEND = {
 
 @dataclass(frozen=True, eq=False)
 class LabelledShape(Shape):
-    """A mesh with the parts that people see in it; a vertex has the label of the faces around it, by area."""
+    """A mesh with the parts that people see; a vertex has the label of most of the area around it."""
 
     category: str = ""  # its kind, such as "Ant"
-    kept_back: bool = True  # whether constants are never chosen on it: half of each category
+    kept_back: bool = True  # whether constants are never chosen on it; true of half of each category
 
     def judged(self, field: dfd.Field) -> dict[str, float]:
         """Return every number of `LEGEND`, means over the handles of each label and over the labels."""
         labels, features, areas = self.labels, field.features(self.mesh), area_fractions(self.mesh)
-        assert labels is not None
         handles = draw_handles(labels, EACH)
         truths = [labels == labels[handle] for handle in handles]
         methods: dict[str, Callable[[Int64], NDArray[np.floating]]] = {
@@ -75,6 +64,17 @@ class LabelledShape(Shape):
                 found[name].append(soft_iou(areas, session.following[:, 0].astype(np.float64), truth))
                 session.remove(held)
         return {name: mean_over_labels(labels[handles], values) for name, values in found.items()}
+
+
+def euclidean(vertices: NDArray[np.floating], handles: Handles) -> Float64:
+    """Return 1 − distance through space over that of the farthest vertex: (V, H)."""
+    distance = np.linalg.norm(vertices[:, None] - vertices[handles], axis=2)
+    return 1 - distance / np.maximum(distance.max(axis=0), 1e-300)
+
+
+def geodesic(geodesics: dfd.Geodesics, handles: Handles) -> Float32:
+    """Return 1 − distance along the surface over that of the farthest vertex: (V, H)."""
+    return 1 - geodesics.distances(handles).T
 
 
 def labelled_shapes(folder: Path | None, *, quick: bool = False) -> Iterator[LabelledShape]:
@@ -104,14 +104,13 @@ def _read(path: Path, *, kept_back: bool) -> LabelledShape:
     names, of_face = _face_labels(path.with_name(f"{path.stem}_labels.txt"), len(mesh.faces))
     votes = np.zeros((len(mesh.vertices), len(names)))
     areas = face_areas(mesh.vertices, mesh.faces)
-    for corner in mesh.faces.T:
-        np.add.at(votes, (corner, of_face), areas)
+    np.add.at(votes, (mesh.faces.T, of_face), areas)
     category = path.parent.name
     return LabelledShape(f"{category} {path.stem}", mesh, votes.argmax(axis=1), names, category, kept_back)
 
 
 def _face_labels(path: Path, count: int) -> tuple[tuple[str, ...], Int64]:
-    """The parts' names, and (F,) which of them each face has."""
+    """Return the names of the parts, and the index of each face's part (F,)."""
     lines = [line.strip() for line in path.read_text("utf-8").splitlines() if line.strip()]
     labels = np.full(count, -1)
     for number, faces in enumerate(lines[1::2]):

@@ -1,4 +1,4 @@
-"""Measures of weights against labelled parts, and weights by distance to compare with."""
+"""Measure weights against labelled parts."""
 
 from __future__ import annotations
 
@@ -6,32 +6,31 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from trimesh.graph import connected_component_labels
 
 import dfd
-from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64
+from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.geometry.topology import vertex_areas
 
-Weights = NDArray[np.floating]  # (V, H), a column a handle
+Weights = NDArray[np.floating]  # (V, H), a column for each handle
 Labels = NDArray[np.integer]  # (V,) the part of each vertex, −1 for none
 Handles = NDArray[np.integer]  # (H,) vertices
 
 
 def area_fractions(mesh: dfd.Mesh) -> Float64:
-    """(V,) how much of the surface belongs to each vertex, a third of each of its faces; they sum to 1."""
+    """Return the share of the surface of each vertex (V,), a third of each of its faces; they sum to 1."""
     areas = vertex_areas(mesh.vertices, mesh.faces)
     return areas / areas.sum()
 
 
 def draw_handles(labels: Labels, each: int, seed: int = 0) -> Int64:
-    """Vertices to grab: `each` of every part, or all of a smaller part; part after part."""
+    """Draw vertices (H,), part after part: `each` of every part, or all of a smaller part."""
     generator = np.random.default_rng(seed)
     parts = [np.flatnonzero(labels == part) for part in range(labels.max() + 1)]
     return np.concatenate([generator.choice(part, min(each, len(part)), replace=False) for part in parts])
 
 
 def average_precision(scores: NDArray[np.floating], relevant: Bool) -> float:
-    """Area under precision against recall when vertices are ranked by `scores`; equal scores count as one step."""
+    """Return the area under precision over recall of vertices ranked by `scores`; equal scores are one step."""
     order = np.argsort(-scores, kind="stable")
     hits = np.cumsum(relevant[order])
     last = np.append(np.diff(scores[order]) != 0, True)
@@ -40,9 +39,9 @@ def average_precision(scores: NDArray[np.floating], relevant: Bool) -> float:
 
 
 def handle_precision(weights: Weights, labels: Labels, handles: Handles) -> Float64:
-    """Average precision (H,) with which each handle's column ranks its own kind of part first.
+    """Return the average precision (H,) with which each handle's column ranks its part first.
 
-    Neither the handle itself nor vertices without a part count; NaN where a part is nothing but its handle.
+    The handle and vertices without a part are left out. A part without further vertices gives NaN.
     """
     precision = np.full(len(handles), np.nan)
     for column, handle in enumerate(handles):
@@ -55,31 +54,11 @@ def handle_precision(weights: Weights, labels: Labels, handles: Handles) -> Floa
 
 
 def mean_over_labels(labels: Labels, values: Any) -> float:
-    """Return the mean of values (H,) of handles over each of their `labels` (H,) and over these; NaN is left out."""
+    """Return the mean over the labels of the means of `values` (H,) over each of `labels` (H,), without NaN."""
     known = ~np.isnan(values)
     return float(np.mean([np.asarray(values)[known & (labels == each)].mean() for each in np.unique(labels[known])]))
 
 
 def soft_iou(areas: Float64, weights: NDArray[Any], truth: Bool) -> float:
-    """Return Σ min(w, t) / Σ max(w, t) over a surface whose vertices have `areas` (V,), for weights (V,) and a mask."""
-    return float(areas @ np.minimum(weights, truth) / (areas @ np.maximum(weights, truth)))
-
-
-def components_of(corners: NDArray[np.integer], count: int) -> Int32:
-    """Return the connected component (count,) of each vertex; elements (E, K), such as faces, connect their corners."""
-    edges = corners[:, [[a, a + 1] for a in range(corners.shape[1] - 1)]].reshape(-1, 2)
-    return np.asarray(connected_component_labels(edges, node_count=count), np.int32)
-
-
-# --- weights by methods that know no features
-
-
-def euclidean(vertices: NDArray[np.floating], handles: Handles) -> Float64:
-    """Return 1 − distance through space over that of the farthest vertex: (V, H)."""
-    distance = np.linalg.norm(vertices[:, None] - vertices[handles], axis=2)
-    return 1 - distance / np.maximum(distance.max(axis=0), 1e-300)
-
-
-def geodesic(geodesics: dfd.Geodesics, handles: Handles) -> Float32:
-    """Return 1 − distance along the surface over that of the farthest vertex: (V, H)."""
-    return 1 - geodesics.distances(handles).T
+    """Return Σ min(w, t) / Σ max(w, t) over vertices of `areas` (V,), for `weights` w (V,) and the mask `truth` t."""
+    return float(areas @ np.minimum(weights, truth) / max(areas @ np.maximum(weights, truth), 1e-12))

@@ -14,8 +14,8 @@ import dfd
 from bench.quality.anatomy import LARGEST_JUDGED, SMALLEST_JUDGED, RiggedShape, rigged_shapes, sides_as_one
 from dfd.common.linear_algebra import Float64, Int64
 
-EXACT = 0.02  # of the part's size: so little may the other side differ from the mirror image
-ALIKE = 0.01  # likewise, at rest: sides that differ more are not mirror images
+EXACT = 0.02  # of the part's size, the largest difference of the other side from the mirror image
+ALIKE = 0.01  # of the part's size, the largest difference from a mirror image at rest
 ANGLE, PULL = 30.0, 0.2  # degrees, and of the part's size
 MOTIONS: dict[str, Any] = {"bend": {"bend": ANGLE}, "twist": {"twist": ANGLE}, "turn": {"rotation": (0.0, 0.0, ANGLE)}}
 LEGEND = {
@@ -29,11 +29,11 @@ LEGEND = {
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """What hangs on a left joint and on the right one."""
+    """The vertices that hang on a left joint and on its right one."""
 
-    vertex: int  # the vertex of the left joint that is nearest to its middle
+    vertex: int  # of the left joint, nearest to its middle
     left: Int64  # (N,) vertices
-    right: Int64  # (N,) for each of them the vertex nearest to its mirror image
+    right: Int64  # (N,) the vertices nearest to their mirror images
     axis: int  # the coordinate that the mirror image negates
     size: float  # the diagonal of the left part's box, mesh units
 
@@ -52,15 +52,9 @@ class PairedShape:
     name: str
     mesh: dfd.Mesh
     pairs: list[Pair]
-    kept_back = True  # constants are never chosen on it
-
-    @property
-    def category(self) -> str:
-        """Every shape is a category of its own."""
-        return self.name
 
     def judged(self, field: dfd.Field) -> dict[str, float]:
-        """Return every number of `LEGEND`; those of motions are NaN where no pair is held apart."""
+        """Return every number of `LEGEND`; those of motions are NaN if no pair is apart."""
         session = dfd.Deformer(self.mesh, field)
         found = [self._errors(session, pair) for pair in self.pairs]
         exact = [np.array(errors) <= EXACT for errors in found if errors]
@@ -69,14 +63,14 @@ class PairedShape:
 
     @staticmethod
     def _errors(session: dfd.Deformer, pair: Pair) -> list[float]:
-        """Return the error of each motion of a handle on the left side; none if it holds a single component."""
+        """Return the error of each motion of a handle on the left side; none if it holds one component."""
         held = session.add(pair.vertex)
         found = []
         if len(session.counterparts(held)) > 1:
             for given in (*MOTIONS.values(), {"translation": (0.0, PULL * pair.size, 0.0)}):
                 try:
                     session.move(held, **given)
-                except ValueError:  # what is held has no axis
+                except ValueError:  # the held part has no axis
                     found.append(np.inf)
                     continue
                 found.append(pair.error(session.vertices - session.mesh.vertices))
@@ -86,14 +80,14 @@ class PairedShape:
 
 
 def paired_shapes(folder: Path, *, quick: bool = False) -> Iterator[PairedShape]:
-    """Read the skinned GLB files of a folder that have pairs of joints; `quick` those among the first two."""
+    """Read the skinned GLB files of a folder that have pairs of joints; `quick` reads the first two files."""
     for shape in rigged_shapes(folder, quick=quick):
         if pairs := pairs_of(shape):
             yield PairedShape(shape.name, shape.mesh, pairs)
 
 
 def pairs_of(shape: RiggedShape) -> list[Pair]:
-    """Return the pairs of joints of one name whose parts are mirror images at rest."""
+    """Return the pairs of joints with one name whose parts are mirror images at rest."""
     by_name: dict[str, list[int]] = {}
     for joint, name in enumerate(shape.joints):
         by_name.setdefault(sides_as_one(name), []).append(joint)

@@ -1,9 +1,10 @@
-"""What names say: a vertex's kind of part, by the joint that moves it, and a shape's family, by its file."""
+"""Tell kinds of parts from the names of joints, and families of shapes from the names of files."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,7 @@ import dfd
 from dfd.common.linear_algebra import Bool, Int64
 from dfd.mesh.file.gltf.header import objects
 
-# How a rig's joint names fall into the parts that every character has; the first match counts.
+# Patterns in the names of joints for the parts that every character has; the first match counts.
 MERGED = (
     ("head", r"head|neck|jaw|eye"),
     ("hand", r"hand|wrist|finger|thumb"),
@@ -21,8 +22,8 @@ MERGED = (
     ("leg", r"leg|knee|thigh|shin|calf"),
     ("torso", r"root|hips|pelvis|spine|chest|torso|body"),
 )
-# How the joints of animals and people fall into kinds of parts that one would want to move together, such as all legs;
-# the first pattern found in a name in small letters counts.
+# Patterns for the joints of animals and people, by kinds of parts that move together, such as all legs; the first match
+# in lower case counts.
 KINDS = (
     ("ear", r"^ear"),
     ("horn", r"horn"),
@@ -39,8 +40,7 @@ KINDS = (
     ("head", r"head|mouth|jaw|chin|nose|eye|tongue|brow|face|^main1"),
 )
 FEWEST = 20  # vertices of a kind of part that is judged
-# Shapes of one family: what is learned from some of them is judged on the others only.
-# By words in a file's name; the first one found counts.
+# Words in the names of files for families; the first match counts. Learning leaves out the family that is judged.
 FAMILIES = (
     ("seats", "chair couch bench bed stool"),
     ("fish", "fish shark whale"),
@@ -66,34 +66,32 @@ FAMILIES = (
 
 
 def merged(joint: str) -> str | None:
-    """The part that every character has, see `MERGED`; None for a joint of no such part."""
+    """Return the part in `MERGED` of a joint, or None."""
     return next((part for part, pattern in MERGED if re.search(pattern, joint.lower())), None)
 
 
 def kind_of_part(joint: str) -> str | None:
-    """The kind of part that a joint of an animal or a person moves, see `KINDS`; None for one of no such part."""
+    """Return the kind of part in `KINDS` of a joint, or None."""
     return next((kind for kind, pattern in KINDS if re.search(pattern, joint.lower())), None)
 
 
-def without_few(labels: Int64, parts: Sequence[str], fewest: int = FEWEST) -> tuple[Int64, tuple[str, ...]]:
-    """The same labels (V,) and parts without those of fewer than `fewest` vertices, whose vertices belong to none."""
-    size = np.bincount(labels[labels >= 0], minlength=len(parts))
-    kept = np.flatnonzero(size >= fewest)
-    number = np.full(len(parts) + 1, -1)  # the last one is that of −1
-    number[kept] = np.arange(len(kept))
-    return number[labels], tuple(parts[part] for part in kept)
+def family_of(name: str) -> str:
+    """Return the family in `FAMILIES` of a file's stem or a sample's name, or else the name."""
+    return next((family for family, words in FAMILIES if any(word in name.lower() for word in words.split())), name)
 
 
-def strongest_joints(mesh: dfd.Mesh) -> list[str | None]:
-    """(V,) the name of the joint that moves each vertex of a glTF file the most; None where nothing is skinned.
+def strongest_joints(mesh: dfd.Mesh) -> tuple[tuple[str, ...], Int64]:
+    """Return the distinct names (J,) of the joints of a glTF file, and the joint of largest weight per vertex (V,).
 
-    Raises ValueError if a skin's numbers cannot be read.
+    Vertices without a skin have −1. Raises ValueError if a skin's numbers cannot be read.
     """
-    found: list[str | None] = [None] * len(mesh.vertices)
+    found = np.full(len(mesh.vertices), -1)
     if mesh.scene is None or mesh.scene.gltf is None:
-        return found
+        return (), found
     header, data = mesh.scene.gltf.header, mesh.scene.gltf
     nodes = objects(header, "nodes")
+    of_skins = [[nodes[joint].get("name", "") for joint in skin["joints"]] for skin in objects(header, "skins")]
+    names = tuple(dict.fromkeys(name for of_skin in of_skins for name in of_skin))
     for part in mesh.scene.primitives:
         node, of_mesh, number = part.source
         if "skin" not in nodes[node]:
@@ -106,27 +104,30 @@ def strongest_joints(mesh: dfd.Mesh) -> list[str | None]:
             np.concatenate([data.attribute(primitive, name.replace("WEIGHTS", kind)) for name in sets], axis=1)
             for kind in ("WEIGHTS", "JOINTS")
         )
-        strongest = np.take_along_axis(joints, weights.argmax(axis=1)[:, None], axis=1)[:, 0]
-        of_skin = header["skins"][nodes[node]["skin"]]["joints"]
-        for vertex, joint in zip(mesh.scene.vertex[part.rows], strongest, strict=True):
-            if vertex >= 0:
-                found[vertex] = nodes[of_skin[int(joint)]].get("name", "")
-    return found
+        strongest = np.take_along_axis(joints, weights.argmax(axis=1)[:, None], axis=1)[:, 0].astype(np.int64)
+        numbers = np.array([names.index(name) for name in of_skins[nodes[node]["skin"]]])
+        vertices = mesh.scene.vertex[part.rows]
+        found[vertices[vertices >= 0]] = numbers[strongest[vertices >= 0]]
+    return names, found
 
 
-def label_vertices(joints: Sequence[str | None], kind: Callable[[str], str | None]) -> tuple[Int64, tuple[str, ...]]:
-    """For every vertex the index (V,) of the kind of the joint that moves it the most, and the kinds.
+def label_vertices(
+    names: tuple[str, ...], of_vertex: Int64, kind: Callable[[str], str | None], fewest: int = 1
+) -> tuple[Int64, tuple[str, ...]]:
+    """Return the index of each vertex's part (V,), and the parts of at least `fewest` vertices.
 
-    `joints` (V,) see `strongest_joints`; `kind` gives a joint's name its part, None leaves its vertices without one.
-    They have −1: a sword or a cape is no part of its bearer.
+    `names` (J,) and `of_vertex` (V,) are those of `strongest_joints`; `kind` gives the part of a joint. Vertices of no
+    part, such as those of a sword or a cape, have −1.
     """
-    kinds = [None if joint is None else kind(joint) for joint in joints]
-    parts = tuple(sorted({each for each in kinds if each is not None}))
-    return np.array([-1 if each is None else parts.index(each) for each in kinds], np.int64), parts
+    kinds = np.array([*map(kind, names), None])  # the last one is that of −1
+    of_vertices = kinds[of_vertex]
+    counts = Counter(of_vertices.tolist())
+    parts = tuple(sorted(part for part, count in counts.items() if part is not None and count >= fewest))
+    return np.array([parts.index(part) if part in parts else -1 for part in of_vertices], np.int64), parts
 
 
 def only(mesh: dfd.Mesh, vertices: Bool) -> tuple[dfd.Mesh, Int64]:
-    """The faces whose corners are all among `vertices` (V,), with their appearance; and the vertices' old indices.
+    """Return the faces whose corners are all among `vertices` (V,), with their appearance; and the old indices.
 
     Raises ValueError if no face is left.
     """
@@ -136,8 +137,7 @@ def only(mesh: dfd.Mesh, vertices: Bool) -> tuple[dfd.Mesh, Int64]:
     new[old] = np.arange(len(old))
     appearance = mesh.appearance
     if appearance is not None:
-        used = np.zeros(len(appearance.corners), bool)
-        used[appearance.corner_faces[kept]] = True
+        used = np.isin(np.arange(len(appearance.corners)), appearance.corner_faces[kept])
         appearance = replace(
             appearance,
             corners=np.where(used, new[appearance.corners], -1).astype(np.int32),
@@ -145,8 +145,3 @@ def only(mesh: dfd.Mesh, vertices: Bool) -> tuple[dfd.Mesh, Int64]:
             face_material=appearance.face_material[kept],
         )
     return dfd.Mesh(mesh.vertices[old], new[mesh.faces[kept]], appearance=appearance), old
-
-
-def family_of(name: str) -> str:
-    """The family of a file's stem or a sample's name; of a stranger its own name."""
-    return next((family for family, words in FAMILIES if any(word in name.lower() for word in words.split())), name)

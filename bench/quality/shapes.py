@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import dfd
-from bench.quality.parts import kind_of_part, label_vertices, merged, only, strongest_joints, without_few
+from bench.quality.parts import FEWEST, kind_of_part, label_vertices, merged, only, strongest_joints
 
 SAMPLES = {make.__name__: make for make in (dfd.samples.chair, dfd.samples.quadruped, dfd.samples.robot)}
-UNREADABLE = (ValueError, OSError, KeyError, IndexError, TypeError)  # what a file with a broken skin raises
+UNREADABLE = (ValueError, OSError, KeyError, IndexError, TypeError)  # the errors of a file with a broken skin
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class Shape:
 
 
 def made(faces: int) -> list[Shape]:
-    """The labelled samples of dfd, of about `faces` faces."""
+    """Return the labelled samples of dfd, of about `faces` faces."""
     samples = {name: make(faces) for name, make in SAMPLES.items()}
     return [Shape(name, sample.mesh, sample.labels, sample.parts) for name, sample in samples.items()]
 
@@ -35,49 +35,36 @@ def made(faces: int) -> list[Shape]:
 def characters(folder: Path) -> Iterator[Shape]:
     """Yield every skinned GLB in `folder` with the merged names of its parts, whole and without accessories.
 
-    What cannot be read is printed and left out.
+    Files that cannot be read are printed and left out.
     """
     for path in sorted(folder.glob("*.glb")):
         try:
             whole = dfd.load(path, pose="bind")
-            joints = strongest_joints(whole)
+            names, joints = strongest_joints(whole)
         except UNREADABLE as error:
             print(f"{path.name}: {error}")
             continue
-        skinned = np.array([joint is not None for joint in joints])
-        if not skinned.any():
+        if (joints < 0).all():
             continue
-        bare, old = only(whole, skinned)
-        labels, parts = label_vertices(joints, merged)
+        labels, parts = label_vertices(names, joints, merged)
         yield Shape(f"{path.stem}, merged names", whole, labels, parts)
+        bare, old = only(whole, joints >= 0)
         if len(old) < len(whole.vertices):
             yield Shape(f"{path.stem} without accessories, merged names", bare, labels[old], parts)
 
 
 def rigs(folder: Path, *, under: str = "rigs") -> Iterator[Shape]:
-    """Every skinned GLB in the folder `under` of `folder`, with kinds of parts by the rule for animals and people.
+    """Yield every skinned GLB in the folder `under` of `folder`, with the kinds of parts of animals and people.
 
-    What cannot be read, or has no two kinds of parts, is printed and left out.
+    Files that cannot be read, or with fewer than two kinds of parts, are printed and left out.
     """
     for path in sorted((folder / under).glob("*.glb")):
         try:
-            yield rig(path)
+            mesh = dfd.load(path, pose="bind")
+            labels, parts = label_vertices(*strongest_joints(mesh), kind_of_part, FEWEST)
+            if len(parts) < 2:
+                raise ValueError(f"fewer than two kinds of parts, got {', '.join(parts) or 'none'}")
         except UNREADABLE as error:
             print(f"{path.name}: {error}")
-
-
-def rig(path: Path) -> Shape:
-    """A skinned GLB with kinds of parts by the rule for animals and people.
-
-    Raises ValueError if nothing in it is skinned, its joints have no names, or fewer than two kinds of parts are found.
-    """
-    mesh = dfd.load(path, pose="bind")
-    joints = strongest_joints(mesh)
-    if all(joint is None for joint in joints):
-        raise ValueError("rig: nothing is skinned")
-    if not any(joints):
-        raise ValueError("rig: no joint has a name")
-    labels, parts = without_few(*label_vertices(joints, kind_of_part))
-    if len(parts) < 2:
-        raise ValueError(f"rig: fewer than two kinds of parts, got {', '.join(parts) or 'none'}")
-    return Shape(path.stem, mesh, labels, parts)
+        else:
+            yield Shape(path.stem, mesh, labels, parts)

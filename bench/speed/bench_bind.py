@@ -6,60 +6,43 @@ import numpy as np
 
 import dfd
 
-from .made_input import MadeInput, make_input
-
-VERTICES = 500_000
+from .made_input import BINDINGS, VERTICES, MadeInput, make_input
 
 
 def setup_cache() -> MadeInput:
-    """Make the input once for all of them."""
-    return make_input(VERTICES)
+    """Make the input once for all benchmarks."""
+    return make_input()
 
 
 class Bind:
-    """Compact features, so many handles."""
+    """Compact features: 1, 10 and 100 handles, and constraints."""
 
-    params = (1, 10, 100)
-    param_names = ("handles",)
+    params = BINDINGS
+    param_names = ("work",)
 
-    def setup(self, made: MadeInput, handles: int) -> None:
+    def setup(self, made: MadeInput, work: str) -> None:
         """Allocate the weights."""
-        self.handles = made.handles(handles)
-        self.out = np.empty((VERTICES, handles), np.float32)
+        self.call = made.bindings()[work]
 
-    def time_bind(self, made: MadeInput, handles: int) -> None:
-        """Weights into an array that is there already."""
-        dfd.bind(made.compact, self.handles, out=self.out)
-
-
-class Constrained:
-    """Ten handles, three fixed points, and locality."""
-
-    def setup(self, made: MadeInput) -> None:
-        """Make distances, and allocate the weights."""
-        self.handles = made.handles(10)
-        self.geodesic = np.random.default_rng(0).random((10, VERTICES), dtype=np.float32)
-        self.out = np.empty((VERTICES, 10), np.float32)
-
-    def time_bind(self, made: MadeInput) -> None:
-        """Everything in one pass."""
-        dfd.bind(made.compact, self.handles, fixed=[1, 2, 3], geodesic=self.geodesic, locality=2.0, out=self.out)
+    def time_bind(self, made: MadeInput, work: str) -> None:
+        """Bind once."""
+        self.call()
 
 
 class Full:
-    """Full float32 features, read where they lie."""
+    """Full float32 features of a tenth of the vertices."""
 
     params = (1, 10)
     param_names = ("handles",)
 
     def setup(self, made: MadeInput, handles: int) -> None:
-        """Make a tenth of the vertices' features."""
+        """Make the features, and allocate the weights."""
         self.features = made.features(VERTICES // 10)
         self.handles = np.arange(handles)
         self.out = np.empty((len(self.features), handles), np.float32)
 
     def time_bind(self, made: MadeInput, handles: int) -> None:
-        """Weights into an array that is there already."""
+        """Bind once."""
         dfd.bind(self.features, self.handles, out=self.out)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-os.environ.setdefault("HF_HUB_OFFLINE", "1")  # the network that is installed is measured, not what a hub answers
+os.environ.setdefault("HF_HUB_OFFLINE", "1")  # the measured network is the installed one
 
 import dfd
 from dfd.common.progress import Stages
@@ -12,28 +12,26 @@ from dfd.views.render import render
 
 from .made_input import torus
 
-ROUNDS = 3
-
 
 class Distill:
-    """The usual network; few and small pictures and a short fit, for each stage's time at any commit."""
+    """Stages with the usual network, few small pictures and a short fit."""
 
     params = ("up", "render", "encode", "smooth", "fit")
     param_names = ("stage",)
     unit = "s"
 
     def setup_cache(self) -> dict[str, float]:
-        """The shortest time of each stage, in seconds."""
+        """Return the shortest time of each stage, in seconds."""
         mesh = dfd.samples.quadruped(10_000).mesh
         best: dict[str, float] = {}
-        for _ in range(ROUNDS):
+        for _ in range(3):
             stages = Stages(show=False)
             dfd.distill(mesh, progress=stages, cache=False, views=4, resolution=224, steps=50)
             best = {stage: min(seconds, best.get(stage, seconds)) for stage, seconds in stages.seconds.items()}
         return best
 
     def track_seconds(self, best: dict[str, float], stage: str) -> float:
-        """What the stage took."""
+        """Return what the stage took."""
         return best[stage]
 
 
@@ -48,5 +46,5 @@ class Render:
         self.mesh = torus(faces)
 
     def time_render(self, faces: int) -> None:
-        """Pictures, and the surface points behind their pixels."""
+        """Draw, with the surface points behind the pixels."""
         render(self.mesh, views=24, resolution=518)

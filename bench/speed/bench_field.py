@@ -1,4 +1,4 @@
-"""Suite for asv: evaluating a field, what it says of symmetry, and distances along the surface."""
+"""Suite for asv: evaluating a field, mirror planes, and distances along the surface."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ class Evaluate:
         self.points = np.random.default_rng(0).uniform(-1, 1, (points, 3))
 
     def time_evaluate(self, points: int) -> None:
-        """Features of all points."""
+        """Evaluate all points."""
         self.field(self.points)
 
 
 class Symmetry:
-    """A surface that is its own mirror image."""
+    """A surface that equals its mirror image."""
 
     def setup(self) -> None:
-        """Make the mesh and a field that sees both sides alike."""
+        """Make the mesh, and a field with equal features on both sides."""
         self.mesh = torus(20_000)
         self.field = mirrored_field()
 
     def time_planes(self) -> None:
-        """All mirror planes."""
+        """Find all mirror planes."""
         dfd.symmetry_planes(self.field, self.mesh)
 
 
@@ -45,20 +45,20 @@ class Geodesics:
     param_names = ("faces",)
 
     def setup(self, faces: int) -> None:
-        """Prepare what handles are measured with."""
+        """Prepare the distances."""
         self.mesh = torus(faces)
         self.geodesics = dfd.Geodesics(self.mesh)
         self.geodesics.prepare()
         self.handles = np.linspace(0, len(self.mesh.vertices) - 1, 10).astype(np.int64)
 
     def time_prepare(self, faces: int) -> None:
-        """What comes before the first handle."""
+        """Prepare the distances of a mesh."""
         dfd.Geodesics(self.mesh).prepare()
 
     def time_one_handle(self, faces: int) -> None:
-        """Distances of all vertices from one handle."""
+        """Measure all vertices from one handle."""
         self.geodesics.distances(self.handles[:1])
 
     def time_ten_handles(self, faces: int) -> None:
-        """Distances of all vertices from ten handles."""
+        """Measure all vertices from ten handles."""
         self.geodesics.distances(self.handles)

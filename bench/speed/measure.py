@@ -1,7 +1,4 @@
-"""Seconds of a call: warmed up, repeated, with the best and the middle of them; and what the machine allows.
-
-That is bytes read and written, and float32 products, on as many threads as the kernels get.
-"""
+"""Time calls, among them the machine's ceilings: bytes read, bytes copied and float32 products."""
 
 from __future__ import annotations
 
@@ -30,16 +27,16 @@ class Timing:
 def together(
     calls: dict[str, Callable[[], object]], *, seconds: float = 1.0, least: int = 5, most: int = 400
 ) -> dict[str, Timing]:
-    """Time several calls in turn, so that a machine that slows down for a while slows down all of them."""
+    """Time several calls in turn, so that other programs slow all of them down alike."""
     taken: dict[str, list[float]] = {name: [] for name in calls}
     for call in calls.values():
         call()
-    # The thread's own processor time is disturbed least by other programs.
+    # Other programs change the processor time of a thread least.
     now = time.thread_time if dfd.get_num_threads() == 1 else time.perf_counter
     end = time.perf_counter() + seconds * len(calls)
-    rounds = 0
-    while rounds < least or (rounds < most and time.perf_counter() < end):
-        rounds += 1
+    for number in range(most):
+        if number >= least and time.perf_counter() > end:
+            break
         for name, call in calls.items():
             start = now()
             call()
@@ -48,24 +45,21 @@ def together(
     return {name: Timing(min(taken[name]), mid, high - low) for name, (low, mid, high) in quartiles.items()}
 
 
-# --- ceilings
-
-
 def reading(array: NDArray[Any]) -> Callable[[], object]:
-    """A call that reads a contiguous array, of a multiple of 8 bytes."""
+    """Return a call that reads a contiguous array of a multiple of 8 bytes."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # that the array is read-only, which is all that is asked of it
+        warnings.simplefilter("ignore", UserWarning)  # the array is read-only
         return torch.from_numpy(array.reshape(-1).view(np.int64)).sum
 
 
 def copying(byte_count: int) -> Callable[[], object]:
-    """A call that reads half of so many bytes and writes the other half."""
+    """Return a call that reads half of so many bytes and writes the other half."""
     source = torch.ones(max(byte_count // 8, 1))
     target = torch.empty_like(source)
     return lambda: target.copy_(source)
 
 
 def product(rows: int, inner: int, columns: int) -> Callable[[], object]:
-    """A call that multiplies float32 matrices into memory that is there already."""
+    """Return a call that multiplies float32 matrices into existing memory."""
     left, right, into = torch.ones(rows, inner), torch.ones(inner, columns), torch.empty(rows, columns)
     return lambda: torch.mm(left, right, out=into)

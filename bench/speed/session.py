@@ -1,13 +1,13 @@
 """`python -m bench.speed.session`: what a person waits for in a session, by the size of the mesh.
 
-A quadruped with a field of its own is subdivided until it has the size. Each size runs in a process of its own, since
-peak memory is the process's.
+A quadruped with a field of its own is subdivided to the size. Peak memory belongs to a process, so each size has one.
 """
 
 from __future__ import annotations
 
 import argparse
 import multiprocessing
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -26,7 +26,7 @@ Row = dict[str, float]
 
 
 def field() -> dfd.Field:
-    """Return the field of a quadruped, from few and small pictures: quality does not change the time of a session."""
+    """Return a quadruped's field from few small pictures, whose quality does not change the time of a session."""
     return dfd.distill(dfd.samples.quadruped(10_000).mesh, cache=False, views=6, resolution=224, steps=100)
 
 
@@ -72,10 +72,28 @@ def _timed(call: Callable[[], object]) -> float:
 
 
 def _resident(key: str = "VmRSS") -> float:
-    """Return the memory of this process, GB, now or at its peak ("VmHWM"); Linux alone tells."""
-    status = Path("/proc/self/status")  # what `resource` tells of a child begins with its parent's peak
+    """Return the memory of this process, GB, now or at its peak ("VmHWM"); NaN unless it runs on Linux."""
+    status = Path("/proc/self/status")  # `resource` counts the peak of the parent, too
     lines = status.read_text().splitlines() if status.exists() else []
     return next((int(line.split()[1]) / 1e6 for line in lines if line.startswith(key)), float("nan"))
+
+
+class Session:
+    """Suite for asv: one session for each size, with the seconds of each step and the GB of memory."""
+
+    params = (SIZES, STEPS)
+    param_names = ("vertices", "step")
+    timeout = 600
+
+    def setup_cache(self) -> dict[int, Row]:
+        """Measure each size once."""
+        os.environ.setdefault("HF_HUB_OFFLINE", "1")  # the measured network is the installed one
+        of_shape = field()
+        return {count: measured(count, of_shape) for count in SIZES}
+
+    def track_session(self, found: dict[int, Row], vertices: int, step: str) -> float:
+        """Return what the step took."""
+        return found[vertices][step]
 
 
 def main() -> None:
@@ -90,7 +108,7 @@ def main() -> None:
     columns = ["vertices", *(f"{step}, {'GB' if step == 'memory' else 's'}" for step in STEPS)]
     print("\n".join(to_markdown(columns, [[int(row["vertices"]), *(row[step] for step in STEPS)] for row in rows])))
     OUTPUT.mkdir(parents=True, exist_ok=True)
-    import matplotlib.pyplot as plt  # of the extra `bench`, which asv and the tests do without
+    import matplotlib.pyplot as plt  # the tests run without matplotlib
 
     _, axes = plt.subplots(figsize=(7, 5))
     for step in STEPS[:-1]:

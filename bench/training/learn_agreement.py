@@ -1,7 +1,7 @@
-"""How likely a carried edit moves the same part, learned from edits that are carried between rigs of one family.
+"""Learn how likely a carried edit moves the same part, from edits carried between rigs of one family.
 
-A handle is right if what follows it on the other rig overlaps by an IoU of 0.6 with what hangs on the joints that it
-moves on the first one. `python -m bench.training.learn_agreement FOLDER…` prints the constants of
+A handle moves some joints on the first rig. It is right if its part on the other rig has an IoU of 0.6 with the
+vertices of these joints. `python -m bench.training.learn_agreement FOLDER…` prints the constants of
 `dfd.editing.agreement`, and how often handles are right by their confidence on families that were left out.
 """
 
@@ -16,16 +16,17 @@ from scipy.optimize import minimize
 
 import dfd
 from bench.quality.anatomy import RiggedShape, rigged_shapes
+from bench.quality.measures import soft_iou
 from bench.quality.parts import family_of
 from dfd.common.linear_algebra import Bool, Float64
 from dfd.editing.agreement import HELD, differences
 from dfd.editing.edit import Edit
 from dfd.editing.transfer import transfer
 
-RIGHT = 0.6  # IoU: from here on a handle moves the same part
-SHARED = 0.6  # of the names of joints: rigs that share fewer are not compared
+RIGHT = 0.6  # IoU, the least of a handle that moves the same part
+SHARED = 0.6  # of the names of joints, the least of rigs that are compared
 TARGETS = 3  # rigs to which each handle is carried
-FAMILY_POWER = 0.5  # a family counts as the square root of its handles
+FAMILY_POWER = 0.5  # a family has the weight of the square root of its handles
 
 
 def carried(shapes: list[tuple[RiggedShape, dfd.Deformer]]) -> Iterator[tuple[str, Float64, bool]]:
@@ -39,19 +40,19 @@ def carried(shapes: list[tuple[RiggedShape, dfd.Deformer]]) -> Iterator[tuple[st
             session.apply(Edit())
             session.add(int(handles[0]))
             moved = session.following[:, 0] >= HELD
-            meant = [(_iou(shape, moved, inside), joints) for joints, inside in shape.meant(int(handles[0]))]
+            meant = [(soft_iou(shape.areas, moved, inside), joints) for joints, inside in shape.meant(int(handles[0]))]
             overlap, joints = max(meant, default=(0.0, []))
             for number in generator.permutation(len(others))[:TARGETS] if overlap >= RIGHT else ():
                 other, target = others[number]
                 if set(joints) <= set(other.joints):
                     target.apply(transfer(session.edit, session.mesh, session.field, target.mesh, target.field).edit)
                     wanted = np.any([other.subtree(other.joints.index(joint)) for joint in joints], axis=0)
-                    found = _iou(other, target.following[:, 0] >= HELD, wanted)
+                    found = soft_iou(other.areas, target.following[:, 0] >= HELD, wanted)
                     yield family, differences(session, target)[0], found >= RIGHT
 
 
 def fitted(rows: Float64, right: Bool, weight: Float64) -> Float64:
-    """Return (3,) EQUAL, BY_SHARE and BY_PLACE that make `right` (N,) likeliest by `rows` (N, 2)."""
+    """Return EQUAL, BY_SHARE and BY_PLACE (3,) of the largest likelihood of `right` (N,) by `rows` (N, 2)."""
     sign = np.where(right, -1.0, 1.0)
 
     def loss(constants: Float64) -> float:
@@ -83,10 +84,6 @@ def main() -> None:
     for least in (0.5, 0.7, 0.8, 0.9):
         some = confidence >= least
         print(f"confidence of at least {least}: {some.sum()} handles, {right[some].mean():.3f} right")
-
-
-def _iou(shape: RiggedShape, one: Bool, other: Bool) -> float:
-    return float(shape.areas @ (one & other) / max(shape.areas @ (one | other), 1e-12))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The kinds of parts that a metric tells beside its directions, learned from points of many labelled shapes."""
+"""Learn the kinds of parts that a metric tells, from points of many labelled shapes."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ SAME = {"body": "torso", "hoof": "foot"}
 HIDDEN = 256
 POINTS = 80  # of a part
 STEPS, BATCH, LEARNING_RATE, DECAY = 400, 1024, 3e-3, 0.05
-DROPPED, DROPPED_UNITS = 0.2, 0.5  # of the numbers of a feature, and of the hidden units, at every step
-UNSURE = 0.05  # of the probability is every kind's, in what is learned: the network stays less sure of strangers
-FAMILY_POWER = 0.5  # a family counts as the square root of its shapes
-SCALE = 20.0  # about √384, so that numbers of a feature are near one
+DROPPED, DROPPED_UNITS = 0.2, 0.5  # shares of the inputs and of the hidden units that dropout takes
+UNSURE = 0.05  # of the probability goes to all kinds, so that the network is less certain of unknown shapes
+FAMILY_POWER = 0.5  # a family has the weight of the square root of its shapes
+SCALE = 20.0  # about √384, so that the inputs are near one
 
 
 def learn_kinds(taught: Sequence[Lesson], seed: int = 0) -> Kinds | None:
-    """The kinds of parts of all shapes that have two of `KINDS` or more; None where no shape has.
+    """Learn the kinds of parts of all shapes with two of `KINDS` or more; return None without such a shape.
 
-    Families count by the square root of how many shapes they have, shapes of a family alike, parts of a shape alike.
+    A family has the weight of the square root of its number of shapes, shared by its shapes and by their parts.
     """
     generator = np.random.default_rng(seed)
     rows, kinds, chances = [], [], []
@@ -50,9 +50,9 @@ def _fitted(
     chances: Float64,  # (N,)
     generator: np.random.Generator,
 ) -> Kinds:
-    """Fit the network that tells `kinds`, points drawn by their `chances`."""
+    """Fit the network that tells `kinds`, on points drawn by their `chances`."""
     threads = torch.get_num_threads()
-    torch.set_num_threads(1)  # so that sums are reproducible
+    torch.set_num_threads(1)  # one thread gives reproducible sums
     x, y, until = torch.from_numpy(rows), torch.from_numpy(kinds), np.cumsum(chances / chances.sum())
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(int(generator.integers(2**31)))

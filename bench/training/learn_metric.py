@@ -1,8 +1,8 @@
-"""`python -m bench.training.learn_metric`: learn which differences tell parts apart, judged on families left out.
+"""`python -m bench.training.learn_metric`: learn which differences tell parts apart, and judge it by families left out.
 
-From the rigs in the folder that DFD_MESHES names (its "rigs" and "upright" folders, and skinned characters), +y up, the
-samples of dfd, and the rigs and people in a folder given with `--lessons`. What the encoder sees is kept between runs.
-Equal features give equal files. docs/learned.md names the sources of the metric that comes with the package.
+The shapes are the rigs and skinned characters in the folder DFD_MESHES, +y up, and the samples of dfd. `--lessons`
+adds a folder with rigs and people. A file keeps the features of each between runs. Equal features give equal files.
+docs/learned.md names the sources of the package's metric.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from bench.quality.shapes import Shape
 from bench.tables import to_markdown, write_text
 from bench.training.learn_kinds import learn_kinds
 from bench.training.sources import RESULTS, options_of
-from bench.training.vertex_features import THICKNESS, Lesson, cached_vertex_features
+from bench.training.vertex_features import THICKNESS, Lesson, cached_lesson
 from dfd.common.linear_algebra import Float32
 from dfd.distillation.metric import FOLDER, Metric
 from dfd.encoders.encode import Encoder, load_encoder
 from dfd.encoders.learned_file import encoder_identity
 
 REPORT, CACHE = RESULTS / "metric.md", RESULTS / "metric_features"
-DIRECTIONS = 51  # with the kinds of parts beside them, 64 numbers
+DIRECTIONS = 51  # and the 13 kinds of parts make 64 numbers
 RIDGE = 1.0  # of the mean variance within parts
-POWER = 0.125  # of the ratio of variances that a direction's length is
+POWER = 0.125  # of the ratio of variances, which gives the length of a direction
 FACES = 20_000  # of the samples
-EACH, SEEDS = 8, 3  # handles of every part, and how often they are drawn
+EACH, SEEDS = 8, 3  # handles of every part, and draws
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -43,14 +43,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     lessons = []
     for shape in labelled_shapes(options.meshes, options.lessons):
         print(shape.name, flush=True)
-        lessons.append(Lesson(shape, cached_vertex_features(CACHE, shape.mesh, encoder)))
+        lessons.append(cached_lesson(CACHE, shape, encoder))
     learn(lessons, encoder).save(options.output)
     write_text(REPORT, report(lessons))
     print(f"{options.output}\n{REPORT}")
 
 
 def labelled_shapes(folder: Path, lessons: Path | None) -> list[Shape]:
-    """Every shape to learn from; characters by the merged names of their parts."""
+    """Return every shape to learn from; characters have the merged names of their parts."""
     found = [*shapes.rigs(folder), *shapes.rigs(folder, under="upright"), *shapes.characters(folder)]
     for under in ("rigs", "people") if lessons else ():
         found += shapes.rigs(lessons, under=under)
@@ -58,14 +58,14 @@ def labelled_shapes(folder: Path, lessons: Path | None) -> list[Shape]:
 
 
 def learn(lessons: Sequence[Lesson], encoder: Encoder) -> Metric:
-    """The metric of all lessons."""
+    """Return the metric of all lessons."""
     return Metric(*discriminants(lessons), *encoder_identity(encoder), learn_kinds(lessons))
 
 
 def discriminants(lessons: Sequence[Lesson]) -> tuple[Float32, Float32]:
-    """The directions, (D, d) and (BANDS, d), that tell parts apart best: variance between them over that within.
+    """Return the directions (D, d) and (BANDS, d) of the largest variance between parts over that within parts.
 
-    Every family counts alike. A direction is of unit variance within parts, times a power of the ratio of variances.
+    Families have equal weight. A direction has unit variance within parts, times a power of the ratio of variances.
 
     Source: Fisher, "The use of multiple measurements in taxonomic problems", 1936; ridge: Friedman, "Regularized
     discriminant analysis", 1989.
@@ -78,7 +78,7 @@ def discriminants(lessons: Sequence[Lesson]) -> tuple[Float32, Float32]:
     ratio, directions = ratio[: -DIRECTIONS - 1 : -1], directions[:, : -DIRECTIONS - 1 : -1]
     directions *= np.sign(directions[np.abs(directions).argmax(axis=0), np.arange(directions.shape[1])])
     directions *= np.maximum(ratio, 0) ** POWER
-    of_features, of_bands = np.split(directions, [lessons[0].seen.features.shape[1]])
+    of_features, of_bands = np.split(directions, [lessons[0].features.shape[1]])
     return np.ascontiguousarray(of_features, np.float32), np.ascontiguousarray(THICKNESS * of_bands, np.float32)
 
 
@@ -93,32 +93,32 @@ def precision(lesson: Lesson, features: Float32) -> float:
 
 
 def report(lessons: Sequence[Lesson]) -> str:
-    """Return the precision on each shape by features alone, and through the metric that the other families gave."""
+    """Return the precision on each shape by features alone, and by the metric of the other families."""
     rows: list[list[Any]] = []
+    gains: dict[str, float] = {}
     for family in dict.fromkeys(each.family for each in lessons):
         others = [each for each in lessons if each.family != family]
         if not others:
             continue
         metric = Metric(*discriminants(others), "", 0, learn_kinds(others))
-        for lesson in (each for each in lessons if each.family == family):
-            features, thickness = lesson.seen.features, lesson.seen.thickness
-            mapped = metric.mapped(features, thickness, np.random.default_rng(0), mean=lesson.mean)
-            rows.append([family, lesson.shape.name, precision(lesson, features), precision(lesson, mapped)])
-    gains: dict[str, list[float]] = {}
-    for family, _, alone, learned in rows:
-        gains.setdefault(family, []).append(learned - alone)
-    by_family = {family: float(np.mean(some)) for family, some in gains.items()}
-    told = ", ".join(f"{family} {gain:+.3f}" for family, gain in by_family.items())
+        own = [each for each in lessons if each.family == family]
+        for lesson in own:
+            generator = np.random.default_rng(0)
+            mapped = metric.mapped(lesson.features, lesson.thickness, generator, mean=lesson.mean)
+            rows.append([family, lesson.shape.name, precision(lesson, lesson.features), precision(lesson, mapped)])
+        gains[family] = float(np.mean([learned - alone for *_, alone, learned in rows[-len(own) :]]))
+    by_family = ", ".join(f"{family} {gain:+.3f}" for family, gain in gains.items())
     lines = [
         "# A learned metric",
         "",
-        "Each shape judged without its family; precision at the vertices, before a field is fitted.",
+        "Each shape is judged without its family, by the precision at the vertices before a field is fitted.",
         "",
         *to_markdown(["family", "shape", "features alone", "learned"], rows, ".3f"),
         "",
-        f"Gain by family, mean {np.mean(list(by_family.values())):+.4f}: {told}.",
+        f"Gain by family, mean {np.mean(list(gains.values())):+.4f}: {by_family}.",
+        "",
     ]
-    return "\n".join([*lines, ""])
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,7 @@
-"""`python -m bench.training.learn_up`: learn which way is up, and judge what was learned on families left out.
+"""`python -m bench.training.learn_up`: learn which way is up, and judge it on families that were left out.
 
-From what is under CC0 in the folder that DFD_MESHES names, the samples of dfd, and a folder given with `--lessons`, all
-of which stand as they should, +y up. Equal folders give equal files. docs/learned.md names the sources of the probe
-that comes with the package.
+The shapes are those under CC0 in the folder DFD_MESHES, the samples of dfd, and a folder given with `--lessons`. All
+stand +y up. Equal folders give equal files. docs/learned.md names the sources of the package's probe.
 """
 
 from __future__ import annotations
@@ -17,21 +16,8 @@ from scipy.spatial.transform import Rotation
 import dfd
 from bench.quality.shapes import SAMPLES
 from bench.tables import to_markdown, write_text
-from bench.training.sources import RESULTS, options_of, upright_files
-from bench.training.up_lessons import (
-    FRAMES,
-    LESSONS,
-    TRUE,
-    Odds,
-    Tilted,
-    UpLesson,
-    by_family,
-    by_shape,
-    learned_odds,
-    learned_votes,
-    left_out_odds,
-)
-from dfd.common.files import atomic_write
+from bench.training.sources import RESULTS, kept_arrays, options_of, upright_files
+from bench.training.up_lessons import FRAMES, LESSONS, TRUE, UpLesson, learned_odds, learned_votes, left_out_odds
 from dfd.common.linear_algebra import Float64
 from dfd.encoders.encode import Encoder, load_encoder
 from dfd.encoders.learned_file import encoder_identity
@@ -44,13 +30,11 @@ from dfd.upright.probe_views import CORNERS, SIDES, ProbeCameras, ViewTokens
 from dfd.upright.stability import StabilityCues
 
 REPORT, KEPT_VIEWS = RESULTS / "up.md", RESULTS / "views_around"
-KEPT = 0.99  # of upright files must have pictures that show them upright
-KEPT_OWN = 0.97  # of those in DFD_MESHES and the samples, of which many hardly have an up, by the likeliest axis
-KEPT_UP = 0.985  # of upright files must not be taken for upside down
-Z_SHARE = 0.35  # of the log-odds of the file's y that z has: files with z up are everyday
+KEPT = 0.99  # least share of upright files whose axis is among those with pictures
+KEPT_OWN = 0.97  # of those in DFD_MESHES and the samples, many without a clear up, whose axis is the likeliest
+KEPT_UP = 0.985  # of upright files that are not taken for upside down
+Z_SHARE = 0.35  # of the log-odds of the file's +y, for its ±z, as many files have z up
 PRIORS, LOSSES = np.arange(0, 12, 0.05), np.arange(0, 6, 0.1)
-# What a unit of the prior of +y, and of −y, adds to the six frames, see `decided`.
-_FAVOR = np.array([[0, 0, 1, 0, Z_SHARE, Z_SHARE], [0, 0, 0, 1, 0, 0]])
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -67,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def upright_shapes(folder: Path, lessons: Path | None = None) -> Iterator[tuple[str, dfd.Mesh]]:
-    """Every shape to learn from, by name, standing with +y up."""
+    """Yield every shape to learn from with its name, +y up."""
     for path in upright_files(folder, lessons):
         known = LESSONS if lessons and path.is_relative_to(lessons) else ""
         yield f"{known}{path.parent.name}/{path.stem}", dfd.load(path)
@@ -76,88 +60,93 @@ def upright_shapes(folder: Path, lessons: Path | None = None) -> Iterator[tuple[
 
 
 def lesson(name: str, mesh: dfd.Mesh, encoder: Encoder) -> UpLesson:
-    """What there is to learn from one shape."""
+    """Return the lesson of one shape."""
     center, scale = normalization(mesh)
     vertices = (mesh.vertices - center) * scale
-    standing = StabilityCues(vertices, mesh.faces)
-    sides = look_once(mesh, encoder, FRAMES, SIDES)
+    cues = StabilityCues(vertices, mesh.faces)
+    evidence = np.stack([cues.evidence(frame) for frame in FRAMES])
+    sides, corners = (look_once(mesh, encoder, FRAMES, eyes) for eyes in (SIDES, CORNERS))
+    of_frames = map(ViewTokens, np.split(sides.tokens, len(FRAMES)), np.split(sides.axes, len(FRAMES)))
     rotation = Rotation.random(rng=np.random.default_rng([0, *name.encode()])).as_matrix()
     seen = look_once(mesh, encoder, FRAMES @ rotation, SIDES)
-    seen = ViewTokens(seen.tokens, seen.axes @ rotation.T)
-    tilted = Tilted(seen, rotation, StabilityCues(vertices @ rotation.T, mesh.faces))
-    of_frames = map(ViewTokens, np.split(sides.tokens, len(FRAMES)), np.split(sides.axes, len(FRAMES)))
-    corners = look_once(mesh, encoder, FRAMES, CORNERS)
-    evidence = np.stack([standing.evidence(frame) for frame in FRAMES])
-    return UpLesson(name, tuple(of_frames), corners, (tilted,), evidence)
+    tilted = ViewTokens(seen.tokens, seen.axes @ rotation.T)
+    tilted_cues = StabilityCues(vertices @ rotation.T, mesh.faces)
+    return UpLesson(name, tuple(of_frames), corners, evidence, rotation, tilted, tilted_cues)
 
 
 def look_once(mesh: dfd.Mesh, encoder: Encoder, frames: Float64, eyes: Float64) -> ViewTokens:
-    """`ProbeCameras.seen`, kept in a file for the next time: the pictures take minutes, what follows them seconds."""
-    made_of = {
+    """Return `ProbeCameras.seen`, from a file if it exists, as pictures take minutes."""
+    key = {
         "field_version": FIELD_VERSION,
         "around": hashlib.sha256(Path(probe_views.__file__).read_bytes()).hexdigest(),
         "mesh": mesh.content_hash,
         "frames": frames.round(6).tolist(),
         "eyes": eyes.round(6).tolist(),
+        **encoder.settings(),
     }
-    kept = KEPT_VIEWS / f"{hash_key({**made_of, **encoder.settings()})}.npz"
-    if not kept.is_file():
-        KEPT_VIEWS.mkdir(parents=True, exist_ok=True)
-        seen = ProbeCameras(mesh, encoder).seen(frames, eyes)
-        with atomic_write(kept) as temporary, temporary.open("wb") as stream:
-            np.savez(stream, tokens=seen.tokens, axes=seen.axes)
-    with np.load(kept) as arrays:
-        return ViewTokens(arrays["tokens"], arrays["axes"])
+    kept = kept_arrays(
+        KEPT_VIEWS / f"{hash_key(key)}.npz", lambda: vars(ProbeCameras(mesh, encoder).seen(frames, eyes))
+    )
+    return ViewTokens(kept["tokens"], kept["axes"])
 
 
 def learn(lessons: Sequence[UpLesson], encoder: Encoder) -> UpProbe:
-    """The probe of all lessons: odds by votes that never saw a shape's family or itself, the prior by the last."""
+    """Return the probe of all lessons, with the odds and priors of votes that were learned without the shape."""
     votes = learned_votes(tuple(lessons)).without()
-    along = {name: odds.along for name, odds in left_out_odds(tuple(lessons), by_shape).items()}
-    up, down = least_priors(along, own_names(lessons))
+    up, down = least_priors(left_out_odds(tuple(lessons), "name"), own_names(lessons))
     odds, identity = learned_odds(tuple(lessons)), encoder_identity(encoder)
     return UpProbe(votes.mean, votes.form, votes.vector, odds, up, down, Z_SHARE * up, *identity)
 
 
 def own_names(lessons: Sequence[UpLesson]) -> set[str]:
-    """Those that are not from `--lessons`."""
+    """Return the names of shapes that are not from `--lessons`."""
     return {each.name for each in lessons if not each.name.startswith(LESSONS)}
 
 
-def decided(odds: Odds, up: int, priors: tuple[float, float]) -> tuple[int, int]:
-    """The axis and the frame that win where frame `up` lies along the file's +y, and its z along the axis after it.
-
-    One look around the file's +y is enough where it leaves no doubt, as in `dfd.upright.find_up`.
-    """
-    axes = np.logaddexp(odds.at_once[up][::2], odds.at_once[up][1::2])
-    sure = np.exp(axes.max() - np.logaddexp.reduce(axes)) >= EARLY_STOP_CONFIDENCE
-    favored = (odds.at_once[up] if sure else odds.along).copy()
-    favored[up] += priors[0]
-    favored[up ^ 1] += priors[1]
+def favored(odds: Float64, up: int, priors: tuple[float, float]) -> Float64:
+    """Add to `odds` (…, 6) those of the file's +y along frame `up`, of its −y, and of its ±z along the next axis."""
     z = (up // 2 + 1) % 3
-    favored[[2 * z, 2 * z + 1]] += Z_SHARE * priors[0]
-    axis = int(np.logaddexp(favored[::2], favored[1::2]).argmax())
-    return axis, 2 * axis + int(favored[2 * axis + 1] > favored[2 * axis])
+    added = np.zeros(len(FRAMES))
+    added[[up, up ^ 1]] = priors
+    added[[2 * z, 2 * z + 1]] = Z_SHARE * priors[0]
+    return odds + added
+
+
+def of_axes(odds: Float64) -> Float64:
+    """Return the log-odds (…, 3) that either frame of an axis is up, from those of frames (…, 6)."""
+    return np.logaddexp(odds[..., ::2], odds[..., 1::2])
+
+
+def decided(odds: Float64, up: int, priors: tuple[float, float]) -> tuple[int, int]:
+    """Return the axis and the frame that win if frame `up` is the file's +y.
+
+    `odds` (7, 6) are those of `left_out_odds`. As in `dfd.upright.find_up`, one look around the file's +y is enough if
+    it is certain.
+    """
+    axes = of_axes(odds[up])
+    sure = np.exp(axes.max() - np.logaddexp.reduce(axes)) >= EARLY_STOP_CONFIDENCE
+    found = favored(odds[up if sure else -1], up, priors)
+    axis = int(of_axes(found).argmax())
+    return axis, 2 * axis + int(found[2 * axis + 1] > found[2 * axis])
 
 
 def least_priors(odds: Mapping[str, Float64], own: Collection[str] = ()) -> tuple[float, float]:
-    """Log-odds of the file's +y and −y: the least of +y with which enough shapes keep their upright axis and their up.
+    """Return the log-odds of the file's +y and −y, the least of +y with which enough shapes keep their axis and up.
 
-    Of all, `KEPT` have their axis among the two that have pictures; of `own`, `KEPT_OWN` have it first; and
-    `KEPT_UP` of all keep their up, for which −y then loses as little as lets them.
+    `KEPT` of all have their axis among the two with pictures, `KEPT_OWN` of `own` have it first, and `KEPT_UP` of all
+    keep their up. Then −y loses as little as possible.
     """
-    rows = np.stack(list(odds.values()))
+    rows = np.stack([each[-1] for each in odds.values()])
     among = np.array([name in own for name in odds]) if own else np.ones(len(rows), bool)
     least = KEPT_OWN if own else 0.0
 
     def enough(up: float, down: float) -> bool:
-        favored = rows + up * _FAVOR[0] + down * _FAVOR[1]
-        axes = np.logaddexp(favored[:, ::2], favored[:, 1::2])
-        first, second = np.argsort(-axes, axis=1).T[:2]
+        found = favored(rows, TRUE, (up, down))
+        axes = of_axes(found)
+        first, second = np.argsort(-axes, axis=1).T[:2] == TRUE // 2
         doubtful = axes.max(axis=1) - np.logaddexp.reduce(axes, axis=1) < np.log(CLEAR)
-        shown = (first == TRUE // 2) | (doubtful & (second == TRUE // 2))
-        fallen = (first == TRUE // 2) & (favored[:, TRUE ^ 1] > favored[:, TRUE])
-        kept = shown.mean() >= KEPT and (first == TRUE // 2)[among].mean() >= least
+        fallen = first & (found[:, TRUE ^ 1] > found[:, TRUE])
+        kept = (first | (doubtful & second)).mean() >= KEPT and first[among].mean() >= least
         return bool(kept and fallen.mean() <= 1 - KEPT_UP)
 
     pairs = ((float(up), float(up - loss)) for up in PRIORS for loss in LOSSES)
@@ -165,9 +154,8 @@ def least_priors(odds: Mapping[str, Float64], own: Collection[str] = ()) -> tupl
 
 
 def report(lessons: Sequence[UpLesson]) -> str:
-    """Say how often the upright axis, and in brackets the up direction, is found by what others taught."""
-    along = {name: odds.along for name, odds in left_out_odds(tuple(lessons), by_shape).items()}
-    priors = least_priors(along, own_names(lessons))
+    """Return how often the upright axis, and in brackets the up direction, is found by the lessons of others."""
+    priors = least_priors(left_out_odds(tuple(lessons), "name"), own_names(lessons))
     own = [each for each in lessons if each.name in own_names(lessons)]
     lines = [
         "# Which way is up",
@@ -175,18 +163,18 @@ def report(lessons: Sequence[UpLesson]) -> str:
         f"{len(lessons)} shapes, of which {len(own)} are from DFD_MESHES or samples; those are judged. Log-odds of the "
         f"file's +y: {priors[0]:.2f}, of −y: {priors[1]:.2f}, of ±z: {Z_SHARE * priors[0]:.2f}.",
     ]
-    for left_out, group in (("its family", by_family), ("itself", by_shape)):
+    for left_out, group in (("its family", "family"), ("itself", "name")):
         odds, rows = left_out_odds(tuple(lessons), group), []
         for family in [*dict.fromkeys(each.family for each in own), "all"]:
             some = [odds[each.name] for each in own if family in (each.family, "all")]
-            # The file's +y lies along an up, so the shape's own up is the file's z where that is the axis after it.
+            # If the file's +y is [0, 1], its z is the axis after it, the shape's up.
             rows.append([family, len(some), *(_found(some, ups, priors) for ups in ([TRUE], [0, 1], range(6)))])
         columns = ("family", "shapes", "kept upright", "found z up", "found, 24 turns")
         lines += ["", f"Each judged without {left_out}:", "", *to_markdown(columns, rows)]
     return "\n".join([*lines, ""])
 
 
-def _found(odds: Sequence[Odds], ups: Sequence[int], priors: tuple[float, float]) -> str:
+def _found(odds: Sequence[Float64], ups: Sequence[int], priors: tuple[float, float]) -> str:
     found = [decided(each, up, priors) for each in odds for up in ups]
     axis, direction = np.mean([[axis == TRUE // 2, frame == TRUE] for axis, frame in found], axis=0)
     return f"{axis:.2f} ({direction:.2f})"

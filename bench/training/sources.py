@@ -1,21 +1,26 @@
-"""The models that what ships is learned from: under CC0 alone; docs/learned.md names their packs and makers."""
+"""The models to learn from, all under CC0; docs/learned.md names their packs and makers."""
 
 from __future__ import annotations
 
 import argparse
 import os
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bench.quality.parts import family_of
+from dfd.common.files import atomic_write
 from dfd.encoders.known import DEFAULT_ENCODER
 
 RESULTS = Path(__file__).resolve().parents[1] / "results" / "quality"
-OF_MESHES = ("knight.glb", "kaykit_*.obj", "rigs/*.glb", "upright/*.glb")  # what is under CC0 in DFD_MESHES
+OF_MESHES = ("knight.glb", "kaykit_*.obj", "rigs/*.glb", "upright/*.glb")  # models under CC0 in DFD_MESHES
 OF_LESSONS = ("people/*.glb", "rigs/*.glb", "upright/*.glb")
-MOST_ALIKE = 12  # of a family, so that a pack of many jars does not outweigh all else
-# Words in the names of things that have no up, hang on walls, or were laid down anyhow.
+MOST_ALIKE = 12  # models of a family, which bounds the weight of large packs
+# Words in the names of things that have no up, hang on walls, or lie in any direction.
 WITHOUT_UP = (
     *("armor", "bone", "book_", "bouncer", "box", "cable", "can_broken", "carpet", "claymore", "club", "compass"),
     *("crystal", "cyberpunk_pack_ac", "computer", "dart", "flaregun", "glove", "katana", "lever", "match", "mirror"),
@@ -42,8 +47,18 @@ def options_of(
     return options
 
 
+def kept_arrays(path: Path, make: Callable[[], Mapping[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
+    """Return the arrays in the file at `path`; if there is none, make them and write it."""
+    if not path.is_file():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_write(path) as temporary, temporary.open("wb") as stream:
+            np.savez(stream, **make())
+    with np.load(path) as arrays:
+        return dict(arrays)
+
+
 def upright_files(meshes: Path, lessons: Path | None) -> Iterator[Path]:
-    """Every file to learn an up from: of DFD_MESHES all, of `lessons` the first few of each family."""
+    """Yield every file to learn an up from: all of DFD_MESHES, and of `lessons` the first few of each family."""
     for pattern in OF_MESHES:
         yield from sorted(meshes.glob(pattern))
     taken: Counter[str] = Counter()

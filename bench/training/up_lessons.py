@@ -1,17 +1,17 @@
-"""What is learned about which way is up: votes of pictures by ridge regression, their odds by logistic regression."""
+"""Learn which way is up: votes of pictures by ridge regression, and their odds by logistic regression."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cache
-from operator import attrgetter
+from typing import Literal
 
 import numpy as np
 from scipy.optimize import minimize
 
 from bench.quality.parts import family_of
-from dfd.common.linear_algebra import Bool, Float32, Float64
+from dfd.common.linear_algebra import Bool, Float64
 from dfd.upright.candidates import axis_frames
 from dfd.upright.find_up import candidates
 from dfd.upright.probe import FORM_TOKENS, FORMS, TERMS, VECTOR_TOKENS, VECTORS, UpProbe
@@ -21,39 +21,29 @@ from dfd.upright.stability import StabilityCues
 FRAMES = np.stack(axis_frames(np.eye(3)))
 UPS = FRAMES[:, 1]
 TRUE = 2  # +y among them
-LESSONS = "lessons/"  # what names of shapes that are not from DFD_MESHES begin with
+LESSONS = "lessons/"  # begins the names of shapes that are not from DFD_MESHES
 RIDGE = 1.0  # of the mean moment of the terms
 SHRINK = 3.0  # of the odds, whose terms have unit spread
 FOLDS = 16
-NEAR = np.cos(np.radians(20))  # of a tilted shape a candidate so near to its up is right
-TILTED = 0.5  # what pictures along random axes count, beside those along the shape's own
+NEAR = np.cos(np.radians(20))  # a candidate so near to the up of a tilted shape is right
+TILTED = 0.5  # weight of pictures along random axes, beside those along the shape's own
 
-Group = Callable[["UpLesson"], str]
-
-
-@dataclass(frozen=True, eq=False)
-class Tilted:
-    """A shape turned at random: what is seen from around the axes of its file, and how it would stand."""
-
-    seen: ViewTokens
-    rotation: Float64  # (3, 3) from where it stands upright
-    standing: StabilityCues
-
-    @property
-    def ups(self) -> Float64:
-        """(6, 3) where those of `FRAMES` have come to lie."""
-        return UPS @ self.rotation.T
+Choice = tuple[Float64, Bool]  # the terms (K, 9) of each candidate, and whether it is right (K,)
+# The choices of a shape: from around each of `FRAMES` alone, from all pictures along them, and where it is tilted.
+Choices = tuple[list[Choice], list[Choice], list[Choice]]
 
 
 @dataclass(frozen=True, eq=False)
 class UpLesson:
-    """A shape that stands as it should, +y up, and what is learned from it."""
+    """A shape that stands as it should, +y up, with its pictures and the cues of its surface."""
 
     name: str
     sides: tuple[ViewTokens, ...]  # of each of `FRAMES`
     corners: ViewTokens  # of all of them
-    tilted: tuple[Tilted, ...]
     evidence: Float64  # (6, 7), of every frame
+    rotation: Float64  # (3, 3) from the upright shape to the tilted one
+    tilted: ViewTokens  # of the tilted shape, around the axes of its file
+    tilted_cues: StabilityCues
 
     @property
     def family(self) -> str:
@@ -62,214 +52,159 @@ class UpLesson:
 
     @property
     def all_seen(self) -> ViewTokens:
-        """All pictures along its own axes."""
+        """Return all pictures along its own axes."""
         return sum(self.sides, self.corners)
 
-
-# What is left out when a shape is judged: its family, or itself.
-by_family, by_shape = attrgetter("family"), attrgetter("name")
-
-
-@dataclass(frozen=True, eq=False)
-class Rows:
-    """What a linear vote is learned from, of M rows."""
-
-    terms: Float64  # (M, J D) for every up of a shape, what J numbers of D weights each are multiplied by
-    # targets, counts: (M,) what the vote should be, and how much that counts
-    targets: Float64
-    counts: Float64
+    @property
+    def tilted_ups(self) -> Float64:
+        """Return the ups of `FRAMES` (6, 3), rotated."""
+        return UPS @ self.rotation.T
 
 
-def rows_of(lesson: UpLesson, mean: Float32) -> tuple[Rows, Rows]:
-    """For the form, which tells the upright axis, and for the vector, which tells its end; all about their means."""
-    forms, vectors = [], []
-    for seen, ups in ((lesson.all_seen, UPS), *((each.seen, each.ups) for each in lesson.tilted)):
-        tokens = seen.tokens - np.stack([mean, np.zeros_like(mean)])
-        ups = np.einsum("nai,ki->nka", seen.axes, ups)
-        at_ups = np.einsum("nka,jab,nkb->nkj", ups, FORMS, ups, optimize=True)
-        forms.append(np.einsum("nkj,njd->kjd", at_ups, tokens[:, FORM_TOKENS], optimize=True) / len(tokens))
-        at_ups = np.einsum("nka,ja->nkj", ups, VECTORS)
-        vectors.append(np.einsum("nkj,njd->kjd", at_ups, tokens[:, VECTOR_TOKENS], optimize=True) / len(tokens))
-    frames = np.arange(len(FRAMES))
-    counts = np.repeat([1.0] + [TILTED] * len(lesson.tilted), len(frames))
-
-    def made(terms: list[Float64], right: Bool) -> Rows:
-        about = np.concatenate([(each - each.mean(axis=0)).reshape(len(frames), -1) for each in terms])
-        return Rows(about, np.tile(right - right.mean(), len(terms)), counts)
-
-    return made(forms, frames // 2 == TRUE // 2), made(vectors, frames == TRUE)
+Group = Literal["family", "name"]  # the lessons to leave out for a judged shape: its family, or itself
 
 
 class Ridge:
-    """A linear vote by ridge regression, of all rows or of all but some.
+    """A linear vote by ridge regression, of all lessons or of all but some.
 
-    Every one of the J blocks of terms counts alike, whatever its tokens' spread.
+    Each of the J blocks of terms has equal weight, whatever the spread of its tokens.
     """
 
-    def __init__(self, rows: Sequence[Rows], blocks: int) -> None:
-        self._blocks, size = blocks, rows[0].terms.shape[1]
-        squares = sum(each.counts @ np.square(each.terms) for each in rows).reshape(blocks, -1).sum(axis=1)
-        spread = squares / sum(each.counts.sum() for each in rows)
-        self._scales = np.sqrt(np.maximum(spread, np.finfo(np.float64).tiny)).repeat(size // blocks)
-        moment, told = self._moments(rows)
-        self._moment, self._told = moment + RIDGE * blocks * np.eye(size), told
+    def __init__(self, terms: Float64, right: Bool, blocks: int) -> None:
+        """Take the terms (L, 12, J D) of every up of each lesson, upright and tilted; `right` (6,) are the true ups."""
+        weights = np.repeat([1.0, TILTED], len(FRAMES))
+        mean_squares = np.einsum("n,lnd->d", weights, np.square(terms)) / (len(terms) * weights.sum())
+        block_squares = mean_squares.reshape(blocks, -1).sum(axis=1)
+        self._scales = np.sqrt(np.maximum(block_squares, 1e-300)).repeat(terms.shape[2] // blocks)
+        self._terms = terms / self._scales * np.sqrt(weights)[:, None]
+        self._targets, self._blocks = np.tile(right - right.mean(), 2) * np.sqrt(weights), blocks
+        moment, self._told = self._moments(range(len(terms)))
+        self._moment = moment + RIDGE * blocks * np.eye(len(moment))
 
-    def _moments(self, rows: Sequence[Rows]) -> tuple[Float64, Float64]:
-        moment, told = np.zeros((len(self._scales),) * 2), np.zeros(len(self._scales))
-        for each in rows:
-            terms = each.terms / self._scales
-            moment += terms.T @ (each.counts[:, None] * terms)
-            told += terms.T @ (each.counts * each.targets)
-        return moment, told
+    def _moments(self, lessons: Sequence[int]) -> tuple[Float64, Float64]:
+        rows = self._terms[lessons].reshape(-1, len(self._scales))
+        return rows.T @ rows, rows.T @ np.tile(self._targets, len(lessons))
 
-    def without(self, some: Sequence[Rows] = ()) -> Float32:
-        """Return the vote (J, D) that all rows but `some` teach."""
-        moment, told = self._moments(some)
+    def without(self, lessons: Sequence[int]) -> Float64:
+        """Return the vote (J, D) that all lessons but some teach."""
+        moment, told = self._moments(lessons)
         weights = np.linalg.solve(self._moment - moment, self._told - told) / self._scales
         return weights.reshape(self._blocks, -1).astype(np.float32)
 
 
 class Votes:
-    """What pictures teach: probes that vote, without odds."""
+    """Probes without odds, learned from pictures: the form tells the upright axis, the vector its end."""
 
     def __init__(self, lessons: Sequence[UpLesson]) -> None:
         tokens = [lesson.all_seen.tokens[:, 0].mean(axis=0) for lesson in lessons]
-        self._mean: Float32 = np.stack(tokens).mean(axis=0, dtype=np.float64).astype(np.float32)
-        self._rows = {lesson.name: rows_of(lesson, self._mean) for lesson in lessons}
-        self._form = Ridge([form for form, _ in self._rows.values()], len(FORMS))
-        self._vector = Ridge([vector for _, vector in self._rows.values()], len(VECTORS))
+        self._mean = np.stack(tokens).mean(axis=0, dtype=np.float64).astype(np.float32)
+        self._names = [lesson.name for lesson in lessons]
+        forms, vectors = zip(*map(self._terms, lessons), strict=True)
+        frames = np.arange(len(FRAMES))
+        self._form = Ridge(np.stack(forms), frames // 2 == TRUE // 2, len(FORMS))
+        self._vector = Ridge(np.stack(vectors), frames == TRUE, len(VECTORS))
 
-    def without(self, names: Sequence[str] = ()) -> UpProbe:
-        """The probe that all lessons but those of `names` teach."""
-        some = [self._rows[name] for name in names]
-        form = self._form.without([each for each, _ in some])
-        vector = self._vector.without([each for _, each in some])
+    def _terms(self, lesson: UpLesson) -> tuple[Float64, Float64]:
+        """Return the factors (12, J D) of the form's weights and of the vector's, about their means over the ups."""
+        forms, vectors = [], []
+        for seen, ups in ((lesson.all_seen, UPS), (lesson.tilted, lesson.tilted_ups)):
+            tokens = seen.tokens - np.stack([self._mean, np.zeros_like(self._mean)])
+            ups = np.einsum("nai,ki->nka", seen.axes, ups)
+            at_ups = np.einsum("nka,jab,nkb->nkj", ups, FORMS, ups, optimize=True)
+            forms.append(np.einsum("nkj,njd->kjd", at_ups, tokens[:, FORM_TOKENS], optimize=True) / len(tokens))
+            at_ups = np.einsum("nka,ja->nkj", ups, VECTORS)
+            vectors.append(np.einsum("nkj,njd->kjd", at_ups, tokens[:, VECTOR_TOKENS], optimize=True) / len(tokens))
+        form, vector = ((terms - np.mean(terms, axis=1, keepdims=True)) for terms in (forms, vectors))
+        return form.reshape(2 * len(UPS), -1), vector.reshape(2 * len(UPS), -1)
+
+    def without(self, names: Collection[str] = ()) -> UpProbe:
+        """Return the probe that all lessons but those of `names` teach."""
+        left_out = [number for number, name in enumerate(self._names) if name in names]
+        form, vector = self._form.without(left_out), self._vector.without(left_out)
         return UpProbe(self._mean, form, vector, np.zeros((3, len(TERMS))), 0.0, 0.0, 0.0, "", 0)
 
 
-@cache
-def learned_votes(lessons: tuple[UpLesson, ...]) -> Votes:
-    """What all lessons teach."""
-    return Votes(lessons)
-
-
-@dataclass(frozen=True, eq=False)
-class Choice:
-    """What speaks for each of K candidates, and which of them are right."""
-
-    terms: Float64  # (K, 9)
-    right: Bool  # (K,)
-    frames: Float64  # (K, 3, 3)
-
-
-@dataclass(frozen=True, eq=False)
-class Choices:
-    """Those of a shape: by one look around each of `FRAMES`, by all looks, and where it is tilted."""
-
-    at_once: tuple[Choice, ...]
-    along: Choice
-    tilted: tuple[Choice, ...]
+learned_votes = cache(Votes)
 
 
 def choices(lesson: UpLesson, probe: UpProbe) -> Choices:
-    """What `probe` and the surface say of a lesson's shape."""
+    """Return the choices of a lesson's shape by a probe and the cues of its surface."""
     upright = np.arange(len(FRAMES)) == TRUE
-
-    def of_tilted(each: Tilted) -> Choice:
-        frames = candidates(each.standing, each.standing.frame(), probe.votes(each.seen)[0])
-        evidence = np.stack([each.standing.evidence(frame) for frame in frames])
-        found = probe.terms(each.seen, frames[:, 1], evidence)
-        return Choice(found, frames[:, 1] @ each.ups[TRUE] > NEAR, frames)
-
-    return Choices(
-        tuple(Choice(probe.terms(each, UPS, lesson.evidence), upright, FRAMES) for each in lesson.sides),
-        Choice(probe.terms(lesson.all_seen, UPS, lesson.evidence), upright, FRAMES),
-        # What has come to lie along the axes of a file after all is not looked at as tilted.
-        tuple(of_tilted(each) for each in lesson.tilted if not np.array_equal(each.standing.frame(), np.eye(3))),
-    )
+    tilted = []
+    cues = lesson.tilted_cues
+    if not np.array_equal(cues.frame(), np.eye(3)):  # else the shape lies along the axes of its file
+        frames = candidates(cues, cues.frame(), probe.votes(lesson.tilted)[0])
+        evidence = np.stack([cues.evidence(frame) for frame in frames])
+        terms = probe.terms(lesson.tilted, frames[:, 1], evidence)
+        tilted.append((terms, frames[:, 1] @ lesson.tilted_ups[TRUE] > NEAR))
+    at_once = [(probe.terms(each, UPS, lesson.evidence), upright) for each in lesson.sides]
+    return at_once, [(probe.terms(lesson.all_seen, UPS, lesson.evidence), upright)], tilted
 
 
 @cache
 def left_out_choices(lessons: tuple[UpLesson, ...], group: Group) -> dict[str, Choices]:
-    """`choices` of every shape by votes that were learned without its group."""
+    """Return `choices` of every shape by votes that were learned without its group."""
     votes = learned_votes(lessons)
     found: dict[str, Choices] = {}
-    for own in dict.fromkeys(map(group, lessons)):
-        members = [each for each in lessons if group(each) == own]
+    for own in dict.fromkeys(getattr(each, group) for each in lessons):
+        members = [each for each in lessons if getattr(each, group) == own]
         probe = votes.without([each.name for each in members])
         found |= {each.name: choices(each, probe) for each in members}
     return found
 
 
 def learned_odds(lessons: tuple[UpLesson, ...], without: Collection[str] = ()) -> Float64:
-    """(3, 9) see `UpProbe.odds`, of all lessons but those of some names.
+    """Return the odds (3, 9) of an `UpProbe`, of all lessons but those of some names.
 
-    From votes that never saw a shape's family, and from votes that only never saw the shape: what comes to be judged
-    is sometimes of a known family and sometimes not.
+    The votes were learned without a shape's family, and without the shape alone: shapes to be judged may be of a known
+    family or not.
     """
     some = [
         left_out_choices(lessons, group)[each.name]
-        for group in (by_family, by_shape)
+        for group in ("family", "name")
         for each in lessons
         if each.name not in without
     ]
-    kinds = (
-        [choice for each in some for choice in each.at_once],
-        [each.along for each in some],
-        [choice for each in some for choice in each.tilted],
-    )
-    return np.stack([fit_odds(kind) for kind in kinds])
+    return np.stack([fit_odds([choice for each in kind for choice in each]) for kind in zip(*some, strict=True)])
 
 
 def fit_odds(choices: Sequence[Choice]) -> Float64:
-    """Log-odds (T,) of what speaks for candidates, by conditional logistic regression: one of the right ones is chosen.
+    """Return the log-odds (T,) of the terms of candidates, by conditional logistic regression on the right ones.
 
-    Choices of which none is right teach nothing: without any others the odds are 0.
+    Choices without a right candidate are left out. Without any other, the odds are 0.
     """
-    taught = [each for each in choices if each.right.any()]
+    taught = [(terms, right) for terms, right in choices if right.any()]
     if not taught:
         return np.zeros(len(TERMS))
-    begin = np.cumsum([0, *(len(each.right) for each in taught[:-1])])
-    size = [len(each.right) for each in taught]
-    right = np.concatenate([each.right for each in taught])
-    rows = np.concatenate([each.terms - each.terms.mean(axis=0) for each in taught])
+    begin = np.cumsum([0, *(len(right) for _, right in taught[:-1])])
+    right = np.concatenate([right for _, right in taught])
+    rows = np.concatenate([terms - terms.mean(axis=0) for terms, _ in taught])
     spread = rows.std(axis=0) + 1e-9
     rows = rows / spread
 
-    def loss(odds: Float64) -> tuple[float, Float64]:
+    def loss(odds: Float64) -> float:
         scores = rows @ odds
-        chances = np.exp(scores - np.repeat(np.maximum.reduceat(scores, begin), size))
-        chances /= np.repeat(np.add.reduceat(chances, begin), size)
-        of_right = np.add.reduceat(chances * right, begin)
-        slope = rows.T @ (chances - chances * right / np.repeat(of_right, size)) + SHRINK * odds
-        return float(-np.log(of_right).sum() + SHRINK / 2 * odds @ odds), slope
+        all_candidates, right_ones = (
+            np.logaddexp.reduceat(each, begin).sum() for each in (scores, np.where(right, scores, -np.inf))
+        )
+        return float(all_candidates - right_ones + SHRINK / 2 * odds @ odds)
 
-    odds: Float64 = minimize(loss, np.zeros(rows.shape[1]), jac=True, method="L-BFGS-B").x / spread
-    return odds
-
-
-@dataclass(frozen=True, eq=False)
-class Odds:
-    """Log-odds of the candidates of a shape, see `Choices`."""
-
-    at_once: Float64  # (6, 6)
-    along: Float64  # (6,)
+    return np.asarray(minimize(loss, np.zeros(rows.shape[1])).x / spread)
 
 
 @cache
-def left_out_odds(lessons: tuple[UpLesson, ...], group: Group) -> dict[str, Odds]:
-    """Log-odds of every shape's candidates, by votes that were learned without its group, and odds without its fold.
+def left_out_odds(lessons: tuple[UpLesson, ...], group: Group) -> dict[str, Float64]:
+    """Return log-odds (7, 6) of every shape's six ups: a row for each of `FRAMES` alone, and one for all pictures.
 
-    A fold is some groups: nine numbers hardly know one of hundreds of shapes.
+    Votes are learned without the shape's group, and odds without its fold of groups, as nine odds hardly depend on one
+    of hundreds of shapes.
     """
-    found: dict[str, Odds] = {}
-    groups = list(dict.fromkeys(map(group, lessons)))
+    found: dict[str, Float64] = {}
+    groups = list(dict.fromkeys(getattr(each, group) for each in lessons))
     for fold in (set(groups[first::FOLDS]) for first in range(FOLDS)):
-        names = {each.name for each in lessons if group(each) in fold}
-        at_once, along, _ = learned_odds(lessons, names)
-        for each in lessons:
-            if each.name in names:
-                told = left_out_choices(lessons, group)[each.name]
-                looks = np.stack([choice.terms @ at_once for choice in told.at_once])
-                found[each.name] = Odds(looks, told.along.terms @ along)
+        names = [each.name for each in lessons if getattr(each, group) in fold]
+        odds_at_once, odds_along, _ = learned_odds(lessons, names)
+        for name in names:
+            at_once, along, _ = left_out_choices(lessons, group)[name]
+            found[name] = np.stack([*(terms @ odds_at_once for terms, _ in at_once), along[0][0] @ odds_along])
     return found

@@ -1,4 +1,4 @@
-"""What a metric is learned from: what an encoder sees at the vertices of a shape, and how thick the shape is there."""
+"""Features that an encoder gives at the vertices of a shape, and the thickness there, to learn a metric from."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 import dfd
 from bench.quality.measures import area_fractions
 from bench.quality.parts import family_of
 from bench.quality.shapes import Shape
-from dfd.common.files import atomic_write
+from bench.training.sources import kept_arrays
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillSettings
@@ -26,24 +27,17 @@ from dfd.upright.find_up import resolve_up
 from dfd.views.render import render
 
 NEAREST = 3  # points that a vertex is interpolated from
-THICKNESS = 0.25  # that a band of thickness counts, beside the numbers of a feature of unit length
-FEWEST = 5  # vertices of a part that says something
-
-
-@dataclass(frozen=True, eq=False)
-class VertexFeatures:
-    """What distillation has at the vertices of a shape before a field is fitted, by the plain distance."""
-
-    features: Float32  # (V, D) unit rows
-    thickness: Float32  # (V, BANDS), see `dfd.distillation.thickness`
+THICKNESS = 0.25  # weight of a band of thickness beside a feature of unit length
+FEWEST = 5  # vertices of a part that is used
 
 
 @dataclass(frozen=True, eq=False)
 class Lesson:
-    """A labelled shape with what is seen at its vertices."""
+    """A labelled shape with the targets of its distillation, interpolated at its vertices."""
 
     shape: Shape
-    seen: VertexFeatures
+    features: Float32  # (V, D) unit rows
+    thickness: Float32  # (V, BANDS), see `dfd.distillation.thickness`
 
     @property
     def family(self) -> str:
@@ -52,24 +46,19 @@ class Lesson:
 
     @cached_property
     def mean(self) -> Float32:
-        """(D,) the mean feature of the surface, whose faces stand for their corners."""
-        mean = np.average(self.seen.features, axis=0, weights=area_fractions(self.shape.mesh))
+        """Return the mean feature (D,) over the surface."""
+        mean = np.average(self.features, axis=0, weights=area_fractions(self.shape.mesh))
         return np.asarray(mean, np.float32)
 
     @property
     def kinds(self) -> list[tuple[str, Float32]]:
-        """The name of each part, and the features (N, D) of its vertices."""
-        return [(name, self.seen.features[self.shape.labels == part]) for part, name in enumerate(self.shape.parts)]
+        """Return the name of each part, and the features (N, D) of its vertices."""
+        return [(name, self.features[self.shape.labels == part]) for part, name in enumerate(self.shape.parts)]
 
     @cached_property
     def scatters(self) -> tuple[Float64, Float64]:
-        """How features and bands vary within and between parts, (D + BANDS, D + BANDS) each; their sum has trace 1.
-
-        Parts count alike.
-        """
-        every = np.concatenate(
-            [self.seen.features, np.float32(THICKNESS) * self.seen.thickness], axis=1, dtype=np.float64
-        )
+        """Return the covariances (D + BANDS, D + BANDS) within and between parts, over the trace of their sum."""
+        every = np.concatenate([self.features, np.float32(THICKNESS) * self.thickness], axis=1, dtype=np.float64)
         rows = [every[self.shape.labels == part] for part in range(len(self.shape.parts))]
         rows = [part for part in rows if len(part) >= FEWEST]
         within = np.mean([np.cov(part.T, bias=True) for part in rows], axis=0)
@@ -78,23 +67,19 @@ class Lesson:
         return within / trace, between / trace
 
 
-def cached_vertex_features(folder: Path, mesh: dfd.Mesh, encoder: Encoder) -> VertexFeatures:
-    """`vertex_features`, from `folder` if they are there: taking them takes seconds for each shape."""
-    path = folder / f"{mesh.content_hash}.npz"
-    if not path.is_file():
-        folder.mkdir(parents=True, exist_ok=True)
-        with atomic_write(path) as temporary, temporary.open("wb") as stream:
-            seen = vertex_features(mesh, encoder)
-            np.savez(stream, features=seen.features.astype(np.float16), thickness=seen.thickness)
-    with np.load(path) as kept:
-        return VertexFeatures(unit(kept["features"].astype(np.float32)), kept["thickness"])
+def cached_lesson(folder: Path, shape: Shape, encoder: Encoder) -> Lesson:
+    """Return the lesson of a shape, with `vertex_features` from a file in `folder` if it exists."""
+
+    def made() -> dict[str, NDArray[Any]]:
+        features, thickness = vertex_features(shape.mesh, encoder)
+        return {"features": features.astype(np.float16), "thickness": thickness}
+
+    kept = kept_arrays(folder / f"{shape.mesh.content_hash}.npz", made)
+    return Lesson(shape, unit(kept["features"].astype(np.float32)), kept["thickness"])
 
 
-def vertex_features(mesh: dfd.Mesh, encoder: Encoder, **changes: Any) -> VertexFeatures:
-    """What `mesh`, +y up, looks like at its vertices, as distillation has it at the surface points around them.
-
-    `changes` are settings of `dfd.distill` that are not its defaults.
-    """
+def vertex_features(mesh: dfd.Mesh, encoder: Encoder, **changes: Any) -> tuple[Float32, Float32]:
+    """Return the features and thickness of a `Lesson`, for a mesh +y up; `changes` are settings of `dfd.distill`."""
     settings, stages = DistillSettings(up="file", **changes), Stages(show=False)
     frame = resolve_up(mesh, encoder, settings.up, stages=stages).frame
     views = render(mesh, **settings.of_pictures(), frame=frame, stages=stages)
@@ -109,4 +94,4 @@ def vertex_features(mesh: dfd.Mesh, encoder: Encoder, **changes: Any) -> VertexF
     def at_vertices(rows: Float32) -> Float32:
         return np.asarray(np.einsum("vkd,vk->vd", rows[near], nearness.astype(np.float32)), np.float32)
 
-    return VertexFeatures(unit(at_vertices(targets.features)), at_vertices(thickness_bands(views, targets)))
+    return unit(at_vertices(targets.features)), at_vertices(thickness_bands(views, targets))

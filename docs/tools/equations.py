@@ -1,4 +1,4 @@
-"""Equations as MathML, by docutils: pages show them without a script from elsewhere."""
+"""Write equations as MathML, by docutils, which needs no script from another server."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from sphinx.application import Sphinx
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Offer the renderer "mathml"."""
+    """Add the renderer "mathml"."""
     app.add_html_math_renderer("mathml", (_inline, None), (_block, None))
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 

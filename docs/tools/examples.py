@@ -1,13 +1,12 @@
-"""The code on the pages is run by the build, and the pictures beside it are what came of it.
+"""Run the code on the pages, and put its output and pictures beside it.
 
-In a page, every fence of `python` is run, one after the other in one namespace, and in every fence of `sh` the commands
-that begin with `dfd`; where a command writes a mesh that the Python on the page wrote too, both must be the same. After
-a fence, these lines stand for what the build puts there:
+A page runs every fence of `python` in one namespace, and in every fence of `sh` the commands that begin with `dfd`. A
+mesh that both write must be the same. These lines stand for what the build puts there:
 
-    <!-- output -->        what the fence printed
-    <!-- draw NAME -->     pictures of a variable, as it is there or, where it comes later, at the page's end: a session
-                           before, with its weights, and after; or a dict, which has a caption for each session,
-                           picture, or pair of a mesh and what `picture` draws of it
+    <!-- output -->        the output of the fence above
+    <!-- draw NAME -->     pictures of a variable, here or, if it is defined later, at the end of the page. A session is
+                           drawn before, with its weights, and after. A dict has a caption for each session, picture, or
+                           pair of a mesh and options of `picture`.
 """
 
 from __future__ import annotations
@@ -33,25 +32,24 @@ import dfd
 from dfd.cli import app as command_line
 from dfd.pictures.picture import picture
 from dfd.pictures.sheet import session_views
-from dfd.pictures.viewpoint import azimuth_towards, viewpoint
-from dfd.views.raycast import Scene
+from dfd.pictures.viewpoint import azimuth_towards
 
 BUILD = Path(__file__).resolve().parents[2] / "build" / "docs"
 FILES, PICTURES = BUILD / "files", BUILD / "pictures"
 STEP = re.compile(r"^```(python|sh)\n(.*?)^```$|^<!-- (output|draw)(?: (\w+))? -->$", re.MULTILINE | re.DOTALL)
 LATER = re.compile(r"^<!-- draw (\w+) -->$", re.MULTILINE)
 RESOLUTION = 360
-CAMERA = ("vertices", "azimuth", "elevation", "zoom", "target", "frame")  # the arguments of `viewpoint`
-TOLERANCE = 1e-4  # of the diagonal: a file has 32-bit floats
-MARGIN = 6  # pixels around what a strip shows
-SHAPES = "how_to/index"  # the page that makes the shapes of all others
+MARKS = ("handles", "fixed", "labels")  # options of `picture`
+TOLERANCE = 1e-4  # of the diagonal, as files have 32-bit floats
+MARGIN = 6  # pixels around the shapes of a strip
+SHAPES = "how_to/index"  # this page makes the shapes of all others
 
 Cell = tuple[str, list[NDArray[np.uint8]]]  # a caption, and pictures one below the other
 log = logging.getLogger(__name__)
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Run a page's code when the page is read."""
+    """Run the code of each page that is read."""
     app.connect("builder-inited", _make_shapes)
     app.connect("env-before-read-docs", _show_last)
     app.connect("source-read", _run_page)
@@ -66,7 +64,7 @@ def _make_shapes(app: Sphinx) -> None:
 
 
 def _show_last(app: Sphinx, env: BuildEnvironment, names: list[str]) -> None:
-    """Read the page last that shows what others draw."""
+    """Read the page of the shapes last, as it shows pictures of others."""
     names.sort(key=SHAPES.__eq__)
 
 
@@ -79,7 +77,7 @@ def _run_page(app: Sphinx, name: str, source: list[str]) -> None:
 
 
 class _Page:
-    """The code of one page, as it is run."""
+    """The code of one page, and its output."""
 
     def __init__(self, name: str) -> None:
         self.name, self.space = name, {"__name__": name}
@@ -87,7 +85,7 @@ class _Page:
         self.began = time.time() - 1
 
     def run(self, text: str) -> str:
-        """Run all fences of the page, and put in what stands for what came of them."""
+        """Run all fences of the page, and replace the lines that stand for output and pictures."""
         with contextlib.chdir(FILES):
             text = STEP.sub(self._step, text)
             return LATER.sub(lambda mark: self._draw(self.space[mark[1]]), text)
@@ -110,7 +108,7 @@ class _Page:
         return step[0]
 
     def _command(self, line: str) -> str:
-        """Run one command, and return what it told."""
+        """Run one command, and return its output."""
         words = shlex.split(line, comments=True)
         if not words or words[0] != "dfd":
             return ""
@@ -123,13 +121,11 @@ class _Page:
             if file.stat().st_mtime_ns != written:
                 now = dfd.load(file)
                 if np.abs(now.vertices - vertices).max() > TOLERANCE * now.diagonal:
-                    raise RuntimeError(f"{file.name} is another than by Python")
+                    raise RuntimeError(f"{file.name} differs from the one by Python")
         return "".join(f"{told}\n" for told in result.output.splitlines() if "━" not in told)
 
-    # --- pictures
-
     def _draw(self, value: Any) -> str:
-        cells = _before_after(value) if isinstance(value, dfd.Deformer) else _strip(value)
+        cells = _cells(value)
         inked = np.any([image[..., 3] > 0 for _, images in cells for image in images], axis=0)
         sides = (np.flatnonzero(inked.any(axis=axis)) for axis in (1, 0))
         crop = tuple(slice(max(each[0] - MARGIN, 0), each[-1] + MARGIN) for each in sides)
@@ -144,52 +140,44 @@ class _Page:
         return "\n".join([*lines, "::::"])
 
 
-def _before_after(session: dfd.Deformer) -> list[Cell]:
-    """A session at rest, what follows its handles, and what came of it."""
-    views = _views(session, [session])
-    captions = {"before": "before", "weights": "what follows", "after": "after"}
-    return [(caption, [_transparent(session.mesh, **views[name])]) for name, caption in captions.items()]
-
-
-def _strip(cells: dict[str, Any]) -> list[Cell]:
-    """A picture for each caption; of sessions, what follows their handles and what came of it."""
-    sessions = [value for value in cells.values() if isinstance(value, dfd.Deformer)]
+def _cells(value: Any) -> list[Cell]:
+    """Draw the captions of a dict, sessions with weights above the deformed shape; or a session's three stages."""
+    if isinstance(value, dfd.Deformer):
+        stages = zip(("before", "what follows", "after"), _views(value, [value]).values(), strict=True)
+        return [(caption, [_transparent(value.mesh, **view)]) for caption, view in stages]
+    sessions = [each for each in value.values() if isinstance(each, dfd.Deformer)]
     drawn: list[Cell] = []
-    for caption, value in cells.items():
-        if isinstance(value, dfd.Deformer):
-            views = _views(value, sessions)
-            drawn.append((caption, [_transparent(value.mesh, **views[name]) for name in ("weights", "after")]))
-        elif isinstance(value, np.ndarray):
-            drawn.append((caption, [np.dstack([value, np.full(value.shape[:2], 255, np.uint8)])]))
+    for caption, each in value.items():
+        if isinstance(each, dfd.Deformer):
+            views = _views(each, sessions)
+            drawn.append((caption, [_transparent(each.mesh, **views[name]) for name in ("weights", "after")]))
+        elif isinstance(each, np.ndarray):
+            drawn.append((caption, [np.dstack([each, np.full(each.shape[:2], 255, np.uint8)])]))
         else:
-            mesh, options = value
+            mesh, options = each
             drawn.append((caption, [_transparent(mesh, **options)]))
     return drawn
 
 
 def _views(session: dfd.Deformer, sessions: list[dfd.Deformer]) -> dict[str, dict[str, Any]]:
-    """What `picture` draws of one of several sessions, all by one camera, from where the handles show."""
+    """Return options of `picture` for one of several sessions, all with one camera that faces the handles."""
     mesh = sessions[0].mesh
     places = np.array([handle.place.position for each in sessions for handle in each.handles]).reshape(-1, 3)
-    # Never from behind: people know a shape by its front.
+    # People know a shape by its front, so the camera stays within 45° of it.
     azimuth = float(np.clip((azimuth_towards(mesh, places) + 180) % 360 - 180, -45, 45))
     frame = [mesh.vertices, *(each.vertices for each in sessions)]
     return {name: {**view, "frame": frame} for name, view in session_views(session, azimuth).items()}
 
 
 def _transparent(mesh: dfd.Mesh, **options: Any) -> NDArray[np.uint8]:
-    """What `picture` draws, (R, R, 4), without its white, so that it stands on a dark page as well.
+    """Draw a picture (R, R, 4) without its white, for pages with a dark background.
 
-    Opaque is what the shape covers; marks beyond it are as opaque as they are not white.
+    The shape is opaque. Marks beyond it are as opaque as they differ from white.
     """
     options = {"resolution": RESOLUTION, **options}
     image = picture(mesh, **options) / np.float32(255)
-    camera = viewpoint(mesh, **{name: options[name] for name in CAMERA if name in options})
-    side = options["resolution"]
-    scene = Scene(np.asarray(options.get("vertices", mesh.vertices), np.float32), mesh.faces)
-    covered = np.zeros(side * 2 * side * 2, np.float32)
-    covered[scene.cast(camera.position, camera.ray_directions(2 * side)).ray] = 1
-    shape = covered.reshape(side, 2, side, 2).mean(axis=(1, 3))[..., None]
-    alpha = np.maximum(shape, 1 - image.min(axis=2, keepdims=True))
+    look = {name: value for name, value in options.items() if name not in ("colors", "weights", *MARKS)}
+    black = picture(mesh, colors=np.zeros((len(mesh.vertices), 3)), **look) / np.float32(255)
+    alpha = 1 - np.minimum(black, image).min(axis=2, keepdims=True)
     color = (image - (1 - alpha)) / np.maximum(alpha, 1e-3)
     return (np.dstack([color, alpha]).clip(0, 1) * 255 + 0.5).astype(np.uint8)

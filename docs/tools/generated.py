@@ -1,11 +1,10 @@
-"""Reference pages of what describes itself: `<!-- generated NAME -->` on a page becomes what a function here writes."""
+"""Write reference pages from the code: the function NAME here replaces `<!-- generated NAME -->` on a page."""
 
 from __future__ import annotations
 
 import html
 import json
 import re
-from collections.abc import Iterable
 from typing import Any
 
 import typer
@@ -20,7 +19,7 @@ Schema = dict[str, Any]
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Write what is generated when its page is read."""
+    """Write the generated parts of each page that is read."""
     app.connect("source-read", _put_in)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
@@ -30,7 +29,7 @@ def _put_in(app: Sphinx, name: str, source: list[str]) -> None:
 
 
 def command_line() -> str:
-    """Every command with its options, as `--help` has them."""
+    """Return every command with its options, as in `--help`."""
     group = typer.main.get_command(commands)
     text = get_docs_for_click(obj=group, ctx=typer.Context(group), name="dfd")
     text = html.unescape(text[text.index("## `dfd ") :])
@@ -38,13 +37,13 @@ def command_line() -> str:
 
 
 def edit_file() -> str:
-    """The edit file, its own fields first."""
+    """Return the definitions of the edit file, its own fields first."""
     schema = dfd.edit_schema()
     return _object("Edit", schema) + "".join(_object(*each) for each in schema.get("$defs", {}).items())
 
 
 def distill_settings() -> str:
-    """Write each setting of a distillation with its value in both presets."""
+    """Return each setting of a distillation with its value in both presets."""
     rows = ["| setting | default | paper | what it is |", "|---|---|---|---|"]
     default, paper = dfd.DistillSettings(), dfd.DistillSettings(preset="paper")
     for name, about in dfd.DistillSettings.model_fields.items():
@@ -54,7 +53,7 @@ def distill_settings() -> str:
 
 
 def _object(name: str, schema: Schema) -> str:
-    """One definition: a heading, its sentence, and a table of its fields."""
+    """Return one definition: a heading, its sentence, and a table of its fields."""
     text = f"\n## {name}\n\n{_sentence(schema)}\n"
     if fields := schema.get("properties"):
         text += "\n| field | type | default | what it is |\n|---|---|---|---|\n"
@@ -70,20 +69,20 @@ def _object(name: str, schema: Schema) -> str:
 
 def _sentence(schema: Schema) -> str:
     first = schema.get("description", "").partition("\n\n")[0]
-    return re.sub(r"\s+", " ", first).replace("|", "\\|")
+    return " ".join(first.split()).replace("|", "\\|")
 
 
 def _type(schema: Schema) -> str:
-    """A type in words."""
+    """Return a type in words."""
     if "$ref" in schema:
         name = schema["$ref"].rpartition("/")[2]
         return f"[{name}](#{name.lower()})"
     if "const" in schema:
         return f"`{json.dumps(schema['const'])}`"
     if "enum" in schema:
-        return _either(f"`{json.dumps(each)}`" for each in schema["enum"])
+        return ", ".join(f"`{json.dumps(each)}`" for each in schema["enum"])
     if alternatives := schema.get("anyOf") or schema.get("oneOf"):
-        return _either(map(_type, alternatives))
+        return ", ".join(dict.fromkeys(map(_type, alternatives)))
     if schema.get("type") == "array":
         if "prefixItems" in schema:
             return f"[{', '.join(map(_type, schema['prefixItems']))}]"
@@ -94,7 +93,3 @@ def _type(schema: Schema) -> str:
         if key in schema and abs(schema[key]) < 1e15
     ]
     return " ".join([schema.get("type", "anything"), *bounds])
-
-
-def _either(types: Iterable[str]) -> str:
-    return ", ".join(dict.fromkeys(types))

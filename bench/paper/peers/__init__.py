@@ -1,23 +1,21 @@
-"""Methods that DFD is compared with, each in three steps: what belongs to the shape, to its handles, and to a pose.
+"""Methods that DFD is compared with.
 
-ARAP and bounded biharmonic weights are libigl's; biharmonic coordinates, OptCtrlPoints and NeuralMLS are written here
-from their papers. All but ARAP and NeuralMLS work within tetrahedra, made by fTetWild. The networks of APAP and
-DeepMetaHandles cannot be had.
+ARAP and bounded biharmonic weights are libigl's. Biharmonic coordinates, OptCtrlPoints and NeuralMLS are written here
+from their papers. All but ARAP and NeuralMLS work within tetrahedra. The networks of APAP and DeepMetaHandles cannot
+be had.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
-from bench.paper.peers.biharmonic import Coordinates, OptCtrlPoints
-from bench.paper.peers.libigl_peers import Arap, Bounded
-from bench.paper.peers.neural_mls import NeuralMLS
+from bench.paper.peers.biharmonic import coordinates, opt_ctrl_points
+from bench.paper.peers.libigl_peers import arap, bounded
+from bench.paper.peers.neural_mls import neural_mls
 from bench.paper.peers.peer import Peer
 
-PEERS: dict[str, Callable[[], Peer]] = {
-    "ARAP": Arap,
-    "biharmonic": Coordinates,
-    "BBW": Bounded,
-    "NeuralMLS": NeuralMLS,
-    "OptCtrlPoints": OptCtrlPoints,
+PEERS = {
+    "ARAP": Peer(arap),
+    "biharmonic": Peer(coordinates, volume=True),
+    "BBW": Peer(bounded, volume=True),
+    "NeuralMLS": Peer(neural_mls),
+    "OptCtrlPoints": Peer(opt_ctrl_points, volume=True),
 }

@@ -1,45 +1,58 @@
-"""Biharmonic coordinates in tetrahedra, and the same that are quick to bind anew.
+"""Biharmonic coordinates in tetrahedra, by a direct solve and by OptCtrlPoints.
 
 Wang et al., "Linear Subspace Design for Real-Time Shape Deformation", 2015; Kim et al., "OptCtrlPoints", 2023.
-
-Checked in tests/python/bench/test_paper.py: both interpolate their control points and reproduce affine maps, as the
-first paper proves of its coordinates; the second has the weights of the first's direct solve.
+libigl for Python gives the coordinates but not the energy, which OptCtrlPoints factors.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
+import igl
 import numpy as np
+from scipy.linalg import qr
 from scipy.sparse import coo_array, csc_array, diags_array
 from scipy.sparse.linalg import splu
 
-from bench.paper.peers.peer import Body, PeerError, libigl
-from bench.quality.measures import components_of
+from bench.paper.peers.peer import Bind, Body, Deform, PeerError, Tetrahedra, on_nodes
 from dfd.common.linear_algebra import Float64, Int64
 
+Solve = Callable[[Int64], Float64]  # the weights (N, K) of distinct nodes (K,)
 
-class Coordinates:
-    """Weights W of least biharmonic energy that are 1 at their handle and 0 at the others; they are affinely exact."""
 
-    volume = True
+def coordinates(body: Body) -> Bind:
+    """Prepare weights of least biharmonic energy, 1 at their handle and 0 at the others; they reproduce affine maps."""
+    return _binding(body, direct(body.within))
 
-    def prepare(self, body: Body) -> None:
-        """Assemble the energy."""
-        self.body, self.within = body, body.within
-        self.energy = bilaplacian(self.within.nodes, self.within.cells)
 
-    def bind(self, held: Int64, group: Int64) -> None:
-        """Factor the energy without the handles, and solve for their weights."""
-        handles, self.first = on_nodes(self.body, held)
-        self.held = held
-        self.weights = self.solve(handles)
+def opt_ctrl_points(body: Body) -> Bind:
+    """Prepare the weights of `coordinates` by `small_system`."""
+    return _binding(body, small_system(body.within))
 
-    def solve(self, handles: Int64) -> Float64:
-        """Weights (N, K) of distinct nodes (K,)."""
-        nodes = self.within.nodes
-        size = np.ptp(nodes, axis=0).max()
-        components = components_of(self.within.cells, len(nodes))
+
+def _binding(body: Body, solve: Solve) -> Bind:
+    def bind(held: Int64, group: Int64) -> Deform:
+        nodes, first = on_nodes(body, held)
+        weights = solve(nodes)
+
+        def deform(targets: Float64) -> Float64:
+            offsets = (targets - body.vertices[held])[first]
+            return body.vertices + body.within.on_surface(weights @ offsets)
+
+        return deform
+
+    return bind
+
+
+def direct(within: Tetrahedra) -> Solve:
+    """Assemble the energy, which every solve factors without the handles."""
+    nodes, energy = within.nodes, bilaplacian(within.nodes, within.cells)
+
+    def solve(handles: Int64) -> Float64:
+        size, components = np.ptp(nodes, axis=0).max(), igl.vertex_components(within.cells)
         for component in range(components.max() + 1):
-            # Affine functions cost nothing: fewer than four handles leave them open there.
+            # Affine functions have energy 0, so only four handles determine them.
             own = handles[components[handles] == component]
             if np.linalg.matrix_rank(np.c_[np.ones(len(own)), nodes[own] / size], tol=1e-3) < 4:
                 on_each = f" on every one of the {components.max() + 1} components" if components.max() else ""
@@ -48,86 +61,63 @@ class Coordinates:
         weights = np.zeros((len(nodes), len(handles)))
         weights[handles, np.arange(len(handles))] = 1.0
         if len(free):
-            rest = self.energy[:, free].tocsc()
-            try:
-                weights[free] = -splu(rest[free]).solve(self.energy[free][:, handles].toarray())
-            except RuntimeError:
-                raise PeerError("meets a singular system") from None
+            weights[free] = -_factored(energy, free).solve(energy[free][:, handles].toarray())
         return weights
 
-    def deform(self, targets: Float64) -> Float64:
-        """Blend the handles' offsets."""
-        offsets = (targets - self.body.vertices[self.held])[self.first]
-        return self.body.vertices + self.within.on_surface(self.weights @ offsets)
+    return solve
 
 
-class OptCtrlPoints(Coordinates):
-    """The same weights as those of `Coordinates`; of fewer than four handles, the smallest of all that there are.
+def small_system(within: Tetrahedra) -> Solve:
+    """Factor the energy once, with four nodes held, which gives a generalized inverse.
 
-    The energy is factored once. The weights of any K handles then follow from a system of K + 4 equations, as in the
-    paper's reformulation whose matrix depends on the number of control points rather than of vertices:
-    W = G S Λ + P C, where S picks the handles, G is a generalized inverse of the energy and P spans the affine
-    functions, whose energy is 0.
+    K handles then take a system of K + 4 equations, as in the paper's reformulation: W = G S Λ + P C, where S picks the
+    handles, G is the inverse, and P spans the affine functions, whose energy is 0. Fewer than four handles have the
+    smallest weights that solve their equations.
     """
+    nodes = within.nodes
+    affine = np.c_[np.ones(len(nodes)), (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()]
+    pins = qr(affine.T, mode="r", pivoting=True)[1][:4]  # four nodes far from one plane
+    free = np.setdiff1d(np.arange(len(nodes)), pins)
+    factors = _factored(bilaplacian(nodes, within.cells), free)
 
-    def prepare(self, body: Body) -> None:
-        """Assemble the energy and factor it, four nodes held: that is the generalized inverse."""
-        super().prepare(body)
-        nodes = self.within.nodes
-        positions = (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()
-        self.affine = np.c_[np.ones(len(nodes)), positions]
-        pins = [int(positions[:, 0].argmin())]
-        for count in range(1, 4):  # each as far as can be from the point, line or plane of those before
-            spanned = np.linalg.qr((positions[pins[1:]] - positions[pins[0]]).T)[0] if count > 1 else np.zeros((3, 1))
-            offsets = positions - positions[pins[0]]
-            pins.append(int(np.linalg.norm(offsets - offsets @ spanned @ spanned.T, axis=1).argmax()))
-        self.free = np.setdiff1d(np.arange(len(nodes)), pins)
-        try:
-            self.factors = splu(self.energy[self.free][:, self.free].tocsc())
-        except RuntimeError:
-            raise PeerError("meets a singular system: the tetrahedra are not of one component") from None
-
-    def solve(self, handles: Int64) -> Float64:
-        """Weights (N, K) of distinct nodes (K,), by the small system."""
+    def solve(handles: Int64) -> Float64:
         count = len(handles)
-        ones = np.zeros((len(self.affine), count))
+        ones = np.zeros((len(nodes), count))
         ones[handles, np.arange(count)] = 1.0
         inverse = np.zeros_like(ones)  # columns of the generalized inverse
-        inverse[self.free] = self.factors.solve(ones[self.free])
-        system = np.zeros((count + 4, count + 4))
+        inverse[free] = factors.solve(ones[free])
         scale = max(float(np.abs(inverse[handles]).max()), 1e-300)
-        system[:count, :count] = inverse[handles] / scale
-        system[:count, count:] = self.affine[handles]
-        system[count:, :count] = self.affine[handles].T
+        system = np.block([[inverse[handles] / scale, affine[handles]], [affine[handles].T, np.zeros((4, 4))]])
         solved = np.linalg.lstsq(system, np.eye(count + 4)[:, :count], rcond=1e-12)[0]
-        return inverse @ (solved[:count] / scale) + self.affine @ solved[count:]
+        return inverse @ (solved[:count] / scale) + affine @ solved[count:]
+
+    return solve
 
 
-def on_nodes(body: Body, held: Int64) -> tuple[Int64, Int64]:
-    """The distinct nodes (K,) nearest to vertices (N,), and which of those each node stands for."""
-    nodes, first = np.unique(body.within.nearest(body.vertices[held]), return_index=True)
-    return nodes, first
+def _factored(energy: csc_array, free: Int64) -> Any:
+    try:
+        return splu(energy[free][:, free].tocsc())
+    except RuntimeError:
+        raise PeerError("meets a singular system, as where tetrahedra have several components") from None
 
 
 def bilaplacian(nodes: Float64, cells: Int64) -> csc_array:
-    """(N, N) the squared Laplacian whose null space is all affine functions: no condition is set at the boundary.
+    """Return the squared Laplacian (N, N) whose null space is all affine functions, with no condition at the boundary.
 
-    (L + N)ᵀ M⁻¹ (L + N), where L integrates −∇φ·∇u over the volume and N adds ∂u/∂n over the boundary's triangles, so
-    that an affine u gives 0 at every node. Nodes are taken at unit size, which scales the energy alone.
+    It is (L + N)ᵀ M⁻¹ (L + N). L integrates −∇φ·∇u over the volume. N adds ∂u/∂n over the triangles of the boundary, so
+    that an affine u gives 0 at every node.
     """
-    igl = libigl()
-    positions = (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()
-    at = positions[cells]
-    volumes = np.abs(np.linalg.det(at[:, 1:] - at[:, :1])) / 6
+    positions = (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()  # unit size only scales the energy
+    volumes = np.abs(igl.volume(positions, cells))
     if volumes.min() <= 0:
         raise PeerError("has tetrahedra without volume")
-    facets, owner, _ = map(np.asarray, igl.boundary_facets(cells))
-    corners = positions[facets]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2  # as long as the area
-    inwards = np.einsum("bd,bd->b", normals, corners.mean(axis=1) - at[owner].mean(axis=1)) < 0
-    normals[inwards] *= -1
+    facets, owner, apex = igl.boundary_facets(cells)
     gradient = csc_array(igl.grad(positions, cells))  # (3 T, N), of all x, then y, then z
-    slopes = sum(diags_array(normals[:, k]) @ gradient[owner + k * len(cells)] for k in range(3))
+    slopes = csc_array((len(facets), len(nodes)))
+    for rows in (owner + k * len(cells) for k in range(3)):
+        # The outward normal, as long as the area, is −3 times the volume times the gradient of the opposite node.
+        normal = -3 * volumes[owner] * gradient[rows, cells[owner, apex]]
+        slopes += diags_array(normal) @ gradient[rows]
     thirds = (np.full(facets.size, 1 / 3), (facets.ravel(), np.repeat(np.arange(len(facets)), 3)))
     laplacian = igl.cotmatrix(positions, cells) + coo_array(thirds, shape=(len(nodes), len(facets))) @ slopes
     masses = np.bincount(cells.ravel(), np.repeat(volumes / 4, 4), minlength=len(nodes))

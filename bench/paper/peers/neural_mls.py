@@ -1,10 +1,7 @@
 """Moving least squares with learned weights; Shechter et al., "NeuralMLS", 2022.
 
-A small network learns to tell which control point lies at a position; its answers for any other point, which its
-smoothness decides, are the weights of rigid moving least squares (Schaefer et al., 2006).
-
-Checked in tests/python/bench/test_paper.py: it reproduces rigid motions, as Schaefer et al. prove of moving least
-squares, and moves its control points to within 2 % of the size from their targets.
+A small network learns which control point lies at a position. Its smooth answers elsewhere are the weights of rigid
+moving least squares (Schaefer et al., 2006).
 """
 
 from __future__ import annotations
@@ -14,66 +11,67 @@ from itertools import pairwise
 
 import torch
 
-from bench.paper.peers.peer import Body
+from bench.paper.peers.peer import Bind, Body, Deform
 from dfd.common.linear_algebra import Float64, Int64
 
 WIDTH, HIDDEN = 256, 3
 STEPS, RATE = 1_000, 1e-3
 ENOUGH = 0.02  # mean cross-entropy at which training ends
 MOST_SECONDS = 40.0
-STILL = 1e-4  # of the size squared: pulls rotations that few points determine towards none
+STILL = 1e-4  # of the size squared: pulls badly determined rotations towards none
 AT_ONCE = 1 << 15
 
 
-class NeuralMLS:
-    """Control points are the held vertices; the network is trained by `bind`, in less than a minute."""
+def neural_mls(body: Body) -> Bind:
+    """Prepare NeuralMLS; held vertices are control points, and binding trains for less than a minute."""
+    low, high = body.vertices.min(axis=0), body.vertices.max(axis=0)
+    center, scale = (low + high) / 2, 2 / (high - low).max()
 
-    volume = False
+    def scaled(positions: Float64) -> torch.Tensor:
+        return torch.from_numpy((positions - center) * scale)
 
-    def prepare(self, body: Body) -> None:
-        """Scale the shape to [-1, 1]."""
-        low, high = body.vertices.min(axis=0), body.vertices.max(axis=0)
-        self.center, self.scale = (low + high) / 2, 2 / (high - low).max()
-        self.points = torch.from_numpy(self._scaled(body.vertices))
+    points = scaled(body.vertices)
 
-    def bind(self, held: Int64, group: Int64) -> None:
-        """Train the network on the control points, and ask it for the weights of all vertices."""
-        self.control = self.points[held]
-        with torch.random.fork_rng():
-            torch.manual_seed(0)
-            widths = [3, *[WIDTH] * HIDDEN, len(held)]
-            layers = [torch.nn.Linear(before, after) for before, after in pairwise(widths)]
-        between = [each for layer in layers for each in (layer, torch.nn.ReLU())][:-1]
-        network = torch.nn.Sequential(*between)
-        optimizer = torch.optim.Adam(network.parameters(), lr=RATE)
-        positions, own = self.control.float(), torch.arange(len(held))
-        begin = time.perf_counter()
-        for _ in range(STEPS):
-            optimizer.zero_grad()
-            loss = torch.nn.functional.cross_entropy(network(positions), own)
-            loss.backward()
-            optimizer.step()
-            if float(loss.detach()) < ENOUGH or time.perf_counter() - begin > MOST_SECONDS:
-                break
+    def bind(held: Int64, group: Int64) -> Deform:
+        control = points[held]
+        network = trained(control.float())
         with torch.inference_mode():
-            answers = [network(some.float()).softmax(dim=1) for some in self.points.split(AT_ONCE)]
-        self.weights = torch.cat(answers)
+            weights = [network(some.float()).softmax(dim=1).double() for some in points.split(AT_ONCE)]
 
-    def deform(self, targets: Float64) -> Float64:
-        """Move every vertex by the rigid motion that fits the control points best, weighted as it is."""
-        wanted = torch.from_numpy(self._scaled(targets))
-        pairs = (self.control[:, :, None] * wanted[:, None]).reshape(-1, 9)
-        moved = []
-        for points, some in zip(self.points.split(AT_ONCE), self.weights.split(AT_ONCE), strict=True):
-            weights = some.double()
-            weights = weights / weights.sum(dim=1, keepdim=True)  # to more digits than the network's
-            before, after = weights @ self.control, weights @ wanted
-            spread = (weights @ pairs).reshape(-1, 3, 3) - before[:, :, None] * after[:, None]
-            left, _, right = torch.linalg.svd(spread + STILL * torch.eye(3, dtype=torch.float64))
-            mirror = torch.linalg.det(left @ right)
-            left = torch.cat([left[:, :, :2], left[:, :, 2:] * mirror[:, None, None]], dim=2)
-            moved.append(torch.einsum("vd,vde->ve", points - before, left @ right) + after)
-        return torch.cat(moved).numpy() / self.scale + self.center
+        def deform(targets: Float64) -> Float64:
+            """Move every vertex by the rigid motion that fits the control points best, by its weights."""
+            wanted = scaled(targets)
+            pairs = (control[:, :, None] * wanted[:, None]).reshape(-1, 9)
+            moved = []
+            for some, own in zip(points.split(AT_ONCE), weights, strict=True):
+                normalized = own / own.sum(dim=1, keepdim=True)  # to more digits than the network's
+                before, after = normalized @ control, normalized @ wanted
+                spread = (normalized @ pairs).reshape(-1, 3, 3) - before[:, :, None] * after[:, None]
+                left, _, right = torch.linalg.svd(spread + STILL * torch.eye(3, dtype=torch.float64))
+                mirror = torch.linalg.det(left @ right)
+                left = torch.cat([left[:, :, :2], left[:, :, 2:] * mirror[:, None, None]], dim=2)
+                moved.append(torch.einsum("vd,vde->ve", some - before, left @ right) + after)
+            return torch.cat(moved).numpy() / scale + center
 
-    def _scaled(self, positions: Float64) -> Float64:
-        return (positions - self.center) * self.scale
+        return deform
+
+    return bind
+
+
+def trained(control: torch.Tensor) -> torch.nn.Module:
+    """Return a network trained to tell the control points (N, 3) from their positions."""
+    with torch.random.fork_rng():
+        torch.manual_seed(0)
+        widths = [3, *[WIDTH] * HIDDEN, len(control)]
+        layers = [torch.nn.Linear(before, after) for before, after in pairwise(widths)]
+    network = torch.nn.Sequential(*[each for layer in layers for each in (layer, torch.nn.ReLU())][:-1])
+    optimizer = torch.optim.Adam(network.parameters(), lr=RATE)
+    begin = time.perf_counter()
+    for _ in range(STEPS):
+        optimizer.zero_grad()
+        loss = torch.nn.functional.cross_entropy(network(control), torch.arange(len(control)))
+        loss.backward()
+        optimizer.step()
+        if float(loss.detach()) < ENOUGH or time.perf_counter() - begin > MOST_SECONDS:
+            break
+    return network

@@ -1,11 +1,11 @@
-"""What every peer can do, and how one is run and timed where it can neither hang nor crash the bench.
+"""Run a peer, timed, in a process of its own, where it can neither hang nor crash the bench.
 
 Tetrahedra within a surface are those of fTetWild; Hu et al., "Fast Tetrahedral Meshing in the Wild", 2020.
 """
 
 from __future__ import annotations
 
-import hashlib
+import contextlib
 import multiprocessing
 import os
 import tempfile
@@ -14,24 +14,22 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, Protocol
+from dataclasses import dataclass
+from typing import Any
 
 import fast_simplification
+import igl
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 import dfd
-from bench.quality.measures import components_of
 from dfd.common.linear_algebra import Float64, Int64
 
-PATIENCE = 300.0  # seconds for all that one peer does with one shape
+PATIENCE = 300.0  # seconds for all steps of one peer on one shape
 FILLING_PATIENCE = 900.0  # seconds for its tetrahedra
-EDGE = 0.05  # of the diagonal: the length of tetrahedra's edges
-MOST_FACES = 6_000  # of the surface that is filled: fTetWild takes minutes beyond on two cores
-AWAY = 0.08  # of the diagonal: a surface that is farther from the tetrahedra was not filled
+EDGE = 0.05  # of the diagonal, the edges of the tetrahedra
+MOST_FACES = 6_000  # of the surface that is filled; fTetWild takes minutes for more on two cores
+AWAY = 0.08  # of the diagonal, the largest distance of a filled surface from its tetrahedra
 
 
 class PeerError(RuntimeError):
@@ -40,13 +38,13 @@ class PeerError(RuntimeError):
 
 @dataclass(frozen=True)
 class Tetrahedra:
-    """What fills a surface, and where the surface's vertices lie on the boundary."""
+    """Tetrahedra within a surface, and where the vertices of the surface lie on their boundary."""
 
     nodes: Float64  # (N, 3)
     cells: Int64  # (T, 4)
-    corners: Int64  # (V, 3) nodes of the boundary's triangle nearest to each vertex of the surface
+    corners: Int64  # (V, 3) nodes of the boundary triangle nearest to each vertex of the surface
     barycentric: Float64  # (V, 3) coordinates there
-    seconds: float  # that it took
+    seconds: float  # to fill the surface
 
     def nearest(self, points: Float64) -> Int64:
         """Return the node nearest to each of the points (P, 3)."""
@@ -59,34 +57,29 @@ class Tetrahedra:
 
 @dataclass(frozen=True)
 class Body:
-    """A surface all of whose vertices are corners of faces, and the tetrahedra within it for those that need them."""
+    """A surface whose vertices are all corners of faces, and the tetrahedra within it for peers that need them."""
 
     vertices: Float64  # (V, 3)
     faces: Int64  # (F, 3)
     within: Tetrahedra | None = None
 
 
-class Peer(Protocol):
-    """Three steps, each timed: `prepare` once a shape, `bind` once a set of handles, `deform` once a pose.
+Deform = Callable[[Float64], Float64]  # targets (N, 3) of the held vertices to all vertices (V, 3)
+# Held vertices (N,) and their groups (N,) to a deformation. A group moves alike, and stays if it is below 0.
+Bind = Callable[[Int64, Int64], Deform]
 
-    Each may raise PeerError.
-    """
 
-    volume: bool  # whether it needs tetrahedra
+@dataclass(frozen=True)
+class Peer:
+    """A method in three timed steps, once per shape, per set of handles and per pose; each may raise PeerError."""
 
-    def prepare(self, body: Body) -> None:
-        """Take the shape."""
-
-    def bind(self, held: Int64, group: Int64) -> None:
-        """Take vertices (N,) that will be moved; those of one `group` (N,) move alike, and stay where it is below 0."""
-
-    def deform(self, targets: Float64) -> Float64:
-        """Return the vertices (V, 3) when the held ones are at `targets` (N, 3), as near as the method can."""
+    prepare: Callable[[Body], Bind]
+    volume: bool = False  # whether it needs tetrahedra
 
 
 @dataclass(frozen=True)
 class Job:
-    """Vertices (N,) of a mesh, the groups that they move in (N,), below 0 for those that stay, and targets (N, 3)."""
+    """Vertices (N,) of a mesh, their groups (N,), below 0 for those that stay, and their targets (N, 3)."""
 
     held: Int64
     group: Int64
@@ -98,11 +91,11 @@ class Done:
     """Moved vertices (V, 3), mesh units, and the seconds of every step."""
 
     vertices: Float64
-    seconds: dict[str, float] = field(default_factory=dict)
+    seconds: dict[str, float]
 
 
 def run(
-    make: Callable[[], Peer],
+    peer: Peer,
     mesh: dfd.Mesh,
     jobs: Sequence[Job],
     *,
@@ -112,19 +105,19 @@ def run(
 ) -> list[Done]:
     """Do `jobs` on one shape by one peer, in a process of its own, within `patience` seconds.
 
-    Tetrahedra, with edges of `edge` times the diagonal, are those of the shape simplified to `most_faces`; None fills
-    it as it is, within `patience` too.
+    Tetrahedra have edges of `edge` times the diagonal. They fill the shape simplified to `most_faces`; None fills it as
+    it is, also within `patience`.
 
-    Raises PeerError if the peer is not installed, cannot do the shape or the handles, fails, crashes or takes too long.
+    Raises PeerError if the peer cannot do the shape or the handles, fails, crashes or takes too long.
     """
-    used, faces = np.unique(mesh.faces, return_inverse=True)  # a vertex of no face makes equations singular
+    used, faces = np.unique(mesh.faces, return_inverse=True)  # a vertex without a face makes equations singular
     vertices, faces = mesh.vertices[used], faces.reshape(-1, 3).astype(np.int64)
     filling = FILLING_PATIENCE if most_faces else patience
-    within = tetrahedra(vertices, faces, filling, most_faces, edge) if make().volume else None
+    within = tetrahedra(vertices, faces, filling, most_faces, edge) if peer.volume else None
     body = Body(vertices, faces, within)
     own = [Job(np.searchsorted(used, mesh.representative[job.held]), job.group, job.targets) for job in jobs]
     done = []
-    for moved, seconds in in_child(_run, make, body, own, seconds=patience):
+    for moved, seconds in in_child(_run, peer, body, own, seconds=patience):
         if not np.isfinite(moved).all():
             raise PeerError("gives NaN")
         result = mesh.vertices.copy()
@@ -135,45 +128,35 @@ def run(
     return done
 
 
-def _run(make: Callable[[], Peer], body: Body, jobs: Sequence[Job]) -> list[tuple[Float64, dict[str, float]]]:
-    peer = make()
+def _run(peer: Peer, body: Body, jobs: Sequence[Job]) -> list[tuple[Float64, dict[str, float]]]:
     begin = time.perf_counter()
-    peer.prepare(body)
+    bind = peer.prepare(body)
     prepared = time.perf_counter() - begin
     done = []
     for job in jobs:
         start = time.perf_counter()
-        peer.bind(job.held, job.group)
+        deform = bind(job.held, job.group)
         bound = time.perf_counter()
-        moved = peer.deform(job.targets)
+        moved = deform(job.targets)
         done.append((moved, {"prepare": prepared, "bind": bound - start, "pose": time.perf_counter() - bound}))
     return done
 
 
-def check_components(corners: NDArray[np.integer], count: int, held: NDArray[np.integer]) -> None:
-    """Raise PeerError unless every component of elements (E, K), of `count` vertices, holds one of `held`."""
-    component = components_of(corners, count)
+def on_nodes(body: Body, held: Int64) -> tuple[Int64, Int64]:
+    """Return the distinct nodes (K,) nearest to vertices (N,), and the index (K,) of a vertex for each."""
+    nodes, first = np.unique(body.within.nearest(body.vertices[held]), return_index=True)
+    return nodes, first
+
+
+def check_components(corners: Int64, held: Int64) -> None:
+    """Raise PeerError unless every component of elements (E, K) holds one of the vertices `held`."""
+    component = igl.vertex_components(corners)
     if len(np.unique(component[held])) <= component.max():
         raise PeerError(f"needs a handle or a fixed point on every one of the {component.max() + 1} components")
 
 
-def libigl() -> Any:
-    """Return the module, or raise PeerError where it is not installed."""
-    try:
-        import igl
-    except ImportError:
-        raise PeerError("libigl is not installed") from None
-    return igl
-
-
-# --- a process of its own
-
-
 def in_child(function: Callable[..., Any], *arguments: Any, seconds: float) -> Any:
-    """Return what `function` returns in a process of its own.
-
-    Raises PeerError if it raises, dies, or takes longer than `seconds`.
-    """
+    """Return the result of `function` in a process of its own; raise PeerError if it fails or exceeds `seconds`."""
     others = set(multiprocessing.active_children())
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
         answer = pool.submit(function, *arguments)
@@ -183,27 +166,24 @@ def in_child(function: Callable[..., Any], *arguments: Any, seconds: float) -> A
             raise PeerError(f"takes longer than {seconds:g} s") from None
         except BrokenProcessPool:
             raise PeerError("crashes") from None
-        except Exception as error:  # whatever a peer raises is its result
+        except Exception as error:  # any error of a peer is its result
             raise PeerError((str(error).splitlines() or [type(error).__name__])[0]) from None
         finally:
             for child in set(multiprocessing.active_children()) - others:
                 child.kill()
 
 
-# --- tetrahedra
-
-known: dict[str, Tetrahedra | PeerError] = {}  # several peers and pages ask for one shape's
+known: dict[Any, Tetrahedra | PeerError] = {}  # several peers and pages ask for the tetrahedra of one shape
 
 
 def tetrahedra(
     vertices: Float64, faces: Int64, patience: float, most_faces: int | None = None, edge: float = EDGE
 ) -> Tetrahedra:
-    """Fill a surface with tetrahedra, once in a process; one of more than `most_faces` faces is simplified before.
+    """Fill a surface with tetrahedra, once per process; simplify it to `most_faces` before.
 
-    Raises PeerError if `wildmeshing` or libigl is not installed, or the surface cannot be filled, or not within
-    `patience` seconds.
+    Raises PeerError if the surface cannot be filled, or not within `patience` seconds.
     """
-    key = hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest() + f" {most_faces} {edge}"
+    key = vertices.tobytes(), faces.tobytes(), most_faces, edge
     if key not in known:
         try:
             known[key] = in_child(_fill, vertices, faces, most_faces, edge, seconds=patience)
@@ -216,41 +196,29 @@ def tetrahedra(
 
 
 def _fill(vertices: Float64, faces: Int64, most: int | None, edge: float) -> Tetrahedra:
+    import wildmeshing  # the tests run without it
+
     begin = time.perf_counter()
-    igl = libigl()
     points, sides = vertices, faces
     if most is not None and len(faces) > most:
         points, sides = fast_simplification.simplify(vertices.astype(np.float32), faces, target_count=most)
-    nodes, cells = _fill_by_ftetwild(np.asarray(points, np.float64), np.asarray(sides), edge)
-    boundary = np.ascontiguousarray(igl.boundary_facets(cells)[0])
+    # fTetWild prints every step and writes a file into the working folder; both belong to a process that then ends.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        tetrahedralizer = wildmeshing.Tetrahedralizer(stop_quality=30, max_its=30, edge_length_r=edge)
+        center = np.mean(points, axis=0, dtype=np.float64)
+        tetrahedralizer.set_mesh(points - center, np.asarray(sides, np.int32))
+        tetrahedralizer.tetrahedralize()
+        positions, corners = tetrahedralizer.get_tet_mesh()[:2]
+    if len(corners) == 0:
+        raise PeerError("cannot be filled with tetrahedra: the surface encloses nothing")
+    used, corners = np.unique(corners, return_inverse=True)
+    nodes, cells = np.ascontiguousarray(positions[used] + center), corners.reshape(-1, 4).astype(np.int64)
+    boundary = igl.boundary_facets(cells)[0]
     squared, face, closest = igl.point_mesh_squared_distance(np.ascontiguousarray(vertices), nodes, boundary)
     farthest = np.sqrt(squared.max()) / np.linalg.norm(np.ptp(vertices, axis=0))
     if farthest > AWAY:
         raise PeerError(f"cannot be filled with tetrahedra: parts stay {100 * farthest:.0f} % of the diagonal away")
-    corners = boundary[face].astype(np.int64)
+    corners = boundary[face]
     barycentric = igl.barycentric_coordinates(closest, *(np.ascontiguousarray(nodes[corner]) for corner in corners.T))
-    return Tetrahedra(nodes, cells, corners, np.asarray(barycentric), time.perf_counter() - begin)
-
-
-def _fill_by_ftetwild(points: Float64, faces: NDArray[np.integer], edge: float) -> tuple[Float64, Int64]:
-    """Return nodes (N, 3) and tetrahedra (T, 4) within what a surface nearly closes off.
-
-    It writes every step to stdout, and a file into its working folder, hence a process of its own.
-    """
-    try:
-        import wildmeshing
-    except ImportError:
-        raise PeerError("needs wildmeshing, which is not installed") from None
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    center, before = points.mean(axis=0), Path.cwd()
-    with tempfile.TemporaryDirectory() as folder:
-        os.chdir(folder)
-        tetrahedralizer = wildmeshing.Tetrahedralizer(stop_quality=30, max_its=30, edge_length_r=edge)
-        tetrahedralizer.set_mesh(points - center, faces.astype(np.int32))
-        tetrahedralizer.tetrahedralize()
-        nodes, cells = tetrahedralizer.get_tet_mesh()[:2]
-        os.chdir(before)
-    if len(cells) == 0:
-        raise PeerError("cannot be filled with tetrahedra: the surface encloses nothing")
-    used, corners = np.unique(cells, return_inverse=True)
-    return np.ascontiguousarray(nodes[used] + center), corners.reshape(-1, 4).astype(np.int64)
+    return Tetrahedra(nodes, cells, corners, barycentric, time.perf_counter() - begin)

@@ -43,13 +43,6 @@ def test_a_face_that_is_folded_over_is_counted() -> None:
     assert surface_metrics(mesh, grid[:, [1, 0, 2]]).flipped_faces == 0
 
 
-def test_surfaces_that_pass_through_each_other_are_counted() -> None:
-    mesh = Mesh(np.vstack([CORNERS, CORNERS + [3, 0, 0]]), np.vstack([CUBE, CUBE + 8]))
-    found = surface_metrics(mesh, np.vstack([CORNERS, CORNERS + [0.5, 0.25, 0.25]]))
-    assert found.self_intersecting_before == 0
-    assert found.self_intersecting_faces > 4
-
-
 def test_positions_that_are_none_are_refused() -> None:
     with pytest.raises(ValueError, match="`vertices`"):
         surface_metrics(BOX, BOX.vertices[:4])

@@ -1,0 +1,229 @@
+"""The shapes, handles, fields and sessions that the paper's pages show, by two presets."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import dfd
+from bench.quality.shapes import SAMPLES
+from dfd.common.linear_algebra import Float32, Float64
+from dfd.common.preset import Preset
+from dfd.common.progress import Stages
+from dfd.distillation.settings import DistillSettings
+from dfd.encoders.encode import Encoder, load_encoder
+from dfd.encoders.known import DEFAULT_ENCODER
+from dfd.geometry.refine import split_long_edges
+
+PRESETS: tuple[Preset, ...] = ("paper", "default")
+NAMES: dict[Preset, str] = {"paper": "paper preset", "default": "dfd default"}
+MESH_ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
+LONGEST_EDGE = 0.03  # of the diagonal; weights, which are exact at vertices alone, look coarse on longer ones
+QUICK: dict[str, Any] = {"views": 8, "resolution": 196}
+QUICK_PAPER: dict[str, Any] = {"epochs": 5, "batch": 2_000}
+
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A mesh with the name of its file or sample."""
+
+    name: str
+    mesh: dfd.Mesh
+
+    def at(self, point: Sequence[float]) -> int:
+        """Return the vertex with a face nearest to `point`, whose coordinates go from 0 to 1 along the box."""
+        corners = np.unique(self.mesh.faces)
+        return int(corners[np.linalg.norm(self.mesh.vertices[corners] - self.place(point), axis=1).argmin()])
+
+    def place(self, point: Sequence[float]) -> Float64:
+        """Return `point` (3,), whose coordinates go from 0 to 1 along the box, in mesh units."""
+        return self.mesh.bounds[0] + np.asarray(point) * self.mesh.extents
+
+    def refined(self) -> Shape:
+        """Return the shape with long edges halved, without its appearance; unchanged if no edge is long."""
+        longest = LONGEST_EDGE * self.mesh.diagonal
+        vertices, faces = split_long_edges(self.mesh.vertices, self.mesh.faces, longest, most=50_000)
+        return self if len(faces) == len(self.mesh.faces) else Shape(self.name, dfd.Mesh(vertices, faces))
+
+
+@dataclass(frozen=True)
+class BoxHandle:
+    """A handle and its motion, with places from 0 to 1 along the sides of a shape's box, for any mesh of the shape."""
+
+    at: Point
+    offset: Point = (0.0, 0.0, 0.0)  # of the diagonal
+    rotation: Point | None = None  # degrees
+    scale: Point | None = None
+    locality: float = 0.0
+    pivot: Point | None = None
+    fixed: tuple[Point, ...] = ()
+    azimuth: float | None = None  # degrees, of the camera
+
+    def on(self, shape: Shape) -> dict[str, Any]:
+        """Return the keywords of `Deformer.add`."""
+        handle: dict[str, Any] = {"at": shape.at(self.at), "translation": np.array(self.offset) * shape.mesh.diagonal}
+        for name in ("rotation", "scale", "locality"):
+            if value := getattr(self, name):
+                handle[name] = value
+        if self.pivot is not None:
+            handle["pivot"] = shape.place(self.pivot)
+        return handle
+
+
+# A pull of each shape that pages show, and of any other.
+PULLS = {
+    "spot": BoxHandle((0.1, 1.0, 0.4), (-0.06, 0.1, 0.0)),
+    "kaykit_chair_A": BoxHandle((0.0, 0.0, 1.0), (0.0, -0.15, 0.0)),
+    "scorpion": BoxHandle((0.0, 0.2, 1.0), (-0.05, 0.0, 0.1)),
+    "koala": BoxHandle((0.0, 0.95, 0.75), (-0.08, 0.08, 0.0)),
+    "fox": BoxHandle((0.2, 1.0, 0.7), (0.0, 0.12, 0.0)),
+    "table_roundlarge": BoxHandle((0.0, 0.0, 0.5), (0.0, -0.12, 0.0)),
+    "shark": BoxHandle((0.0, 0.4, 0.6), (-0.12, 0.0, 0.0)),
+    "human_neutral": BoxHandle((1.0, 0.75, 0.5), (0.02, 0.12, 0.05)),
+    "boat": BoxHandle((0.5, 1.0, 0.5), (0.0, 0.15, 0.0)),
+    "plane_holes": BoxHandle((0.0, 0.2, 0.4), (-0.1, 0.1, 0.0)),
+    "chair": BoxHandle((0.0, 0.0, 1.0), (0.0, -0.15, 0.0)),
+    "quadruped": BoxHandle((0.2, 1.0, 0.9), (-0.04, 0.12, 0.0)),
+    "*": BoxHandle((0.5, 1.0, 0.5), (0.0, 0.15, 0.0)),
+}
+
+
+def pulls_of(*names: str) -> dict[str, BoxHandle]:
+    """Return the pulls of the shapes called `names`, and of any other shape."""
+    return {name: PULLS.get(name, PULLS["*"]) for name in (*names, "*")}
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A shape, what a page knows of it, and its field by one preset."""
+
+    shape: Shape
+    case: Any
+    preset: Preset
+    field: dfd.Field
+
+    def session(
+        self,
+        handles: Iterable[Mapping[str, Any]],
+        *,
+        fixed: Sequence[int] = (),
+        symmetric: bool = False,
+        features: Float32 | None = None,
+    ) -> dfd.Deformer:
+        """Return a session with `handles`, each the keywords of `Deformer.add`, and `fixed` points.
+
+        `symmetric` lets handles act on both sides of the plane that `"auto"` finds by the preset, if there is one.
+        """
+        deformer = dfd.Deformer(self.shape.mesh, self.field, preset=self.preset, features=features)
+        if symmetric:
+            with suppress(ValueError):  # no plane has equal features on both sides
+                deformer.set_symmetry("auto")
+        for point in fixed:
+            deformer.fix(point)
+        for handle in handles:
+            deformer.add(**handle)
+        return deformer
+
+    def pull(self, changes: Mapping[str, Any] | None = None, **more: Any) -> dfd.Deformer:
+        """Return a session with the handle of the case, with `changes`; `more` are keywords of `session`."""
+        return self.session([{**self.case.on(self.shape), **(changes or {})}], **more)
+
+
+load_once = cache(load_encoder)
+
+
+@dataclass
+class Context:
+    """Settings of a run, and the meshes and fields of its pages."""
+
+    folder: Path | None = None  # of meshes; None for `DFD_MESHES`
+    quick: bool = False  # fewer and smaller pictures, fewer shapes
+    encoder: str | Path = DEFAULT_ENCODER  # a name or a folder
+    settings: Mapping[str, Any] = field(default_factory=dict)  # keywords of `dfd.distill`, which override the presets'
+    say: Callable[[str], None] = lambda line: None
+
+    @cached_property
+    def files(self) -> dict[str, Path]:
+        """Return the mesh files of `folder`, or else of DFD_MESHES, by their stems."""
+        folder = self.folder or os.environ.get("DFD_MESHES")
+        paths = sorted(Path(folder).rglob("*"), reverse=True) if folder else []
+        return {path.stem: path for path in paths if path.suffix.lower() in MESH_ENDINGS}
+
+    def shape(self, name: str) -> Shape:
+        """Return the shape of a file, or else of a sample."""
+        return Shape(name, dfd.load(self.files[name]) if name in self.files else SAMPLES[name]().mesh)
+
+    def of(self, most: tuple[Any, Any]) -> Any:
+        """Return the first of two numbers in a quick run, the second in a whole one."""
+        return most[0 if self.quick else 1]
+
+    def cases(self, known: Mapping[str, Any], most: tuple[int, int]) -> list[tuple[Shape, Any]]:
+        """Return at most so many shapes, in a quick and in a whole run, with the case that is `known` by each name.
+
+        With a `folder`, its meshes: the known ones first, the others with the case "*". Without, the known ones among
+        files and samples, in their order.
+        """
+        if self.folder is not None:
+            names = sorted(self.files, key=lambda name: (name not in known, name))
+        else:
+            names = [name for name in known if name in self.files or name in SAMPLES]
+        return [(self.shape(name), known.get(name, known["*"])) for name in names[: self.of(most)]]
+
+    def subjects(
+        self,
+        known: Mapping[str, Any],
+        most: tuple[int, int],
+        *,
+        refined: bool = False,
+        presets: Sequence[Preset] = PRESETS,
+    ) -> Iterator[Subject]:
+        """Yield the shapes of `cases`, with long edges halved where `refined`, each with its field of every preset."""
+        for found, case in self.cases(known, most):
+            shape = found.refined() if refined else found
+            for preset in presets:
+                yield Subject(shape, case, preset, self.field(shape, preset))
+
+    def distill_settings(self, preset: Preset, **more: Any) -> dict[str, Any]:
+        """Return the keywords of `dfd.distill` for a preset; `more` overrides those of this run."""
+        given = {**self.settings, **more}
+        shorter = {**QUICK, **(QUICK_PAPER if preset == "paper" else {})} if self.quick else {}
+        if "steps" in given:  # a fit has steps or epochs, not both
+            shorter.pop("epochs", None)
+        return {"preset": preset, **shorter, **given}
+
+    def loaded(self, preset: Preset, encoder: str | Path | None = None, block: int | None = None) -> Encoder:
+        """Return the encoder; the paper's takes the background, too."""
+        return load_once(self.encoder if encoder is None else encoder, block=block, background=preset == "paper")
+
+    def field(
+        self, shape: Shape, preset: Preset, *, encoder: Encoder | None = None, stages: Stages | None = None, **more: Any
+    ) -> dfd.Field:
+        """Return the field of a shape; with `stages`, ignore the user's cache and time each stage."""
+        self.say(f"field of {shape.name}, {NAMES[preset]}" + "".join(f", {n} {v}" for n, v in more.items()))
+        model, settings = encoder or self.loaded(preset), self.distill_settings(preset, **more)
+        return dfd.distill(shape.mesh, model, progress=stages or False, cache=stages is None, **settings)
+
+    def notes(self) -> list[str]:
+        """Return how the page was made."""
+        where = "a folder that was given" if self.folder else "DFD_MESHES" if self.files else "made samples alone"
+        notes = [
+            f"**{NAMES['paper']}** is the procedure of the paper, **{NAMES['default']}** dfd's own settings.",
+            f"Encoder: {getattr(self.encoder, 'name', self.encoder)}.",
+            f"Meshes: {where}.",
+        ]
+        if self.quick:
+            made, whole = DistillSettings(**self.distill_settings("paper")), DistillSettings(preset="paper")
+            notes.append(
+                f"Made with --quick: {made.views} pictures of {made.resolution}² instead of {whole.views} of "
+                f"{whole.resolution}², a shorter fit in the paper preset, and fewer shapes. Weights are rougher."
+            )
+        return notes
