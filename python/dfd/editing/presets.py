@@ -33,7 +33,7 @@ CONTROLS = {
         slider=(0.05, 1.5, 0.01),
     ),
     "falloff": About(
-        "Curve from 1 at the handle to 0 at its reach: linear (Eq. 5), smooth, sharp, root, sphere or constant.",
+        "Curve from 1 at the handle to 0 at a numeric reach: linear (Eq. 5), smooth, sharp, root, sphere or constant.",
         metavar="CURVE",
     ),
     "locality": About(

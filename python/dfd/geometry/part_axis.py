@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, unit
 from dfd.geometry.coarse import Nodes, nodes_of
-from dfd.geometry.topology import even_points, face_areas
+from dfd.geometry.topology import even_points, face_areas, vertex_areas
 from dfd.mesh.mesh import Mesh
 
 NODES = 33  # points of the curve
@@ -139,9 +139,8 @@ class PartAxes:
     @cached_property
     def _areas(self) -> Float64:
         """Return the area (N,) of each node, mesh units squared."""
-        areas = face_areas(self._mesh.vertices, self._mesh.faces) / 3
-        corners = (self._nodes.of_vertex[corner] for corner in self._mesh.faces.T)
-        return np.sum([np.bincount(nodes, areas, len(self._nodes.center)) for nodes in corners], axis=0)
+        areas = vertex_areas(self._mesh.vertices, self._mesh.faces)
+        return np.bincount(self._nodes.of_vertex, areas, len(self._nodes.center)).astype(np.float64)
 
     def of(self, inside: Bool) -> list[PartAxis]:
         """Return the axes of the components of a region `inside` (V,), largest first. Small components have none."""

@@ -87,7 +87,7 @@ class Hierarchy:
         self._components_by_patches: dict[bytes, tuple[Float64, int]] = {}  # shared by the trees of all rounds
         values = smoothed(patches, features.astype(np.float64))
         self._join(values)
-        # Features also depend on the place on a body, so front legs may merge with the trunk before hind legs.
+        # Features also depend on the place on a body, so front legs may merge with the trunk before hind legs do.
         for _ in range(TWIN_ROUNDS):
             if not (twins := self._twins(values)):
                 break
@@ -179,7 +179,7 @@ class Hierarchy:
         return float(clarity / np.sqrt(self.around(node) + SHORT))
 
     def carrying(self, node: int) -> Bool:
-        """(P,) Return the node with everything that it separates from the body."""
+        """Return (P,) the patches of a node with everything that it separates from the body."""
         if node not in self._carrying:
             self._carrying[node] = closed(self._patches, self.nodes[node].inside)
         return self._carrying[node]
@@ -187,10 +187,10 @@ class Hierarchy:
     def meant(self, patch: int) -> int:
         """Return the node that a handle at a patch holds.
 
-        Of the closed nodes, it has the largest expected IoU with the node that is meant. Salient nodes are more likely
-        to be meant. Nodes that hold little of the surface beyond the handle are less likely, such as a ring around a
-        leg. An ancestor that doubles the number of components of equal size replaces the node: hind wheels follow front
-        wheels.
+        The closed node has the largest expected IoU with the part that a person means. Salient nodes are more likely to
+        be meant. Nodes that hold little of the surface beyond the handle are less likely, such as a ring around a leg.
+        An ancestor replaces the node if it has at least twice as many components, all of similar size. Hind wheels then
+        follow front wheels.
         """
         nodes, area = self.holding(patch), self._patches.area
         whole = np.array([self.carrying(node) for node in nodes])

@@ -155,18 +155,18 @@ class Parts:
         Raises ValueError if the mesh has no face with an area.
         """
         patches, part = self._patches, self._hierarchy.shown()
-        found = part == np.unique(part)[:, None]
-        claims = np.array([snapped(patches, inside) for inside in found])
+        masks = part == np.unique(part)[:, None]
+        claims = np.array([snapped(patches, inside) for inside in masks])
         # A node that no part or several parts claim stays with the part of its patch.
-        of_node = np.where(claims.sum(axis=0) == 1, claims.argmax(axis=0), found.argmax(axis=0)[patches.of_node])
-        sides = [of_node == number for number in range(len(found))]
+        of_node = np.where(claims.sum(axis=0) == 1, claims.argmax(axis=0), masks.argmax(axis=0)[patches.of_node])
+        sides = [of_node == number for number in range(len(masks))]
         label = self._carried(sides)
-        parts = [
+        found = [
             self._part(inside, label == number, self._middle(inside))
-            for number, inside in enumerate(found)
+            for number, inside in enumerate(masks)
             if (label == number).any()
         ]
-        return sorted(parts, key=lambda each: -each.share)
+        return sorted(found, key=lambda each: -each.share)
 
     def prepare(self) -> None:
         """Compute the tree of parts. It takes half a second, and seconds for a million faces."""

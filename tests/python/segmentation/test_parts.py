@@ -43,7 +43,7 @@ def chair_parts(chair):
     return parts_of(chair)
 
 
-def test_a_click_finds_the_part_with_its_look_alikes_or_one_piece_of_it(chair, chair_parts):
+def test_a_click_finds_the_part_with_its_counterparts_or_one_component_of_it(chair, chair_parts):
     legs = chair.labels == chair.parts.index("leg")
     one_leg, tip = chair.vertices_of("leg", 0), foot_of(chair)
     found = chair_parts.part(tip)
@@ -164,14 +164,14 @@ def test_a_handle_on_the_seam_weighs_1(chair, chair_parts):
 
 
 @pytest.mark.parametrize(
-    ("towards", "pieces"),
+    ("towards", "components"),
     [
         (2 * np.random.default_rng(5).normal(size=16), 4),  # a little: what is above them holds all four
         (6 * np.random.default_rng(5).normal(size=16), 4),  # much, and all of them more from the seat
         ("seat", 2),  # hind legs look rather like the seat than like front legs
     ],
 )
-def test_equal_legs_are_held_together_unless_their_surroundings_are_more_alike(chair, towards, pieces):
+def test_equal_legs_are_held_together_unless_their_surroundings_are_more_alike(chair, towards, components):
     rows = noisy(chair)
     if isinstance(towards, str):
         towards = 8 * rows[chair.vertices_of(towards)].mean(axis=0)
@@ -179,8 +179,8 @@ def test_equal_legs_are_held_together_unless_their_surroundings_are_more_alike(c
     rows[back] += towards.astype(np.float32) / 4
     rows /= np.linalg.norm(rows, axis=1, keepdims=True)
     found = Parts(chair.mesh, lambda some: rows[some]).part(foot_of(chair))
-    assert found.components == pieces
-    assert overlap(found.mask, chair.labels == chair.parts.index("leg")) > 0.85 * pieces / 4
+    assert found.components == components
+    assert overlap(found.mask, chair.labels == chair.parts.index("leg")) > 0.85 * components / 4
 
 
 def relief(peaks, ridges=0):
