@@ -158,7 +158,10 @@ class PartAxes:
         return [axis for axis in found if axis is not None]
 
     def image(self, axis: PartAxis, isometry: Float64) -> PartAxis:
-        """Return the axis of a counterpart, onto which `isometry` (3, 4) maps the part of `axis`."""
+        """Return the axis of a counterpart, onto which `isometry` (3, 4) maps the part of `axis`.
+
+        The axis has no vertices if the mesh has none there.
+        """
         nodes, linear, shift = self._nodes, isometry[:, :3], isometry[:, 3]
         total = np.bincount(nodes.of_vertex[axis.vertices], axis.parameter, len(nodes.center))
         some, values = carried(nodes.center, nodes.tree, total / (nodes.ends - nodes.starts), isometry)
@@ -225,7 +228,7 @@ class PartAxes:
         chosen = np.zeros(len(nodes.center), bool)
         chosen[some] = True
         vertices = np.flatnonzero(chosen[nodes.of_vertex])
-        if len(nodes.center) == len(nodes.of_vertex):
+        if len(some) == 0 or len(nodes.center) == len(nodes.of_vertex):
             return vertices, values
         center = nodes.center[some] - nodes.center[some[0]]
         local = nodes.graph[some][:, some]
@@ -322,8 +325,8 @@ def carried(vertices: Float64, tree: cKDTree, values: Float64, isometry: Float64
     corners = np.stack(np.meshgrid(*np.stack([some.min(axis=0) - margin, some.max(axis=0) + margin]).T), -1)
     box = corners.reshape(-1, 3) @ linear.T + shift
     near = np.flatnonzero(((vertices >= box.min(axis=0)) & (vertices <= box.max(axis=0))).all(axis=1))
-    apart, nearest = tree.query((vertices[near] - shift) @ linear, k=min(4, len(vertices)))
-    apart, nearest = apart.reshape(len(near), -1), nearest.reshape(len(near), -1)
+    shape = len(near), min(4, len(vertices))
+    apart, nearest = (found.reshape(shape) for found in tree.query((vertices[near] - shift) @ linear, k=shape[1]))
     weight = 1.0 / np.square(apart + 1e-6 * (margin + 1e-300))
     found = (weight * values[nearest]).sum(axis=1) / weight.sum(axis=1)
     return near[found > 0], found[found > 0]
