@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pkgutil
 import re
 import runpy
 import sys
@@ -101,3 +102,14 @@ def test_every_module_that_the_pages_run_answers(module: str, monkeypatch: pytes
 @pytest.mark.parametrize("target", sorted(set(re.findall(r"(?:`|^    )make ([a-z][\w-]*)", TEXT, re.MULTILINE))))
 def test_every_target_that_the_pages_make_is_there(target: str) -> None:
     assert re.search(rf"^{target}:", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE)
+
+
+@pytest.mark.parametrize("page", ["CONTRIBUTING.md", "SECURITY.md"])
+def test_names_and_files_on_the_pages_for_developers_exist(page):
+    text = (ROOT / page).read_text()
+    for path in re.findall(r"`dfd\.([\w.]+)`", text):
+        pkgutil.resolve_name(f"dfd.{path}")
+    for names, file in re.findall(r"((?:`\w+`,? (?:and )?)+)in `(dfd/[\w/]+\.py)`", text):
+        source = (ROOT / "python" / file).read_text()
+        for name in re.findall(r"`(\w+)`", names):
+            assert re.search(rf"^{name} = ", source, re.MULTILINE), name

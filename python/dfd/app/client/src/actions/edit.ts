@@ -28,8 +28,15 @@ export function toggleFixed(vertex: number): void {
 export function changePart(how: PartChange, vertex: number | null = null): void {
   const { edit, selected } = store.get();
   if (selected === null) return;
-  if (edit?.field.parts.includes(how)) send({ type: "take_part", handle: selected, how, vertex });
-  else note("Parts are being found: try again in a moment.");
+  if (!edit?.field.parts.includes(how)) note("Parts are being found: try again in a moment.");
+  else if (how === "smaller" || how === "larger") void resize(selected, how);
+  else send({ type: "take_part", handle: selected, how, vertex });
+}
+
+/** Take the next part in size; the smallest and the largest part stay. */
+async function resize(handle: number, how: "smaller" | "larger"): Promise<void> {
+  const taken = await ask({ type: "take_part", handle, how }, true);
+  if (!taken && store.get().link === "open") note(`There is no ${how} part here.`);
 }
 
 let previewed: PartChange | null = null;

@@ -42,6 +42,16 @@ test("a part is held, resized, combined and moved alone", async (t) => {
     await shot(page, "part");
   });
 
+  await t.test("the smallest part stays when a smaller one is asked for", async () => {
+    for (let size = Infinity; (await region()) < size; await page.waitForTimeout(300)) {
+      size = await region();
+      await page.keyboard.press("[");
+    }
+    await page.getByText("There is no smaller part here.").waitFor();
+    assert.ok(await state(page, (s) => s.toasts.every(({ kind }) => kind === "note")), "it is no problem");
+    count = await region();
+  });
+
   await t.test("Shift adds a part, and Ctrl removes it", async () => {
     const vertices = await state(page, (s) => s.mesh.vertices);
     const far = Array.from({ length: 60 }, (_, i) => Math.floor(((i + 0.5) / 60) * vertices));
