@@ -1,7 +1,7 @@
 """The shape of a field's network, and the names of its parameters.
 
-They are those of a torch `Sequential` of linear maps, ReLUs and LayerNorms: layer k has its linear map at
-`network.{3 k}` and, where it is hidden, its LayerNorm at `network.{3 k + 2}`.
+The names are those of a torch `Sequential` of linear maps, ReLUs and LayerNorms. Layer k has its linear map at
+`network.{3 k}`; a hidden layer has its LayerNorm at `network.{3 k + 2}`.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from numpy.typing import ArrayLike
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 
-MOST_OCTAVES = 16  # beyond, float32 no longer tells the angles apart
+MOST_OCTAVES = 16  # beyond it, float32 cannot resolve the angles
 
 
 class LayerNames(NamedTuple):
-    """The modules that have parameters, in their order."""
+    """The modules with parameters, in order."""
 
     linear: tuple[str, ...]
     norms: tuple[str, ...]
@@ -28,22 +28,22 @@ class LayerNames(NamedTuple):
 
 @dataclass(frozen=True)
 class Architecture:
-    """How many numbers come in, go through and come out."""
+    """The sizes of a field's network."""
 
-    dimension: int  # D of a feature
+    dimension: int  # width D of a feature
     width: int = 256  # neurons of a hidden layer
-    layers: int = 4  # hidden ones
-    octaves: int = 0  # of sines and cosines beside the coordinates
+    layers: int = 4  # number of hidden layers
+    octaves: int = 0  # number of octaves of sines and cosines, in addition to the coordinates
 
     def __post_init__(self) -> None:
-        """Refuse what is no network."""
+        """Check the sizes."""
         for name in ("dimension", "width", "layers"):
             check.whole("Field", name, getattr(self, name), minimum=1)
         check.whole("Field", "octaves", self.octaves, minimum=0, maximum=MOST_OCTAVES)
 
     @classmethod
     def of(cls, parameters: Mapping[str, ArrayLike], octaves: int) -> Architecture:
-        """The architecture whose parameters these are.
+        """Return the architecture with these parameters.
 
         Raises ValueError if a parameter is missing, unknown or of another shape.
         """
@@ -63,16 +63,16 @@ class Architecture:
 
     @property
     def inputs(self) -> int:
-        """Numbers that the first layer takes."""
+        """Return the number of inputs of the first layer."""
         return 3 + 6 * self.octaves
 
     def layer_names(self) -> LayerNames:
-        """The names that go before `.weight` and `.bias`."""
+        """Return the module names, which precede `.weight` and `.bias`."""
         linear = tuple(f"network.{3 * layer}" for layer in range(self.layers + 1))
         return LayerNames(linear, tuple(f"network.{3 * layer + 2}" for layer in range(self.layers)))
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
-        """The shape of every parameter, by name."""
+        """Return the shape of every parameter, by name."""
         names = self.layer_names()
         shapes: dict[str, tuple[int, ...]] = {}
         for layer, name in enumerate(names.linear):

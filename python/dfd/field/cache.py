@@ -1,7 +1,7 @@
 """A cache of distilled fields by the hash of their key.
 
-An entry is one file, `<hash of the key>-<hash of the file>.safetensors`. It is written atomically, so that several
-processes may read, write and clean up at once; a file whose content does not match its name is ignored.
+An entry is one file, `<hash of the key>-<hash of the file>.safetensors`. It is written atomically, so several processes
+may read, write and clean up at the same time. A file whose content does not match its name is ignored.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from dfd.common.files import cache_directory
 from dfd.field.cache_key import hash_key
 from dfd.field.field import Field
 
-LIMIT = 2 << 30  # bytes of all entries together; the ones longest unused go first
+LIMIT = 2 << 30  # bytes of all entries; the least recently used are removed first
 _ABANDONED = 3600.0  # seconds after which an unfinished file is removed
 
 
 def find(key: Mapping[str, Any]) -> Field | None:
-    """Return the field that `key` made, or None where no entry has it whole."""
+    """Return the field stored under `key`, or None if no undamaged entry exists."""
     for path in _entries(hash_key(key)):
         with contextlib.suppress(OSError, ValueError):  # removed by another process, or damaged
             if not _is_of(path, path.read_bytes()):
                 continue
             found = Field.load(path)
-            with contextlib.suppress(OSError):  # a cache that can only be read
+            with contextlib.suppress(OSError):  # the cache may be read-only
                 os.utime(path)
             return found
     return None
@@ -85,7 +85,7 @@ def _folder() -> Path:
 
 
 def _entries(key: str = "[!.]*") -> list[Path]:
-    """The finished entries of a key's hash, or all."""
+    """Return the finished entries of a key's hash, or all entries."""
     return list(_folder().glob(f"{key}-*.safetensors"))
 
 

@@ -15,24 +15,24 @@ from dfd.common.files import plain
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-# Raise it with every change that gives another field for the same mesh, encoder and settings, or another file: the
-# cache ignores fields of other versions. The golden field in the tests fails when this is due.
+# Raise it with every change that gives another field or file for the same mesh, encoder and settings. The cache ignores
+# fields of other versions. The test of the golden field fails after such a change.
 FIELD_VERSION = 2
 
 
 def cache_key(mesh: Mesh, **settings: Any) -> dict[str, Any]:
-    """Return everything that a field depends on, as values that come back alike from a JSON file."""
+    """Return everything that a field depends on, as values that JSON preserves."""
     values = {"field_version": FIELD_VERSION, "mesh": mesh.content_hash, **settings}
     return dict(json.loads(json.dumps(values, default=plain)))
 
 
 def hash_key(key: Mapping[str, Any]) -> str:
-    """SHA-256 of a cache key, 64 hexadecimal digits."""
+    """Return the SHA-256 of a cache key, 64 hexadecimal digits."""
     return hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()
 
 
 def hash_arrays(*arrays: NDArray[Any]) -> str:
-    """SHA-256 of arrays with their types and shapes."""
+    """Return the SHA-256 of arrays with their types and shapes."""
     sha256 = hashlib.sha256()
     for array in arrays:
         sha256.update(f"{array.dtype} {array.shape}".encode())

@@ -1,4 +1,4 @@
-"""Whether a field belongs to a mesh: it knows the box and points of the surface of the shape it was distilled from."""
+"""Check that a field belongs to a mesh. A field stores the box and surface points of its own shape."""
 
 from __future__ import annotations
 
@@ -13,24 +13,23 @@ from dfd.common.linear_algebra import Float32, Float64
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-# Of the longest sides. The nearest units that get mixed up, inch and centimetre, differ by 2.54; a shape that was only
-# cut or simplified stays below.
+# Largest ratio of the longest sides. Cut or simplified shapes stay below it. Inch and centimeter, the closest units
+# that people confuse, have the ratio 2.54.
 LARGEST_RATIO = 2.0
-# From the center, in half longest sides. A shape that was posed a little stays within; one that stands on the ground,
-# but with another axis up, reaches 2.
+# Largest distance of a mesh's box from the field's center, in half longest sides. A slightly posed shape stays within.
+# A shape that stands on the ground with another up axis reaches 2.
 FARTHEST_REACH = 1.5
-POINTS = 512  # of the surface that a field keeps
-SAMPLES = 4096  # of a surface that points are chosen from and compared with
-# Far is more than this share of the diagonal, beside the spacing of the points.
-FAR = 0.02
-# The largest share of a mesh's samples far from the field's points, and of these points far from the mesh. Copies of 36
-# real meshes passed (noise, subdivision, a tenth of the faces, halves), but for one boat that decimation tore. Of 536
-# pairs of shapes whose boxes agree 4 passed, 3 of them two files of one body.
+POINTS = 512  # number of surface points that a field stores
+SAMPLES = 4096  # number of surface samples from which points are chosen, and with which they are compared
+FAR = 0.02  # a point is far from a surface above this share of the diagonal, plus the spacing of the samples
+# Largest share of a mesh's samples that are far from the field's points, and of these points far from the mesh. Copies
+# of 36 real meshes passed (noise, subdivision, a tenth of the faces, halves), except one boat that decimation tore. Of
+# 536 pairs of shapes with equal boxes 4 passed; 3 of these are two files of one body.
 MOST_BEYOND, MOST_MISSING = 0.1, 0.6
 
 
 class KnownShape(Protocol):
-    """What a `Field` knows of the shape that it was distilled from, in mesh units."""
+    """The data that a `Field` stores about the shape it was distilled from, in mesh units."""
 
     center: Float64  # (3,) of the box
     scale: float  # 2 over the longest side of the box
@@ -40,7 +39,7 @@ class KnownShape(Protocol):
 def surface_points(mesh: Mesh) -> Float32 | None:
     """Return (512, 3) points spread over the surface of `mesh`, mesh units; None if no face has an area.
 
-    Each is the sample farthest from those before it (Gonzalez 1985), so that their spacing is even.
+    Each point is the sample farthest from all previous points (Gonzalez 1985), so their spacing is even.
     """
     samples, _ = _samples(mesh)
     if samples is None:
@@ -54,19 +53,19 @@ def surface_points(mesh: Mesh) -> Float32 | None:
 
 
 def check_compatible(field: KnownShape, mesh: Mesh, *, allowed_by: str = "") -> None:
-    """Refuse a field of another shape than `mesh`.
+    """Refuse a field that was distilled from another shape than `mesh`.
 
-    Other resolutions of the field's shape pass, and its parts down to half of its surface. `allowed_by` is what the
-    message says a caller who knows better can give. A field without points, as of features that were given for
-    vertices, is compared by its box alone.
+    Other resolutions of the shape pass, and parts with at least half of its surface. A field without surface points,
+    such as `VertexField`, is compared by its box alone. `allowed_by` is the argument that accepts the field anyway; the
+    message names it.
 
-    Raises ValueError if the longest side of the mesh's box is less than half or more than twice that of the field's
-    shape, the box lies wholly outside the cube around that shape, more than a tenth of the mesh's surface lies far from
-    the shape, or more than 60 % of the shape far from the mesh. Warns if the mesh reaches out of that cube by more than
-    half of its half side: there the field only guesses.
+    Raises ValueError if the longest sides differ by more than a factor of 2, or the mesh's box lies outside the cube
+    around the field's shape. Raises ValueError if more than 10 % of the mesh's surface is far from the field's shape,
+    or more than 60 % of that shape is far from the mesh. Warns if the mesh extends beyond the cube by more than half of
+    its half side, because features there are extrapolated.
     """
     center, scale = field.center, field.scale
-    low, high = (np.asarray(mesh.bounds) - center) * scale  # in the field's own cube, [-1, 1]³
+    low, high = (np.asarray(mesh.bounds) - center) * scale  # in the field's cube, [-1, 1]³
     ratio = float((high - low).max()) / 2.0
     reach = float(max(-low.min(), high.max()))
     outside = bool((low > 1).any() or (high < -1).any())

@@ -24,24 +24,24 @@ if TYPE_CHECKING:
 
     from dfd.mesh.mesh import Mesh
 
-NEIGHBORS = 8  # sample points of its component that a vertex interpolates
-# Components match if the corners of their boxes agree to this much, normalized: another resolution moves them.
+NEIGHBORS = 8  # number of sample points of its component that a vertex interpolates
+# Largest difference between the corners of matching components, normalized. Other resolutions differ by less.
 SAME = 0.02
-_APART = 10.0  # between components in the search for neighbors, beyond any distance within [−1, 1]³
+_APART = 10.0  # offset between components in the search for neighbors, more than any distance within [−1, 1]³
 _ROWS_AT_ONCE = 1 << 16  # to bound memory
 
 
 @dataclass(frozen=True, eq=False)
 class ComponentResiduals:
-    """The components of a surface in normalized coordinates, and how they differ from what stands for all of them.
+    """The components of a surface in normalized coordinates, and the residuals of their features.
 
-    Raises ValueError if an array has the wrong shape, or holds a number that is not finite or a component that is none.
+    Raises ValueError if an array has the wrong shape, a number is not finite, or a component does not exist.
     """
 
-    boxes: Float32  # (P, 6) float32, the least and the largest corner of the box around each component
-    points: Float32  # (N, 3) float32, on the surface
-    component: Int32  # (N,) int32, the component that each point lies on
-    differences: NDArray[np.float16]  # (N, D) float16, what is added there to a feature of the network
+    boxes: Float32  # (P, 6) float32, the smallest and the largest corner of the box around each component
+    points: Float32  # (N, 3) float32, sample points on the surface
+    component: Int32  # (N,) int32, the component of each point
+    differences: NDArray[np.float16]  # (N, D) float16, the feature at each point less that of the network
 
     def __post_init__(self) -> None:
         count = np.shape(self.points)[:1]
@@ -71,17 +71,17 @@ class ComponentResiduals:
         return int(self.differences.shape[1])
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """The arrays by name."""
+        """Return the arrays by name."""
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
     def widened(self, directions: Float32) -> ComponentResiduals:
-        """The same components with differences times `directions` (d, D), D wide."""
+        """Return the same components with differences multiplied by `directions` (d, D), of width D."""
         return ComponentResiduals(
             self.boxes, self.points, self.component, (self.differences @ directions).astype(np.float16)
         )
 
     def known(self, boxes: NDArray[np.floating]) -> Int64:
-        """Which component each of `boxes` (Q, 6) is, (Q,); −1 where none has its corners there."""
+        """Return the component (Q,) that each of `boxes` (Q, 6) matches, or −1."""
         from scipy.spatial import cKDTree
 
         if len(boxes) == 0 or len(self.boxes) == 0:
@@ -90,10 +90,10 @@ class ComponentResiduals:
         return np.where(distance <= SAME, found, -1)
 
     def add_residuals(self, rows: Float32, points: NDArray[np.floating], component: NDArray[np.integer]) -> Float32:
-        """Return unit `rows` (N, D) at normalized `points` (N, 3) with the difference of the `component` (N,) of each.
+        """Add the residuals of the `component` (N,) of each of `points` (N, 3), normalized, to unit `rows` (N, D).
 
-        It is a weighted mean over the nearest points of the component; weights fall to 0 at the next nearest point, so
-        that it is continuous. A component of −1 leaves a row unchanged.
+        The residual is a weighted mean over the nearest sample points of the component. Weights fall to 0 at the next
+        nearest point, so the residual is continuous. A component of −1 leaves a row unchanged.
         """
         result = rows.copy()
         of_some = np.flatnonzero(component >= 0)
@@ -103,7 +103,7 @@ class ComponentResiduals:
             changed += self._differences_at(points[chosen], component[chosen])
             length = np.sqrt(np.einsum("ij,ij->i", changed, changed))
             changed /= np.maximum(length, np.float32(1e-6))[:, None]
-            vanished = length < 1e-6  # it has no direction: the row stays
+            vanished = length < 1e-6  # without a direction, the row stays unchanged
             changed[vanished] = rows[chosen[vanished]]
             result[chosen] = changed
         return result
@@ -115,7 +115,7 @@ class ComponentResiduals:
         distance, near = self._tree.query(apart(points, component), np.arange(1, wanted + 1), workers=-1)
         own = self.component[near] == component[:, None]
         distance = np.where(own, distance, np.inf)
-        # A component of a few points has no next one: there it is all of them, by their distance.
+        # A component of a few points has no next nearest point; all its points are then weighted by distance.
         reach = np.where(own[:, -1], distance[:, -1], 2 * np.where(own, distance, 0).max(axis=1) + 1e-6)[:, None]
         share = np.where(own, np.maximum(1 - distance / np.maximum(reach, 1e-12), 0) ** 2 + 1e-9 * own, 0)
         share /= np.maximum(share.sum(axis=1, keepdims=True), 1e-30)
@@ -140,7 +140,7 @@ class ComponentResiduals:
 
 
 def components_of_vertices(mesh: Mesh) -> tuple[Int32, Float64]:
-    """Return the component (V,) that each vertex of `mesh` is on, −1 for one of no face, and their boxes (P, 6).
+    """Return the component (V,) of each vertex of `mesh`, −1 without a face, and the components' boxes (P, 6).
 
     Vertices at one position count as one. Boxes are in mesh units.
     """
@@ -153,14 +153,14 @@ def components_of_vertices(mesh: Mesh) -> tuple[Int32, Float64]:
 
 
 def boxes_of_components(vertices: NDArray[np.floating], faces: NDArray[np.integer], component: Int32) -> Float64:
-    """The boxes (P, 6) around the faces (F, 3) of each component (F,) of a surface with vertices (V, 3)."""
+    """Return the boxes (P, 6) around the faces (F, 3) of each component (F,) of a surface with vertices (V, 3)."""
     of_vertex = np.full(len(vertices), -1, np.int32)
     of_vertex[faces.ravel()] = np.repeat(component, 3)
     return _boxes(vertices, of_vertex)
 
 
 def _boxes(points: NDArray[np.floating], component: Int32) -> Float64:
-    """The boxes (P, 6) around the points (N, 3) of each component (N,), −1 belonging to none."""
+    """Return the boxes (P, 6) around the points (N, 3) of each component (N,); −1 is no component."""
     count = int(component.max(initial=-1)) + 1
     some = component >= 0
     boxes = np.concatenate([np.full((count, 3), np.inf), np.full((count, 3), -np.inf)], axis=1)
@@ -170,7 +170,7 @@ def _boxes(points: NDArray[np.floating], component: Int32) -> Float64:
 
 
 def apart(points: NDArray[np.floating], component: NDArray[np.integer]) -> Float64:
-    """Points (N, 3) with a fourth coordinate that keeps components (N,) apart in a search for neighbors, (N, 4)."""
+    """Return points (N, 4): `points` (N, 3) with a coordinate that separates components (N,) in neighbor searches."""
     return np.column_stack([np.asarray(points, np.float64), _APART * np.asarray(component, np.float64)])
 
 

@@ -31,9 +31,10 @@ if TYPE_CHECKING:
 
     from dfd.mesh.mesh import Mesh
 
-# From the center of the shape, in halves of the longest side of its box: the network's float32 tells nothing beyond.
+# Largest distance of points from the shape's center, in halves of the longest side of its box. Beyond it, float32
+# cannot distinguish points.
 FARTHEST = 1e6
-RESIDUALS = "residuals."  # begins the names of their arrays in files
+RESIDUALS = "residuals."  # prefix of the names of residual arrays in files
 
 
 @dataclass(frozen=True)
@@ -45,42 +46,42 @@ class FieldSource:
 
     @classmethod
     def of(cls, path: str | os.PathLike[str]) -> FieldSource:
-        """The source that `path` is now."""
+        """Return the source for the present content of `path`."""
         return cls(Path(path), sha256_of_files(Path(path)))
 
 
 class Field:
-    """Φ: points in a mesh's own units to unit feature rows.
+    """Φ: a map from points in mesh units to unit feature rows.
 
-    The network is the paper's (supplement L): hidden layers, each a linear map, a ReLU and a LayerNorm, then a linear
-    map to `dimension` numbers and division by their length. Points are first brought to (p − `center`) · `scale`, the
-    normalization of the mesh that the field was distilled from: it belongs to the field, never to the mesh. With
-    `octaves` the network also sees sines and cosines of the coordinates, the longest two boxes long (Mildenhall et al.
-    2020, section 5.1): borders between parts are then fitted in far fewer steps.
+    The network is the paper's (supplement L). Each hidden layer is a linear map, a ReLU and a LayerNorm. A last linear
+    map gives `dimension` numbers, which are divided by their length. Points are first normalized to
+    (p − `center`) · `scale`. The normalization is that of the distilled mesh, and it is part of the field. With
+    `octaves`, the network also gets sines and cosines of the coordinates; the longest wavelength is two boxes
+    (Mildenhall et al. 2020, section 5.1). Borders between parts are then fitted in far fewer steps.
 
-    Where components of a surface lie beside or inside each other, vertices have features of their own component: see
+    If components of a surface lie beside or inside each other, vertices have the features of their own component: see
     `dfd.field.component_residuals`.
 
-    A field is immutable. It is evaluated by a kernel: neither torch nor a GPU is needed. `source` is the file that it
-    was read from, None if it was not read from a file.
+    A field is immutable. A kernel evaluates it, without torch or a GPU. `source` is the file that it was read from, or
+    None.
 
     Parameters
     ----------
     parameters
         Arrays by name, as `dfd.field.architecture` lists them: weight and bias of every linear map and LayerNorm.
     octaves
-        How many wavelengths of sines and cosines the network is given, each half of the one before; 0 is the paper's.
+        The number of wavelengths of sines and cosines, each half of the previous one; 0 is the paper's network.
     center
         (3,) in mesh units, the point that becomes the origin.
     scale
-        Factor per mesh unit; with the longest side of the box s it is 2/s.
+        Factor per mesh unit: 2 over the longest side of the box.
     settings
-        How the field was made (encoder, views, seed, …), saved in its file; JSON values.
+        Settings of the distillation (encoder, views, seed, …) as JSON values; they are saved in the file.
     residuals
-        How features of each component of the surface differ from those of the network; None where they do not.
+        Differences between the features of each component and those of the network, or None.
     surface
-        (512, 3) points of the surface of the shape that the field was distilled from, mesh units: by them another
-        shape is told. None compares shapes by their boxes alone.
+        (512, 3) points on the surface of the distilled shape, mesh units. They detect meshes of another shape. With
+        None, only boxes are compared.
 
     Raises
     ------
@@ -126,7 +127,7 @@ class Field:
     @overload
     def __call__(self, points: ArrayLike) -> Float32: ...
     def __call__(self, points: Any) -> Any:
-        """Features of `points`.
+        """Evaluate the field at `points`.
 
         Parameters
         ----------
@@ -137,8 +138,8 @@ class Field:
         -------
         (N, D) float32 unit rows, an array for an array and a tensor, with its gradient, for a tensor.
 
-        Raises ValueError if `points` is not (N, 3) or, in an array, not finite or a million times farther off than the
-        shape is big.
+        Raises ValueError if `points` is not (N, 3). Raises ValueError if a point in an array is not finite, or lies
+        farther from the center than a million halves of the box.
         """
         if tensors.is_tensor(points):
             return self._of_tensor(points)
@@ -158,20 +159,20 @@ class Field:
         return array
 
     def with_settings(self, settings: Mapping[str, Any]) -> Field:
-        """The same field with other `settings`."""
+        """Return the field with other `settings`."""
         other = copy.copy(self)
         other.settings = dict(settings)
         other.source = None
         return other
 
     def with_surface(self, mesh: Mesh) -> Field:
-        """The same field with points of the surface of `mesh`, by which it knows the shape again."""
+        """Return the field with points on the surface of `mesh`, which detect meshes of another shape."""
         other = self.with_settings(self.settings)
         other.surface = surface_points(mesh)
         return other
 
     def with_residuals(self, residuals: ComponentResiduals | None) -> Field:
-        """The same field with other residuals, or without any; ValueError if they are of another width."""
+        """Return the field with other residuals, or without any; ValueError if they have another width."""
         other = self.with_settings(self.settings)
         other.residuals = self._checked_residuals(residuals)
         return other
@@ -182,11 +183,11 @@ class Field:
         return residuals
 
     def on(self, mesh: Mesh) -> FieldOnMesh:
-        """The field at the vertices of `mesh`, to be evaluated for some of them at a time."""
+        """Return the field on `mesh`, which can be evaluated for some vertices at a time."""
         return FieldOnMesh(self, mesh)
 
     def features(self, mesh: Mesh) -> Float32:
-        """Features of every vertex of `mesh`, (V, D) float32 unit rows: what `dfd.bind` reads."""
+        """Return the features of all vertices of `mesh` for `dfd.bind`, (V, D) float32 unit rows."""
         return self.on(mesh).rows(slice(None))
 
     def _of_tensor(self, points: torch.Tensor) -> torch.Tensor:
@@ -223,9 +224,9 @@ class Field:
         return {name: value for name, value in self.__dict__.items() if name != "_kernel"}
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the field to `path` (.safetensors), whole or not at all; equal fields are equal files.
+        """Write the field to `path` (.safetensors), whole or not at all; equal fields give equal files.
 
-        Raises OSError if `path` cannot be written; a file that was there stays as it was.
+        Raises OSError if `path` cannot be written; an existing file stays unchanged.
         """
         arrays = {**self.parameters, "center": self.center, "scale": np.array(self.scale)}
         if self.surface is not None:
@@ -236,22 +237,22 @@ class Field:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, mesh: Mesh | None = None, other_shape: bool = False) -> Field:
-        """Read a field from `path`, a file of `save`.
+        """Read a field from a file that `save` wrote.
 
         Parameters
         ----------
         mesh
-            The mesh to which the field must belong, as `Deformer` says; None for any.
+            The mesh to which the field must belong (`dfd.field.compatibility.check_compatible`); None for any.
         other_shape
-            Take a field of another shape all the same.
+            Accept a field of another shape.
 
         Raises
         ------
         OSError
             If `path` does not exist or cannot be read.
         ValueError
-            If it is not a field, is truncated, of another version, lacks tensors that its header names, or gives
-            features that are not finite; if the field's own shape was another than `mesh`, as `check_compatible` tells.
+            If the file is no field, is truncated, has another version, lacks tensors that its header names, or gives
+            features that are not finite. If the field was distilled from another shape than `mesh`.
         """
         if not Path(path).is_file():
             raise FileNotFoundError(f"Field.load: `path` {os.fspath(path)} does not exist or is no file")
@@ -280,16 +281,16 @@ class Field:
             raise ArgumentError("path", f"{os.fspath(path)} is damaged: its features are not finite", "Field.load")
         if mesh is not None and not other_shape:
             with called("Field.load"), warnings.catch_warnings():
-                warnings.simplefilter("ignore", UserWarning)  # the session that the field is for says it
+                warnings.simplefilter("ignore", UserWarning)  # a session with the field warns
                 check_compatible(field, mesh, allowed_by="other_shape=True")
         field.source = FieldSource.of(path)
         return field
 
 
 class FieldOnMesh:
-    """Features of the vertices of a mesh, and of points on it, each by the component that it is on.
+    """Features of the vertices of a mesh, and of points on it, by the component that each is on.
 
-    Where the field has no residuals, or none for a component of the mesh, they are those of the position alone.
+    Without residuals for a component, features depend on the position alone.
     """
 
     def __init__(self, field: Field, mesh: Mesh) -> None:
@@ -297,7 +298,7 @@ class FieldOnMesh:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """How many vertices there are, and the width of a row."""
+        """Return the number of vertices V and the width D of a row."""
         return len(self.mesh.vertices), self.field.dimension
 
     def rows(self, vertices: slice | NDArray[np.integer[Any]]) -> Float32:
@@ -306,7 +307,7 @@ class FieldOnMesh:
         return self._of(points, None if self._component is None else self._component[vertices])
 
     def at(self, points: NDArray[np.floating[Any]]) -> Float32:
-        """Return features at `points` (N, 3) in mesh units, (N, D): of the component that the nearest vertex is on."""
+        """Return features (N, D) at `points` (N, 3) in mesh units, each of the component of the nearest vertex."""
         places = np.asarray(points, np.float64)
         return self._of(places, None if self._component is None else self._component[self._nearest.query(places)[1]])
 
@@ -319,12 +320,12 @@ class FieldOnMesh:
 
     @cached_property
     def _component(self) -> Int64 | None:
-        """(V,) which of the field's components each vertex is on, or −1; None where the field has none."""
+        """Return the field's component (V,) that each vertex is on, or −1; None if the field has no residuals."""
         if self.field.residuals is None:
             return None
         component, boxes = components_of_vertices(self.mesh)
         corners = (boxes.reshape(-1, 2, 3) - self.field.center) * self.field.scale
-        known = np.append(self.field.residuals.known(corners.reshape(-1, 6)), -1)  # the last one is that of −1
+        known = np.append(self.field.residuals.known(corners.reshape(-1, 6)), -1)  # index −1 gives −1
         return known[component]
 
     @cached_property
@@ -335,7 +336,7 @@ class FieldOnMesh:
 
 
 def _frozen(name: str, values: ArrayLike, shape: Any = None, dtype: Any = np.float32) -> NDArray[Any]:
-    """A read-only copy."""
+    """Return a read-only copy."""
     array = check.array("Field", name, values, np.shape(values) if shape is None else shape, dtype=dtype).copy()
     array.flags.writeable = False
     return array

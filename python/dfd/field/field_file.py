@@ -26,7 +26,7 @@ def write(
     arrays: Mapping[str, NDArray[Any]],
     settings: Mapping[str, Any],
 ) -> None:
-    """Write a field, whole or not at all; raises what `Field.save` raises."""
+    """Write a field, whole or not at all; raises the errors of `Field.save`."""
     metadata = {
         "format": FORMAT,
         "version": str(VERSION),
@@ -38,7 +38,7 @@ def write(
 
 
 def read(path: str | os.PathLike[str]) -> tuple[Architecture, dict[str, NDArray[Any]], dict[str, Any]]:
-    """Read the architecture, the arrays and the settings that `write` wrote; raises what `Field.load` raises."""
+    """Read the architecture, the arrays and the settings of a field file; raises the errors of `Field.load`."""
     data = Path(path).read_bytes()
     try:
         try:
@@ -52,7 +52,7 @@ def read(path: str | os.PathLike[str]) -> tuple[Architecture, dict[str, NDArray[
 
 
 def with_sorted_header(content: bytes) -> bytes:
-    """A safetensors file with its header in one order: safetensors writes metadata in another one every time."""
+    """Return a safetensors file with a sorted header, because safetensors writes metadata in random order."""
     end = 8 + int.from_bytes(content[:8], "little")
     header = json.dumps(json.loads(content[8:end]), sort_keys=True, separators=(",", ":")).encode()
     header += b" " * (-len(header) % 8)
@@ -69,7 +69,7 @@ def _metadata(content: bytes) -> dict[str, str]:
 
 
 def _header(metadata: Mapping[str, str]) -> tuple[Architecture, dict[str, Any]]:
-    """The architecture and the settings that the metadata promises."""
+    """Return the architecture and the settings in the metadata."""
     if metadata.get("format") != FORMAT:
         raise ValueError("is a safetensors file but no field")
     if metadata.get("version") != str(VERSION):

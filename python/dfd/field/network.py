@@ -1,4 +1,4 @@
-"""A field's network in torch, to be fitted and to pass gradients through; a field itself needs no torch."""
+"""A field's network in torch, for fitting and for gradients; evaluating a field needs no torch."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from dfd.field.architecture import Architecture
 
 
 class Network(nn.Module):
-    """Normalized points (N, 3) to unit features (N, D), with the parameters of `dfd.field.architecture`.
+    """A map from normalized points (N, 3) to unit features (N, D), with the parameters of `dfd.field.architecture`.
 
-    The parameters have no values before `draw`; `of` gives a network with known ones.
+    The parameters have no values before `draw`; `of` returns a network with given values.
     """
 
     def __init__(self, architecture: Architecture) -> None:
@@ -28,7 +28,7 @@ class Network(nn.Module):
         self.network = nn.Sequential(*hidden, _linear(architecture.width, architecture.dimension))
 
     def draw(self, generator: torch.Generator) -> Network:
-        """Begin evenly within ± 1 / √inputs, as torch does, with numbers of `generator`, which is on the CPU."""
+        """Draw parameters uniformly from ± 1 / √inputs, as torch does, with a CPU `generator`."""
         with torch.no_grad():
             for layer in self.network:
                 if isinstance(layer, nn.Linear):
@@ -39,14 +39,14 @@ class Network(nn.Module):
 
     @classmethod
     def of(cls, parameters: Mapping[str, Float32], architecture: Architecture) -> Network:
-        """Return the network with these parameters, which are not fitted any further."""
+        """Return the network with these parameters, without gradients for them."""
         network = cls(architecture)
         state = {name: torch.tensor(values) for name, values in parameters.items()}
         network.load_state_dict(state, assign=True)
         return network.requires_grad_(False)
 
     def forward(self, points: Tensor) -> Tensor:
-        """Features of (N, 3) float32 points; differentiable in them."""
+        """Return the features of (N, 3) float32 points, differentiable in the points."""
         waves = [points]
         for octave in range(self.architecture.octaves):
             angle = points * (math.pi / 2 * 2**octave)
@@ -54,10 +54,10 @@ class Network(nn.Module):
         return nn.functional.normalize(self.network(torch.cat(waves, dim=-1)), dim=-1)
 
     def arrays(self) -> dict[str, Float32]:
-        """The parameters, as a field takes them."""
+        """Return the parameters as a `Field` takes them."""
         return {name: values.detach().cpu().numpy() for name, values in self.state_dict().items()}
 
 
 def _linear(entering: int, leaving: int) -> nn.Linear:
-    """A linear map without values: torch would draw them from its own generator, which is the caller's."""
+    """Return a linear map without values, because torch would draw them from the caller's global generator."""
     return nn.utils.skip_init(nn.Linear, entering, leaving)  # type: ignore[no-untyped-call]

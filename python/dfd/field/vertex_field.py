@@ -1,4 +1,4 @@
-"""A field of features that another network computed for the vertices of a mesh."""
+"""A field made of given features of the vertices of a mesh."""
 
 from __future__ import annotations
 
@@ -25,25 +25,25 @@ ROWS_AT_ONCE = 1 << 16  # to bound memory
 
 
 class VertexField(Field):
-    """Φ from given features of the vertices of one mesh; elsewhere it has those of the nearest vertex.
+    """Φ from given features of the vertices of one mesh. Any point has the features of the nearest vertex.
 
-    No network is fitted: weights follow from the distances of the given features exactly. Vertices at one position have
-    the features of the first of them, as in faces, so that seams stay closed.
+    No network is fitted, so weights follow exactly from the given features. Vertices at one position have the features
+    of the first of them, so that UV seams stay closed.
 
     Parameters
     ----------
     mesh
-        The mesh, whose order of vertices `features` has.
+        The mesh to whose vertices `features` belong.
     features
-        (V, D), a row a vertex. Only their directions count.
+        (V, D), one row per vertex. Only their directions matter.
     settings
-        How they were made, JSON values.
+        A description of their source, JSON values.
 
     Raises ValueError if `features` has another shape, is not finite, or a row has no direction.
     """
 
     def __init__(self, mesh: MeshLike, features: ArrayLike, *, settings: Mapping[str, Any] | None = None) -> None:
-        from dfd.mesh.mesh import as_mesh  # SciPy with it, which a command's help can do without
+        from dfd.mesh.mesh import as_mesh  # imports SciPy, which the help of commands does not need
 
         mesh = as_mesh(mesh)
         rows = check.array("VertexField", "features", features, ("V", "D"))
@@ -71,7 +71,7 @@ class VertexField(Field):
         return f"VertexField({self.dimension} dimensions of {len(self._of_vertex)} vertices)"
 
     def __call__(self, points: Any) -> Any:
-        """Features (N, D) of `points` (N, 3) in mesh units, as `Field` gives them; a tensor's have no gradient."""
+        """Return features (N, D) of `points` (N, 3) in mesh units, as `Field` does; tensors have no gradient."""
         if tensors.is_tensor(points):
             import torch
 
@@ -79,7 +79,7 @@ class VertexField(Field):
         return self._rows[self._nearest.query(self._checked_points(points))[1]]
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Refuse: features of vertices are kept as the array that they came as.
+        """Refuse, because given features have no file format here; save their array instead.
 
         Raises
         ------
@@ -96,7 +96,7 @@ class VertexField(Field):
 
 
 def _unit(rows: Float32) -> Float32:
-    """Rows normalized to unit length, without overflow."""
+    """Return rows of unit length, without overflow."""
     result = np.empty_like(rows)
     for start in range(0, len(rows), ROWS_AT_ONCE):
         some = rows[start : start + ROWS_AT_ONCE].astype(np.float64)
