@@ -1,4 +1,4 @@
-"""What `dfd.pose` and `dfd.Drag` are given, as the kernel takes it."""
+"""Check the arguments of `dfd.pose` and `dfd.Drag`, and convert them for the kernel."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def read_points(function: str, vertices: Any) -> NDArray[Any]:
 
 
 def read_weights(function: str, weights: Any, vertex_count: int) -> Float32:
-    """(V, H) in place if rows or columns are contiguous."""
+    """Return weights (V, H), without a copy if rows or columns are contiguous."""
     matrix = tensors.shared(function, "weights", weights)
     if (
         isinstance(matrix, np.ndarray)
@@ -39,17 +39,17 @@ def empty_like(points: NDArray[Any]) -> NDArray[Any]:
 
 
 def target(function: str, out: Any, points: NDArray[Any], inputs: dict[str, NDArray[Any] | None]) -> NDArray[Any]:
-    """Where the vertices go."""
+    """Return the array for the posed vertices: `out`, or a new one."""
     if out is None:
         return empty_like(points)
     return tensors.output(function, out, points.shape, points.dtype, inputs)
 
 
 def read_affine(function: str, name: str, value: Any, count: int | None) -> Float64:
-    """(H, 3, 4) transforms, or (1, 3, 4) when `count` is None and `value` is a single one."""
+    """Return transforms (H, 3, 4), or (1, 3, 4) if `count` is None and `value` is one transform."""
     array = np.asarray(tensors.shared(function, name, value))
     if array.shape == (count, 3, 4) and array.dtype == np.float64 and array.flags.c_contiguous:
-        return array  # whose finiteness the kernel checks
+        return array  # the kernel checks that it is finite
     if count is None:
         array = array[np.newaxis] if array.ndim == 2 else array
     elif array.size == 0 and count == 0:
@@ -68,7 +68,7 @@ def read_affine(function: str, name: str, value: Any, count: int | None) -> Floa
 def handle_positions(
     function: str, handles: Any, vertices: NDArray[Any], weights: Float32
 ) -> tuple[Int64 | None, Float64]:
-    """(H,) the vertices at which handles stand, None for positions, and (H, 3) where that is."""
+    """Return the vertices (H,) of the handles, or None if positions were given, and the positions (H, 3)."""
     count = weights.shape[1]
     if handles is None:
         if len(vertices) == 0:
@@ -87,7 +87,7 @@ def handle_positions(
 
 
 def handle_weight_matrix(function: str, handle_weights: Any, weights: Float32, indices: Int64 | None) -> Float64:
-    """(H, H) weights among handles, row j at the place of handle j."""
+    """Return weights among handles (H, H), row j at the place of handle j."""
     count = weights.shape[1]
     if handle_weights is not None:
         return check.array(function, "handle_weights", handle_weights, (count, count), dtype=np.float64)

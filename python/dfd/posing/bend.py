@@ -1,4 +1,4 @@
-"""Bend and twist along a curve: every cross-section moves rigidly, so that girths stay."""
+"""Bend and twist along a curve: every cross-section moves rigidly, so the thickness stays."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ from scipy.spatial.transform import Rotation
 
 from dfd.common.linear_algebra import Float64
 
-FINE = 512  # steps of the curve: at a joint that turns by 90° one turns by a degree or two
-EASE = 0.25  # of the length over which a bend begins, so that the base shows no corner
-LEAST_JOINT = 0.06  # of the length: a joint is no sharper
+FINE = 512  # number of steps of the curve; at a joint of 90°, one step turns by one or two degrees
+EASE = 0.25  # fraction of the length over which a bend begins gradually, so that the base has no corner
+LEAST_JOINT = 0.06  # smallest half width of a joint, as a fraction of the length
 
 
 def bend_maps(nodes: Float64, radius: Float64, bend: ArrayLike, twist: float, joint: float | None = None) -> Float64:
-    """The (513, 3, 4) rigid maps of the cross-sections at equal steps along a curve; the first is the identity.
+    """Return the rigid maps (513, 3, 4) of the cross-sections at equal steps along a curve; the first is the identity.
 
-    The curve turns about the direction of `bend` more and more, and what is around it turns along: at s, by R(s),
-    c(s) goes to c(0) + ∫ R c′, and p to that + R(s) T(s) (p − c(s)), where T(s) turns about the curve's own direction.
+    At s, the cross-section turns by R(s) T(s): a growing part R of the bend, and a twist T about the curve. The curve
+    point c(s) moves to c(0) + ∫ R c′, and a point p of the cross-section to c(0) + ∫ R c′ + R(s) T(s) (p − c(s)).
 
     Parameters
     ----------
     nodes
         (K, 3) the resting curve at equal steps of its length, from base to tip.
     radius
-        (K,) of what is around it.
+        (K,) the mean distance of the surface from the curve.
     bend
-        (3,) rotation vector in degrees: what the tip turns by.
+        (3,) the rotation of the tip, as a rotation vector in degrees.
     twist
         Degrees by which the tip turns about the curve.
     joint
-        Where along the curve, in [0, 1], all of it happens; None spreads it.
+        The place on the curve, in [0, 1], of the whole rotation; None spreads it over the length.
     """
     at, fine = np.linspace(0.0, 1.0, len(nodes)), np.linspace(0.0, 1.0, FINE + 1)
     curve = np.stack([np.interp(fine, at, axis) for axis in nodes.T], axis=1)
@@ -58,19 +58,19 @@ def bend_maps(nodes: Float64, radius: Float64, bend: ArrayLike, twist: float, jo
         along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
         turn = turn @ Rotation.from_rotvec(np.radians(twist) * turned[:, None] * along).as_matrix()
     maps = np.concatenate([turn, (moved - np.einsum("kij,kj->ki", turn, curve))[:, :, None]], axis=2)
-    maps[turned == 0.0] = np.eye(3, 4)  # to the bit: what does not turn stays
+    maps[turned == 0.0] = np.eye(3, 4)  # exact, so that vertices that do not turn stay unchanged to the bit
     return maps
 
 
 class Sections:
-    """Vertices by where along a curve they are, to be moved by the maps of its cross-sections.
+    """Vertices with their places on a curve, to be moved by the maps of its cross-sections.
 
     Parameters
     ----------
     vertices
-        (N,) which.
+        (N,) indices.
     parameter
-        (N,) where each is, in [0, 1].
+        (N,) the place of each on the curve, in [0, 1].
     """
 
     def __init__(self, vertices: NDArray[np.integer], parameter: NDArray[np.floating]) -> None:
@@ -83,19 +83,19 @@ class Sections:
         self._shares = np.stack([1 - above, above], axis=1)
         self._columns = (4 * self._below[:, None] + np.arange(8)).astype(np.int32).ravel()
         self._rows = np.arange(0, 8 * len(moving) + 1, 8, dtype=np.int32)
-        self._rest = np.full((len(moving), 3), np.nan)  # where the vertices were last, before they moved
-        self._products = np.empty(8 * len(moving))  # of the shares with that
+        self._rest = np.full((len(moving), 3), np.nan)  # the resting positions of the previous call
+        self._products = np.empty(8 * len(moving))  # the shares times these positions
 
     def move(self, points: Float64, maps: Float64) -> None:
-        """Move those of `points` (V, 3) in place, each by what lies between two of `maps` (513, 3, 4)."""
+        """Move the vertices among `points` (V, 3) in place, each by the interpolation of two of `maps` (513, 3, 4)."""
         turns = (maps != np.eye(3, 4)).any(axis=(1, 2))
         first = int(np.searchsorted(self._below, int(turns.argmax()) - 1)) if turns.any() else len(self._below)
         rest = points[self.vertices]
-        if not np.array_equal(rest, self._rest):  # as it is from frame to frame of a drag
+        if not np.array_equal(rest, self._rest):  # equal in every frame of a drag
             self._rest = rest
             placed = np.concatenate([rest, np.ones((len(rest), 1))], axis=1)
             self._products = (self._shares[:, :, None] * placed[:, None]).ravel()
-        # A row for each vertex, its position times the share of either map, makes one product of all of them.
+        # Each row holds a vertex's position times the share of each map, so one matrix product moves all vertices.
         entries = self._products[8 * first :], self._columns[8 * first :], self._rows[: len(rest) - first + 1]
         each = csr_array(entries, shape=(len(rest) - first, maps.size // 3))
         points[self.vertices[first:]] = each @ maps.transpose(0, 2, 1).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""Gradients of a linear blend for torch: the kernel goes forward, and back what torch makes of Eq. 1 and 8."""
+"""Gradients of a linear blend for torch. The kernel computes the forward pass, torch the backward pass (Eq. 1, 8)."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 def posed_with_gradients(
     pose: Callable[..., Any], vertices: Any, weights: Any, transforms: Any, options: dict[str, Any]
 ) -> Any:
-    """What `pose`, the kernel's, gives: a tensor with gradients for `vertices`, `weights` and `transforms`.
+    """Return the result of `pose` as a tensor with gradients for `vertices`, `weights` and `transforms`.
 
-    Raises ValueError as `dfd.pose` does; and if other arguments require gradients, or the blend has none.
+    Raises ValueError as `dfd.pose` does, if other arguments require gradients, or if the blend has no gradients.
     """
     for name in ("default", "normals", "handle_weights", "out"):
         if tensors.tracked(options[name]):
@@ -46,7 +46,7 @@ def _tensor(name: str, value: Any) -> torch.Tensor:
     if isinstance(value, torch.Tensor):
         return value
     array = np.asarray(tensors.shared("pose", name, value))
-    # A mesh's own vertices cannot be written to, which torch has no word for and warns about.
+    # A mesh's vertices are read-only; torch has no read-only tensors and would warn.
     return torch.from_numpy(array if array.flags.writeable else array.copy())
 
 
@@ -80,7 +80,7 @@ class _Pose(torch.autograd.Function):
 def _posed(
     vertices: torch.Tensor, weights: torch.Tensor, transforms: torch.Tensor, options: dict[str, Any]
 ) -> torch.Tensor:
-    """(V, 3) by Eq. 1 and 8, in float64 and with torch's own operations."""
+    """Return vertices (V, 3) by Eq. 1 and 8, in float64 and with operations of torch."""
     rest = torch.eye(3, 4, dtype=torch.float64)
     if options["default"] is not None:
         rest = torch.from_numpy(read_affine("pose", "default", options["default"], None)[0])

@@ -1,4 +1,4 @@
-"""Weights under which each handle lands exactly where its own transform sends it."""
+"""Weights with which each handle arrives exactly at the target of its own transform."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ import numpy as np
 
 from dfd.common.linear_algebra import Float64
 
-# Of the largest singular value: below, weights of 24 bits no longer say which handle moves what.
+# Smallest singular value relative to the largest. Below it, weights with 24 bits cannot distinguish the handles.
 SINGULAR = 1e-5
 
 
 def interpolating(function: str, handle_weights: Float64) -> Float64:
-    """(H, H) inverse of the weights among handles, row j at the place of handle j.
+    """Return the inverse (H, H) of the weights among handles, whose row j is at the place of handle j.
 
-    Weights times it are 1 for a handle at its own place and 0 for all others there.
+    Weights multiplied by it are 1 for a handle at its own place, and 0 for all other handles there.
 
-    Raises ValueError if the weights are singular; it names the two handles that look most alike, or the one that moves
-    nothing.
+    Raises ValueError if the weights are singular. The message names the two most similar handles, or a handle that
+    moves nothing.
     """
     if len(handle_weights) == 0:
         return handle_weights
@@ -28,9 +28,9 @@ def interpolating(function: str, handle_weights: Float64) -> Float64:
         raise ValueError(
             f"{function}: the handle of column {still[0]} cannot arrive: no weight is above 0 at its place"
         )
-    # Rows that depend on each other cancel in the direction that the smallest singular value belongs to.
+    # Linearly dependent rows cancel in the direction of the smallest singular value.
     first, second = sorted(np.argsort(-np.abs(directions[:, -1]), kind="stable")[:2].tolist())
     raise ValueError(
-        f"{function}: the handles of columns {first} and {second} have alike weights at their places and cannot both "
-        "arrive"
+        f"{function}: the handles of columns {first} and {second} have nearly equal weights at their places and cannot "
+        "both arrive"
     )

@@ -1,4 +1,4 @@
-"""Vertices moved by blended transforms, across a mirror plane when there is one (Eq. 1 and 8)."""
+"""Move vertices by blended transforms, with an optional mirror plane (Eq. 1 and 8)."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from dfd.symmetry.plane import SymmetryPlane
 
 Overlap = Literal["add", "interpolate", "normalize", "paper"]
-KERNEL_OVERLAPS = ("add", "paper", "normalize")  # numbered as in the kernels; interpolating weights are made before
+KERNEL_OVERLAPS = ("add", "paper", "normalize")  # numbered as in the kernels; "interpolate" changes the weights before
 Blend = Literal["linear", "dual_quaternion"]  # numbered as in the kernels
 
 Out = TypeVar("Out")
@@ -40,7 +40,7 @@ IDENTITY.flags.writeable = False
 
 
 class PoseOptions(TypedDict, total=False):
-    """What `pose` takes besides vertices, weights, transforms, `normals` and `out`."""
+    """The arguments of `pose` besides vertices, weights, transforms, `normals` and `out`."""
 
     default: Any
     symmetry: SymmetryPlane | None
@@ -107,55 +107,56 @@ def pose(
     vertices
         (V, 3) in mesh units; float32 and float64 are read in place.
     weights
-        (V, H), what `dfd.bind` returns.
+        (V, H), as `dfd.bind` returns them.
     transforms
         (H, 3, 4) or (H, 4, 4) affine transforms D_k, mesh units.
     default
-        (3, 4) or (4, 4) transform D₀, which takes what the weights leave of 1; the identity if left out.
+        (3, 4) or (4, 4) transform D₀. Its weight is 1 less the sum of all weights. The identity if left out.
     symmetry
         Plane across which handles act mirrored on the other side. Over its `band` the sides blend smoothly.
     handles
-        (H,) vertex indices or (H, 3) positions: where handles stand, which tells their sides of the plane, the weights
-        among them and the points about which other blends than linear take them apart. Where left out, a handle stands
-        at the vertex with its largest weight.
+        (H,) vertex indices or (H, 3) positions of the handles. They determine the side of the plane, the weights among
+        handles, and the centers of stretches with dual quaternions. If left out, a handle is at the vertex with its
+        largest weight.
     handle_weights
-        (H, H) weights among handles for `overlap="interpolate"`, row j at the place of handle j; needed where handles
-        stand at positions that are no vertices, otherwise the rows of `weights` at `handles`.
+        (H, H) weights among handles for `overlap="interpolate"`, row j at the place of handle j. The default is the
+        rows of `weights` at `handles`; required if handles are at positions that are no vertices.
     normals
-        (V, 3) unit normals to turn along, by the cofactors of each vertex's blended transform.
+        (V, 3) unit normals to transform as well, by the cofactors of each vertex's blended transform.
     overlap
-        What becomes of weights whose sum passes 1. "paper": Eq. 1 to the letter, which scales the vertex by the sum
-        about the origin. "add": displacements add, so that handles that rest change nothing. "normalize": weights are
-        divided by their sum. "interpolate": displacements add, of weights times the inverse of those among the handles,
-        so that each handle lands exactly where its own transform sends it (inside the band of a plane, in part).
+        The rule for weights with a sum above 1. "paper": Eq. 1 to the letter, which scales the vertex by the sum about
+        the origin. "add": displacements add, so handles at rest change nothing. "normalize": weights are divided by
+        their sum. "interpolate": weights are multiplied by the inverse of the weights among handles, and displacements
+        add. Each handle then arrives exactly at its target, except within the band of a plane.
     blend
-        What of the transforms is blended. "linear": the matrices, Eq. 1.
-        "dual_quaternion": each transform is a stretch about the handle's place and a rigid motion after it; stretches
-        blend linearly, rigid motions as dual quaternions (Kavan et al., Geometric Skinning with Approximate Dual
-        Quaternion Blending, 2008). This keeps the thickness of what is twisted. The rigid motion of a transform
-        that flattens never mirrors. A mirrored transform keeps the mirror in its stretch, along the axis that leaves
-        the smallest rotation. Where scale factors that mirror are equal, or two are 0, several motions qualify and any
-        of them is taken.
+        The quantity that is blended. "linear": the matrices, Eq. 1. "dual_quaternion": each transform is a stretch
+        about the handle's place, followed by a rigid motion. Stretches blend linearly, rigid motions as dual
+        quaternions (Kavan et al., Geometric Skinning with Approximate Dual Quaternion Blending, 2008). Twisted parts
+        then keep their thickness. If a transform flattens, its rigid motion does not mirror. If a transform mirrors,
+        its stretch contains the mirror, along the axis that leaves the smallest rotation. If several decompositions are
+        equal, any of them is used.
     out
-        (V, 3) array of the type of `vertices` for the result, otherwise a new one is made.
+        (V, 3) array for the result, of the type of `vertices`; a new one if left out.
 
     Returns
     -------
     vertices
-        (V, 3) in mesh units, float32 if `vertices` is (or has fewer digits), else float64; a torch tensor if it is one.
-        With `normals`, a pair: the vertices, and (V, 3) unit normals of the same type. Where torch records gradients
-        for `vertices`, `weights` or `transforms`, a linear blend gives them.
+        (V, 3) in mesh units: float32 if `vertices` is float32 or float16, else float64. A torch tensor if `vertices` is
+        one. With `normals`, a pair: the vertices, and (V, 3) unit normals of the same type. If `vertices`, `weights` or
+        `transforms` require gradients, the result of a linear blend has them.
 
-    Raises ValueError if shapes disagree, a value is not finite, a transform is not affine, two handles at one place
-    cannot both arrive, gradients are asked for that there are none of, or `out` is not what the vertices fit in.
+    Raises ValueError if shapes disagree, a value is not finite, a transform is not affine, or `out` has another shape
+    or type. Raises ValueError if two handles at one place cannot both arrive, or gradients are required where none
+    exist.
 
-    Equation 1: V' = (max(1 − Σ W_k, 0) D₀ + Σ W_k D_k) V. With "add", V' = V + max(1 − Σ W_k, 0) (D₀ V − V) +
-    Σ W_k (D_k V − V), which is the same where weights sum to at most 1, and leaves vertices as they are, to the bit,
-    where all transforms are the identity. Dual quaternions take the same sums of what quaternions and stretches differ
-    from the identity's by, each quaternion with the sign that turns it the shorter way from D₀; D₀ stands at the first
-    vertex. They have no Eq. 1 to follow: their "paper" is "normalize".
-    Equation 8: at vertices on the other side of the plane, with reflection R, handle k acts through R D_k R and stands
-    at its mirror image. Within the band what is blended is mixed by a smoothstep.
+    Equation 1: V' = (max(1 − Σ W_k, 0) D₀ + Σ W_k D_k) V. With "add": V' = V + max(1 − Σ W_k, 0) (D₀ V − V) + Σ W_k
+    (D_k V − V). Both are equal if weights sum to at most 1. With "add", vertices stay unchanged to the bit if all
+    transforms are the identity. Dual quaternions use the same sums for the differences of quaternions and stretches
+    from the identity. Each quaternion has the sign of the shorter rotation from D₀, and D₀ is at the first vertex. For
+    dual quaternions, "paper" is the same as "normalize".
+
+    Equation 8: with the reflection R, handle k acts as R D_k R from its mirror image on vertices on the other side of
+    the plane. Within the band, a smoothstep mixes both sides.
     """
     if tensors.tracked(vertices, weights, transforms, default, normals, handle_weights, out):
         from dfd.posing.gradients import posed_with_gradients
@@ -178,11 +179,10 @@ def pose(
 
 
 class Drag:
-    """Some handles move, the others rest: everything that rests is folded into one base, so a frame costs the movers.
+    """Pose repeatedly while only some handles move; the sum of all resting handles is computed once.
 
-    Parameters are those of `dfd.pose`, `transforms` being where the drag starts, and `moving` the handles that move:
-    positions in 0 … H − 1 among the columns of `weights`. Only a linear blend can be folded: with the others a frame
-    costs what `dfd.pose` does.
+    Parameters are those of `dfd.pose`. `transforms` are those at the start of the drag. `moving` are the handles that
+    move, as indices of columns of `weights`. With a blend other than linear, a frame costs as much as `dfd.pose`.
     """
 
     def __init__(
@@ -199,9 +199,9 @@ class Drag:
         overlap: Overlap = "paper",
         blend: Blend = "linear",
     ) -> None:
-        """Fold the resting handles.
+        """Compute the sum of the resting handles.
 
-        Raises ValueError as `dfd.pose` does, or if `moving` is out of range or names a handle twice.
+        Raises ValueError as `dfd.pose` does, or if `moving` is out of range or contains a handle twice.
         """
         if tensors.tracked(vertices, weights, transforms, default, handle_weights):
             raise ValueError("Drag: a drag has no gradients: detach the tensors that require them")
@@ -215,7 +215,7 @@ class Drag:
         if blend != "linear":
             self._rule, self._weights, self._transforms = rule, matrix.copy(order="K"), affine.copy()
             return
-        # Handles that do nothing add nothing, so posing with the movers at rest leaves what they add to.
+        # Handles at rest add nothing, so posing with the moving handles at rest gives the base.
         resting = affine.copy()
         resting[self._moving] = IDENTITY
         self._base = empty_like(self._points)
@@ -225,7 +225,7 @@ class Drag:
         self._rule = replace(rule, rest=IDENTITY, positive=positive, places=None, mixing=None, overlap="add")
 
     def pose(self, transforms: Any, *, out: Any = None) -> Any:
-        """(V, 3) vertices with the moving handles at `transforms`, (M, 3, 4) or (M, 4, 4), in the order of `moving`.
+        """Return vertices (V, 3) with `transforms` (M, 3, 4) or (M, 4, 4) of the moving handles, in their order.
 
         Raises ValueError as `dfd.pose` does.
         """
@@ -242,13 +242,13 @@ class Drag:
 
 @dataclass(frozen=True)
 class _Rule:
-    """How transforms become one, as the kernel takes it."""
+    """The rule for blending transforms, as the kernel takes it."""
 
     rest: Float64  # (3, 4) D₀
     plane: tuple[tuple[float, float, float], float, float] | None
-    positive: Bool | None  # (H,) which handles stand where the plane's normal points
-    places: Float64 | None  # (H, 3)
-    mixing: Float64 | None  # (H, H) what the weights are multiplied by
+    positive: Bool | None  # (H,) which handles are on the side to which the plane's normal points
+    places: Float64 | None  # (H, 3) positions of the handles
+    mixing: Float64 | None  # (H, H) matrix by which the weights are multiplied
     overlap: Overlap
     blend: Blend
 
@@ -317,7 +317,7 @@ def _run(
 
 
 def _effective(rule: _Rule, weights: Float32, moving: Int64) -> NDArray[Any]:
-    """(V, M) the weights of the `moving` handles by which displacements are added."""
+    """Return the weights (V, M) of the `moving` handles' displacements."""
     if rule.mixing is not None:
         return weights @ rule.mixing[:, moving].astype(np.float32)
     if rule.overlap == "normalize":

@@ -1,9 +1,9 @@
 """Translation, rotation and scale about a pivot, as the (3, 4) affine matrices that `dfd.pose` blends.
 
-A rotation is a *rotation vector in degrees*: its direction is the axis, its length the angle, right-handed. (0, 90, 0)
-turns by 90° about y. It has neither an order of axes to agree on nor a gimbal lock, half the vector is half the turn,
-more than a whole turn stays more than a whole turn, and about a single axis it reads like an Euler angle. A quaternion
-(x, y, z, w), in glTF's order, is taken wherever a rotation is and becomes a rotation vector.
+A rotation is a *rotation vector in degrees*: its direction is the axis and its length the angle, right-handed.
+(0, 90, 0) turns by 90° about y. It needs no convention for the order of axes and has no gimbal lock. Half the vector is
+half the turn, and more than one turn can be expressed. About a single axis it equals an Euler angle. Every rotation can
+also be given as a quaternion (x, y, z, w), in glTF's order, and is converted to a rotation vector.
 """
 
 from __future__ import annotations
@@ -23,12 +23,11 @@ Vector = tuple[float, float, float]
 Frame = tuple[Vector, Vector, Vector]  # three orthonormal vectors
 PivotAt = Literal["base", "middle", "point", "plane", "hinge"]
 
-# Beyond it a float64 has no digits left for the part that matters, what exceeds the whole turns.
-NOT_UNIT = 1e-3  # a quaternion's length may be off by as much without a word
-LARGEST_ANGLE = 1e9
+NOT_UNIT = 1e-3  # a quaternion whose length differs more from 1 gives a warning
+LARGEST_ANGLE = 1e9  # degrees; beyond it, float64 has too few digits for the angle without whole turns
 
 
-# What is done to a handle: fields of `Transform`, and what only the part that it holds turns into these.
+# The motions of a handle: fields of `Transform`, and values that are converted to them with the held part.
 MOTIONS = {
     "translation": About(
         "Move the handle, in mesh units.", metavar="X Y Z", option="translate", unit="length", affects="pose"
@@ -42,31 +41,35 @@ MOTIONS = {
     ),
     "scale": About("Scale it: one factor, or three along the axes.", metavar="S | X Y Z", affects="pose"),
     "pivot": About(
-        "What it turns and scales about; by default the base of a limb, and the middle of anything else.",
+        "Center of rotation and scale; by default the base of a limb, and the middle of anything else.",
         metavar="X Y Z|base|middle|point|plane|hinge",
         unit="position",
         affects="pose",
     ),
-    "axes": About("The third factor is along the surface's normal there, not z.", metavar="normal", affects="pose"),
+    "axes": About(
+        "Use the surface's normal at the handle as the third axis of scale, instead of z.",
+        metavar="normal",
+        affects="pose",
+    ),
     "bend": About(
-        "Bend what it holds along its own axis: by so much the tip turns.",
+        "Bend the held part along its own axis: the angle by which its tip turns.",
         metavar="DEGREES",
         unit="angle",
         affects="pose",
         of_part=True,
     ),
     "towards": About(
-        "Where --bend takes the tip; by default up, and to the front where the part runs upright.",
+        "The direction in which --bend turns the tip; by default up, or to the front if the part runs upright.",
         metavar="up|down|left|right|front|back|X Y Z",
         affects="pose",
         of_part=True,
     ),
     "twist": About(
-        "Twist what it holds about its own axis.", metavar="DEGREES", unit="angle", affects="pose", of_part=True
+        "Twist the held part about its own axis.", metavar="DEGREES", unit="angle", affects="pose", of_part=True
     ),
     "joint": About(
-        "Where along the axis: over its length, where it bends or narrows already, at the handle, or from base (0) to "
-        "tip (1).",
+        "Where along the axis to bend: over its length, where it bends or narrows already, at the handle, or from base "
+        "(0) to tip (1).",
         0.0,
         1.0,
         metavar="spread|auto|here|0…1",
@@ -74,7 +77,7 @@ MOTIONS = {
         of_part=True,
     ),
     "open": About(
-        "Turn it about its hinge, away from the rest, as a jaw opens.",
+        "Turn the held part about its hinge, away from the rest, as a jaw opens.",
         metavar="DEGREES",
         unit="angle",
         affects="pose",
@@ -88,34 +91,33 @@ class Transform(Brief):
     """Scale, then rotation, then translation, about a pivot: p ↦ pivot + translation + R A S Aᵀ (p − pivot).
 
     Raises ValueError if an attribute has another shape or is not finite, a rotation is the quaternion 0 or beyond ±1e9
-    degrees, `axes` are not orthonormal, `pivot_at` is another word or without `pivot`, `joint` lies
-    outside [0, 1], or the numbers are so large that the matrix is not finite.
+    degrees, or `axes` are not orthonormal. Raises ValueError if `pivot_at` is unknown or `pivot` is missing, `joint`
+    lies outside [0, 1], or the matrix is not finite.
     """
 
     translation: Annotated[Vector, MOTIONS["translation"]] = (0.0, 0.0, 0.0)  # (3,) in mesh units
-    # rotation: (3,) rotation vector in degrees; given as a quaternion (x, y, z, w), it becomes one, the shorter way
-    # round
+    # rotation: (3,) rotation vector in degrees. A quaternion (x, y, z, w) is converted to the shorter rotation.
     rotation: Annotated[Vector, Written(tuple[float, ...]), MOTIONS["rotation"]] = (0.0, 0.0, 0.0)
     # scale: (3,) factors along `axes`; one number becomes three. 0 flattens, a negative factor mirrors.
     scale: Annotated[Vector, Written(float | Vector), MOTIONS["scale"]] = (1.0, 1.0, 1.0)
-    # pivot: (3,) in mesh units; None is the handle's own position, or for the default transform the center of the box
+    # pivot: (3,) in mesh units; None is the handle's position, or the center of the box for the default transform
     pivot: Annotated[Vector | None, MOTIONS["pivot"]] = None
-    # axes: three orthonormal vectors along which `scale` acts, the columns of A; None is the mesh's own axes
+    # axes: three orthonormal vectors along which `scale` acts, the columns of A; None is the mesh's axes
     axes: Annotated[Frame | None, MOTIONS["axes"]] = None
-    # pivot_at: what of the held part `pivot` is, as in `Deformer.add`; None where it is numbers and nothing else
-    pivot_at: Annotated[PivotAt | None, About("What of the held part the pivot is.", affects="pose", of_part=True)] = (
-        None
-    )
-    # bend, twist: what the tip of the held part turns by along its own axis before all else: (3,) a rotation vector in
-    # degrees, and degrees about the axis itself
+    # pivot_at: the name of the pivot, as in `Deformer.add`; None if the pivot was given in numbers
+    pivot_at: Annotated[
+        PivotAt | None, About("Which place of the held part the pivot is.", affects="pose", of_part=True)
+    ] = None
+    # bend, twist: the rotation of the held part's tip, applied before the rest of the transform: (3,) a rotation vector
+    # in degrees, and degrees about the part's axis
     bend: Annotated[Vector, MOTIONS["bend"]] = (0.0, 0.0, 0.0)
     twist: Annotated[float, MOTIONS["twist"]] = 0.0
-    # joint: where along the axis, in [0, 1] from base to tip, bend and twist happen; None spreads them over its length
+    # joint: the place on the axis, in [0, 1] from base to tip, of bend and twist; None spreads them over its length
     joint: Annotated[float | None, MOTIONS["joint"]] = None
     linear: Float64 = field(init=False, repr=False, compare=False)  # (3, 3) read-only, R A S Aᵀ
 
     def __post_init__(self) -> None:
-        """Check the numbers, once, and keep what every matrix of this transform shares."""
+        """Check the numbers once, and compute `linear`, which does not depend on the pivot."""
         keep = object.__setattr__
         keep(self, "translation", vector("translation", self.translation))
         keep(self, "rotation", rotation_vector(self.rotation))
@@ -137,10 +139,9 @@ class Transform(Brief):
         keep(self, "linear", _linear(self.rotation, self.scale, self.axes))
 
     def changed(self, *, pivot_at: PivotAt | None = None, **given: Any) -> Transform:
-        """The transform with some of its parts exchanged; None leaves a part, "auto" takes pivot or axes away.
+        """Return the transform with other values. None keeps a value; "auto" removes pivot or axes.
 
-        `pivot_at` says what `pivot` is; another pivot than before is only numbers without it. A `joint` of "spread"
-        takes it away.
+        `pivot_at` is the name of `pivot`; without it, a new pivot has no name. The `joint` "spread" removes the joint.
 
         Raises ValueError as `Transform` does.
         """
@@ -158,23 +159,23 @@ class Transform(Brief):
 
     @property
     def rests(self) -> bool:
-        """Whether it leaves every point in place, whatever the pivot and the axes."""
+        """Return whether the transform leaves every point in place, for any pivot and axes."""
         return self.translation == (0.0, 0.0, 0.0) and not self.turns and not self.bends
 
     @property
     def turns(self) -> bool:
-        """Whether it rotates or scales, so that its pivot matters."""
+        """Return whether the transform rotates or scales, so that its pivot matters."""
         return self.rotation != (0.0, 0.0, 0.0) or self.scale != (1.0, 1.0, 1.0)
 
     @property
     def bends(self) -> bool:
-        """Whether it bends or twists what it holds."""
+        """Return whether the transform bends or twists the held part."""
         return self.bend != (0.0, 0.0, 0.0) or self.twist != 0.0
 
     def matrix(self, center: Vector = (0.0, 0.0, 0.0)) -> Float64:
-        """The (3, 4) affine matrix in mesh units; `center` is the pivot of a transform without one.
+        """Return the (3, 4) affine matrix in mesh units; `center` replaces a pivot of None.
 
-        Raises ValueError if `translation` and pivot are so large that it is not finite.
+        Raises ValueError if the matrix is not finite because `translation` and pivot are too large.
         """
         pivot = np.asarray(center if self.pivot is None else self.pivot)
         matrix = np.empty((3, 4))
@@ -197,7 +198,7 @@ def affine(
     pivot: ArrayLike = (0.0, 0.0, 0.0),
     axes: ArrayLike | None = None,
 ) -> Float64:
-    """The (3, 4) matrix, in mesh units, of the `Transform` with these parts; the pivot is the origin if left out.
+    """Return the (3, 4) matrix, in mesh units, of a `Transform` with these values; the default pivot is the origin.
 
     Raises ValueError as `Transform` does.
     """
@@ -206,7 +207,7 @@ def affine(
 
 
 def rotation_matrix(rotation: ArrayLike) -> Float64:
-    """R, (3, 3), of a rotation vector in degrees or a quaternion (x, y, z, w).
+    """Return R (3, 3) of a rotation vector in degrees or a quaternion (x, y, z, w).
 
     Raises ValueError if `rotation` has neither 3 nor 4 finite numbers, or is the quaternion 0.
     """
@@ -214,13 +215,13 @@ def rotation_matrix(rotation: ArrayLike) -> Float64:
 
     degrees = np.asarray(rotation_vector(rotation))
     angle = float(np.linalg.norm(degrees))
-    # Whole turns are taken off in degrees, where they are exact.
+    # Whole turns are removed in degrees, where they are exact.
     within = degrees if angle < 360.0 else degrees * (np.fmod(angle, 360.0) / angle)
     return Rotation.from_rotvec(within, degrees=True).as_matrix()
 
 
 def rotation_vector(rotation: ArrayLike) -> Vector:
-    """`rotation` as a rotation vector in degrees; a quaternion takes the shorter way round."""
+    """Return `rotation` as a rotation vector in degrees; a quaternion gives the shorter rotation."""
     numbers = _numbers("rotation", rotation)
     if numbers.shape == (3,):
         return _angles("rotation", numbers)
@@ -236,7 +237,7 @@ def rotation_vector(rotation: ArrayLike) -> Vector:
     largest = np.abs(numbers).max()
     if largest == 0.0:
         raise ArgumentError("rotation", "must be a quaternion other than 0", "Transform")
-    # First to a size whose square neither overflows nor vanishes.
+    # Divide first, so that no square overflows or underflows.
     length = float(largest * np.linalg.norm(numbers / largest))
     if abs(length - 1.0) > NOT_UNIT:
         check.warn(f"Transform: `rotation` is a quaternion of length {length:.3g}, normalized to 1", UserWarning)
@@ -244,7 +245,7 @@ def rotation_vector(rotation: ArrayLike) -> Vector:
 
 
 def _angles(name: str, value: ArrayLike) -> Vector:
-    """`value` as a rotation vector in degrees."""
+    """Return `value` as a rotation vector in degrees."""
     angles = vector(name, value)
     if max(map(abs, angles)) > LARGEST_ANGLE:
         raise ArgumentError(name, f"must stay within ±{LARGEST_ANGLE:g} degrees, got {angles}", "Transform")
@@ -252,7 +253,7 @@ def _angles(name: str, value: ArrayLike) -> Vector:
 
 
 def scale_factors(scale: ArrayLike) -> Vector:
-    """`scale`, one factor or three, as three factors."""
+    """Return `scale`, one factor or three, as three factors."""
     numbers = _numbers("scale", scale)
     if numbers.shape not in ((), (3,)):
         raise ArgumentError("scale", f"must be one number or 3, got shape {numbers.shape}", "Transform")
@@ -260,7 +261,7 @@ def scale_factors(scale: ArrayLike) -> Vector:
 
 
 def vector(name: str, value: ArrayLike) -> Vector:
-    """`value` as three finite numbers."""
+    """Return `value` as three finite numbers."""
     numbers = _numbers(name, value)
     if numbers.shape != (3,):
         raise ArgumentError(name, f"must be 3 numbers, got shape {numbers.shape}", "Transform")
@@ -268,7 +269,7 @@ def vector(name: str, value: ArrayLike) -> Vector:
 
 
 def frame_vectors(name: str, value: ArrayLike) -> Frame:
-    """`value`, (3, 3), as three orthonormal vectors, one a row."""
+    """Return `value` (3, 3) as three orthonormal vectors, one per row."""
     rows = check.array("Transform", name, value, (3, 3), dtype=np.float64)
     if np.abs(rows @ rows.T - np.eye(3)).max() > 1e-6:
         raise ArgumentError(name, f"must be 3 unit vectors at right angles, got {rows.tolist()}", "Transform")
@@ -277,10 +278,10 @@ def frame_vectors(name: str, value: ArrayLike) -> Frame:
 
 
 def frame_of_normal(normal: ArrayLike) -> Frame:
-    """Three orthonormal vectors, right-handed, whose last is along `normal` (3,), which must not be 0."""
+    """Return three orthonormal vectors, right-handed. The last is along `normal` (3,), which must not be 0."""
     along = np.asarray(normal, np.float64)
     along = along / np.linalg.norm(along)
-    # The axis that is least along the normal leaves the longest remainder at a right angle to it.
+    # The axis with the smallest component along the normal has the longest projection at a right angle to it.
     beside = np.eye(3)[np.abs(along).argmin()]
     across = beside - (beside @ along) * along
     across /= np.linalg.norm(across)
@@ -288,7 +289,7 @@ def frame_of_normal(normal: ArrayLike) -> Frame:
 
 
 def _linear(rotation: Vector, scale: Vector, axes: Frame | None) -> Float64:
-    """R A S Aᵀ, (3, 3), read-only."""
+    """Return R A S Aᵀ (3, 3), read-only."""
     linear: Float64
     with np.errstate(over="ignore", invalid="ignore"):
         if axes is None:
