@@ -1,4 +1,4 @@
-"""Transfer of an edit from one shape to another of its class: handles go to the places that look most alike."""
+"""Transfer an edit from one shape to another shape of its class: handles move to the most similar places."""
 
 from __future__ import annotations
 
@@ -26,59 +26,58 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-# Among vertices whose features are as near as this to the nearest, the one at the most similar position is meant:
-# features tell a leg from an arm, and hardly a left leg from a right one.
+# Vertices within this feature distance of the most similar vertex are equally similar. Of these, the vertex at the most
+# similar position is chosen, because features hardly distinguish a left leg from a right one.
 AS_NEAR = 0.1
-MOST_POSITIONS = 2048  # of a set of vertices: more of them lie between these
-SAMPLE = 4096  # points of a surface, whose features have the mean of all of them to a percent
-# Of a field's settings: what its features come from.
+MOST_POSITIONS = 2048  # largest number of vertices of a set that are transferred; the others lie between them
+SAMPLE = 4096  # number of surface points whose mean feature is within a percent of the surface's
+# The settings of a field that determine whether features of two fields are comparable.
 OF_FEATURES = ("encoder_family", "encoder_weights", "encoder_block", "metric_hash")
-TOO_SHORT = 1e-4  # a feature nearer to the mean of its shape differs from it in no way that could be told
+TOO_SHORT = 1e-4  # a feature that differs less from the mean of its shape has no direction
 
 Points = Float64
 
 
 @dataclass(frozen=True)
 class Transferred:
-    """An edit on another shape, and how similar its places look.
+    """An edit on another shape, and the similarity of its places.
 
-    Similarities, in [0, 1], are cosines between features less the mean of their shape: 1 is the same, 0 has nothing in
-    common.
+    A similarity, in [0, 1], is the cosine between features, each less the mean feature of its shape.
     """
 
-    edit: Edit  # on the other mesh
-    similarity: dict[int, float]  # by handle id
-    fixed_similarity: tuple[float, ...]  # of the fixed points, in their order
+    edit: Edit  # the edit on the other mesh
+    similarity: dict[int, float]  # the similarity of each handle, by its id
+    fixed_similarity: tuple[float, ...]  # the similarity of each fixed point, in order
 
 
 @public
 def transfer(edit: Edit, mesh_from: Mesh, field_from: Field, mesh_to: Mesh, field_to: Field) -> Transferred:
-    """Carry `edit` from one shape to another one of its class.
+    """Transfer `edit` from one shape to another shape of its class.
 
-    A handle goes to the vertex whose feature is nearest to the handle's own, and among those that are about as near to
-    the one at the most similar position in the box around the shape. Features are compared less the mean of their
-    shape's surface: that holds what the whole shape looks like, its style, and a leg is what differs from it as legs
-    do. Lengths (translations, pivots, radii) are scaled by the ratio of the longest sides; rotations and scales stay.
-    Regions of space are carried from box to box, a set of vertices goes vertex by vertex (at most 2,048 of them, evenly
-    chosen), a part or a group is looked up by its name.
+    A handle moves to the vertex with the most similar feature. Among vertices of nearly equal similarity, it moves to
+    the most similar position in the box. The mean feature of each shape is subtracted first, because it describes the
+    style of the whole shape. Lengths (translations, pivots, radii) are scaled by the ratio of the longest sides;
+    rotations and scales stay. Balls, boxes and half spaces are mapped from box to box. A set of vertices is transferred
+    vertex by vertex (at most 2,048, evenly chosen). Parts and groups are found by name.
 
     Parameters
     ----------
     edit
-        Made on `mesh_from`, in whose units it is.
+        The edit, made on `mesh_from` and in its units.
     mesh_from, mesh_to
-        The shape that it was made on, and the other one.
+        The shape of the edit, and the other shape.
     field_from, field_to
-        Their fields, of one encoder.
+        Their fields, distilled with the same encoder.
 
-    Raises ValueError if the fields are of two encoders, two handles go to one vertex, or a region is empty there.
+    Raises ValueError if the fields have different encoders, two handles move to one vertex, or a region is empty on
+    `mesh_to`.
     """
     _check_encoders(field_from, field_to)
     return EditTransfer(mesh_from, field_from, mesh_to, field_to).of(edit)
 
 
 def _check_encoders(field_from: Field, field_to: Field) -> None:
-    """Refuse fields whose features cannot be compared."""
+    """Raise ValueError if the features of two fields cannot be compared."""
     if field_from.dimension != field_to.dimension:
         raise ArgumentError(
             "field_to",
@@ -121,11 +120,11 @@ class EditTransfer:
         return Transferred(transferred, similarity, tuple(similar for _, similar in fixed))
 
     def point(self, position: Vector) -> Vector:
-        """Return the position of a point in the box around the other shape."""
+        """Return the position in the other shape's box that corresponds to `position`."""
         return vector("position", self.center_to + self.ratio * (np.asarray(position) - self.center_from))
 
     def place(self, place: Place) -> tuple[Place, float]:
-        """Return a place on the other shape, and how similar it looks."""
+        """Return the corresponding place on the other shape, and its similarity."""
         if place.region is None or isinstance(place.region, VertexSet):
             positions = np.array([place.position]) if place.region is None else place.region.positions
             vertices, cosines = self.nearest(positions)
@@ -138,7 +137,7 @@ class EditTransfer:
         return place_on(self.mesh, found), float(np.clip(cosines, 0.0, 1.0).mean())
 
     def region(self, region: Region) -> Region:
-        """Return a region of the other shape."""
+        """Return the corresponding region of the other shape."""
         match region:
             case Ball():
                 return Ball(self.point(region.center), self.ratio * region.radius)
@@ -162,7 +161,7 @@ class EditTransfer:
         controls = handle.controls
         scaled: Controls = replace(
             controls,
-            excluded_counterparts=(),  # the other shape has other ones
+            excluded_counterparts=(),  # the other shape has other counterparts
             mask=None if controls.mask is None else self.region(controls.mask),
             **self.scaled(controls, beside),
         )
@@ -173,7 +172,7 @@ class EditTransfer:
         return replace(transform, **self.scaled(transform, move))
 
     def scaled(self, value: Controls | Transform, move: Callable[[Vector], Vector]) -> dict[str, Any]:
-        """Return the lengths and positions among the fields, in units of the other shape."""
+        """Return those fields of `value` that are lengths and positions, in units of the other shape."""
         found: dict[str, Any] = {}
         owner: type = type(value)
         for name, (_, said) in about(owner).items():
@@ -187,13 +186,13 @@ class EditTransfer:
         return found
 
     def plane(self, plane: SymmetryPlane) -> SymmetryPlane:
-        """Return the plane in the box around the other shape."""
+        """Return the corresponding plane in the other shape's box."""
         on_plane = self.point(vector("normal", plane.offset * np.asarray(plane.normal)))
         offset = float(np.dot(on_plane, plane.normal))
         return SymmetryPlane(plane.normal, offset, band=self.ratio * plane.band)
 
     def nearest(self, positions: Points) -> tuple[Int64, Points]:
-        """Return (N,) the vertices most similar to points of the first shape, and the cosines between both."""
+        """Return the vertices (N,) most similar to points of the first shape, and the cosines (N,) between both."""
         chosen = positions[:: -(-len(positions) // MOST_POSITIONS)]
         wanted = unit(self.field_from(chosen) - self.mean_from, least=TOO_SHORT)
         meant = self.center_to + self.ratio * (chosen - self.center_from)
@@ -209,7 +208,7 @@ class EditTransfer:
 
     @cached_property
     def lengths(self) -> Points:
-        """(V,) the distances of the vertices' features from the mean of their shape; infinite where it is 0."""
+        """Return the distance (V,) of each vertex's feature from the mean of the shape; infinity in place of 0."""
         offset = self.mean_to
         long = float(np.linalg.norm(offset))
         along = long * self.products(offset / long) if long > 0 else 0.0
@@ -217,14 +216,14 @@ class EditTransfer:
         return np.where(squares > TOO_SHORT**2, np.sqrt(np.maximum(squares, 0.0)), np.inf)
 
     def products(self, row: Points) -> Points:
-        """Return (V,) products of the vertices' features with a unit row, from the distances of `bind`."""
-        # With twice the paper's reach, no distance of unit features is cut off.
+        """Return the products (V,) of the vertices' features with a unit row, from the distances of `bind`."""
+        # A reach of 2 is the largest distance between unit features.
         distances = 2.0 * (1.0 - bind(self.rows.features, row[None].astype(np.float32), reach=2.0)[:, 0])
         return 1.0 - np.square(distances, dtype=np.float64) / 2.0
 
 
 def _mean(mesh: Mesh, field: Field) -> Points:
-    """Return (D,) the mean of the features of a surface."""
+    """Return the mean feature (D,) of a surface."""
     if not face_areas(mesh.vertices, mesh.faces).sum() > 0:
         return np.zeros(field.dimension)
     points, _ = sample_surface(mesh.vertices, mesh.faces, SAMPLE, np.random.default_rng(0))

@@ -1,7 +1,7 @@
-"""Which handle each component follows, where several handles move: every handle arrives.
+"""Assign each component to one handle if several handles move, so that every handle arrives.
 
-A component follows the handle that stands on it, else the first whose counterpart it is. A component inside another one
-follows both. Components that border on each other share the band between them.
+A component follows the handle on it, else the first handle whose counterpart it is. A component inside another one
+follows both handles. Components that border on each other share the band between them.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from dfd.common.linear_algebra import Bool, Float32, Float64
 from dfd.geometry.coarse import Share
 
-HELD = 0.5  # share of a column's largest weight: a component ends where less follows
-SAME = 0.5  # intersection over union of two components: from here on they are one
-INSIDE = 0.8  # share of a component that lies in another: from here on it is nested in it
+HELD = 0.5  # a component ends where the weight falls below this share of the column's largest weight
+SAME = 0.5  # two components are the same from this intersection over union
+INSIDE = 0.8  # a component is nested in another one from this share inside it
 
 
 def carriers_of(held: Bool, weights: Float64) -> tuple[Bool, Bool]:
@@ -38,9 +38,9 @@ def carriers_of(held: Bool, weights: Float64) -> tuple[Bool, Bool]:
 
 
 def following(handle_of: Sequence[int], same: Bool) -> list[int]:
-    """Return the columns that stay: one for each component, besides those on which several handles stand.
+    """Return the columns that stay: one for each component, or one for each handle on the component.
 
-    `handle_of` (C) is the handle of each column; the first column of a handle is that on which it stands.
+    `handle_of` (C) is the handle of each column. The first column of a handle is the component with the handle.
     """
     own = [i for i, handle in enumerate(handle_of) if handle not in handle_of[:i]]
     kept: list[int] = []
@@ -77,7 +77,7 @@ def shared(
         result[column] = Share(vertices, values * factor.astype(np.float32))
 
     for one, other in combinations(standing, 2):
-        if same[one, other]:  # both stand on it: each moves what is nearer to it
+        if same[one, other]:  # both handles are on one component: each moves the nearer vertices
             for own, rival in ((one, other), (other, one)):
                 near, far = squared(result[own].vertices, own, rival)
                 scale(own, far / np.maximum(near + far, 1e-300))
@@ -85,7 +85,7 @@ def shared(
         beside = [j for j in range(len(result)) if j != i and not nested[i, j] and result[j].at(here) > 0]
         others = [points[vertex] for j, vertex in standing.items() if j != i]
         radius = np.linalg.norm(np.array(others).reshape(-1, 3) - points[here], axis=1).min(initial=np.inf) / 2
-        if not beside or radius == 0:  # two handles at one point: neither can take the place of the other
+        if not beside or radius == 0:  # with radius 0, two handles are at one point
             continue
         whole = columns[i].dense(len(points))
         for j in beside:

@@ -43,11 +43,11 @@ class Counterpart:
 
     vertex: int  # the vertex that looks most like the handle
     position: tuple[float, float, float]  # (3,) of that vertex, of the handle's own that of the handle, mesh units
-    # frame: (3, 3) orthogonal: turns directions at the handle into those at the counterpart; a reflection where a
-    # plane of symmetry lies between them
+    # frame: (3, 3) orthogonal: maps directions at the handle to those at the counterpart; a reflection if a plane of
+    # symmetry lies between them
     frame: Float64
     weight: float  # the handle's weight at `vertex`
-    share: Share | None  # which part of the vertices' weights belongs to it; None means all: there is one counterpart
+    share: Share | None  # its share of the handle's weights; None means all, for the only counterpart
     # image: (3, 4) the isometry that maps the handle's own component onto this one, where they are mirror images
     image: Float64 | None = None
 
@@ -56,12 +56,12 @@ class Counterpart:
         return 1.0 if self.share is None else self.share.at(vertex)
 
     def transform(self, affine: Float64, position: Sequence[float]) -> Float64:
-        """Return the (3, 4) map that does at this counterpart what `affine` does at a handle at `position` (3,)."""
+        """Return the map (3, 4) at this counterpart that corresponds to `affine` at a handle at `position` (3,)."""
         if np.array_equal(affine, np.eye(3, 4)):  # exactly: rounding would move vertices of a handle at rest
             return np.eye(3, 4)
         here, there = np.asarray(self.position), np.asarray(position, np.float64)
         linear = self.frame @ affine[:, :3] @ self.frame.T
-        moved = affine[:, :3] @ there + affine[:, 3] - there  # what the handle itself is moved by
+        moved = affine[:, :3] @ there + affine[:, 3] - there  # displacement of the handle
         return np.column_stack([linear, here + self.frame @ moved - linear @ here])
 
 
@@ -122,9 +122,9 @@ class CounterpartFinder:
         vertex, position
             The vertex nearest to the handle, and its position (3,), mesh units.
         grip
-            The part that the handle holds, each of whose components is one counterpart; None where there is no part.
+            The part that the handle holds; each of its components is one counterpart. None if there is no part.
         planes
-            Planes of symmetry of the shape. They make frames.
+            Planes of symmetry of the shape; frames are reflected in them.
         everywhere
             Whether the counterparts share the whole surface, for weights that do not end with the part.
 
@@ -250,11 +250,11 @@ class CounterpartFinder:
         found: Sequence[Counterpart],
         planes: Sequence[SymmetryPlane],
     ) -> tuple[int, Float64]:
-        """Return the vertex of the nodes `inside` (N,) that corresponds to the handle, and its frame.
+        """Return the vertex on the nodes `inside` (N,) that corresponds to the handle, and its frame.
 
-        This is the mirror image of one that was found before, if it is as alike: many vertices of a component are
-        nearly as alike. Otherwise it is the vertex most alike. Its frame is mirrored once for each plane between it and
-        the handle.
+        The vertex is the mirror image of a counterpart found before, if it is nearly as similar as the most similar
+        vertex. Otherwise it is the most similar vertex, and its frame is reflected in each plane between it and the
+        handle.
         """
         nodes = self._nodes
         best = int(np.where(inside, on_nodes, -1.0).argmax())
@@ -277,7 +277,7 @@ class CounterpartFinder:
         closeness = np.empty((len(components), len(self._nodes.center)))
         for row, members in zip(closeness, components, strict=True):
             distance = dijkstra(self._nodes.graph, indices=members, min_only=True)
-            # Other components are at their straight distance plus a diagonal: beyond all of the same component.
+            # Other components of the mesh get their straight distance plus a diagonal, which exceeds all others.
             if len(apart := np.flatnonzero(np.isinf(distance) & self._nodes.used)):
                 straight = cKDTree(self._nodes.center[members]).query(self._nodes.center[apart])[0]
                 distance[apart] = straight + self._mesh.diagonal

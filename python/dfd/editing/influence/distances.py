@@ -1,4 +1,4 @@
-"""Distances over the surface from a session's handles, and the falloff that they make (Eq. 7)."""
+"""Distances over the surface from a session's handles, and the falloff of Eq. 7 from them."""
 
 from __future__ import annotations
 
@@ -20,26 +20,25 @@ Indices = Int64
 
 
 class Measured(NamedTuple):
-    """How distances are measured: the arguments of `Geodesics` of these names."""
+    """The settings of distances: arguments of `Geodesics` with the same names."""
 
     bridges: bool
     sampled: bool
 
 
 class Distances:
-    """Rows of distances on one mesh, kept as long as a handle starts there."""
+    """Rows of distances on one mesh. A row is kept while a handle needs it."""
 
     def __init__(self, mesh: Mesh) -> None:
         self._mesh = mesh
-        self._geodesics: dict[Measured, Geodesics] = {}  # once they are asked for
-        self._rows: dict[tuple[Measured, int], Float32] = {}  # (V,) each, by its source
-        self._found: dict[Vector, int] = {}  # nearest vertices: every frame of a drag asks for the same ones
+        self._geodesics: dict[Measured, Geodesics] = {}  # built at the first use
+        self._rows: dict[tuple[Measured, int], Float32] = {}  # rows (V,) by their source
+        self._found: dict[Vector, int] = {}  # nearest vertices, because every frame of a drag needs the same ones
 
     def sources(self, own: Indices, place: Place, symmetry: SymmetryPlane | None) -> tuple[int, ...]:
-        """The vertices from which the distances of a handle at `place`, with `own_pivot` vertices there, start.
+        """Return the vertices at which the distances of a handle at `place` start; `own` (N,) are its vertices.
 
-        With a plane, `symmetry`, from the handle's mirror image as well: a symmetric edit acts there too, and locality
-        that is measured from the handle alone undoes the symmetry.
+        With a `symmetry` plane, distances also start at the handle's mirror image, because a symmetric edit acts there.
         """
         sources = dict.fromkeys(own.tolist())
         if symmetry is not None:
@@ -49,10 +48,10 @@ class Distances:
         return tuple(sources)
 
     def falloff(self, sources: tuple[int, ...], controls: Controls, measured: Measured) -> tuple[Float32 | None, float]:
-        """(1, V) distances in [0, 1] and the exponent λ that make the falloff (1 − G)^λ of `controls`; or neither.
+        """Return distances G (1, V) in [0, 1] and λ of the falloff (1 − G)^λ of `controls`; (None, 0) without one.
 
-        With a radius r, G is (d / r)² up to 1 and λ is 2: (1 − (d / r)²)², which is flat at the handle and at r, and
-        0 beyond it.
+        With a radius r, G is min((d / r)², 1) and λ is 2. The falloff (1 − (d / r)²)² has slope 0 at the handle and at
+        r, and is 0 beyond r.
         """
         if not sources:
             return None, 0.0
@@ -63,11 +62,11 @@ class Distances:
         return np.square(reached)[None], 2.0
 
     def keep(self, sources: set[int]) -> None:
-        """Forget the distances of handles that are gone: they are not worth their memory."""
+        """Delete the rows of all other sources, to free memory."""
         self._rows = {key: row for key, row in self._rows.items() if key[1] in sources}
 
     def _nearest_of(self, sources: tuple[int, ...], measured: Measured) -> Float32:
-        """(V,) distances in [0, 1] from the nearest of `sources`."""
+        """Return the distance (V,) in [0, 1] from the nearest of `sources`."""
         for source in sources:
             if (measured, source) not in self._rows:
                 self._rows[measured, source] = self.geodesics(measured).distances([source])[0]
@@ -82,9 +81,9 @@ class Distances:
         return self._found[point]
 
     def geodesics(self, measured: Measured) -> Geodesics:
-        """Return what measures distances over the surface."""
+        """Return the object that measures distances over the surface."""
         if measured not in self._geodesics:
-            from dfd.geometry.geodesics import Geodesics  # slow to build, and needed for locality alone
+            from dfd.geometry.geodesics import Geodesics  # slow to build, and needed only for locality
 
             self._geodesics[measured] = Geodesics(self._mesh, **measured._asdict())
         return self._geodesics[measured]

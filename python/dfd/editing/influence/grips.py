@@ -1,4 +1,4 @@
-"""What a handle at a place takes hold of, by features alone: the part there and its counterparts."""
+"""The part and the counterparts that a handle at a place holds, by features alone."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Held(NamedTuple):
-    """What is found at a place."""
+    """The part and the counterparts at a place."""
 
     counterparts: tuple[Counterpart, ...]  # the place's own first, then the most alike first
     part: Float32 | None  # (V,) 1 on the part, equal on mirror images, falling to 0; None without a part
@@ -40,10 +40,10 @@ class Grips:
     def prepare(
         self, planes: Sequence[SymmetryPlane], found: tuple[CounterpartFinder, Parts] | None = None
     ) -> tuple[CounterpartFinder, Parts]:
-        """Compute and return what does not depend on a place, seconds for a million faces.
+        """Compute and return all data that does not depend on a place. It takes seconds for a million faces.
 
-        `planes` are those that `symmetry_planes` finds. It may run on another thread than the rest. With `found`, what
-        another session of the same mesh and field returned is taken instead.
+        `planes` are the result of `symmetry_planes`. The method may run on another thread. `found` is the result of
+        this method in another session of the same mesh and field, which is then reused.
         """
         if found is None:
             found = self.finder, self.parts
@@ -68,9 +68,10 @@ class Grips:
         return self._parts.get(place, lambda: self.parts.grip(self._rows.anchor(place)))
 
     def held(self, place: Place, *, everywhere: bool = False, plane: SymmetryPlane | None = None) -> Held:
-        """Return the part at a place and its counterparts, mirrored across `plane`, or else across planes found.
+        """Return the part at a place and its counterparts.
 
-        With `everywhere` they share the whole surface, else the part.
+        Counterparts are mirrored across `plane`, or across the shape's own planes if it is None. With `everywhere`,
+        they share the whole surface; otherwise they share the part.
         """
 
         def find() -> Held:

@@ -1,7 +1,6 @@
-"""Sets of vertices, as people name them: a ball, a box, one side of a plane, a part of the scene, a face group, a
-list of vertices.
+"""Regions: a ball, a box, one side of a plane, a part of the scene, a face group, or a list of vertices.
 
-A region is kept as what was said and not as what it held, so that it means the same on another resolution of the shape.
+A region stores its definition and not its vertices, so it has the same meaning on another resolution of the shape.
 """
 
 from __future__ import annotations
@@ -22,10 +21,9 @@ from dfd.posing.transforms import Vector, vector
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-# A vertex that moved by no more than this part of the box's diagonal is the same one: files round positions to float32.
+# Two positions within this fraction of the box's diagonal are equal, because files round positions to float32.
 SAME_POSITION = 1e-5
-
-# On a finer mesh, what lies nearer to a vertex of a set than this part of their spacing belongs to the set.
+# On a finer mesh, a vertex belongs to a set if it is nearer to one of the set than this fraction of their spacing.
 NEAR_SPACING = 0.8
 
 Indices = Int64
@@ -34,7 +32,7 @@ Mask = Bool
 
 @dataclass(frozen=True)
 class Ball:
-    """What lies within `radius` of `center`, mesh units."""
+    """All vertices within `radius` of `center`, mesh units."""
 
     center: Vector
     radius: Annotated[float, About("Mesh units.", 0.0, exclusive=True)]
@@ -55,7 +53,7 @@ class Ball:
 
 @dataclass(frozen=True)
 class Box:
-    """What lies between two corners, mesh units."""
+    """All vertices between two corners, mesh units."""
 
     low: Vector
     high: Vector
@@ -79,7 +77,7 @@ class Box:
 
 @dataclass(frozen=True)
 class HalfSpace:
-    """One side of a plane: every p with normal · p ≥ offset, mesh units; `normal` gets unit length."""
+    """One side of a plane: all p with normal · p ≥ offset, mesh units. `normal` is scaled to unit length."""
 
     normal: Vector
     offset: float
@@ -105,7 +103,7 @@ class HalfSpace:
 
 @dataclass(frozen=True)
 class Named:
-    """What has a name in the mesh's file."""
+    """A region with a name in the mesh's file."""
 
     name: str
 
@@ -132,7 +130,7 @@ class Part(Named):
 
 @dataclass(frozen=True)
 class Group(Named):
-    """The faces of an OBJ file's group, by its name: that of a `g`, `o` or `usemtl` line."""
+    """The faces of a group of an OBJ file, by the name in a `g`, `o` or `usemtl` line."""
 
     kind: Literal["group"] = field(default="group", repr=False)
 
@@ -147,16 +145,16 @@ class Group(Named):
 
 @dataclass(frozen=True, eq=False)
 class VertexSet:
-    """A list of vertices, with where they lie on the shape on which they were chosen.
+    """A list of vertices and their positions on the shape on which they were chosen.
 
-    On another mesh, those nearest to them belong to it, and on a finer one what lies between them.
+    On another mesh, it contains the vertices nearest to these positions; on a finer mesh, also the vertices in between.
 
-    Raises ValueError if there is none, one occurs twice, or there are not as many positions.
+    Raises ValueError if the list is empty, a vertex occurs twice, or the number of positions differs.
     """
 
     indices: Annotated[Indices, Written(list[int])]  # (N,) vertex indices, once each, ascending
     positions: Annotated[Float64, Written(list[Vector])]  # (N, 3) in mesh units
-    count: int | None = None  # how many vertices that shape has; None where nobody knows
+    count: int | None = None  # number of vertices of that shape; None if unknown
     kind: Literal["vertices"] = field(default="vertices", repr=False)
 
     def __post_init__(self) -> None:
@@ -171,7 +169,7 @@ class VertexSet:
 
     @classmethod
     def of(cls, mesh: Mesh, chosen: Any) -> VertexSet:
-        """The vertices of `mesh` that `chosen` names: (N,) indices, or a mask of (V,) truth values."""
+        """Return the set for `chosen` vertices of `mesh`: indices (N,), or a mask of truth values (V,)."""
         values = np.asarray(chosen)
         if values.dtype == bool:
             mask = check.array("VertexSet", "indices", values, (len(mesh.vertices),), dtype=bool)
@@ -184,15 +182,15 @@ class VertexSet:
         return self.indices.tobytes(), self.positions.tobytes()
 
     def __eq__(self, other: object) -> bool:
-        """Whether both hold the same vertices at the same positions."""
+        """Return whether both hold the same vertices at the same positions."""
         return self is other or (isinstance(other, VertexSet) and self._identity == other._identity)
 
     def __hash__(self) -> int:
-        """Equal sets hash alike."""
+        """Return equal hashes for equal sets."""
         return hash(self._identity)
 
     def __repr__(self) -> str:
-        """Say how many there are."""
+        """Return the number of vertices."""
         return f"VertexSet({len(self.indices)} vertices)"
 
     def __str__(self) -> str:
@@ -214,7 +212,7 @@ class VertexSet:
         return inside
 
     def lies_on(self, mesh: Mesh) -> bool:
-        """Whether the vertices of `mesh` with these indices lie where these lie."""
+        """Return whether the vertices of `mesh` with these indices have these positions."""
         if self.indices[-1] >= len(mesh.vertices):
             return False
         apart = np.linalg.norm(mesh.vertices[self.indices] - self.positions, axis=1)
@@ -225,10 +223,10 @@ Region = Ball | Box | Group | HalfSpace | Part | VertexSet
 
 
 def members(mesh: Mesh, region: Region) -> Indices:
-    """(N,) ascending, the vertices of `mesh` in `region`; ValueError if there is none."""
+    """Return the vertices (N,) of `mesh` in `region`, ascending; ValueError if there is none."""
     try:
         found = np.flatnonzero(region.inside(mesh))
-    except ArgumentError as error:  # a name that the mesh does not have; who gave the region knows it as a whole
+    except ArgumentError as error:  # an unknown name; the caller's argument is the whole region
         raise ArgumentError("region", error.reason) from None
     if len(found) == 0:
         raise ArgumentError("region", f"must hold a vertex, but {region} holds none of the mesh's {len(mesh.vertices)}")
@@ -236,9 +234,10 @@ def members(mesh: Mesh, region: Region) -> Indices:
 
 
 def distances_from(mesh: Mesh, region: Region) -> Float64:
-    """(V,) how far each vertex lies outside of `region`, mesh units; of a set of vertices, from the nearest of them.
+    """Return the distance (V,) of each vertex from `region`, mesh units; from a set, the distance to its nearest
+    vertex.
 
-    Raises ValueError if it holds no vertex.
+    Raises ValueError if the region holds no vertex.
     """
     inside = members(mesh, region)
     match region:
@@ -256,7 +255,7 @@ def distances_from(mesh: Mesh, region: Region) -> Float64:
 
 
 def _mask(mesh: Mesh, vertices: Any) -> Mask:
-    """(V,) which of the mesh's vertices are `vertices` (N,)."""
+    """Return which vertices (V,) of the mesh are `vertices` (N,)."""
     mask = np.zeros(len(mesh.vertices), bool)
     mask[vertices] = True
     return mask
