@@ -25,7 +25,7 @@ Out = TypeVar("Out")
 
 
 class BindOptions(TypedDict, total=False):
-    """What `bind` takes besides features, handles and `out`."""
+    """The arguments of `bind` besides features, handles and `out`."""
 
     fixed: Any
     strength: ArrayLike | None
@@ -55,48 +55,51 @@ def bind(
     falloff: Falloff | Sequence[Falloff] = "linear",
     out: Any = None,
 ) -> Any:
-    """How much each vertex follows each handle, in [0, 1]; 1 at the handle, less what fixed points hold of it.
+    """Compute the weight of each vertex for each handle, in [0, 1].
+
+    The weight at a handle is 1, less the weight that fixed points remove there.
 
     Parameters
     ----------
     features
-        (V, D) rows, of unit length by convention; they are taken as they are. float32 is read in place. Or what
-        `dfd.compact` makes of them, which binds many times faster within its tolerance.
+        (V, D) rows, usually of unit length; they are not normalized. float32 is read in place. Or the result of
+        `dfd.compact`, which binds many times faster within its tolerance.
     handles
-        (H,) distinct vertex indices, or (H, D) feature rows, so that a handle can be any point in space. Or a sequence
-        of H items, each a vertex index, a list of them or (N, D) rows: a handle that is a region weighs by its nearest
-        member. At most 32 members that lie far apart stand for all; those within 0.001 of a kept one in feature space,
-        and of a region beyond 8,192 members all but that many spread evenly over it, are left out.
+        (H,) distinct vertex indices, or (H, D) feature rows for points in space. Or a sequence of H items: vertex
+        indices, lists of them, or (N, D) rows. A handle with several members is a region, whose weights come from the
+        nearest member. A region is reduced to at most 32 members with distant features. Members within 0.001 of a kept
+        one are left out, and above 8,192 members only as many are considered, evenly chosen.
     fixed
-        Points or regions that stay, and with them all that looks like them: (P,) or (P, D) or a sequence of P items, as
-        for `handles`.
+        Points or regions that stay in place with everything that looks like them: (P,), (P, D) or a sequence of P
+        items, as for `handles`.
     strength
-        How much `fixed` holds, in [0, 1], for all or (P,) for each: 1, also if left out, is the paper's.
+        The share of weight that `fixed` removes, in [0, 1]: one number, or (P,). The default 1 is Eq. 6.
     geodesic
         (H, V) geodesic distances from each handle, in [0, 1]. float32 is read in place.
     locality
-        λ ≥ 0, for all handles or (H,) for each: 0 reaches as far as looks do, larger stays closer to the handle.
+        λ ≥ 0: one number, or (H,). 0 ignores distances; a larger λ keeps weights nearer to the handle.
     reach
-        r > 0, for all handles or (H,) for each: the feature distance at which a handle's weight ends. Unit rows lie at
-        most 2 apart, so that more than 2 takes in everything.
+        r > 0: one number, or (H,). The feature distance at which a handle's weight is 0. Unit rows differ by at most 2,
+        so a reach above 2 includes all vertices.
     falloff
-        How the weight falls by x = 1 − d / r, for all handles or H names: linear x, smooth x² (3 − 2x), sharp x², root
-        √x, sphere √(x (2 − x)), constant 1 within the reach. The names are those of Blender's proportional editing.
+        The curve f of x = 1 − d / r: one name, or H names. linear x, smooth x² (3 − 2x), sharp x², root √x, sphere
+        √(x (2 − x)), constant 1 within the reach. The names are those of Blender's proportional editing.
     out
-        (V, H) float32 array for the result, otherwise a new one is made. Its rows or its columns are contiguous: a
-        column of a column-major array takes one more handle without touching the others.
+        (V, H) float32 array for the result; a new one if left out. Its rows or columns must be contiguous. A column of
+        a column-major array is written without access to the others.
 
     Returns
     -------
     weights
         (V, H) float32; a torch tensor if `features` is one.
 
-    Raises ValueError if shapes disagree, a value is not finite, an index is out of range or repeated, a region is
-    empty, a distance or strength lies outside [0, 1], a reach is not above 0, an array is masked or requires gradients
-    (weights have none), or `out` is not what the weights fit in.
+    Raises ValueError if shapes disagree, a value is not finite, an index is out of range or repeated, or a region is
+    empty. Raises ValueError if a distance or strength lies outside [0, 1], a reach is not above 0, an array is masked
+    or requires gradients (weights have none), or `out` has another shape or type.
 
-    Equations 4 and 5: W = f(max(1 − ‖Z_i − Z_j‖ / r, 0)), in the paper with r = 1 and f(x) = x. Then 6, in the paper
-    with strength s = 1: W ← max(W − max_p s_p W_p, 0), where W_p = max(1 − ‖Z_i − Z_p‖, 0). Then 7: W ← W (1 − G)^λ.
+    Equations 4 and 5: W = f(max(1 − ‖Z_i − Z_j‖ / r, 0)); the paper has r = 1 and f(x) = x. Then Equation 6:
+    W ← max(W − max_p s_p W_p, 0), where W_p = max(1 − ‖Z_i − Z_p‖, 0); the paper has s = 1. Then Equation 7:
+    W ← W (1 − G)^λ.
     """
     if tensors.tracked(features, handles, fixed, geodesic, out):
         raise ValueError("bind: weights have no gradients: detach the tensors that require them")
@@ -140,7 +143,7 @@ def bind(
 
 
 def _strengths(strength: ArrayLike | None, held: Targets | None) -> Float32 | None:
-    """(N,) how much each of the fixed points holds; None where all hold wholly."""
+    """Return the strength (N,) of each fixed point; None if all are 1."""
     if strength is None:
         return None
     if held is None:
@@ -154,7 +157,7 @@ def _strengths(strength: ArrayLike | None, held: Targets | None) -> Float32 | No
 def _extents(
     reach: ArrayLike, falloff: Falloff | Sequence[Falloff], handle_count: int
 ) -> tuple[Float32 | None, Int32 | None]:
-    """(H,) reaches and (H,) numbers of falloffs, or neither where they are the paper's."""
+    """Return reaches (H,) and numbers of falloffs (H,), or (None, None) for those of the paper."""
     if type(reach) is float and reach == 1.0 and falloff == "linear":
         return None, None
     reaches = _for_each("reach", reach, handle_count, minimum=0.0, exclusive=True)
@@ -172,7 +175,7 @@ def _extents(
 
 
 def _locality(geodesic: Any, locality: ArrayLike, shape: tuple[int, int]) -> tuple[Float32 | None, Float32 | None]:
-    """(H, V) distances and (H,) exponents λ, or neither."""
+    """Return distances (H, V) and exponents λ (H,), or (None, None)."""
     if geodesic is None and type(locality) is float and locality == 0:
         return None, None
     vertex_count, handle_count = shape
@@ -185,7 +188,7 @@ def _locality(geodesic: Any, locality: ArrayLike, shape: tuple[int, int]) -> tup
 
 
 def _for_each(name: str, value: ArrayLike, count: int, *, minimum: float, exclusive: bool = False) -> Float32:
-    """(count,) numbers, from one for all or one for each."""
+    """Return numbers (count,) from one number or `count` numbers."""
     if np.ndim(tensors.shared("bind", name, value)) == 0:
         number = check.number("bind", name, value, minimum=minimum, exclusive=exclusive)
         numbers = np.full(count, np.clip(number, 0, np.finfo(np.float32).max), np.float32)
@@ -194,4 +197,4 @@ def _for_each(name: str, value: ArrayLike, count: int, *, minimum: float, exclus
         if (numbers < minimum).any() or (exclusive and (numbers == minimum).any()):
             bound = "above" if exclusive else "at least"
             raise ArgumentError(name, f"must be {bound} {minimum:g}, got {numbers.min():g}", "bind")
-    return np.maximum(numbers, np.finfo(np.float32).tiny) if exclusive else numbers  # not 0, rounded
+    return np.maximum(numbers, np.finfo(np.float32).tiny) if exclusive else numbers  # rounding must not give 0

@@ -1,8 +1,8 @@
-"""Compact features: what `dfd.bind` needs of a shape's features, in a tenth of the bytes and within a stated tolerance.
+"""Compact features: features for `dfd.bind` in a tenth of the bytes, within a stated tolerance of the weights.
 
-The features of one shape lie close to a few directions. They are projected to as few of them as the tolerance on the
-weights allows, and stored in 8 or 16 bits in the order in which the kernels read. Distances between whole numbers of
-steps are exact, so a handle still weighs exactly 1 at itself.
+The features of one shape vary mostly along a few directions. They are projected to as few directions as the tolerance
+allows, and stored in 8 or 16 bits in the order in which the kernels read them. Distances between whole numbers of steps
+are exact, so the weight of a handle at itself is still exactly 1.
 """
 
 from __future__ import annotations
@@ -20,36 +20,36 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.common.threads import get_num_threads, one_blas_thread
 
-BLOCK = 16  # vertices side by side, as the kernels take them
-BATCH = 512  # rows projected together: as many as a field evaluates together, within the cache of a core
-SPAN = 127  # steps to either side of 0 that a byte holds
-# Directions, handles and weights are judged on samples of these sizes; the largest error grows slowly beyond.
+BLOCK = 16  # number of vertices that the kernels read together
+BATCH = 512  # number of rows that are projected together: the batch of a field, which fits the cache of a core
+SPAN = 127  # largest number of steps in a byte
+# Directions, weights and handles are sampled with these sizes. On more samples, the largest error grows slowly.
 DIRECTION_SAMPLE, VERTEX_SAMPLE, HANDLE_SAMPLE = 16_384, 4_096, 128
-SAFETY = 0.8  # part of the tolerance that a sample may use up when the number of dimensions is chosen
+SAFETY = 0.8  # fraction of the tolerance that the error of a sample may reach when the number of dimensions is chosen
 
 Precision = Literal["int8", "float16"]
 
 
 @dataclass(frozen=True, eq=False)
 class CompactFeatures:
-    """Features (V, D) of a shape's vertices, projected and rounded for `dfd.bind`, which takes them in their place."""
+    """Features (V, D) of a shape's vertices, projected and rounded. `dfd.bind` takes them in place of the features."""
 
-    shape: tuple[int, int]  #: (V, D) of the features that these stand for
+    shape: tuple[int, int]  #: (V, D) of the original features
     precision: Precision  #: type of the stored entries
-    #: float16: (B, d, 16) uint16, the bits of d entries of 16 vertices side by side. int8: (B, d / 4 + 1, 16, 4) uint8,
-    #: entries + 128 four by four, then the squared length in steps as int32.
+    #: float16: (B, d, 16) uint16, the bits of d entries of 16 vertices. int8: (B, d / 4 + 1, 16, 4) uint8, entries +
+    #: 128 in groups of four, then the squared length in steps as int32.
     blocks: NDArray[Any]
     #: basis, mean: (D, d) with orthonormal columns and (D,): a row z is stored as (z − mean) @ basis
     basis: Float32
     mean: Float32
-    step: float  #: what 1 stands for in an int8 entry; 1 for float16
-    radius: float  #: how far, at most, a vertex of the sample lies from what is stored of it
-    #: tolerance, error: the largest error of a weight that was asked for, and that a sample of vertices and handles has
+    step: float  #: the value of 1 in an int8 entry; 1 for float16
+    radius: float  #: largest distance between a vertex of the sample and its stored entries
+    #: tolerance, error: the requested largest error of a weight, and the largest error on a sample
     tolerance: float
     error: float
 
     def __repr__(self) -> str:
-        """Say what they stand for and how well."""
+        """Return the shape, the precision and the error."""
         stored = f"{self.dimensions} dimensions as {self.precision}"
         return f"CompactFeatures({self.shape[0]} × {self.shape[1]} in {stored}, error {self.error:.2g})"
 
@@ -58,16 +58,16 @@ class CompactFeatures:
 
     @property
     def dimensions(self) -> int:
-        """Number of stored dimensions d."""
+        """Return the number of stored dimensions d."""
         return int(self.basis.shape[1])
 
     @property
     def nbytes(self) -> int:
-        """Bytes that binding reads."""
+        """Return the number of bytes that binding reads."""
         return self.blocks.nbytes
 
     def stored(self, indices: NDArray[np.integer[Any]]) -> Float32:
-        """(N, d) what is stored of vertices, in steps."""
+        """Return the stored entries (N, d) of vertices, in steps."""
         block, lane = np.divmod(indices, BLOCK)
         if self.precision == "float16":
             return self.blocks[block, :, lane].view(np.float16).astype(np.float32)
@@ -75,16 +75,16 @@ class CompactFeatures:
         return entries.astype(np.float32) - 128
 
     def rows(self, indices: NDArray[np.integer[Any]]) -> Float32:
-        """(N, D) feature rows of vertices as far as they are stored; `project` gives what is stored of them back."""
+        """Return approximate feature rows (N, D) of vertices; `project` maps them to their stored entries."""
         stored = self.stored(indices)
         stored *= self.step
         return stored @ self.basis.T + self.mean
 
     def principal(self, count: int) -> Float32:
-        """(V, count) coordinates of all vertices along their features' main directions, the widest first.
+        """Return coordinates (V, count) of all vertices along the principal directions of their features.
 
-        A direction's sign makes the largest of its D parts positive, so that equal features have equal coordinates.
-        There are no more directions than stored dimensions.
+        The sign of a direction makes its largest component positive, so equal features have equal coordinates. There
+        are at most as many directions as stored dimensions.
         """
         sample = self.stored(np.arange(0, len(self), -(-len(self) // DIRECTION_SAMPLE))).astype(np.float64)
         mean = sample.mean(axis=0)
@@ -98,9 +98,9 @@ class CompactFeatures:
         return coordinates
 
     def project(self, rows: Float32) -> tuple[Float32, Float32]:
-        """(N, d) what would be stored of rows (N, D), and (N,) the squared distance that it misses of points far off.
+        """Return the entries (N, d) that would be stored for rows (N, D), and the squared distances (N,) they miss.
 
-        A row that lies no farther from what is stored of it than the shape's own do misses nothing.
+        The missed distance counts only beyond `radius`, the largest one of the shape's own vertices.
         """
         centered = rows - self.mean
         stored = _rounded(centered @ self.basis, self.precision, self.step)
@@ -117,18 +117,17 @@ def compact(
     Parameters
     ----------
     features
-        (V, D) rows, a field that gives them for `points`, or `field.on(mesh)`, which gives them for the mesh's
-        vertices; a field is asked for a part of them at a time, by several threads at once, and the full features never
-        exist.
+        (V, D) rows, a field with `points`, or `field.on(mesh)`. A field is evaluated in batches on several threads, so
+        the full features are never in memory.
     points
-        (V, 3) where to ask a field, mesh units; left out otherwise.
+        (V, 3) points at which a field is evaluated, mesh units; left out otherwise.
     tolerance
-        Largest difference from the weights of the full features in float64, held on a sample of vertices and handles.
+        Largest difference from weights of the full features in float64, on a sample of vertices and handles.
     progress
-        Called with the number of further rows that are done; below 0 when they have to be done again.
+        Called with the number of further rows that are done. A negative number means that rows are computed again.
 
-    Raises ValueError if `features` or `points` have the wrong shape or are not finite, there are none, or 16 bits are
-    too few for the tolerance.
+    Raises ValueError if `features` or `points` have the wrong shape, are empty or are not finite, or 16 bits are too
+    few for the tolerance.
     """
     wanted = check.number("compact", "tolerance", tolerance, minimum=0, exclusive=True)
     source = _Source(features, points)
@@ -148,7 +147,7 @@ def compact(
         kept = min(dimensions, source.dimension)
         rotation = np.eye(kept)
         step = 1.0
-        if precision == "int8":  # one step serves all dimensions best when they all spread alike
+        if precision == "int8":  # a random rotation makes all dimensions equally wide, because they share one step
             rotation = np.linalg.qr(random.standard_normal((kept, kept)))[0]
             step = float(1.02 * np.abs(centered[:, :kept] @ rotation).max() / SPAN or 1.0)
         if max(trial.error(rotation, precision, step) for trial in trials) <= SAFETY * wanted:
@@ -156,7 +155,7 @@ def compact(
     else:
         raise ArgumentError("tolerance", f"must be larger for features of 16 bits, got {wanted:g}", "compact")
 
-    del sample, centered, validation  # as large as a batch of the rows to come
+    del sample, centered, validation  # frees memory before the rows are packed
     basis = np.zeros((source.dimension, dimensions), np.float32)
     basis[:, :kept] = directions[:, :kept] @ rotation
     center = mean.astype(np.float32)
@@ -218,11 +217,11 @@ class _Source:
 
 
 class _Trial:
-    """Weights of sampled vertices for some of them as handles, of the full features in float64 and of what is stored.
+    """Compare weights of full features in float64 with weights of stored entries, on sampled vertices and handles.
 
-    Features, of which the first few will do, are (N, D) as they are, since far from the mean they would lose digits,
-    and (N, D) coordinates along all main directions. The first of these, as many as `rotation` (d, d) has rows, are
-    rotated and stored.
+    `features` (N, D) are the original features, because coordinates far from the mean would lose digits. `along` (N, D)
+    are their coordinates along all principal directions. The first d coordinates are multiplied by `rotation` (d, d)
+    and rounded.
     """
 
     def __init__(self, features: Float64, along: Float64, handles: Int64) -> None:
@@ -230,14 +229,14 @@ class _Trial:
         self._weights = _weights(features[:VERTEX_SAMPLE], features[handles])
 
     def error(self, rotation: Float64, precision: Precision, step: float) -> float:
-        """Largest difference of a weight."""
+        """Return the largest difference of a weight."""
         vertices, handles = (_stored(rows, rotation, precision, step) for rows in (self._vertices, self._handles))
         if not (np.isfinite(vertices).all() and np.isfinite(handles).all()):
             return np.inf
         return float(np.abs(_weights(vertices, handles) - self._weights).max())
 
     def radius(self, rotation: Float64, precision: Precision, step: float) -> float:
-        """Largest distance of a vertex from what is stored of it."""
+        """Return the largest distance of a vertex from its stored entries."""
         missed = self._vertices.copy()
         missed[:, : len(rotation)] -= _stored(self._vertices, rotation, precision, step) @ rotation.T
         return float(np.linalg.norm(missed, axis=1).max())
@@ -248,18 +247,18 @@ def _stored(rows: Float64, rotation: Float64, precision: Precision, step: float)
 
 
 def _weights(vertices: Float64, handles: Float64) -> Float64:
-    """Equations 4 and 5."""
+    """Return the weights of Equations 4 and 5."""
     squares = np.square(vertices).sum(axis=1)[:, None] + np.square(handles).sum(axis=1) - 2.0 * vertices @ handles.T
     return np.maximum(1.0 - np.sqrt(np.maximum(squares, 0.0)), 0.0)
 
 
 def _sample(random: np.random.Generator, count: int, size: int) -> Int64:
-    """At most `size` distinct indices below `count`."""
+    """Return at most `size` distinct random indices below `count`."""
     return random.choice(count, min(count, size), replace=False)
 
 
 def _candidates(dimension: int) -> Iterator[tuple[Precision, int]]:
-    """Precisions and numbers of dimensions, those that take the fewest bytes first."""
+    """Yield precisions and numbers of dimensions, in order of increasing size in bytes."""
     sizes = {
         min(size, -(-dimension // 4) * 4)
         for size in (*range(8, 64, 8), *range(64, 256, 16), *range(256, dimension + 64, 64))
@@ -272,7 +271,7 @@ def _candidates(dimension: int) -> Iterator[tuple[Precision, int]]:
 
 
 def _rounded(projected: NDArray[Any], precision: Precision, step: float) -> Float32:
-    """What is stored of projected rows, in steps."""
+    """Return the stored entries of projected rows, in steps."""
     if precision == "float16":
         with np.errstate(over="ignore"):
             return projected.astype(np.float16).astype(np.float32)
@@ -287,10 +286,10 @@ def _packed(
     step: float,
     progress: Callable[[int], object] | None,
 ) -> tuple[NDArray[Any], float]:
-    """All rows in blocks, and the step, larger than asked for when a row outside the sample needs it."""
+    """Return all rows in blocks, and the step. The step grows if a row outside the sample does not fit."""
     count, dimensions = source.count, basis.shape[1]
     block_count = -(-count // BLOCK)
-    blocks: NDArray[Any]  # not zeros, whose pages would come one small one at a time
+    blocks: NDArray[Any]  # np.zeros would allocate its memory in small pages
     if precision == "float16":
         blocks = np.empty((block_count, dimensions, BLOCK), np.uint16)
     else:

@@ -1,4 +1,4 @@
-"""Handles and fixed points as the kernels take them: single points, or regions that weigh by their nearest member."""
+"""Convert handles and fixed points for the kernels: single points, or regions with weights by the nearest member."""
 
 from __future__ import annotations
 
@@ -14,23 +14,21 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Int64
 from dfd.weights.compact import CompactFeatures
 
-# What a region is thinned to: what lies closer to a kept member than this changes no weight that anyone sees, and so
-# many members that lie as far apart as they can leave little between them.
-MERGED = 1e-3
-MOST_MEMBERS = 32
-MOST_CONSIDERED = 8_192  # of a region, spread evenly over it; more would take longer than binding
+MERGED = 1e-3  # members within this feature distance of a kept one are left out; weights differ by as much at most
+MOST_MEMBERS = 32  # largest number of members of a region that are kept, as far apart as possible
+MOST_CONSIDERED = 8_192  # largest number of members from which these are chosen; more would take longer than binding
 
 Source = Float32 | CompactFeatures
 
 
 @dataclass(frozen=True, eq=False)
 class Targets:
-    """What a kernel measures distances to."""
+    """The points from which a kernel measures feature distances."""
 
-    # points: (N,) int64 vertices, or (N, d) float32 rows: of compact features what is stored, in steps
+    # points: (N,) int64 vertices, or (N, d) float32 rows; rows of compact features are stored entries, in steps
     points: Int64 | Float32
     missed: Float32 | None  # (N,) squared distance that stored rows miss; None for vertices and for full features
-    # members: (H,) uint32 how many of the points, in their order, make each handle; None where each is one
+    # members: (H,) uint32 number of consecutive points of each handle; None if each handle is one point
     members: NDArray[np.uint32] | None
 
     def __len__(self) -> int:
@@ -38,9 +36,10 @@ class Targets:
 
 
 def resolve_points(name: str, value: Any, source: Source) -> Targets:
-    """What `dfd.bind` was given as `name`, "handles" or "fixed".
+    """Return the points of the argument `name` of `dfd.bind`, "handles" or "fixed".
 
-    Raises ValueError if it is neither vertices, nor feature rows, nor a sequence of such with at least one member each.
+    Raises ValueError if `value` is neither vertices, nor feature rows, nor a sequence of regions with at least one
+    member each.
     """
     items = _items(name, value)
     if items is None:
@@ -60,7 +59,7 @@ def resolve_points(name: str, value: Any, source: Source) -> Targets:
 
 
 def _items(name: str, value: Any) -> list[NDArray[Any]] | None:
-    """The items of a sequence of which some are regions; None for an array, and for what would be one."""
+    """Return the items of a sequence that contains regions; None for an array or a sequence of single points."""
     if not isinstance(value, Sequence) or isinstance(value, str):
         return None
     items = []
@@ -83,7 +82,7 @@ def _is_row(item: NDArray[Any]) -> bool:
 
 
 def _points(name: str, array: NDArray[Any], source: Source) -> Targets:
-    """Vertices or rows, each a handle; the kernel checks where vertices lie and that single handles differ."""
+    """Return vertices or rows, one per handle; the kernel checks that vertices exist and are distinct."""
     if array.ndim == 2:
         rows = check.array("bind", name, array, ("N", source.shape[1]))
         if not isinstance(source, CompactFeatures):
@@ -96,7 +95,7 @@ def _points(name: str, array: NDArray[Any], source: Source) -> Targets:
 
 
 def _region(name: str, array: NDArray[Any], source: Source) -> Targets:
-    """The members of one handle, which lie in the shape: their features are looked at here."""
+    """Return the members of one handle, after checking vertices, because their features are read here."""
     if len(array) == 0:
         raise ArgumentError(name, "must have at least one member", "bind")
     if array.ndim == 2:
@@ -105,7 +104,7 @@ def _region(name: str, array: NDArray[Any], source: Source) -> Targets:
 
 
 def _as_rows(region: Targets, source: Source) -> Targets:
-    """Vertices of a region as the rows that they have."""
+    """Return a region with the feature rows of its vertices."""
     if region.points.ndim == 2:
         return region
     vertices = region.points.astype(np.int64)
@@ -114,7 +113,7 @@ def _as_rows(region: Targets, source: Source) -> Targets:
 
 
 def _thinned(region: Targets, source: Source) -> Targets:
-    """At most `MOST_MEMBERS` of a region's points, the farthest from all before it next, from the first one on."""
+    """Return at most `MOST_MEMBERS` of a region's points: the first one, then always the point farthest from these."""
     count = len(region.points)
     if count <= 1:
         return region
