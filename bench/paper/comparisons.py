@@ -25,7 +25,7 @@ FEET = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 1.0))
 TOP = ((0.1, 1.0, 0.1), (0.9, 1.0, 0.1), (0.5, 1.0, 0.9))
 
 # Shapes of the dense layouts, whose control points below the height LIFTED go down by up to STRETCH of the height.
-STRETCHED = dict.fromkeys(("kaykit_chair_A", "table_roundlarge", "chair_2", "nightstand_1", "chair", "*"))
+STRETCHED = dict.fromkeys(("kaykit_chair_A", "table_roundlarge", "chair_2", "nightstand_1", "chair"))
 CONTROL_POINTS, LIFTED, STRETCH = 50, 0.4, 0.25
 DENSE_TEXT = (
     "The network of DeepMetaHandles cannot be had. Fifty farthest points are the control points, and offsets of our "

@@ -17,7 +17,6 @@ TWISTS = {
     "robot": BoxHandle((0.5, 0.62, 1.0), rotation=TWIST, pivot=MIDDLE, fixed=((0.25, 0.0, 1.0),)),
     "human_neutral": BoxHandle((0.5, 0.75, 1.0), rotation=TWIST, pivot=MIDDLE, fixed=((0.45, 0.0, 1.0),)),
     "kaiju": BoxHandle((0.5, 0.6, 0.8), rotation=TWIST, pivot=MIDDLE, fixed=((0.3, 0.0, 0.7),)),
-    "*": BoxHandle((0.5, 0.7, 1.0), rotation=TWIST, pivot=MIDDLE, fixed=((0.5, 0.0, 1.0),)),
 }
 ALIKE = 0.5  # weight (Eq. 4) for the fixed point, above which a vertex is alike
 
@@ -25,7 +24,6 @@ TURNS = {
     "spot": BoxHandle((0.3, 1.0, 0.15), rotation=(0, 0, 30), pivot=(0.45, 0.88, 0.2), azimuth=150),
     "koala": BoxHandle((0.0, 0.95, 0.75), rotation=(0, 0, 35), pivot=(0.5, 0.6, 0.7), azimuth=35),
     "quadruped": BoxHandle((0.3, 1.0, 0.9), rotation=(0, 0, 40), pivot=(0.5, 0.72, 0.8), azimuth=35),
-    "*": BoxHandle((0.5, 1.0, 0.5), rotation=(0, 0, 40), pivot=MIDDLE, azimuth=35),
 }
 LOCALITIES = (0, 2, 8, 32)
 FOLLOWS = 0.1

@@ -29,7 +29,7 @@ from dfd.pictures.colors import feature_colors
 from dfd.pictures.picture import picture
 from dfd.views.render import Supervision, Views, render
 
-DISTILLED = dict.fromkeys(("koala", "plane_holes", "scorpion", "spot", "quadruped", "*"))
+DISTILLED = dict.fromkeys(("koala", "plane_holes", "scorpion", "spot", "quadruped"))
 LUCY = (200_000, 28_000_000)  # faces, in a quick and a whole run
 AT_ONCE = 500_000  # vertices, which bounds the memory for features
 SUPERVISION: dict[str, Supervision] = {"pixels of vertices": "vertex", "pixels of triangles": "barycentric"}
@@ -56,7 +56,6 @@ CLASSES = {
     "spot": ((0.2, 0.0, 0.2), {"quadruped": 180, "horse": 180, "alpaca": 180}),
     "fox": ((0.2, 0.0, 0.8), {"wolf": 0, "horse": 0}),
     "quadruped": ((0.2, 0.0, 0.85), {}),
-    "*": ((0.0, 0.0, 1.0), {}),
 }
 DOWN = np.array([0.0, -0.12, 0.0])  # of the diagonal
 
@@ -69,7 +68,6 @@ CHAIRS = {
     "couch_small1": {**CHAIR, "arm": (0.05, 0.85, 0.8)},
     "chair": CHAIR,
     "bench_1": {**CHAIR, "seat": (0.5, 0.45, 0.7), "arm": (0.0, 0.65, 0.7)},
-    "*": CHAIR,
 }
 FOLLOWS = 0.5
 

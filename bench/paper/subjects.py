@@ -79,7 +79,7 @@ class BoxHandle:
         return handle
 
 
-# A pull of each shape that pages show, and of any other.
+# The pulls of some shapes; any other has UPWARDS.
 PULLS = {
     "spot": BoxHandle((0.1, 1.0, 0.4), (-0.06, 0.1, 0.0)),
     "kaykit_chair_A": BoxHandle((0.0, 0.0, 1.0), (0.0, -0.15, 0.0)),
@@ -93,13 +93,13 @@ PULLS = {
     "plane_holes": BoxHandle((0.0, 0.2, 0.4), (-0.1, 0.1, 0.0)),
     "chair": BoxHandle((0.0, 0.0, 1.0), (0.0, -0.15, 0.0)),
     "quadruped": BoxHandle((0.2, 1.0, 0.9), (-0.04, 0.12, 0.0)),
-    "*": BoxHandle((0.5, 1.0, 0.5), (0.0, 0.15, 0.0)),
 }
+UPWARDS = BoxHandle((0.5, 1.0, 0.5), (0.0, 0.15, 0.0))
 
 
 def pulls_of(*names: str) -> dict[str, BoxHandle]:
-    """Return the pulls of the shapes called `names`, and of any other shape."""
-    return {name: PULLS.get(name, PULLS["*"]) for name in (*names, "*")}
+    """Return the pulls of the shapes called `names`."""
+    return {name: PULLS.get(name, UPWARDS) for name in names}
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,6 @@ load_once = cache(load_encoder)
 class Context:
     """Settings of a run, and the meshes and fields of its pages."""
 
-    folder: Path | None = None  # of meshes; None for `DFD_MESHES`
     quick: bool = False  # fewer and smaller pictures, fewer shapes
     encoder: str | Path = DEFAULT_ENCODER  # a name or a folder
     settings: Mapping[str, Any] = field(default_factory=dict)  # keywords of `dfd.distill`, which override the presets'
@@ -153,8 +152,8 @@ class Context:
 
     @cached_property
     def files(self) -> dict[str, Path]:
-        """Return the mesh files of `folder`, or else of DFD_MESHES, by their stems."""
-        folder = self.folder or os.environ.get("DFD_MESHES")
+        """Return the mesh files in the folder DFD_MESHES by their stems."""
+        folder = os.environ.get("DFD_MESHES")
         paths = sorted(Path(folder).rglob("*"), reverse=True) if folder else []
         return {path.stem: path for path in paths if path.suffix.lower() in MESH_ENDINGS}
 
@@ -167,16 +166,12 @@ class Context:
         return most[0 if self.quick else 1]
 
     def cases(self, known: Mapping[str, Any], most: tuple[int, int]) -> list[tuple[Shape, Any]]:
-        """Return at most so many shapes, in a quick and in a whole run, with the case that is `known` by each name.
+        """Return the shapes among files and samples that are `known` by name, with the case of each.
 
-        With a `folder`, its meshes: the known ones first, the others with the case "*". Without, the known ones among
-        files and samples, in their order.
+        A quick run and a whole one have at most so many, in the order of `known`.
         """
-        if self.folder is not None:
-            names = sorted(self.files, key=lambda name: (name not in known, name))
-        else:
-            names = [name for name in known if name in self.files or name in SAMPLES]
-        return [(self.shape(name), known.get(name, known["*"])) for name in names[: self.of(most)]]
+        names = [name for name in known if name in self.files or name in SAMPLES]
+        return [(self.shape(name), known[name]) for name in names[: self.of(most)]]
 
     def subjects(
         self,
@@ -214,11 +209,10 @@ class Context:
 
     def notes(self) -> list[str]:
         """Return how the page was made."""
-        where = "a folder that was given" if self.folder else "DFD_MESHES" if self.files else "made samples alone"
         notes = [
             f"**{NAMES['paper']}** is the procedure of the paper, **{NAMES['default']}** dfd's own settings.",
             f"Encoder: {getattr(self.encoder, 'name', self.encoder)}.",
-            f"Meshes: {where}.",
+            f"Meshes: {'DFD_MESHES' if self.files else 'samples alone'}.",
         ]
         if self.quick:
             made, whole = DistillSettings(**self.distill_settings("paper")), DistillSettings(preset="paper")
