@@ -116,7 +116,7 @@ def test_meshes_of_one_face_or_none_with_an_area(vertices: np.ndarray) -> None:
     [
         ({"threshold": -0.5}, "`threshold` must be at least 0, got -0.5"),
         ({"threshold": float("nan")}, "`threshold` must be finite"),
-        ({"candidates": "all"}, "`candidates` must be any or axes, got 'all'"),
+        ({"candidates": "all"}, "`candidates` must be one of any, axes, got 'all'"),
     ],
 )
 def test_bad_options_are_refused(options: dict, message: str) -> None:
