@@ -11,7 +11,7 @@ from dfd import samples
 from dfd.geometry.topology import inspect
 from dfd.mesh.mesh import Mesh
 from dfd.samples import Sample
-from dfd.samples.implicit import Piece, Shape, ellipsoid
+from dfd.samples.implicit import Primitive, Shape, ellipsoid
 from dfd.samples.polygonize import polygonize
 
 MAKERS = [samples.chair, samples.quadruped, samples.robot]
@@ -84,7 +84,7 @@ def test_bad_face_counts_are_refused(faces: object) -> None:
 
 
 def test_an_ellipsoid_has_its_volume_and_surface() -> None:
-    shape = Shape([Piece("egg", ellipsoid((0, 0, 0), (0.3, 0.4, 0.5)))])
+    shape = Shape([Primitive("egg", ellipsoid((0, 0, 0), (0.3, 0.4, 0.5)))])
     vertices, faces = polygonize(shape, (-0.5, -0.5, -0.6), (0.5, 0.5, 0.6), 10_000)
     assert np.abs(np.linalg.norm(vertices / [0.3, 0.4, 0.5], axis=1) - 1).max() < 1e-4
     corners = vertices[faces]
