@@ -125,8 +125,8 @@ def _place(
         return [Camera(PAPER_DISTANCE * basis[2], *basis, field_of_view) for basis in bases]
     slope = np.tan(np.radians(field_of_view) / 2) / MARGIN
     # A point q (right, up, back) is inside the picture from distance d and center c if |q_x − c_x| ≤ slope (d − q_z),
-    # and likewise in y. The bounds are linear in the point, so one matrix product gives the extremes for all cameras. The
-    # fifth bound is the point nearest to the eye.
+    # and likewise in y. The bounds are linear in the point, so one matrix product gives the extremes for all cameras.
+    # The fifth bound is the point nearest to the eye.
     bounds = [
         [right + slope * back, slope * back - right, up + slope * back, slope * back - up, back]
         for right, up, back in bases

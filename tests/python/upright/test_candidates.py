@@ -91,7 +91,7 @@ def test_few_pictures_are_enough_where_they_leave_no_doubt(encoder, monkeypatch,
     assert (found.source == "averaged") == (then == "doubtful")
 
 
-def test_without_a_clear_axis_the_two_likeliest_stand_side_by_side():
+def test_without_a_clear_axis_the_two_likeliest_are_combined():
     frames = np.stack(axis_frames(np.eye(3)))
     found = decide(frames, np.log([0.05, 0.05, 0.3, 0.2, 0.1, 0.3]))
     assert found.source == "averaged"
@@ -99,7 +99,7 @@ def test_without_a_clear_axis_the_two_likeliest_stand_side_by_side():
     assert found.confidence < CLEAR
     assert [frame[1].tolist() for frame in found.frames] == [[0, 1, 0], [0, 0, -1]]
     assert np.array_equal(found.frame, found.frames[0])
-    assert found.sentence == "+y likeliest, 50% sure: +y and -z side by side"
+    assert found.sentence == "+y, 50% sure: features of +y and -z are combined"
     assert found.shares.tolist() == pytest.approx([5 / 9, 4 / 9])
 
 
@@ -123,7 +123,7 @@ def test_the_prior_decides_where_nothing_else_does(encoder):
     assert found.source == "file"
     odds = np.exp([0, 0, 5, 2, 1, 1])
     assert found.confidence == pytest.approx(odds[2:4].sum() / odds.sum())
-    assert found.sentence == f"+y as the file has it, {found.confidence:.0%} sure"
+    assert found.sentence == f"+y as in the file, {found.confidence:.0%} sure"
     assert [prior(silent, frame) for frame in axis_frames(np.eye(3))] == [0, 0, 5, 2, 1, 1]
 
 
@@ -153,7 +153,7 @@ def test_another_encoders_probe_is_refused_and_without_one_the_files_up_stays(en
     found = find_up(table(), encoder)
     assert (found.source, found.confidence) == ("file", 0)
     assert np.array_equal(found.frame, np.eye(3))
-    assert found.sentence == "+y by the file's convention: there was nothing to tell it by"
+    assert found.sentence == "+y by the file's convention: the up direction could not be measured"
 
 
 def test_pictures_in_a_frame_are_those_of_the_turned_mesh():
