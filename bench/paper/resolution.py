@@ -27,7 +27,7 @@ from bench.paper.subjects import NAMES, PRESETS, BoxHandle, Context, Shape, Subj
 from bench.speed.measure import together
 from dfd.common.linear_algebra import Float32, Int64
 from dfd.common.preset import Preset
-from dfd.geometry.topology import face_components, first_at_place, inspect
+from dfd.geometry.topology import face_components, face_sides, first_at_place, inspect
 
 PHASES = ("preprocess s", "bind s", "pose s")
 TIMED = dict.fromkeys(("koala", "scorpion", "spot", "quadruped"))
@@ -141,7 +141,7 @@ def defects(mesh: dfd.Mesh) -> tuple[int, int, Int64]:
     """
     faces = first_at_place(mesh)[mesh.faces].astype(np.int64)
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
-    ends, uses = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0, return_counts=True)
+    ends, uses = np.unique(np.sort(face_sides(faces), axis=1), axis=0, return_counts=True)
     boundary, crowded = ends[uses == 1], ends[uses > 2]
     split = np.intersect1d(np.flatnonzero(~np.asarray(igl.is_vertex_manifold(faces))), faces)
     used, number = np.unique(boundary, return_inverse=True)

@@ -20,6 +20,7 @@ import dfd
 from bench.quality.measures import area_fractions, soft_iou
 from bench.quality.parts import kind_of_part, strongest_joints
 from dfd.common.linear_algebra import Bool, Float64, Int64
+from dfd.geometry.topology import face_sides
 from dfd.mesh.file.gltf.header import objects, parents
 
 LARGEST_MEANT = 0.6  # of the surface; larger subtrees are the whole shape
@@ -176,7 +177,7 @@ def _tree(mesh: dfd.Mesh, joints: tuple[str, ...]) -> Int64:
 def _bordering(shape: RiggedShape, joint: int) -> int:
     """Return the joint at most of the edges that leave the subtree of `joint`; its parent if none do."""
     inside = shape.subtree(joint)
-    edges = shape.mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    edges = face_sides(shape.mesh.faces)
     edges = np.concatenate([edges, edges[:, ::-1]])
     beyond = shape.of_vertex[edges[inside[edges[:, 0]] & ~inside[edges[:, 1]], 1]]
     beyond = beyond[beyond >= 0]

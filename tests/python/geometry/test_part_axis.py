@@ -43,7 +43,7 @@ def test_a_curved_tube_has_a_curved_axis():
     assert axis.tangents[0] @ axis.tangents[-1] < -0.1
 
 
-def test_what_is_wider_than_long_is_no_limb_and_a_middle_piece_has_two_borders():
+def test_what_is_wider_than_long_is_no_limb_and_a_middle_component_has_two_borders():
     import trimesh
 
     ball = trimesh.creation.icosphere(4)
@@ -81,7 +81,7 @@ def test_what_hangs_on_a_part_has_one_place_on_its_axis():
     assert axis.nodes[-1, 1] < 5.2
 
 
-def test_pieces_have_axes_of_their_own_the_largest_first_and_crumbs_none():
+def test_components_have_axes_the_largest_first_and_small_ones_none():
     one, other = straight(4.0), straight(2.0)
     count = len(one.vertices)
     mesh = Mesh(
