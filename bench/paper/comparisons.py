@@ -47,13 +47,13 @@ DeepMetaHandles cannot be had."""
 
 @dataclass(frozen=True)
 class Case:
-    """A shape and its deformation; methods with constraints are given all held vertices, DFD the handle alone."""
+    """A shape and its deformation; methods with constraints have all held vertices, DFD has the handle alone."""
 
     shape: Shape
     held: Int64  # (C,) vertices
     held_to: Float64  # (C, 3) their targets, mesh units
     handle: int = 0  # the row of DFD's handle in `held`
-    dense: bool = False  # whether all held vertices move, without their neighbors; else all but the handle are fixed
+    dense: bool = False  # whether all held vertices move, without neighbors; else all but the handle are fixed
 
     @property
     def fixed(self) -> Int64:
@@ -67,7 +67,7 @@ class Case:
 
 
 def pulls(context: Context, most: tuple[int, int]) -> list[Case]:
-    """Return the meshes at hand with pulls of our own."""
+    """Return the available meshes, each with a pull of our choice."""
     return [case_of(shape.refined(), pull) for shape, pull in context.cases(PULLS, most)]
 
 
@@ -82,7 +82,7 @@ def case_of(shape: Shape, pull: BoxHandle) -> Case:
 
 
 def stretched(context: Context, most: tuple[int, int]) -> list[Case]:
-    """Return the meshes at hand with fifty control points and a stretch of our own."""
+    """Return the available meshes, each with fifty control points and a stretch of our choice."""
     return [_stretched(shape.refined()) for shape, _ in context.cases(STRETCHED, most)]
 
 

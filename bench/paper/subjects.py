@@ -104,7 +104,7 @@ def pulls_of(*names: str) -> dict[str, BoxHandle]:
 
 @dataclass(frozen=True)
 class Subject:
-    """A shape, what a page knows of it, and its field by one preset."""
+    """A shape, the page's data about it, and its field by one preset."""
 
     shape: Shape
     case: Any
@@ -134,7 +134,7 @@ class Subject:
         return deformer
 
     def pull(self, changes: Mapping[str, Any] | None = None, **more: Any) -> dfd.Deformer:
-        """Return a session with the handle of the case, with `changes`; `more` are keywords of `session`."""
+        """Return a session with the handle of the case and `changes` to it; `more` are keywords of `session`."""
         return self.session([{**self.case.on(self.shape), **(changes or {})}], **more)
 
 

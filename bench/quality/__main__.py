@@ -1,4 +1,4 @@
-"""`python -m bench.quality labelled`, `anatomy` and `mirrored`: judge weights as the modules of these names say.
+"""`python -m bench.quality labelled`, `anatomy` and `mirrored`: judge weights by the modules with these names.
 
 All numbers are means over the shapes of a category, and over the categories.
 """

@@ -1,4 +1,4 @@
-"""Made input of any size: features of low rank as a field gives them, vertices, transforms; and the calls to time."""
+"""Generate input of any size, with features of low rank like those of a field, and the calls to time."""
 
 from __future__ import annotations
 

@@ -30,9 +30,10 @@ from dfd.upright.probe_views import CORNERS, SIDES, ProbeCameras, ViewTokens
 from dfd.upright.stability import StabilityCues
 
 REPORT, KEPT_VIEWS = RESULTS / "up.md", RESULTS / "views_around"
-KEPT = 0.99  # least share of upright files whose axis is among those with pictures
-KEPT_OWN = 0.97  # of those in DFD_MESHES and the samples, many without a clear up, whose axis is the likeliest
-KEPT_UP = 0.985  # of upright files that are not taken for upside down
+KEPT = 0.99  # least fraction of upright files whose axis is among the axes with pictures
+# Least fraction of the shapes of DFD_MESHES and samples whose axis is the likeliest; many have no clear up.
+KEPT_OWN = 0.97
+KEPT_UP = 0.985  # least fraction of upright files that are not taken for upside down
 Z_SHARE = 0.35  # of the log-odds of the file's +y, for its ±z, as many files have z up
 PRIORS, LOSSES = np.arange(0, 12, 0.05), np.arange(0, 6, 0.1)
 
@@ -75,7 +76,7 @@ def lesson(name: str, mesh: dfd.Mesh, encoder: Encoder) -> UpLesson:
 
 
 def look_once(mesh: dfd.Mesh, encoder: Encoder, frames: Float64, eyes: Float64) -> ViewTokens:
-    """Return `ProbeCameras.seen`, from a file if it exists, as pictures take minutes."""
+    """Return `ProbeCameras.seen`, from a file if it exists, because pictures take minutes."""
     key = {
         "field_version": FIELD_VERSION,
         "around": hashlib.sha256(Path(probe_views.__file__).read_bytes()).hexdigest(),
@@ -91,7 +92,7 @@ def look_once(mesh: dfd.Mesh, encoder: Encoder, frames: Float64, eyes: Float64) 
 
 
 def learn(lessons: Sequence[UpLesson], encoder: Encoder) -> UpProbe:
-    """Return the probe of all lessons, with the odds and priors of votes that were learned without the shape."""
+    """Return the probe of all lessons; its odds and priors fit votes that were learned without the judged shape."""
     votes = learned_votes(tuple(lessons)).without()
     up, down = least_priors(left_out_odds(tuple(lessons), "name"), own_names(lessons))
     odds, identity = learned_odds(tuple(lessons)), encoder_identity(encoder)
@@ -118,10 +119,10 @@ def of_axes(odds: Float64) -> Float64:
 
 
 def decided(odds: Float64, up: int, priors: tuple[float, float]) -> tuple[int, int]:
-    """Return the axis and the frame that win if frame `up` is the file's +y.
+    """Return the likeliest axis and frame if frame `up` is the file's +y.
 
-    `odds` (7, 6) are those of `left_out_odds`. As in `dfd.upright.find_up`, one look around the file's +y is enough if
-    it is certain.
+    `odds` (7, 6) are those of `left_out_odds`. As in `dfd.upright.find_up`, pictures around the file's +y decide alone
+    if they are certain.
     """
     axes = of_axes(odds[up])
     sure = np.exp(axes.max() - np.logaddexp.reduce(axes)) >= EARLY_STOP_CONFIDENCE
@@ -131,10 +132,10 @@ def decided(odds: Float64, up: int, priors: tuple[float, float]) -> tuple[int, i
 
 
 def least_priors(odds: Mapping[str, Float64], own: Collection[str] = ()) -> tuple[float, float]:
-    """Return the log-odds of the file's +y and −y, the least of +y with which enough shapes keep their axis and up.
+    """Return the log-odds of the file's +y and −y: the least of +y with which enough shapes keep their axis and up.
 
-    `KEPT` of all have their axis among the two with pictures, `KEPT_OWN` of `own` have it first, and `KEPT_UP` of all
-    keep their up. Then −y loses as little as possible.
+    The axis is among the two with pictures for `KEPT` of all shapes, and the likeliest for `KEPT_OWN` of `own`.
+    `KEPT_UP` of all keep their up. The log-odds of −y are the largest with which this holds.
     """
     rows = np.stack([each[-1] for each in odds.values()])
     among = np.array([name in own for name in odds]) if own else np.ones(len(rows), bool)
@@ -154,7 +155,7 @@ def least_priors(odds: Mapping[str, Float64], own: Collection[str] = ()) -> tupl
 
 
 def report(lessons: Sequence[UpLesson]) -> str:
-    """Return how often the upright axis, and in brackets the up direction, is found by the lessons of others."""
+    """Return a report: how often the upright axis, and in brackets the up direction, is found by other lessons."""
     priors = least_priors(left_out_odds(tuple(lessons), "name"), own_names(lessons))
     own = [each for each in lessons if each.name in own_names(lessons)]
     lines = [
