@@ -73,7 +73,6 @@ def write(path: Path, title: str, rows: Sequence[Row], legend: Mapping[str, str]
             lines += [f"## {heading}", "", f"{len(some)} shapes.", ""]
             lines += [*to_markdown(["category", *names], [*table, means], ".3f"), ""]
     lines += [f"- **{word}**: {meaning}." for word, meaning in legend.items()]
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path.with_name(f"{path.name}.csv"), to_csv(["category", "shape", "half", *names], cells))
     write_text(path.with_name(f"{path.name}.md"), "\n".join(lines) + "\n")
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -34,23 +35,13 @@ LEGEND = {
 }
 # For inverse kinematics, feet are children of a root. Here they become children of the limb that borders on them.
 FOOT = re.compile(r"foot|toe|hoof|paw|hand|fist|^ff|^ik", re.IGNORECASE)
-# Parents of the joints of the Unreal mannequin, without their side, for files with a flat list of joints.
-MANNEQUIN = {
-    "pelvis": "root",
-    "spine_01": "pelvis",
-    "spine_02": "spine_01",
-    "spine_03": "spine_02",
-    "neck_01": "spine_03",
-    "head": "neck_01",
-    "clavicle": "spine_03",
-    "upperarm": "clavicle",
-    "lowerarm": "upperarm",
-    "hand": "lowerarm",
-    "thigh": "pelvis",
-    "calf": "thigh",
-    "foot": "calf",
-    "ball": "foot",
-}
+# The joints of the Unreal mannequin without their side, parent before child, for files with a flat list of joints.
+CHAINS = (
+    "root pelvis spine_01 spine_02 spine_03 neck_01 head",
+    "spine_03 clavicle upperarm lowerarm hand",
+    "pelvis thigh calf foot ball",
+)
+MANNEQUIN = {child: parent for chain in CHAINS for parent, child in pairwise(chain.split())}
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,7 +41,6 @@ def main() -> None:
     rows = list(lines(options.vertices))
     print(f"{options.vertices:,} vertices, {threads} threads, {_core.instruction_set()}\n")
     print("\n".join(to_markdown(COLUMNS, rows)))
-    OUTPUT.mkdir(parents=True, exist_ok=True)
     write_text(OUTPUT / "table.csv", to_csv(COLUMNS, rows))
 
 

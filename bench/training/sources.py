@@ -42,8 +42,7 @@ def options_of(
         parser.error("DFD_MESHES must name the folder of meshes to learn from")
     options.meshes = Path(os.environ["DFD_MESHES"])
     options.output = options.output or folder / f"{options.encoder}.safetensors"
-    for each in (options.output.parent, RESULTS):
-        each.mkdir(parents=True, exist_ok=True)
+    options.output.parent.mkdir(parents=True, exist_ok=True)
     return options
 
 

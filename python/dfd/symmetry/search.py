@@ -12,7 +12,7 @@ from dfd.common.linear_algebra import Float64
 from dfd.field.field import Field
 from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
 from dfd.symmetry.evidence import SurfaceFeatures, gather
-from dfd.symmetry.plane import AXES, DEFAULT_BAND, SymmetryPlane, axis_plane
+from dfd.symmetry.plane import DEFAULT_BAND, SymmetryPlane
 from dfd.symmetry.plane_search import candidate_planes, mirrored, same_plane
 
 _SCORED_VERTICES = 4_000  # at most, evenly strided: the standard error of the mean is below 1 %
@@ -87,7 +87,7 @@ def scored_planes(field: Field, mesh: Mesh, *, candidates: Literal["any", "axes"
     if evidence is None:
         return []
     if candidates == "axes":
-        judged = [_judged(evidence, _normalized(axis_plane(mesh, axis), evidence)) for axis in AXES]
+        judged = [_judged(evidence, np.append(normal, 0.0)) for normal in np.eye(3)]  # through the center of the box
     else:
         close = _without_leaning([_judged(evidence, row) for row in candidate_planes(evidence)])
         judged = [_snapped(evidence, each) for each in close if each.landed >= LANDED and each.dissimilarity < 1]
@@ -137,12 +137,6 @@ def _snapped(evidence: SurfaceFeatures, found: _Judged) -> _Judged:
             if across.dissimilarity < found.dissimilarity + _SNAP_LOSS:
                 return across
     return found
-
-
-def _normalized(plane: SymmetryPlane, evidence: SurfaceFeatures) -> Float64:
-    """Return a plane of mesh units as a row (4,) in normalized coordinates."""
-    normal = np.asarray(plane.normal)
-    return np.append(normal, (plane.offset - normal @ evidence.frame.center) * evidence.frame.scale)
 
 
 def _plane(row: Float64, evidence: SurfaceFeatures) -> SymmetryPlane:
