@@ -28,7 +28,7 @@ TOP = ((0.1, 1.0, 0.1), (0.9, 1.0, 0.1), (0.5, 1.0, 0.9))
 STRETCHED = dict.fromkeys(("kaykit_chair_A", "table_roundlarge", "chair_2", "nightstand_1", "chair"))
 CONTROL_POINTS, LIFTED, STRETCH = 50, 0.4, 0.25
 DENSE_TEXT = (
-    "The network of DeepMetaHandles cannot be had. Fifty farthest points are the control points, and offsets of our "
+    "The network of DeepMetaHandles is not available. Fifty farthest points are the control points, and offsets of our "
     "choice lengthen the legs."
 )
 
@@ -42,7 +42,7 @@ methods. The shape before is blue, the one after green. **handle off**: the dist
 **area**, **angle**, **edge**: mean changes over the surface. **volume**: the change of the enclosed volume; empty for
 open surfaces. **flipped faces**: folded over against those around them. **size**: of the result, over the shape's.
 **biharmonic** and **BBW** work within tetrahedra of the shape with at most 6,000 faces. The networks of APAP and
-DeepMetaHandles cannot be had."""
+DeepMetaHandles are not available."""
 
 
 @dataclass(frozen=True)

@@ -106,7 +106,7 @@ def fig4(context: Context) -> Page:
     text = (
         "Pixels are those of eight pictures of 252² of the reduced shape, whose vertices are counted. Other methods "
         "learn from the pixels that a vertex falls into, barycentric distillation from every pixel that a triangle "
-        "covers. The mean distance between both fields, at these vertices, stands beside the spread of the features. "
+        "covers. The table has the mean distance of both fields at these vertices, and the spread of the features. "
         "The paper: Lucy, 28 million faces, takes 5.7 minutes to render, 3.7 s if reduced."
     )
     return Page(text, drawn, rows)

@@ -99,4 +99,4 @@ PAGES: dict[str, Callable[[Context], Page]] = {
     if hasattr(module, name)
 }
 SCREENS = "it shows screens of the paper's user study; fig14 draws such pictures"
-CANNOT = {"fig23": SCREENS, "fig24": SCREENS, "table2": "the answers of the paper's user study are not at hand"}
+CANNOT = {"fig23": SCREENS, "fig24": SCREENS, "table2": "the answers of the paper's user study are not available"}

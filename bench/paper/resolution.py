@@ -83,7 +83,7 @@ def fig10(context: Context) -> Page:
         f"methods, the factors or networks of {PEER_HANDLES} handles. Rebind: the weights of a further handle. DFD has "
         "medians of repeated calls. The others have one call each, with at most "
         f"{context.of(PATIENCE):g} s for their tetrahedra and as many for the rest. The paper's plot has no numbers; "
-        "its text says that biharmonic coordinates fail above 10⁵ faces. APAP cannot be had."
+        "its text says that biharmonic coordinates fail above 10⁵ faces. APAP is not available."
     )
     return Page(text, rows=rows, image=plot(rows))
 
@@ -249,7 +249,7 @@ def table1(context: Context) -> Page:
         f"Global: all feet go at least {FOLLOWED:g} of the way of the pulled one, the flank less than half of "
         f"theirs. Local: the flank goes less than {FOLLOWED / 2:g} of it, with λ = 8 for DFD. Size: {MORE} times the "
         f"faces take less than {MORE / 2:g} times as long. New handle: weights within {FRAME * 1000:.0f} ms at the "
-        "largest size. The networks of APAP and DeepMetaHandles cannot be had."
+        "largest size. The networks of APAP and DeepMetaHandles are not available."
     )
     return Page(text, rows=rows)
 

@@ -72,5 +72,5 @@ def _fitted(
             optimizer.step()
             schedule.step()
     torch.set_num_threads(threads)
-    told = [each.detach().numpy().T.copy() for each in (first.weight, first.bias, second.weight, second.bias)]
-    return Kinds(told[0] * np.float32(SCALE), *told[1:])
+    matrices = [each.detach().numpy().T.copy() for each in (first.weight, first.bias, second.weight, second.bias)]
+    return Kinds(matrices[0] * np.float32(SCALE), *matrices[1:])

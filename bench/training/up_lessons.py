@@ -78,7 +78,7 @@ class Ridge:
         self._scales = np.sqrt(np.maximum(block_squares, 1e-300)).repeat(terms.shape[2] // blocks)
         self._terms = terms / self._scales * np.sqrt(weights)[:, None]
         self._targets, self._blocks = np.tile(right - right.mean(), 2) * np.sqrt(weights), blocks
-        moment, self._told = self._moments(range(len(terms)))
+        moment, self._products = self._moments(range(len(terms)))
         self._moment = moment + RIDGE * blocks * np.eye(len(moment))
 
     def _moments(self, lessons: Sequence[int]) -> tuple[Float64, Float64]:
@@ -87,8 +87,8 @@ class Ridge:
 
     def without(self, lessons: Sequence[int]) -> Float64:
         """Return the vote (J, D) that is learned without some lessons."""
-        moment, told = self._moments(lessons)
-        weights = np.linalg.solve(self._moment - moment, self._told - told) / self._scales
+        moment, products = self._moments(lessons)
+        weights = np.linalg.solve(self._moment - moment, self._products - products) / self._scales
         return weights.reshape(self._blocks, -1).astype(np.float32)
 
 

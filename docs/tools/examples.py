@@ -122,7 +122,7 @@ class _Page:
                 now = dfd.load(file)
                 if np.abs(now.vertices - vertices).max() > TOLERANCE * now.diagonal:
                     raise RuntimeError(f"{file.name} differs from the one by Python")
-        return "".join(f"{told}\n" for told in result.output.splitlines() if "━" not in told)
+        return "".join(f"{line}\n" for line in result.output.splitlines() if "━" not in line)
 
     def _draw(self, value: Any) -> str:
         cells = _cells(value)

@@ -46,7 +46,7 @@ def aim(
     around = np.concatenate([each[seen] if len(each) == len(drawn) else each for each in (drawn, *others)])
     found = box_normalization(around.min(axis=0), around.max(axis=0))
     if found is None:
-        raise ValueError("picture: all points lie in one place, so there is nothing to see")
+        raise ValueError("picture: all points have one position")
     camera = camera_towards(
         direction, ((around - found.center) * found.scale).astype(np.float32), field_of_view=FIELD_OF_VIEW
     )

@@ -18,7 +18,7 @@ Triple = tuple[float, float, float]
 class Primitive:
     """One primitive of a shape, given for x ≥ 0; `Shape` mirrors it at the plane x = 0."""
 
-    part: str  # the kind of part it belongs to
+    part: str  # the kind of part
     distance: Distance
     instance: int = 0  # number of the part among those of its kind
     paired: bool = False  # off the plane x = 0; its mirror image is the next instance

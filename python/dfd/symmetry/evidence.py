@@ -15,7 +15,7 @@ from dfd.mesh.normalization import Normalization, box_normalization
 from dfd.mesh.normals import face_normals
 
 POINTS = 2_000
-LOOK_ALIKES = 6  # points that look like a queried point, among those farther away than _APART
+COUNTERPARTS = 6  # points that look like a queried point, among those farther away than _APART
 _QUERIED = 500  # points whose counterparts are sought; the pairs are far more than the planes that are tried
 _APART = 0.1  # of half the longest side: nearer points always look alike
 _BINS = 24  # of the distances, for the change of features with distance
@@ -77,7 +77,7 @@ def gather(field: Field, mesh: Mesh) -> SurfaceFeatures | None:
     points, normals = _surface_points(frame.apply(mesh.vertices), mesh.faces)
     features = np.asarray(field(frame.invert(points)), np.float32)
     change, reach = _change_with_distance(points, features)
-    pairs, tree = _look_alikes(points, features), cKDTree(points)
+    pairs, tree = _counterpart_pairs(points, features), cKDTree(points)
     spacing = float(np.median(tree.query(points[:200], k=[2])[0]))
     return SurfaceFeatures(field, frame, points, normals, features, tree, pairs, change, reach, spacing)
 
@@ -111,14 +111,14 @@ def _change_with_distance(points: Float64, features: Float32) -> tuple[Float64, 
     return np.maximum.accumulate(means), reach
 
 
-def _look_alikes(points: Float64, features: Float32) -> Int64:
+def _counterpart_pairs(points: Float64, features: Float32) -> Int64:
     """Return pairs (P, 2): evenly spread points, each with the distant points that have the nearest features."""
     queried = np.arange(0, len(points), -(-len(points) // _QUERIED))
     unlike = -(features[queried] @ features.T)
     squared = (points**2).sum(axis=1)
     apart = squared[queried, None] + squared - 2 * points[queried] @ points.T
     unlike[apart <= _APART**2] = np.inf
-    count = min(LOOK_ALIKES, len(points) - 1)
+    count = min(COUNTERPARTS, len(points) - 1)
     if count < 1:
         return np.zeros((0, 2), np.int64)
     best = np.argpartition(unlike, count - 1, axis=1)[:, :count]

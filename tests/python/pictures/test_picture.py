@@ -194,7 +194,7 @@ def test_one_pixel_and_faces_without_area() -> None:
     [
         ({"vertices": np.zeros((3, 3))}, r"`vertices` must have shape \(8, 3\), got \(3, 3\)"),
         ({"vertices": np.full((8, 3), np.nan)}, "`vertices` must be finite"),
-        ({"vertices": np.zeros((8, 3))}, "all points lie in one place"),
+        ({"vertices": np.zeros((8, 3))}, "all points have one position"),
         ({"colors": np.zeros((8, 4))}, r"`colors` must have shape \(8, 3\)"),
         ({"weights": np.zeros(7)}, r"`weights` must have shape \(8,\)"),
         ({"weights": np.zeros(8), "colors": np.zeros((8, 3))}, "`colors` and `weights` cannot both be given"),
