@@ -126,6 +126,6 @@ def fig7(context: Context) -> Page:
     return gallery(
         context.subjects(TURNS, (1, 2)),
         lambda subject: {f"λ = {each}": subject.pull({"locality": each}) for each in LOCALITIES},
-        lambda subject, session, _: {"follows %": following(subject, session, FOLLOWS)},
+        lambda _, session, __: {"follows %": following(session, FOLLOWS)},
         f"How much of the surface has a weight above {FOLLOWS}.",
     )

@@ -283,7 +283,7 @@ def fig20(context: Context) -> Page:
         lambda subject: {
             part: subject.session([{"at": subject.shape.at(place)}]) for part, place in subject.case.items()
         },
-        lambda subject, each, _: {"follows %": following(subject, each, FOLLOWS)},
+        lambda _, each, __: {"follows %": following(each, FOLLOWS)},
         f"How much of the surface, in % of its area, has a weight above {FOLLOWS} for each part.",
         shown=["weights"],
         azimuth=35.0,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 
 import numpy as np
 import trimesh
@@ -77,7 +77,6 @@ def field(points: NDArray[np.floating]) -> Float32:
     return rows
 
 
-@lru_cache(maxsize=1)
 def make_input(vertex_count: int = VERTICES) -> MadeInput:
     """Return the input with so many vertices."""
     random = np.random.default_rng(1)
