@@ -66,16 +66,16 @@ def lesson(name: str, mesh: dfd.Mesh, encoder: Encoder) -> UpLesson:
     vertices = (mesh.vertices - center) * scale
     cues = StabilityCues(vertices, mesh.faces)
     evidence = np.stack([cues.evidence(frame) for frame in FRAMES])
-    sides, corners = (look_once(mesh, encoder, FRAMES, eyes) for eyes in (SIDES, CORNERS))
+    sides, corners = (cached_tokens(mesh, encoder, FRAMES, eyes) for eyes in (SIDES, CORNERS))
     of_frames = map(ViewTokens, np.split(sides.tokens, len(FRAMES)), np.split(sides.axes, len(FRAMES)))
     rotation = Rotation.random(rng=np.random.default_rng([0, *name.encode()])).as_matrix()
-    seen = look_once(mesh, encoder, FRAMES @ rotation, SIDES)
+    seen = cached_tokens(mesh, encoder, FRAMES @ rotation, SIDES)
     tilted = ViewTokens(seen.tokens, seen.axes @ rotation.T)
     tilted_cues = StabilityCues(vertices @ rotation.T, mesh.faces)
     return UpLesson(name, tuple(of_frames), corners, evidence, rotation, tilted, tilted_cues)
 
 
-def look_once(mesh: dfd.Mesh, encoder: Encoder, frames: Float64, eyes: Float64) -> ViewTokens:
+def cached_tokens(mesh: dfd.Mesh, encoder: Encoder, frames: Float64, eyes: Float64) -> ViewTokens:
     """Return `ProbeCameras.seen`, from a file if it exists, because pictures take minutes."""
     key = {
         "field_version": FIELD_VERSION,
@@ -104,7 +104,7 @@ def own_names(lessons: Sequence[UpLesson]) -> set[str]:
     return {each.name for each in lessons if not each.name.startswith(LESSONS)}
 
 
-def favored(odds: Float64, up: int, priors: tuple[float, float]) -> Float64:
+def with_priors(odds: Float64, up: int, priors: tuple[float, float]) -> Float64:
     """Add to `odds` (…, 6) those of the file's +y along frame `up`, of its −y, and of its ±z along the next axis."""
     z = (up // 2 + 1) % 3
     added = np.zeros(len(FRAMES))
@@ -126,7 +126,7 @@ def decided(odds: Float64, up: int, priors: tuple[float, float]) -> tuple[int, i
     """
     axes = of_axes(odds[up])
     sure = np.exp(axes.max() - np.logaddexp.reduce(axes)) >= EARLY_STOP_CONFIDENCE
-    found = favored(odds[up if sure else -1], up, priors)
+    found = with_priors(odds[up if sure else -1], up, priors)
     axis = int(of_axes(found).argmax())
     return axis, 2 * axis + int(found[2 * axis + 1] > found[2 * axis])
 
@@ -142,7 +142,7 @@ def least_priors(odds: Mapping[str, Float64], own: Collection[str] = ()) -> tupl
     least = KEPT_OWN if own else 0.0
 
     def enough(up: float, down: float) -> bool:
-        found = favored(rows, TRUE, (up, down))
+        found = with_priors(rows, TRUE, (up, down))
         axes = of_axes(found)
         first, second = np.argsort(-axes, axis=1).T[:2] == TRUE // 2
         doubtful = axes.max(axis=1) - np.logaddexp.reduce(axes, axis=1) < np.log(CLEAR)

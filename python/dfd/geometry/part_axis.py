@@ -76,7 +76,7 @@ class PartAxis:
 
     @property
     def is_limb(self) -> bool:
-        """Tell whether the part meets the rest in one place, is longer than wide, and is no wheel."""
+        """Return whether the part meets the rest in one place, is longer than wide, and is not a wheel."""
         if self.spread[1] > ROUND * self.spread[2] and self.spread[0] < FLAT * self.spread[2]:
             return False
         return self.borders == 1 and self.length > SLENDER * 2 * float(np.sqrt(np.square(self.radius).mean()))

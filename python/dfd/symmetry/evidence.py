@@ -69,7 +69,7 @@ class SurfaceFeatures:
         return float(changed[kept].mean() / usual), landed
 
 
-def gather(field: Field, mesh: Mesh) -> SurfaceFeatures | None:
+def surface_features(field: Field, mesh: Mesh) -> SurfaceFeatures | None:
     """Return points spread evenly over the surface of `mesh`, and their features; None if it has no extent."""
     frame = box_normalization(*mesh.bounds)
     if frame is None:

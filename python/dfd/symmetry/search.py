@@ -11,7 +11,7 @@ from dfd.common import check
 from dfd.common.linear_algebra import Float64
 from dfd.field.field import Field
 from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
-from dfd.symmetry.evidence import SurfaceFeatures, gather
+from dfd.symmetry.evidence import SurfaceFeatures, surface_features
 from dfd.symmetry.plane import DEFAULT_BAND, SymmetryPlane
 from dfd.symmetry.plane_search import candidate_planes, mirrored, same_plane
 
@@ -24,7 +24,7 @@ WORSE_THAN_BEST, FIT_LEAVES = 3.0, 0.01
 LANDED = 0.5  # share of the moved surface whose image lies on the surface
 # Largest angle and offset between a plane and a better one, and least ratio of their dissimilarities, at which the
 # worse plane counts as an inaccurate copy of the better one.
-_LEANS, _BESIDE, _WORSE = np.radians(20.0), 0.25, 1.3
+_COPY_ANGLE, _COPY_OFFSET, _COPY_RATIO = np.radians(20.0), 0.25, 1.3
 _SNAP_ANGLE, _SNAP_OFFSET, _SNAP_LOSS = np.radians(1.5), 0.012, 0.01
 
 
@@ -83,13 +83,13 @@ class _Judged:
 
 def scored_planes(field: Field, mesh: Mesh, *, candidates: Literal["any", "axes"] = "any") -> list[SymmetryPlane]:
     """Return the fitted planes with their scores, those with the most similar sides first; see `symmetry_planes`."""
-    evidence = gather(field, mesh)
+    evidence = surface_features(field, mesh)
     if evidence is None:
         return []
     if candidates == "axes":
         judged = [_judged(evidence, np.append(normal, 0.0)) for normal in np.eye(3)]  # through the center of the box
     else:
-        close = _without_leaning([_judged(evidence, row) for row in candidate_planes(evidence)])
+        close = _without_copies([_judged(evidence, row) for row in candidate_planes(evidence)])
         judged = [_snapped(evidence, each) for each in close if each.landed >= LANDED and each.dissimilarity < 1]
     judged.sort(key=lambda each: each.dissimilarity)
     planes = [_plane(each.row, evidence) for each in judged]
@@ -110,13 +110,13 @@ def _judged(evidence: SurfaceFeatures, row: Float64) -> _Judged:
     return _Judged(row, *evidence.dissimilarity(mirrored(evidence.points, row)))
 
 
-def _without_leaning(judged: list[_Judged]) -> list[_Judged]:
+def _without_copies(judged: list[_Judged]) -> list[_Judged]:
     """Return the planes by ascending dissimilarity, without inaccurate copies of a much better plane."""
     kept: list[_Judged] = []
     for each in sorted(judged, key=lambda each: each.dissimilarity):
         if not any(
-            same_plane(each.row, other.row, angle=_LEANS, offset=_BESIDE)
-            and each.dissimilarity > _WORSE * other.dissimilarity
+            same_plane(each.row, other.row, angle=_COPY_ANGLE, offset=_COPY_OFFSET)
+            and each.dissimilarity > _COPY_RATIO * other.dissimilarity
             for other in kept
         ):
             kept.append(each)

@@ -66,7 +66,7 @@ class Up:
 
     @property
     def sentence(self) -> str:
-        """See `up_sentence`."""
+        """Return `up_sentence` of the settings."""
         return up_sentence(self.settings)
 
 

@@ -62,32 +62,32 @@ def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stage
     if not face_areas(vertices, mesh.faces).sum() > 0:
         return file_up()
     with (stages or Stages(show=False)).stage("up"):
-        standing, around = StabilityCues(vertices, mesh.faces), ProbeCameras(mesh, encoder)
-        frame = standing.frame()
-        look = _along_the_file if np.array_equal(frame, np.eye(3)) else _tilted
+        cues, cameras = StabilityCues(vertices, mesh.faces), ProbeCameras(mesh, encoder)
+        frame = cues.frame()
+        choose = _among_file_axes if np.array_equal(frame, np.eye(3)) else _among_candidates
         says_up = mesh.scene is not None and mesh.scene.gltf is not None
-        return look(standing, frame, around, replace(probe, file_up=probe.file_up + GLTF_UP * says_up))
+        return choose(cues, frame, cameras, replace(probe, file_up=probe.file_up + GLTF_UP * says_up))
 
 
-def _along_the_file(standing: StabilityCues, frame: Float64, around: ProbeCameras, probe: UpProbe) -> Up:
+def _among_file_axes(cues: StabilityCues, frame: Float64, cameras: ProbeCameras, probe: UpProbe) -> Up:
     """Choose an axis of the file, with more pictures until the result is conclusive."""
     frames = np.stack(axis_frames(frame))
-    ups, evidence = frames[:, 1], np.stack([standing.evidence(each) for each in frames])
+    ups, evidence = frames[:, 1], np.stack([cues.evidence(each) for each in frames])
     before = np.array([prior(probe, each) for each in frames])
     as_filed = ups @ AXES["+y"] == 1
-    seen = around.seen(frames[as_filed], SIDES)
+    seen = cameras.seen(frames[as_filed], SIDES)
     at_once = probe.terms(seen, ups, evidence) @ probe.odds[0]
     if decide(frames, at_once).confidence >= EARLY_STOP_CONFIDENCE:
         return decide(frames, at_once + before)
-    seen += around.seen(frames[~as_filed], SIDES)
+    seen += cameras.seen(frames[~as_filed], SIDES)
     up = decide(frames, probe.terms(seen, ups, evidence) @ probe.odds[1] + before)
     if up.confidence < SURE:
-        seen += around.seen(frames, CORNERS)
+        seen += cameras.seen(frames, CORNERS)
         up = decide(frames, probe.terms(seen, ups, evidence) @ probe.odds[1] + before)
     return up
 
 
-def _tilted(standing: StabilityCues, frame: Float64, around: ProbeCameras, probe: UpProbe) -> Up:
+def _among_candidates(cues: StabilityCues, frame: Float64, cameras: ProbeCameras, probe: UpProbe) -> Up:
     """Choose the up of a shape that is aligned with no axis of the file; the first row of `frame` is its mirror normal.
 
     Pictures along all axes give a first estimate. Pictures of its likeliest candidates are then added. The axes of the
@@ -95,17 +95,17 @@ def _tilted(standing: StabilityCues, frame: Float64, around: ProbeCameras, probe
     """
 
     def found() -> Up:
-        frames = candidates(standing, frame, probe.votes(seen)[0])
-        evidence = np.stack([standing.evidence(each) for each in frames])
+        frames = candidates(cues, frame, probe.votes(seen)[0])
+        evidence = np.stack([cues.evidence(each) for each in frames])
         before = UNALIGNED_PRIOR * np.array([prior(probe, each) for each in frames])
         return decide(frames, probe.terms(seen, frames[:, 1], evidence) @ probe.odds[2] + before)
 
-    seen = around.seen(np.stack(axis_frames(np.eye(3))), SIDES)
-    seen += around.seen(found().frames, CORNERS)
+    seen = cameras.seen(np.stack(axis_frames(np.eye(3))), SIDES)
+    seen += cameras.seen(found().frames, CORNERS)
     return found()
 
 
-def candidates(standing: StabilityCues, frame: Float64, form: Float64) -> Float64:
+def candidates(cues: StabilityCues, frame: Float64, form: Float64) -> Float64:
     """Return the frames (2K, 3, 3) in which a tilted shape may be upright, each followed by its upside-down frame.
 
     Their ups are the axes of the file, the stable poses with an upright mirror plane, and the main axes of the
@@ -116,7 +116,7 @@ def candidates(standing: StabilityCues, frame: Float64, form: Float64) -> Float6
     seen = np.linalg.eigh(form)[1].T[::-1][:2]
     leaned = [each / np.linalg.norm(each) for each in seen - np.outer(seen @ normal, normal) if each @ each > 0.25]
     found = [AXES["+y"], AXES["+z"], AXES["+x"]]
-    for up in [*standing.stable_ups(frame), *leaned, *seen]:
+    for up in [*cues.stable_ups(frame), *leaned, *seen]:
         if all(abs(up @ other) < SAME for other in found):
             found.append(up)
     return np.stack([frame_facing(sign * up, normal) for up in found for sign in (1.0, -1.0)])

@@ -38,21 +38,21 @@ class StabilityCues:
         generator = np.random.default_rng(0)
         self.points, face = sample_surface(vertices, faces, POINTS, generator)
         self.normals = unit(face_normals(vertices, faces[face]))
-        self.rim = _hull_vertices(np.unique(vertices[np.unique(faces)].astype(np.float64), axis=0))
+        self.hull = _hull_vertices(np.unique(vertices[np.unique(faces)].astype(np.float64), axis=0))
         self.middle = self.points.mean(axis=0)
-        self.diagonal = float(np.linalg.norm(np.ptp(self.rim, axis=0)))
+        self.diagonal = float(np.linalg.norm(np.ptp(self.hull, axis=0)))
         self._tree = cKDTree(self.points)
         self._reflected = self.points[generator.permutation(POINTS)[:REFLECTED]]
-        self._misses: dict[tuple[float, ...], float] = {}
+        self._mirror_errors: dict[tuple[float, ...], float] = {}
 
     def evidence(self, frame: Float64) -> Float64:
         """Return the `EVIDENCE` (7,), unitless, for `frame` (3, 3) as right, up and front."""
         right, up, front = frame
-        height = self.rim @ up
-        feet = self.rim[height < height.min() + BASE * self.diagonal]
+        height = self.hull @ up
+        feet = self.hull[height < height.min() + BASE * self.diagonal]
         ground = np.stack([right, front], axis=1)
         base = _hull_of(feet @ ground)
-        shadow = _hull_of(self.rim @ ground)
+        shadow = _hull_of(self.hull @ ground)
         stable = base is not None and bool((base.equations @ [*(self.middle @ ground), 1.0]).max() < 0)
         points = self.points @ up
         mirrored = min(self.mirror_error(right), self.mirror_error(front))
@@ -74,11 +74,11 @@ class StabilityCues:
         The mirror plane has `normal` (3,) and passes through the middle of the surface.
         """
         self._measure([normal])
-        return self._misses[_key(normal)]
+        return self._mirror_errors[_key(normal)]
 
     def _measure(self, normals: Iterable[Float64]) -> None:
         """Compute `mirror_error` of `normals`, each (3,), in one parallel query, and keep it."""
-        new = [normal for normal in normals if _key(normal) not in self._misses]
+        new = [normal for normal in normals if _key(normal) not in self._mirror_errors]
         if not new:
             return
         images = []
@@ -88,7 +88,7 @@ class StabilityCues:
         workers = get_num_threads() if len(new) > 1 else 1
         distances = self._tree.query(np.concatenate(images), workers=workers)[0].reshape(len(new), -1)
         for normal, of_images in zip(new, distances, strict=True):
-            self._misses[_key(normal)] = float(of_images.mean()) / self.diagonal
+            self._mirror_errors[_key(normal)] = float(of_images.mean()) / self.diagonal
 
     def mirror_normal(self) -> Float64:
         """Return the unit normal (3,) of the plane with the least mirror error."""
@@ -108,7 +108,7 @@ class StabilityCues:
         """
         plane = frame[1:]
         kept: list[Float64] = []
-        for up in [*_resting_ups(self.rim @ plane.T, self.middle @ plane.T), *np.eye(2)]:
+        for up in [*_resting_ups(self.hull @ plane.T, self.middle @ plane.T), *np.eye(2)]:
             if len(kept) < RESTS and all(abs(up @ other) < _NEARLY for other in kept):
                 kept.append(up)
         return np.stack(kept) @ plane
@@ -136,7 +136,7 @@ class StabilityCues:
             return np.eye(3)
         one = _across(normal)
         other = np.cross(normal, one)
-        flat = self.rim @ np.stack([one, other], axis=1)
+        flat = self.hull @ np.stack([one, other], axis=1)
         angles = np.radians(np.arange(0, 90, 1.5))
         turned = [np.array([[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]]) for a in angles]
         best = min(turned, key=lambda turn: float(np.prod(np.ptp(flat @ turn.T, axis=0))))
