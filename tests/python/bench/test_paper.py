@@ -1,4 +1,4 @@
-"""The paper's figures and tables: every page on a small shape, and the methods beside ours."""
+"""Test every page of the paper's figures and tables on a small shape, and the compared methods."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ def ball() -> dfd.Mesh:
 
 @pytest.fixture
 def small(monkeypatch) -> None:
-    """Small pictures of a coarse shape of two components, in place of all samples.
+    """Make pictures small, and replace all samples by a coarse shape of two components.
 
-    Other methods, and the search for planes, have tests of their own.
+    Other methods, and the search for planes, have separate tests.
     """
     body = trimesh.creation.icosphere(subdivisions=2)
     body.vertices *= (0.6, 1, 0.8)

@@ -1,4 +1,4 @@
-"""What is odd about a mesh, said in words."""
+"""Test the sentences about unusual properties of a mesh."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where pictures are taken from, and what is written on them."""
+"""Test the camera of pictures, and the labels on them."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ SIDE = {"azimuth": 30.0, "elevation": 20.0}
 
 
 def projected(*, zoom: float = 1.0, target: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Row and column of vertex 7 in a picture of 200² pixels."""
+    """Return row and column of vertex 7 in a picture of 200² pixels."""
     frame, camera = aim(MESH, MESH.vertices, **SIDE, zoom=zoom, target=target, frame=())
     return camera.project(frame.apply(MESH.vertices[[7]]), 200)
 
 
 def changed(one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and columns of the pixels in which two pictures differ."""
+    """Return rows and columns of the pixels in which two pictures differ."""
     rows, columns = np.nonzero(np.abs(one.astype(int) - other).max(axis=2) > 30)
     return rows, columns
 

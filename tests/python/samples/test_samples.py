@@ -1,4 +1,4 @@
-"""Made shapes: closed, symmetric to the bit, labelled, and of any size."""
+"""Test generated shapes: closed, exactly symmetric, labelled, and of any number of faces."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from dfd.samples.implicit import Primitive, Shape, ellipsoid
 from dfd.samples.polygonize import polygonize
 
 MAKERS = [samples.chair, samples.quadruped, samples.robot]
-INSTANCES = {  # how many of each kind of part there are
+INSTANCES = {  # the number of parts of each kind
     samples.chair: {"seat": 1, "back": 1, "leg": 4},
     samples.quadruped: {"body": 1, "neck": 1, "head": 1, "ear": 2, "horn": 2, "leg": 4, "hoof": 4, "tail": 1},
     samples.robot: {"torso": 1, "head": 1, "arm": 2, "hand": 2, "leg": 2, "foot": 2},

@@ -1,4 +1,4 @@
-"""Mirror planes: reflections that are reflections, and planes as people write them."""
+"""Test mirror planes: their reflections, and planes as text."""
 
 from __future__ import annotations
 
