@@ -189,13 +189,13 @@ def fig15(context: Context) -> Page:
 
 
 def fig22(context: Context) -> Page:
-    """What every method does to the surface, in numbers: area, angle, edge and volume are Implicit-ARAP's."""
+    """Distortion of the surface by every method; area, angle, edge and volume are measures of Implicit-ARAP."""
     return _compared(context, pulls(context, (2, 2)))
 
 
 def fig21(context: Context) -> Page:
     """DFD with fifty handles."""
-    text = f"{DENSE_TEXT} Where weights sum to more than 1, Eq. 1 as it is written scales the shape by the sum."
+    text = f"{DENSE_TEXT} If weights sum to more than 1, Eq. 1 as written scales the shape by the sum."
     return _compared(context, stretched(context, (1, 6)), text, all_handles=True)
 
 

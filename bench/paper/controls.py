@@ -38,7 +38,7 @@ AFFINE = {
 
 
 def fig1(context: Context) -> Page:
-    """Edits of the teaser: one handle, mirrored by the plane of symmetry that is found."""
+    """Edits of the teaser: one handle, mirrored by the plane of symmetry."""
     return gallery(
         context.subjects(SYMMETRY, (2, 4), refined=True),
         lambda subject: {"edit": subject.pull(symmetric=True)},
@@ -70,7 +70,7 @@ def fig3(context: Context) -> Page:
 
 
 def fig5(context: Context) -> Page:
-    """Planes of symmetry that are seen, and one handle with and without them."""
+    """Planes of visual symmetry, and one handle with and without them."""
 
     def score(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> Row:
         if plane := session.symmetry:
@@ -97,7 +97,7 @@ def fig5(context: Context) -> Page:
 
 
 def fig6(context: Context) -> Page:
-    """Feature space constraints (Eq. 6): a twist without and with a fixed point, which holds what looks like it."""
+    """Feature space constraints (Eq. 6): a twist without and with a fixed point, which holds similar parts."""
 
     def held(subject: Subject) -> list[int]:
         return [subject.shape.at(point) for point in subject.case.fixed]
