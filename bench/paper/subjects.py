@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
@@ -147,7 +147,6 @@ class Context:
 
     quick: bool = False  # fewer and smaller pictures, fewer shapes
     encoder: str | Path = DEFAULT_ENCODER  # a name or a folder
-    settings: Mapping[str, Any] = field(default_factory=dict)  # keywords of `dfd.distill`, which override the presets'
     say: Callable[[str], None] = lambda line: None
 
     @cached_property
@@ -188,12 +187,11 @@ class Context:
                 yield Subject(shape, case, preset, self.field(shape, preset))
 
     def distill_settings(self, preset: Preset, **more: Any) -> dict[str, Any]:
-        """Return the keywords of `dfd.distill` for a preset; `more` overrides those of this run."""
-        given = {**self.settings, **more}
+        """Return the keywords of `dfd.distill` for a preset; `more` overrides those of a quick run."""
         shorter = {**QUICK, **(QUICK_PAPER if preset == "paper" else {})} if self.quick else {}
-        if "steps" in given:  # a fit has steps or epochs, not both
+        if "steps" in more:  # a fit has steps or epochs, not both
             shorter.pop("epochs", None)
-        return {"preset": preset, **shorter, **given}
+        return {"preset": preset, **shorter, **more}
 
     def loaded(self, preset: Preset, encoder: str | Path | None = None, block: int | None = None) -> Encoder:
         """Return the encoder; the paper's takes the background, too."""

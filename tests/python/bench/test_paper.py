@@ -27,7 +27,6 @@ from bench.quality.shapes import SAMPLES
 igl = pytest.importorskip("igl")
 
 ROOT = Path(__file__).resolve().parents[3]
-TINY = {"views": 4, "resolution": 32, "steps": 5, "batch": 64, "up": "file"}
 
 
 @pytest.fixture(scope="module")
@@ -54,6 +53,8 @@ def small(monkeypatch) -> None:
     monkeypatch.setattr(subjects, "SAMPLES", dict.fromkeys(SAMPLES, lambda: sample))
     seconds = dict.fromkeys(("tetrahedra", "prepare", "bind", "pose"), 0.5)
     monkeypatch.setattr(page, "RESOLUTION", 48)
+    monkeypatch.setattr(subjects, "QUICK", {"views": 4, "resolution": 32, "steps": 5, "batch": 64, "up": "file"})
+    monkeypatch.setattr(subjects, "QUICK_PAPER", {})
     monkeypatch.setattr(subjects, "LONGEST_EDGE", 0.2)
     monkeypatch.setattr(resolution, "FACES", (300, 900))
     monkeypatch.setattr("dfd.editing.influence.grips.symmetry_planes", lambda field, mesh: [])
@@ -64,7 +65,7 @@ def small(monkeypatch) -> None:
 @pytest.fixture(scope="module")
 def context(tmp_path_factory) -> Context:
     encoder = save_tiny_encoder(tmp_path_factory.mktemp("encoder"))
-    return Context(quick=True, encoder=encoder, settings=TINY)
+    return Context(quick=True, encoder=encoder)
 
 
 @pytest.mark.slow
