@@ -111,7 +111,7 @@ def place_cameras(
     """
     directions = fibonacci_directions(count, mirrored=mirrored)
     x, z = directions[:, 0], directions[:, 2]
-    flipped = mirrored & ((x * z < 0) | ((z == 0) & (x < 0)))  # of an odd number of mirrors
+    flipped = mirrored & ((x * z < 0) | ((z == 0) & (x < 0)))  # mirrored an odd number of times
     return _place(directions, points, framing, FIELD_OF_VIEW, flipped)
 
 
