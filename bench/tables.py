@@ -16,7 +16,8 @@ Rows = Sequence[Sequence[Any]]
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a whole file, or leave the existing one."""
+    """Write a file atomically, and create its folder."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_write(path) as temporary:
         temporary.write_text(text, "utf-8")
 

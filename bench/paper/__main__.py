@@ -22,7 +22,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser("python -m bench.paper", description=__doc__)
     parser.add_argument("name", metavar="NAME", nargs="?", choices=[*PAGES, *CANNOT], help="of the page, see --list")
     parser.add_argument("--list", action="store_true", help="list the pages and stop")
-    parser.add_argument("--meshes", type=Path, help="folder of the meshes; by default, known meshes of DFD_MESHES")
     parser.add_argument("--quick", action="store_true", help="fewer and smaller pictures, fewer shapes")
     parser.add_argument("-o", "--output", type=Path, default=OUTPUT, help="folder to write to (%(default)s)")
     parser.add_argument("--encoder", default=DEFAULT_ENCODER, help="of all fields (%(default)s)")
@@ -38,11 +37,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.error("NAME must be one of " + ", ".join(PAGES))
     if name in CANNOT:
         parser.error(f"{name} cannot be made: {CANNOT[name]}")
-    if options.meshes is not None and not options.meshes.is_dir():
-        parser.error(f"{options.meshes} is not a folder")
     # Pages say themselves which settings --quick changes.
     warnings.filterwarnings("ignore", "Deformer: `preset` 'paper'", UserWarning)
-    context = Context(options.meshes, options.quick, options.encoder, say=partial(print, file=sys.stderr))
+    context = Context(options.quick, options.encoder, say=partial(print, file=sys.stderr))
     try:
         print(write(PAGES[name], FIGURES[name], name, options.output, context))
     except (ValueError, OSError) as error:

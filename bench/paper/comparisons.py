@@ -25,10 +25,10 @@ FEET = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 1.0))
 TOP = ((0.1, 1.0, 0.1), (0.9, 1.0, 0.1), (0.5, 1.0, 0.9))
 
 # Shapes of the dense layouts, whose control points below the height LIFTED go down by up to STRETCH of the height.
-STRETCHED = dict.fromkeys(("kaykit_chair_A", "table_roundlarge", "chair_2", "nightstand_1", "chair", "*"))
+STRETCHED = dict.fromkeys(("kaykit_chair_A", "table_roundlarge", "chair_2", "nightstand_1", "chair"))
 CONTROL_POINTS, LIFTED, STRETCH = 50, 0.4, 0.25
 DENSE_TEXT = (
-    "The network of DeepMetaHandles cannot be had. Fifty farthest points are the control points, and offsets of our "
+    "The network of DeepMetaHandles is not available. Fifty farthest points are the control points, and offsets of our "
     "choice lengthen the legs."
 )
 
@@ -42,18 +42,18 @@ methods. The shape before is blue, the one after green. **handle off**: the dist
 **area**, **angle**, **edge**: mean changes over the surface. **volume**: the change of the enclosed volume; empty for
 open surfaces. **flipped faces**: folded over against those around them. **size**: of the result, over the shape's.
 **biharmonic** and **BBW** work within tetrahedra of the shape with at most 6,000 faces. The networks of APAP and
-DeepMetaHandles cannot be had."""
+DeepMetaHandles are not available."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A shape and its deformation; methods with constraints are given all held vertices, DFD the handle alone."""
+    """A shape and its deformation; methods with constraints have all held vertices, DFD has the handle alone."""
 
     shape: Shape
     held: Int64  # (C,) vertices
     held_to: Float64  # (C, 3) their targets, mesh units
     handle: int = 0  # the row of DFD's handle in `held`
-    dense: bool = False  # whether all held vertices move, without their neighbors; else all but the handle are fixed
+    dense: bool = False  # whether all held vertices move, without neighbors; else all but the handle are fixed
 
     @property
     def fixed(self) -> Int64:
@@ -67,7 +67,7 @@ class Case:
 
 
 def pulls(context: Context, most: tuple[int, int]) -> list[Case]:
-    """Return the meshes at hand with pulls of our own."""
+    """Return the available meshes, each with a pull of our choice."""
     return [case_of(shape.refined(), pull) for shape, pull in context.cases(PULLS, most)]
 
 
@@ -82,7 +82,7 @@ def case_of(shape: Shape, pull: BoxHandle) -> Case:
 
 
 def stretched(context: Context, most: tuple[int, int]) -> list[Case]:
-    """Return the meshes at hand with fifty control points and a stretch of our own."""
+    """Return the available meshes, each with fifty control points and a stretch of our choice."""
     return [_stretched(shape.refined()) for shape, _ in context.cases(STRETCHED, most)]
 
 
@@ -189,13 +189,13 @@ def fig15(context: Context) -> Page:
 
 
 def fig22(context: Context) -> Page:
-    """What every method does to the surface, in numbers: area, angle, edge and volume are Implicit-ARAP's."""
+    """Distortion of the surface by every method; area, angle, edge and volume are measures of Implicit-ARAP."""
     return _compared(context, pulls(context, (2, 2)))
 
 
 def fig21(context: Context) -> Page:
     """DFD with fifty handles."""
-    text = f"{DENSE_TEXT} Where weights sum to more than 1, Eq. 1 as it is written scales the shape by the sum."
+    text = f"{DENSE_TEXT} If weights sum to more than 1, Eq. 1 as written scales the shape by the sum."
     return _compared(context, stretched(context, (1, 6)), text, all_handles=True)
 
 

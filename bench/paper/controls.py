@@ -17,7 +17,6 @@ TWISTS = {
     "robot": BoxHandle((0.5, 0.62, 1.0), rotation=TWIST, pivot=MIDDLE, fixed=((0.25, 0.0, 1.0),)),
     "human_neutral": BoxHandle((0.5, 0.75, 1.0), rotation=TWIST, pivot=MIDDLE, fixed=((0.45, 0.0, 1.0),)),
     "kaiju": BoxHandle((0.5, 0.6, 0.8), rotation=TWIST, pivot=MIDDLE, fixed=((0.3, 0.0, 0.7),)),
-    "*": BoxHandle((0.5, 0.7, 1.0), rotation=TWIST, pivot=MIDDLE, fixed=((0.5, 0.0, 1.0),)),
 }
 ALIKE = 0.5  # weight (Eq. 4) for the fixed point, above which a vertex is alike
 
@@ -25,7 +24,6 @@ TURNS = {
     "spot": BoxHandle((0.3, 1.0, 0.15), rotation=(0, 0, 30), pivot=(0.45, 0.88, 0.2), azimuth=150),
     "koala": BoxHandle((0.0, 0.95, 0.75), rotation=(0, 0, 35), pivot=(0.5, 0.6, 0.7), azimuth=35),
     "quadruped": BoxHandle((0.3, 1.0, 0.9), rotation=(0, 0, 40), pivot=(0.5, 0.72, 0.8), azimuth=35),
-    "*": BoxHandle((0.5, 1.0, 0.5), rotation=(0, 0, 40), pivot=MIDDLE, azimuth=35),
 }
 LOCALITIES = (0, 2, 8, 32)
 FOLLOWS = 0.1
@@ -40,7 +38,7 @@ AFFINE = {
 
 
 def fig1(context: Context) -> Page:
-    """Edits of the teaser: one handle, mirrored by the plane of symmetry that is found."""
+    """Edits of the teaser: one handle, mirrored by the plane of symmetry."""
     return gallery(
         context.subjects(SYMMETRY, (2, 4), refined=True),
         lambda subject: {"edit": subject.pull(symmetric=True)},
@@ -72,7 +70,7 @@ def fig3(context: Context) -> Page:
 
 
 def fig5(context: Context) -> Page:
-    """Planes of symmetry that are seen, and one handle with and without them."""
+    """Planes of visual symmetry, and one handle with and without them."""
 
     def score(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> Row:
         if plane := session.symmetry:
@@ -99,7 +97,7 @@ def fig5(context: Context) -> Page:
 
 
 def fig6(context: Context) -> Page:
-    """Feature space constraints (Eq. 6): a twist without and with a fixed point, which holds what looks like it."""
+    """Feature space constraints (Eq. 6): a twist without and with a fixed point, which holds similar parts."""
 
     def held(subject: Subject) -> list[int]:
         return [subject.shape.at(point) for point in subject.case.fixed]
@@ -128,6 +126,6 @@ def fig7(context: Context) -> Page:
     return gallery(
         context.subjects(TURNS, (1, 2)),
         lambda subject: {f"λ = {each}": subject.pull({"locality": each}) for each in LOCALITIES},
-        lambda subject, session, _: {"follows %": following(subject, session, FOLLOWS)},
+        lambda _, session, __: {"follows %": following(session, FOLLOWS)},
         f"How much of the surface has a weight above {FOLLOWS}.",
     )

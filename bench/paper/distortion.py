@@ -10,8 +10,8 @@ import trimesh
 from numpy.typing import ArrayLike, NDArray
 
 from dfd.common import check
-from dfd.common.linear_algebra import Bool, Float64, distinct_pairs, group_sums, unit
-from dfd.geometry.topology import face_areas, first_at_place
+from dfd.common.linear_algebra import Bool, Float64, Int64, distinct_pairs, group_sums, unit
+from dfd.geometry.topology import face_areas, face_sides, first_at_place
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.normals import face_normals
 
@@ -46,7 +46,7 @@ def surface_metrics(mesh: Mesh, vertices: ArrayLike) -> SurfaceMetrics:
     if len(faces) == 0:
         raise ValueError("surface_metrics: `mesh` must have a face with an area, got none")
     fraction = areas / areas.sum()
-    edges = distinct_pairs(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), len(resting))[0]
+    edges, edge = distinct_pairs(face_sides(faces), len(resting))
     before, after = (np.linalg.norm(each[edges[:, 0]] - each[edges[:, 1]], axis=1) for each in (resting, moved))
     turned = np.abs(_angles(moved, faces) - _angles(resting, faces)).mean(axis=1)
     return SurfaceMetrics(
@@ -54,7 +54,7 @@ def surface_metrics(mesh: Mesh, vertices: ArrayLike) -> SurfaceMetrics:
         angle=float(fraction @ turned),
         edge_length=float(np.abs(after - before).sum() / before.sum()),
         volume=_volume_change(resting, moved, faces),
-        flipped_faces=int((_folded(moved, faces) & ~_folded(resting, faces)).sum()),
+        flipped_faces=int((_folded(moved, faces, edge) & ~_folded(resting, faces, edge)).sum()),
     )
 
 
@@ -69,10 +69,9 @@ def _volume_change(resting: Float64, moved: Float64, faces: NDArray[np.integer])
     return float(after.volume / before.volume - 1) if closed else None
 
 
-def _folded(vertices: Float64, faces: NDArray[np.integer]) -> Bool:
-    """Return whether each face (F,) faces away from the mean of its neighbors across edges."""
+def _folded(vertices: Float64, faces: NDArray[np.integer], edge: Int64) -> Bool:
+    """Return whether each face (F,) faces away from its neighbors; `edge` (3 F,) is the edge of each side of a face."""
     normals = unit(face_normals(vertices, faces))
-    edges, edge = distinct_pairs(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), len(vertices))
-    around = group_sums(edge, np.repeat(normals, 3, axis=0), len(edges))
+    around = group_sums(edge, np.repeat(normals, 3, axis=0), edge.max() + 1)
     others = around[edge].reshape(-1, 3, 3).sum(axis=1) - 3 * normals
     return (others * normals).sum(axis=1) < FOLD

@@ -29,7 +29,7 @@ from dfd.pictures.colors import feature_colors
 from dfd.pictures.picture import picture
 from dfd.views.render import Supervision, Views, render
 
-DISTILLED = dict.fromkeys(("koala", "plane_holes", "scorpion", "spot", "quadruped", "*"))
+DISTILLED = dict.fromkeys(("koala", "plane_holes", "scorpion", "spot", "quadruped"))
 LUCY = (200_000, 28_000_000)  # faces, in a quick and a whole run
 AT_ONCE = 500_000  # vertices, which bounds the memory for features
 SUPERVISION: dict[str, Supervision] = {"pixels of vertices": "vertex", "pixels of triangles": "barycentric"}
@@ -56,7 +56,6 @@ CLASSES = {
     "spot": ((0.2, 0.0, 0.2), {"quadruped": 180, "horse": 180, "alpaca": 180}),
     "fox": ((0.2, 0.0, 0.8), {"wolf": 0, "horse": 0}),
     "quadruped": ((0.2, 0.0, 0.85), {}),
-    "*": ((0.0, 0.0, 1.0), {}),
 }
 DOWN = np.array([0.0, -0.12, 0.0])  # of the diagonal
 
@@ -69,13 +68,12 @@ CHAIRS = {
     "couch_small1": {**CHAIR, "arm": (0.05, 0.85, 0.8)},
     "chair": CHAIR,
     "bench_1": {**CHAIR, "seat": (0.5, 0.45, 0.7), "arm": (0.0, 0.65, 0.7)},
-    "*": CHAIR,
 }
 FOLLOWS = 0.5
 
 
 def fig4(context: Context) -> Page:
-    """Pixels that teach a field, and fields of the shape and of a hundredth of its faces, from render to weights."""
+    """Training pixels, and fields of the shape and of a copy with 1 % of its faces, from rendering to weights."""
     rows: list[Row] = []
     drawn: list[Pictures] = []
     for given, _ in context.cases(DISTILLED, (1, 2)):
@@ -108,7 +106,7 @@ def fig4(context: Context) -> Page:
     text = (
         "Pixels are those of eight pictures of 252² of the reduced shape, whose vertices are counted. Other methods "
         "learn from the pixels that a vertex falls into, barycentric distillation from every pixel that a triangle "
-        "covers. The mean distance between both fields, at these vertices, stands beside the spread of the features. "
+        "covers. The table has the mean distance of both fields at these vertices, and the spread of the features. "
         "The paper: Lucy, 28 million faces, takes 5.7 minutes to render, 3.7 s if reduced."
     )
     return Page(text, drawn, rows)
@@ -285,7 +283,7 @@ def fig20(context: Context) -> Page:
         lambda subject: {
             part: subject.session([{"at": subject.shape.at(place)}]) for part, place in subject.case.items()
         },
-        lambda subject, each, _: {"follows %": following(subject, each, FOLLOWS)},
+        lambda _, each, __: {"follows %": following(each, FOLLOWS)},
         f"How much of the surface, in % of its area, has a weight above {FOLLOWS} for each part.",
         shown=["weights"],
         azimuth=35.0,

@@ -56,7 +56,7 @@ FIGURES: dict[str, Figure] = {
         "below 60 s (Lucy)", "seconds from render to weights", column("weights s", max, preset=OURS), most=60
     ),
     "fig5": Figure("score below 0.1", "score of the best plane", column("score", preset=OURS), most=0.1),
-    "fig6": Figure("what is alike stays", "motion that is left", ratio("alike moves %", FIXED, FREE), most=0.5),
+    "fig6": Figure("similar parts stay", "motion that is left", ratio("alike moves %", FIXED, FREE), most=0.5),
     "fig7": Figure("the horn alone", "area at λ = 32 over that at 0", ratio("follows %", FAR, WIDE), most=0.5),
     "fig8": Figure("targets without fixed points", OFF, column("handle off %", **DFD), most=0.1),
     "fig9": Figure("as smooth as biharmonic", ANGLE, ratio("angle °", DFD, COORDINATES), most=1),
@@ -99,4 +99,4 @@ PAGES: dict[str, Callable[[Context], Page]] = {
     if hasattr(module, name)
 }
 SCREENS = "it shows screens of the paper's user study; fig14 draws such pictures"
-CANNOT = {"fig23": SCREENS, "fig24": SCREENS, "table2": "the answers of the paper's user study are not at hand"}
+CANNOT = {"fig23": SCREENS, "fig24": SCREENS, "table2": "the answers of the paper's user study are not available"}

@@ -83,9 +83,9 @@ def gallery(
     return Page(text, drawn, rows)
 
 
-def following(subject: Subject, session: dfd.Deformer, least: float) -> float:
+def following(session: dfd.Deformer, least: float) -> float:
     """Return how much of the surface follows the first handle by a weight above `least`, per cent."""
-    return 100 * float(area_fractions(subject.shape.mesh)[session.following[:, 0] > least].sum())
+    return 100 * float(area_fractions(session.mesh)[session.following[:, 0] > least].sum())
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
@@ -79,7 +79,7 @@ class BoxHandle:
         return handle
 
 
-# A pull of each shape that pages show, and of any other.
+# The pulls of some shapes; any other has UPWARDS.
 PULLS = {
     "spot": BoxHandle((0.1, 1.0, 0.4), (-0.06, 0.1, 0.0)),
     "kaykit_chair_A": BoxHandle((0.0, 0.0, 1.0), (0.0, -0.15, 0.0)),
@@ -93,18 +93,18 @@ PULLS = {
     "plane_holes": BoxHandle((0.0, 0.2, 0.4), (-0.1, 0.1, 0.0)),
     "chair": BoxHandle((0.0, 0.0, 1.0), (0.0, -0.15, 0.0)),
     "quadruped": BoxHandle((0.2, 1.0, 0.9), (-0.04, 0.12, 0.0)),
-    "*": BoxHandle((0.5, 1.0, 0.5), (0.0, 0.15, 0.0)),
 }
+UPWARDS = BoxHandle((0.5, 1.0, 0.5), (0.0, 0.15, 0.0))
 
 
 def pulls_of(*names: str) -> dict[str, BoxHandle]:
-    """Return the pulls of the shapes called `names`, and of any other shape."""
-    return {name: PULLS.get(name, PULLS["*"]) for name in (*names, "*")}
+    """Return the pulls of the shapes called `names`."""
+    return {name: PULLS.get(name, UPWARDS) for name in names}
 
 
 @dataclass(frozen=True)
 class Subject:
-    """A shape, what a page knows of it, and its field by one preset."""
+    """A shape, the page's data about it, and its field by one preset."""
 
     shape: Shape
     case: Any
@@ -134,7 +134,7 @@ class Subject:
         return deformer
 
     def pull(self, changes: Mapping[str, Any] | None = None, **more: Any) -> dfd.Deformer:
-        """Return a session with the handle of the case, with `changes`; `more` are keywords of `session`."""
+        """Return a session with the handle of the case and `changes` to it; `more` are keywords of `session`."""
         return self.session([{**self.case.on(self.shape), **(changes or {})}], **more)
 
 
@@ -145,16 +145,14 @@ load_once = cache(load_encoder)
 class Context:
     """Settings of a run, and the meshes and fields of its pages."""
 
-    folder: Path | None = None  # of meshes; None for `DFD_MESHES`
     quick: bool = False  # fewer and smaller pictures, fewer shapes
     encoder: str | Path = DEFAULT_ENCODER  # a name or a folder
-    settings: Mapping[str, Any] = field(default_factory=dict)  # keywords of `dfd.distill`, which override the presets'
     say: Callable[[str], None] = lambda line: None
 
     @cached_property
     def files(self) -> dict[str, Path]:
-        """Return the mesh files of `folder`, or else of DFD_MESHES, by their stems."""
-        folder = self.folder or os.environ.get("DFD_MESHES")
+        """Return the mesh files in the folder DFD_MESHES by their stems."""
+        folder = os.environ.get("DFD_MESHES")
         paths = sorted(Path(folder).rglob("*"), reverse=True) if folder else []
         return {path.stem: path for path in paths if path.suffix.lower() in MESH_ENDINGS}
 
@@ -167,16 +165,12 @@ class Context:
         return most[0 if self.quick else 1]
 
     def cases(self, known: Mapping[str, Any], most: tuple[int, int]) -> list[tuple[Shape, Any]]:
-        """Return at most so many shapes, in a quick and in a whole run, with the case that is `known` by each name.
+        """Return the shapes among files and samples that are `known` by name, with the case of each.
 
-        With a `folder`, its meshes: the known ones first, the others with the case "*". Without, the known ones among
-        files and samples, in their order.
+        A quick run and a whole one have at most so many, in the order of `known`.
         """
-        if self.folder is not None:
-            names = sorted(self.files, key=lambda name: (name not in known, name))
-        else:
-            names = [name for name in known if name in self.files or name in SAMPLES]
-        return [(self.shape(name), known.get(name, known["*"])) for name in names[: self.of(most)]]
+        names = [name for name in known if name in self.files or name in SAMPLES]
+        return [(self.shape(name), known[name]) for name in names[: self.of(most)]]
 
     def subjects(
         self,
@@ -193,12 +187,11 @@ class Context:
                 yield Subject(shape, case, preset, self.field(shape, preset))
 
     def distill_settings(self, preset: Preset, **more: Any) -> dict[str, Any]:
-        """Return the keywords of `dfd.distill` for a preset; `more` overrides those of this run."""
-        given = {**self.settings, **more}
+        """Return the keywords of `dfd.distill` for a preset; `more` overrides those of a quick run."""
         shorter = {**QUICK, **(QUICK_PAPER if preset == "paper" else {})} if self.quick else {}
-        if "steps" in given:  # a fit has steps or epochs, not both
+        if "steps" in more:  # a fit has steps or epochs, not both
             shorter.pop("epochs", None)
-        return {"preset": preset, **shorter, **given}
+        return {"preset": preset, **shorter, **more}
 
     def loaded(self, preset: Preset, encoder: str | Path | None = None, block: int | None = None) -> Encoder:
         """Return the encoder; the paper's takes the background, too."""
@@ -214,11 +207,10 @@ class Context:
 
     def notes(self) -> list[str]:
         """Return how the page was made."""
-        where = "a folder that was given" if self.folder else "DFD_MESHES" if self.files else "made samples alone"
         notes = [
             f"**{NAMES['paper']}** is the procedure of the paper, **{NAMES['default']}** dfd's own settings.",
             f"Encoder: {getattr(self.encoder, 'name', self.encoder)}.",
-            f"Meshes: {where}.",
+            f"Meshes: {'DFD_MESHES' if self.files else 'samples alone'}.",
         ]
         if self.quick:
             made, whole = DistillSettings(**self.distill_settings("paper")), DistillSettings(preset="paper")

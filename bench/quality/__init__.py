@@ -1,1 +1,1 @@
-"""Are the weights good? Numbers from labelled shapes, beside methods that know no features."""
+"""Judge weights by labelled shapes and rigs, beside methods without features."""

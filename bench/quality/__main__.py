@@ -1,4 +1,4 @@
-"""`python -m bench.quality labelled`, `anatomy` and `mirrored`: judge weights as the modules of these names say.
+"""`python -m bench.quality labelled`, `anatomy` and `mirrored`: judge weights by the modules with these names.
 
 All numbers are means over the shapes of a category, and over the categories.
 """
@@ -48,8 +48,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for shape in read(given.folder, quick=given.quick):
         print(shape.name, file=sys.stderr)
         field = dfd.distill(shape.mesh, given.encoder, progress=False)
-        # Each rig is its own category, on which constants are never chosen.
-        category, kept_back = getattr(shape, "category", shape.name), getattr(shape, "kept_back", True)
+        # Constants are never chosen on rigs, and each rig is its own category.
+        known = isinstance(shape, labelled.LabelledShape)
+        category, kept_back = (shape.category, shape.kept_back) if known else (shape.name, True)
         rows.append((category, kept_back, shape.name, shape.judged(field)))
         write(path, (module.__doc__ or "").splitlines()[0], rows, module.LEGEND)
     print(f"{path}.md")
@@ -72,7 +73,6 @@ def write(path: Path, title: str, rows: Sequence[Row], legend: Mapping[str, str]
             lines += [f"## {heading}", "", f"{len(some)} shapes.", ""]
             lines += [*to_markdown(["category", *names], [*table, means], ".3f"), ""]
     lines += [f"- **{word}**: {meaning}." for word, meaning in legend.items()]
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path.with_name(f"{path.name}.csv"), to_csv(["category", "shape", "half", *names], cells))
     write_text(path.with_name(f"{path.name}.md"), "\n".join(lines) + "\n")
 

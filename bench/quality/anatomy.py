@@ -1,7 +1,7 @@
-"""How well a handle holds what hangs on a joint, judged by the rigs of characters and animals.
+"""Measure how well a handle moves the subtree of a joint, judged by the rigs of characters and animals.
 
-A person with a handle at a joint may mean the subtree of the joint or of an ancestor. They may mean
-it alone, with its other side, with front and hind limbs, or with all of its kind.
+A user with a handle at a joint may mean the subtree of the joint or of an ancestor: alone, with its other side, with
+front and hind limbs, or with all of its kind.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -20,36 +21,27 @@ import dfd
 from bench.quality.measures import area_fractions, soft_iou
 from bench.quality.parts import kind_of_part, strongest_joints
 from dfd.common.linear_algebra import Bool, Float64, Int64
+from dfd.geometry.topology import face_sides
 from dfd.mesh.file.gltf.header import objects, parents
 
-LARGEST_MEANT = 0.6  # of the surface; larger subtrees are the whole shape
+LARGEST_MEANT = 0.6  # of the surface; a larger subtree counts as the whole shape
 SMALLEST_JUDGED, LARGEST_JUDGED = 0.003, 0.4  # of the surface, for the subtrees of joints with handles
 HANDLES = 3  # per joint
 HELD_WELL = 0.7  # soft IoU
 LEGEND = {
-    "soft IoU": "Σ min(w, t) / Σ max(w, t) over the surface for the most similar set t that a person may mean",
-    "left behind": "the share of what hangs on the joint that a handle does not move",
-    "held well": f"the share of joints with a soft IoU of at least {HELD_WELL}",
+    "soft IoU": "Σ min(w, t) / Σ max(w, t) over the surface for the most similar set t that a user may mean",
+    "left behind": "the fraction of the subtree of the joint that a handle does not move",
+    "held well": f"the fraction of joints with a soft IoU of at least {HELD_WELL}",
 }
-# For inverse kinematics, feet hang on a root; here they hang on the limb that they border on.
+# For inverse kinematics, feet are children of a root. Here they become children of the limb that borders on them.
 FOOT = re.compile(r"foot|toe|hoof|paw|hand|fist|^ff|^ik", re.IGNORECASE)
-# Parents of the joints of the Unreal mannequin, without their side, for files with a flat list of joints.
-MANNEQUIN = {
-    "pelvis": "root",
-    "spine_01": "pelvis",
-    "spine_02": "spine_01",
-    "spine_03": "spine_02",
-    "neck_01": "spine_03",
-    "head": "neck_01",
-    "clavicle": "spine_03",
-    "upperarm": "clavicle",
-    "lowerarm": "upperarm",
-    "hand": "lowerarm",
-    "thigh": "pelvis",
-    "calf": "thigh",
-    "foot": "calf",
-    "ball": "foot",
-}
+# The joints of the Unreal mannequin without their side, parent before child, for files with a flat list of joints.
+CHAINS = (
+    "root pelvis spine_01 spine_02 spine_03 neck_01 head",
+    "spine_03 clavicle upperarm lowerarm hand",
+    "pelvis thigh calf foot ball",
+)
+MANNEQUIN = {child: parent for chain in CHAINS for parent, child in pairwise(chain.split())}
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,17 +52,17 @@ class RiggedShape:
     mesh: dfd.Mesh
     areas: Float64  # (V,) fraction of the surface that belongs to each vertex
     joints: tuple[str, ...]  # (J,) their names
-    parent: Int64  # (J,) the joint that each hangs on, −1 for a root
+    parent: Int64  # (J,) the parent of each joint, −1 for a root
     of_vertex: Int64  # (V,) the joint of largest weight, −1 for none
 
     def subtree(self, joint: int) -> Bool:
-        """Return whether each vertex (V,) hangs on a joint."""
+        """Return the mask (V,) of the vertices of a joint and its descendants."""
         below = np.flatnonzero(self.parent >= 0)
         tree = csr_array((np.ones(len(below)), (self.parent[below], below)), shape=(len(self.joints),) * 2)
         return np.isin(self.of_vertex, breadth_first_order(tree, joint, return_predecessors=False))
 
     def meant(self, vertex: int) -> Iterator[tuple[list[str], Bool]]:
-        """Yield the joints and vertices (V,) of every set that a person may mean by a handle at a vertex."""
+        """Yield the joints and vertices (V,) of every set that a user may mean by a handle at a vertex."""
         joint = int(self.of_vertex[vertex])
         while joint >= 0 and self.areas @ self.subtree(joint) <= LARGEST_MEANT:
             for kin in self._kin(joint):
@@ -78,7 +70,7 @@ class RiggedShape:
             joint = int(self.parent[joint])
 
     def judge(self, vertex: int, weights: NDArray[np.floating]) -> tuple[float, float]:
-        """Return the best soft IoU of weights (V,) with a set that a person may mean, and the share left behind."""
+        """Return the best soft IoU of weights (V,) with a set that a user may mean, and the fraction left behind."""
         joint, values = int(self.of_vertex[vertex]), weights.astype(np.float64)
         own = self.subtree(joint)
         best = max((soft_iou(self.areas, values, meant) for _, meant in self.meant(vertex)), default=0.0)
@@ -174,9 +166,9 @@ def _tree(mesh: dfd.Mesh, joints: tuple[str, ...]) -> Int64:
 
 
 def _bordering(shape: RiggedShape, joint: int) -> int:
-    """Return the joint at most of the edges that leave the subtree of `joint`; its parent if none do."""
+    """Return the joint that most edges from the subtree of `joint` lead to; its parent if there are no such edges."""
     inside = shape.subtree(joint)
-    edges = shape.mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    edges = face_sides(shape.mesh.faces)
     edges = np.concatenate([edges, edges[:, ::-1]])
     beyond = shape.of_vertex[edges[inside[edges[:, 0]] & ~inside[edges[:, 1]], 1]]
     beyond = beyond[beyond >= 0]

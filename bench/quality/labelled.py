@@ -1,4 +1,4 @@
-"""Weights, parts and handles judged by the names that people gave to parts.
+"""Judge weights, parts and handles by parts that people labelled.
 
 Constants may be chosen on the first half of each category; the second half judges. The folder of a category has
 `N.off` and `N_labels.txt`: a line with the name of each part, then a line with its faces, counted from 1. The benchmark
@@ -34,10 +34,10 @@ LEGEND = {
 
 @dataclass(frozen=True, eq=False)
 class LabelledShape(Shape):
-    """A mesh with the parts that people see; a vertex has the label of most of the area around it."""
+    """A mesh with labelled parts; a vertex has the label of most of the area around it."""
 
-    category: str = ""  # its kind, such as "Ant"
-    kept_back: bool = True  # whether constants are never chosen on it; true of half of each category
+    category: str = ""  # such as "Ant"
+    kept_back: bool = True  # whether it only judges; constants are chosen on the other half of each category
 
     def judged(self, field: dfd.Field) -> dict[str, float]:
         """Return every number of `LEGEND`, means over the handles of each label and over the labels."""
@@ -67,13 +67,13 @@ class LabelledShape(Shape):
 
 
 def euclidean(vertices: NDArray[np.floating], handles: Handles) -> Float64:
-    """Return 1 − distance through space over that of the farthest vertex: (V, H)."""
+    """Return 1 − Euclidean distance over that of the farthest vertex, (V, H)."""
     distance = np.linalg.norm(vertices[:, None] - vertices[handles], axis=2)
     return 1 - distance / np.maximum(distance.max(axis=0), 1e-300)
 
 
 def geodesic(geodesics: dfd.Geodesics, handles: Handles) -> Float32:
-    """Return 1 − distance along the surface over that of the farthest vertex: (V, H)."""
+    """Return 1 − distance along the surface over that of the farthest vertex, (V, H)."""
     return 1 - geodesics.distances(handles).T
 
 
@@ -82,7 +82,7 @@ def labelled_shapes(folder: Path | None, *, quick: bool = False) -> Iterator[Lab
 
     `quick` reads the first of each category that is kept back.
 
-    Raises ValueError if there is none, or its files are not of that layout.
+    Raises ValueError if there is none, or a file has another layout.
     """
     if folder is None:
         for shape in made(FEW_FACES if quick else FACES):

@@ -1,4 +1,4 @@
-"""How exactly the other side mirrors a motion, judged by rigs with left and right joints."""
+"""Measure how exactly the other side mirrors a motion, judged by rigs with left and right joints."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ ALIKE = 0.01  # of the part's size, the largest difference from a mirror image a
 ANGLE, PULL = 30.0, 0.2  # degrees, and of the part's size
 MOTIONS: dict[str, Any] = {"bend": {"bend": ANGLE}, "twist": {"twist": ANGLE}, "turn": {"rotation": (0.0, 0.0, ANGLE)}}
 LEGEND = {
-    "apart": "share of the pairs in which a handle on the left side holds several components, not both sides as one",
-    "bend": f"of these, the share whose right side mirrors the left one to {EXACT:.0%}, bent by {ANGLE:g}°",
+    "apart": "fraction of the pairs in which a handle on the left side moves several separate components",
+    "bend": f"of these, the fraction whose right side mirrors the left one to {EXACT:.0%}, bent by {ANGLE:g}°",
     "twist": f"the same of a twist by {ANGLE:g}°",
     "turn": f"the same of a rotation by {ANGLE:g}°",
     "pull": f"the same of a translation by {PULL:.0%} of the part's size",
@@ -29,7 +29,7 @@ LEGEND = {
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """The vertices that hang on a left joint and on its right one."""
+    """The vertices of the subtrees of a left joint and of its right counterpart."""
 
     vertex: int  # of the left joint, nearest to its middle
     left: Int64  # (N,) vertices
@@ -38,7 +38,7 @@ class Pair:
     size: float  # the diagonal of the left part's box, mesh units
 
     def error(self, moved: Float64) -> float:
-        """Return how far displacements (V, 3) are from mirror images, root mean square over the part's size."""
+        """Return the root mean squared difference of displacements (V, 3) from mirror images, over the part's size."""
         mirrored = moved[self.left]
         mirrored[:, self.axis] *= -1.0
         apart = np.linalg.norm(moved[self.right] - mirrored, axis=1)
@@ -63,7 +63,7 @@ class PairedShape:
 
     @staticmethod
     def _errors(session: dfd.Deformer, pair: Pair) -> list[float]:
-        """Return the error of each motion of a handle on the left side; none if it holds one component."""
+        """Return the error of each motion of a handle on the left side; no error if it moves one component."""
         held = session.add(pair.vertex)
         found = []
         if len(session.counterparts(held)) > 1:

@@ -6,7 +6,7 @@ Each call is timed in turn with the ceiling or library beside it. Ratios are of 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ import dfd
 import dfd._core as _core
 from dfd.common.linear_algebra import Float32, Float64, Int64
 
-from .made_input import CONSTRAINED, VERTICES, MadeInput, make_input
+from .made_input import VERTICES, Call, MadeInput, make_input
 from .measure import Timing, copying, product, reading, together
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "speed"
@@ -27,7 +27,6 @@ COLUMNS = ("work", "best ms", "median ms", "spread ms", "against", "its best ms"
 TORCH_VERTICES = 200_000  # torch's arithmetic takes too much memory for more
 
 Row = list[Any]
-Call = Callable[[], object]
 
 
 def main() -> None:
@@ -42,7 +41,6 @@ def main() -> None:
     rows = list(lines(options.vertices))
     print(f"{options.vertices:,} vertices, {threads} threads, {_core.instruction_set()}\n")
     print("\n".join(to_markdown(COLUMNS, rows)))
-    OUTPUT.mkdir(parents=True, exist_ok=True)
     write_text(OUTPUT / "table.csv", to_csv(COLUMNS, rows))
 
 
@@ -55,14 +53,16 @@ def lines(vertex_count: int, torch_vertices: int = TORCH_VERTICES) -> Iterator[R
 
 
 def _binding(made: MadeInput) -> Iterator[Row]:
-    compact, calls = made.compact, made.bindings()
+    compact, constrained = made.compact, "bind 10 + 3 fixed + locality"
+    calls = {f"bind {count}": made.binding(count) for count in (1, 10, 100)}
+    calls[constrained] = made.binding(10, constrained=True)
     calls["reading the features"] = reading(compact.blocks)
     calls["torch's product"] = product(len(made.vertices), compact.dimensions, 100)
     timings = together(calls, seconds=2.0, most=1000)
     stored = f"bind 1 ({compact.precision}, {compact.dimensions} dimensions)"
     yield _row(timings, "bind 1", "reading the features", 1 / 0.85, stored)
     yield _row(timings, "bind 10", "bind 1")
-    yield _row(timings, CONSTRAINED, "bind 1", 2.5)
+    yield _row(timings, constrained, "bind 1", 2.5)
     yield _row(timings, "bind 100", "torch's product", 1.0)
 
 
@@ -87,7 +87,8 @@ def _against_torch(made: MadeInput) -> Iterator[Row]:
 def _posing(made: MadeInput) -> Iterator[Row]:
     vertices, transform = made.vertices, made.transforms[:1]
     weights = dfd.bind(made.compact, made.handles(1))
-    calls = {name: call for name, call in made.poses().items() if "mirrored" not in name}
+    calls = {f"pose {count}": made.pose("pose", count) for count in (1, 100)}
+    calls |= {f"drag frame with {count} handles": made.pose("drag", count) for count in (1, 100)}
     calls["copying 28 bytes a vertex"] = copying(28 * len(vertices))
     calls["torch"] = torch_blending(vertices, weights, transform)
     calls["libigl's skinning"] = igl_blending(vertices, weights, transform)

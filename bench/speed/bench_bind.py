@@ -6,7 +6,7 @@ import numpy as np
 
 import dfd
 
-from .made_input import BINDINGS, VERTICES, MadeInput, make_input
+from .made_input import VERTICES, MadeInput, make_input
 
 
 def setup_cache() -> MadeInput:
@@ -15,16 +15,16 @@ def setup_cache() -> MadeInput:
 
 
 class Bind:
-    """Compact features: 1, 10 and 100 handles, and constraints."""
+    """Compact features: 1, 10 and 100 handles, without and with constraints."""
 
-    params = BINDINGS
-    param_names = ("work",)
+    params = ((1, 10, 100), (False, True))
+    param_names = ("handles", "constrained")
 
-    def setup(self, made: MadeInput, work: str) -> None:
+    def setup(self, made: MadeInput, handles: int, constrained: bool) -> None:
         """Allocate the weights."""
-        self.call = made.bindings()[work]
+        self.call = made.binding(handles, constrained=constrained)
 
-    def time_bind(self, made: MadeInput, work: str) -> None:
+    def time_bind(self, made: MadeInput, handles: int, constrained: bool) -> None:
         """Bind once."""
         self.call()
 

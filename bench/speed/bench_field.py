@@ -10,7 +10,7 @@ from .made_input import mirrored_field, torus
 
 
 class Evaluate:
-    """A network of the usual size."""
+    """A network of the default size."""
 
     params = (1_000, 50_000)
     param_names = ("points",)

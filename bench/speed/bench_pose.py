@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .made_input import POSES, MadeInput, make_input
+from .made_input import MOTIONS, MadeInput, make_input
 
 
 def setup_cache() -> MadeInput:
@@ -13,13 +13,13 @@ def setup_cache() -> MadeInput:
 class Pose:
     """One handle and a hundred, with and without a mirror plane, and a drag of one handle."""
 
-    params = (POSES, ("float32", "float64"))
-    param_names = ("work", "type")
+    params = (MOTIONS, (1, 100), ("float32", "float64"))
+    param_names = ("motion", "handles", "type")
 
-    def setup(self, made: MadeInput, work: str, dtype: str) -> None:
+    def setup(self, made: MadeInput, motion: str, handles: int, dtype: str) -> None:
         """Bind, and allocate the vertices."""
-        self.call = made.poses(dtype)[work]
+        self.call = made.pose(motion, handles, dtype)
 
-    def time_pose(self, made: MadeInput, work: str, dtype: str) -> None:
+    def time_pose(self, made: MadeInput, motion: str, handles: int, dtype: str) -> None:
         """Pose once."""
         self.call()

@@ -1,10 +1,10 @@
-"""Made input of any size: features of low rank as a field gives them, vertices, transforms; and the calls to time."""
+"""Generate input of any size, with features of low rank like those of a field, and the calls to time."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 
 import numpy as np
 import trimesh
@@ -16,12 +16,9 @@ from dfd.field.architecture import Architecture
 
 WIDTH = 384  # of the features of a small vision transformer
 VERTICES = 500_000
-CONSTRAINED = "bind 10 + 3 fixed + locality"
-BINDINGS = ("bind 1", "bind 10", CONSTRAINED, "bind 100")
-ONE_POSE = ("pose {}", "mirrored pose {}", "drag frame with {} handles")
-POSES = tuple(name.format(count) for name in ONE_POSE for count in (1, 100))
+MOTIONS = ("pose", "mirrored pose", "drag")
 
-Calls = dict[str, Callable[[], object]]
+Call = Callable[[], object]
 
 
 @dataclass(frozen=True)
@@ -40,29 +37,30 @@ class MadeInput:
         """Return `count` distinct vertices, spread over the shape."""
         return np.linspace(0, len(self.vertices) - 1, count).astype(np.int64)
 
-    def bindings(self) -> Calls:
-        """Return the calls named in `BINDINGS`, which write weights of compact features into existing arrays."""
-        outs = {count: np.empty((len(self.vertices), count), np.float32) for count in (1, 10, 100)}
-        calls: Calls = {
-            f"bind {count}": partial(dfd.bind, self.compact, self.handles(count), out=out)
-            for count, out in outs.items()
-        }
-        distances = np.random.default_rng(0).random((10, len(self.vertices)), dtype=np.float32)
-        calls[CONSTRAINED] = partial(calls["bind 10"], fixed=[1, 2, 3], geodesic=distances, locality=2.0)
-        return calls
+    def binding(self, count: int, *, constrained: bool = False) -> Call:
+        """Return a call that binds `count` handles to compact features, and writes weights into an existing array.
 
-    def poses(self, dtype: str = "float32") -> Calls:
-        """Return the calls named in `POSES`. All handles move; in a drag, only one does."""
-        vertices, calls = self.vertices.astype(dtype), Calls()
-        out, plane = np.empty_like(vertices), dfd.SymmetryPlane((1.0, 0.0, 0.0), 0.0, band=0.01)
-        for count in (1, 100):
-            handles, transforms = self.handles(count), self.transforms[:count]
-            weights = dfd.bind(self.compact, handles) / count
-            pose = partial(dfd.pose, vertices, weights, transforms, out=out)
-            mirrored = partial(pose, symmetry=plane, handles=vertices[handles])
-            drag = partial(dfd.Drag(vertices, weights, transforms, [0]).pose, transforms[:1], out=out)
-            calls |= {name.format(count): call for name, call in zip(ONE_POSE, (pose, mirrored, drag), strict=True)}
-        return calls
+        `constrained` adds three fixed points and a locality of 2.
+        """
+        out = np.empty((len(self.vertices), count), np.float32)
+        bind = partial(dfd.bind, self.compact, self.handles(count), out=out)
+        if not constrained:
+            return bind
+        distances = np.random.default_rng(0).random((count, len(self.vertices)), dtype=np.float32)
+        return partial(bind, fixed=[1, 2, 3], geodesic=distances, locality=2.0)
+
+    def pose(self, motion: str, count: int, dtype: str = "float32") -> Call:
+        """Return a call of one of `MOTIONS` with `count` handles. All handles move; in a drag, only one does."""
+        handles, transforms = self.handles(count), self.transforms[:count]
+        vertices, weights = self.vertices.astype(dtype), dfd.bind(self.compact, handles) / count
+        out = np.empty_like(vertices)
+        if motion == "drag":
+            return partial(dfd.Drag(vertices, weights, transforms, [0]).pose, transforms[:1], out=out)
+        pose = partial(dfd.pose, vertices, weights, transforms, out=out)
+        if motion == "pose":
+            return pose
+        plane = dfd.SymmetryPlane((1.0, 0.0, 0.0), 0.0, band=0.01)
+        return partial(pose, symmetry=plane, handles=vertices[handles])
 
 
 def field(points: NDArray[np.floating]) -> Float32:
@@ -79,7 +77,6 @@ def field(points: NDArray[np.floating]) -> Float32:
     return rows
 
 
-@lru_cache(maxsize=1)
 def make_input(vertex_count: int = VERTICES) -> MadeInput:
     """Return the input with so many vertices."""
     random = np.random.default_rng(1)

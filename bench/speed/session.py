@@ -1,6 +1,6 @@
-"""`python -m bench.speed.session`: what a person waits for in a session, by the size of the mesh.
+"""`python -m bench.speed.session`: time the steps of a session that a user waits for, by the size of the mesh.
 
-A quadruped with a field of its own is subdivided to the size. Peak memory belongs to a process, so each size has one.
+A quadruped with its own field is subdivided to each size. Each size runs in its own process, to measure peak memory.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Learn how likely a carried edit moves the same part, from edits carried between rigs of one family.
+"""Learn the probability that a transferred edit moves the same part, from edits transferred between rigs of a family.
 
-A handle moves some joints on the first rig. It is right if its part on the other rig has an IoU of 0.6 with the
-vertices of these joints. `python -m bench.training.learn_agreement FOLDER…` prints the constants of
+A handle moves some joints of the first rig. It is right if its part of the other rig has an IoU of at least 0.6 with
+the vertices of these joints. `python -m bench.training.learn_agreement FOLDER…` prints the constants of
 `dfd.editing.agreement`, and how often handles are right by their confidence on families that were left out.
 """
 
@@ -23,14 +23,14 @@ from dfd.editing.agreement import HELD, differences
 from dfd.editing.edit import Edit
 from dfd.editing.transfer import transfer
 
-RIGHT = 0.6  # IoU, the least of a handle that moves the same part
-SHARED = 0.6  # of the names of joints, the least of rigs that are compared
-TARGETS = 3  # rigs to which each handle is carried
+RIGHT = 0.6  # least IoU of a handle that moves the same part
+SHARED = 0.6  # least fraction of the names of joints that two compared rigs share
+TARGETS = 3  # rigs to which each handle is transferred
 FAMILY_POWER = 0.5  # a family has the weight of the square root of its handles
 
 
 def carried(shapes: list[tuple[RiggedShape, dfd.Deformer]]) -> Iterator[tuple[str, Float64, bool]]:
-    """Carry a handle of every joint; yield the family, the differences (2,) and whether the handle is right."""
+    """Transfer a handle of every joint; yield the family, the differences (2,) and whether the handle is right."""
     generator = np.random.default_rng(0)
     for shape, session in shapes:
         family, names = family_of(shape.name), set(shape.joints)
@@ -52,7 +52,7 @@ def carried(shapes: list[tuple[RiggedShape, dfd.Deformer]]) -> Iterator[tuple[st
 
 
 def fitted(rows: Float64, right: Bool, weight: Float64) -> Float64:
-    """Return EQUAL, BY_SHARE and BY_PLACE (3,) of the largest likelihood of `right` (N,) by `rows` (N, 2)."""
+    """Return EQUAL, BY_SHARE and BY_PLACE (3,), which maximize the likelihood of `right` (N,), given `rows` (N, 2)."""
     sign = np.where(right, -1.0, 1.0)
 
     def loss(constants: Float64) -> float:
@@ -62,7 +62,7 @@ def fitted(rows: Float64, right: Bool, weight: Float64) -> Float64:
 
 
 def main() -> None:
-    """Learn from all folders of rigs that are named."""
+    """Learn from the rigs of all given folders."""
     parser = argparse.ArgumentParser("python -m bench.training.learn_agreement", description=__doc__)
     parser.add_argument("folders", type=Path, nargs="+", help="folders with skinned GLB files")
     shapes = [

@@ -1,4 +1,4 @@
-"""Learn the kinds of parts that a metric tells, from points of many labelled shapes."""
+"""Learn to tell kinds of parts from features, for the metric, from points of many labelled shapes."""
 
 from __future__ import annotations
 
@@ -17,18 +17,20 @@ SAME = {"body": "torso", "hoof": "foot"}
 HIDDEN = 256
 POINTS = 80  # of a part
 STEPS, BATCH, LEARNING_RATE, DECAY = 400, 1024, 3e-3, 0.05
-DROPPED, DROPPED_UNITS = 0.2, 0.5  # shares of the inputs and of the hidden units that dropout takes
-UNSURE = 0.05  # of the probability goes to all kinds, so that the network is less certain of unknown shapes
+DROPPED, DROPPED_UNITS = 0.2, 0.5  # dropout: fractions of the inputs and of the hidden units
+UNSURE = 0.05  # label smoothing, so that the network is less certain of unknown shapes
 FAMILY_POWER = 0.5  # a family has the weight of the square root of its shapes
 SCALE = 20.0  # about √384, so that the inputs are near one
 
 
-def learn_kinds(taught: Sequence[Lesson], seed: int = 0) -> Kinds | None:
-    """Learn the kinds of parts of all shapes with two of `KINDS` or more; return None without such a shape.
+def learn_kinds(taught: Sequence[Lesson]) -> Kinds | None:
+    """Return a network that tells the kinds of parts, learned from all shapes with at least two of `KINDS`.
+
+    Return None if there is no such shape.
 
     A family has the weight of the square root of its number of shapes, shared by its shapes and by their parts.
     """
-    generator = np.random.default_rng(seed)
+    generator = np.random.default_rng(0)
     rows, kinds, chances = [], [], []
     size = Counter(each.family for each in taught)
     for each in taught:
@@ -50,7 +52,7 @@ def _fitted(
     chances: Float64,  # (N,)
     generator: np.random.Generator,
 ) -> Kinds:
-    """Fit the network that tells `kinds`, on points drawn by their `chances`."""
+    """Fit the network to `kinds` on points that are drawn with probabilities `chances`."""
     threads = torch.get_num_threads()
     torch.set_num_threads(1)  # one thread gives reproducible sums
     x, y, until = torch.from_numpy(rows), torch.from_numpy(kinds), np.cumsum(chances / chances.sum())
@@ -70,5 +72,5 @@ def _fitted(
             optimizer.step()
             schedule.step()
     torch.set_num_threads(threads)
-    told = [each.detach().numpy().T.copy() for each in (first.weight, first.bias, second.weight, second.bias)]
-    return Kinds(told[0] * np.float32(SCALE), *told[1:])
+    matrices = [each.detach().numpy().T.copy() for each in (first.weight, first.bias, second.weight, second.bias)]
+    return Kinds(matrices[0] * np.float32(SCALE), *matrices[1:])

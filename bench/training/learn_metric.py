@@ -1,4 +1,4 @@
-"""`python -m bench.training.learn_metric`: learn which differences tell parts apart, and judge it by families left out.
+"""`python -m bench.training.learn_metric`: learn which differences tell parts apart, and judge it on families left out.
 
 The shapes are the rigs and skinned characters in the folder DFD_MESHES, +y up, and the samples of dfd. `--lessons`
 adds a folder with rigs and people. A file keeps the features of each between runs. Equal features give equal files.
@@ -29,9 +29,9 @@ from dfd.encoders.encode import Encoder, load_encoder
 from dfd.encoders.learned_file import encoder_identity
 
 REPORT, CACHE = RESULTS / "metric.md", RESULTS / "metric_features"
-DIRECTIONS = 51  # and the 13 kinds of parts make 64 numbers
+DIRECTIONS = 51  # 64 numbers together with the 13 kinds of parts
 RIDGE = 1.0  # of the mean variance within parts
-POWER = 0.125  # of the ratio of variances, which gives the length of a direction
+POWER = 0.125  # of the ratio of variances; the result is the length of a direction
 FACES = 20_000  # of the samples
 EACH, SEEDS = 8, 3  # handles of every part, and draws
 

@@ -30,9 +30,10 @@ from dfd.upright.probe_views import CORNERS, SIDES, ProbeCameras, ViewTokens
 from dfd.upright.stability import StabilityCues
 
 REPORT, KEPT_VIEWS = RESULTS / "up.md", RESULTS / "views_around"
-KEPT = 0.99  # least share of upright files whose axis is among those with pictures
-KEPT_OWN = 0.97  # of those in DFD_MESHES and the samples, many without a clear up, whose axis is the likeliest
-KEPT_UP = 0.985  # of upright files that are not taken for upside down
+KEPT = 0.99  # least fraction of upright files whose axis is among the axes with pictures
+# Least fraction of the shapes of DFD_MESHES and samples whose axis is the likeliest; many have no clear up.
+KEPT_OWN = 0.97
+KEPT_UP = 0.985  # least fraction of upright files that are not taken for upside down
 Z_SHARE = 0.35  # of the log-odds of the file's +y, for its ±z, as many files have z up
 PRIORS, LOSSES = np.arange(0, 12, 0.05), np.arange(0, 6, 0.1)
 
@@ -65,17 +66,17 @@ def lesson(name: str, mesh: dfd.Mesh, encoder: Encoder) -> UpLesson:
     vertices = (mesh.vertices - center) * scale
     cues = StabilityCues(vertices, mesh.faces)
     evidence = np.stack([cues.evidence(frame) for frame in FRAMES])
-    sides, corners = (look_once(mesh, encoder, FRAMES, eyes) for eyes in (SIDES, CORNERS))
+    sides, corners = (cached_tokens(mesh, encoder, FRAMES, eyes) for eyes in (SIDES, CORNERS))
     of_frames = map(ViewTokens, np.split(sides.tokens, len(FRAMES)), np.split(sides.axes, len(FRAMES)))
     rotation = Rotation.random(rng=np.random.default_rng([0, *name.encode()])).as_matrix()
-    seen = look_once(mesh, encoder, FRAMES @ rotation, SIDES)
+    seen = cached_tokens(mesh, encoder, FRAMES @ rotation, SIDES)
     tilted = ViewTokens(seen.tokens, seen.axes @ rotation.T)
     tilted_cues = StabilityCues(vertices @ rotation.T, mesh.faces)
     return UpLesson(name, tuple(of_frames), corners, evidence, rotation, tilted, tilted_cues)
 
 
-def look_once(mesh: dfd.Mesh, encoder: Encoder, frames: Float64, eyes: Float64) -> ViewTokens:
-    """Return `ProbeCameras.seen`, from a file if it exists, as pictures take minutes."""
+def cached_tokens(mesh: dfd.Mesh, encoder: Encoder, frames: Float64, eyes: Float64) -> ViewTokens:
+    """Return `ProbeCameras.seen`, from a file if it exists, because pictures take minutes."""
     key = {
         "field_version": FIELD_VERSION,
         "around": hashlib.sha256(Path(probe_views.__file__).read_bytes()).hexdigest(),
@@ -91,7 +92,7 @@ def look_once(mesh: dfd.Mesh, encoder: Encoder, frames: Float64, eyes: Float64) 
 
 
 def learn(lessons: Sequence[UpLesson], encoder: Encoder) -> UpProbe:
-    """Return the probe of all lessons, with the odds and priors of votes that were learned without the shape."""
+    """Return the probe of all lessons; its odds and priors fit votes that were learned without the judged shape."""
     votes = learned_votes(tuple(lessons)).without()
     up, down = least_priors(left_out_odds(tuple(lessons), "name"), own_names(lessons))
     odds, identity = learned_odds(tuple(lessons)), encoder_identity(encoder)
@@ -103,7 +104,7 @@ def own_names(lessons: Sequence[UpLesson]) -> set[str]:
     return {each.name for each in lessons if not each.name.startswith(LESSONS)}
 
 
-def favored(odds: Float64, up: int, priors: tuple[float, float]) -> Float64:
+def with_priors(odds: Float64, up: int, priors: tuple[float, float]) -> Float64:
     """Add to `odds` (…, 6) those of the file's +y along frame `up`, of its −y, and of its ±z along the next axis."""
     z = (up // 2 + 1) % 3
     added = np.zeros(len(FRAMES))
@@ -118,30 +119,30 @@ def of_axes(odds: Float64) -> Float64:
 
 
 def decided(odds: Float64, up: int, priors: tuple[float, float]) -> tuple[int, int]:
-    """Return the axis and the frame that win if frame `up` is the file's +y.
+    """Return the likeliest axis and frame if frame `up` is the file's +y.
 
-    `odds` (7, 6) are those of `left_out_odds`. As in `dfd.upright.find_up`, one look around the file's +y is enough if
-    it is certain.
+    `odds` (7, 6) are those of `left_out_odds`. As in `dfd.upright.find_up`, pictures around the file's +y decide alone
+    if they are certain.
     """
     axes = of_axes(odds[up])
     sure = np.exp(axes.max() - np.logaddexp.reduce(axes)) >= EARLY_STOP_CONFIDENCE
-    found = favored(odds[up if sure else -1], up, priors)
+    found = with_priors(odds[up if sure else -1], up, priors)
     axis = int(of_axes(found).argmax())
     return axis, 2 * axis + int(found[2 * axis + 1] > found[2 * axis])
 
 
 def least_priors(odds: Mapping[str, Float64], own: Collection[str] = ()) -> tuple[float, float]:
-    """Return the log-odds of the file's +y and −y, the least of +y with which enough shapes keep their axis and up.
+    """Return the log-odds of the file's +y and −y: the least of +y with which enough shapes keep their axis and up.
 
-    `KEPT` of all have their axis among the two with pictures, `KEPT_OWN` of `own` have it first, and `KEPT_UP` of all
-    keep their up. Then −y loses as little as possible.
+    The axis is among the two with pictures for `KEPT` of all shapes, and the likeliest for `KEPT_OWN` of `own`.
+    `KEPT_UP` of all keep their up. The log-odds of −y are the largest with which this holds.
     """
     rows = np.stack([each[-1] for each in odds.values()])
     among = np.array([name in own for name in odds]) if own else np.ones(len(rows), bool)
     least = KEPT_OWN if own else 0.0
 
     def enough(up: float, down: float) -> bool:
-        found = favored(rows, TRUE, (up, down))
+        found = with_priors(rows, TRUE, (up, down))
         axes = of_axes(found)
         first, second = np.argsort(-axes, axis=1).T[:2] == TRUE // 2
         doubtful = axes.max(axis=1) - np.logaddexp.reduce(axes, axis=1) < np.log(CLEAR)
@@ -154,7 +155,7 @@ def least_priors(odds: Mapping[str, Float64], own: Collection[str] = ()) -> tupl
 
 
 def report(lessons: Sequence[UpLesson]) -> str:
-    """Return how often the upright axis, and in brackets the up direction, is found by the lessons of others."""
+    """Return a report: how often the upright axis, and in brackets the up direction, is found by other lessons."""
     priors = least_priors(left_out_odds(tuple(lessons), "name"), own_names(lessons))
     own = [each for each in lessons if each.name in own_names(lessons)]
     lines = [

@@ -1,4 +1,4 @@
-"""The models to learn from, all under CC0; docs/learned.md names their packs and makers."""
+"""Find the models to learn from, all under CC0; docs/learned.md names their packs and makers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ RESULTS = Path(__file__).resolve().parents[1] / "results" / "quality"
 OF_MESHES = ("knight.glb", "kaykit_*.obj", "rigs/*.glb", "upright/*.glb")  # models under CC0 in DFD_MESHES
 OF_LESSONS = ("people/*.glb", "rigs/*.glb", "upright/*.glb")
 MOST_ALIKE = 12  # models of a family, which bounds the weight of large packs
-# Words in the names of things that have no up, hang on walls, or lie in any direction.
+# Words in the names of models that have no up, hang on walls, or lie in any direction.
 WITHOUT_UP = (
     *("armor", "bone", "book_", "bouncer", "box", "cable", "can_broken", "carpet", "claymore", "club", "compass"),
     *("crystal", "cyberpunk_pack_ac", "computer", "dart", "flaregun", "glove", "katana", "lever", "match", "mirror"),
@@ -42,8 +42,7 @@ def options_of(
         parser.error("DFD_MESHES must name the folder of meshes to learn from")
     options.meshes = Path(os.environ["DFD_MESHES"])
     options.output = options.output or folder / f"{options.encoder}.safetensors"
-    for each in (options.output.parent, RESULTS):
-        each.mkdir(parents=True, exist_ok=True)
+    options.output.parent.mkdir(parents=True, exist_ok=True)
     return options
 
 
@@ -58,7 +57,7 @@ def kept_arrays(path: Path, make: Callable[[], Mapping[str, NDArray[Any]]]) -> d
 
 
 def upright_files(meshes: Path, lessons: Path | None) -> Iterator[Path]:
-    """Yield every file to learn an up from: all of DFD_MESHES, and of `lessons` the first few of each family."""
+    """Yield the files from which up is learned: all of DFD_MESHES, and the first few of each family of `lessons`."""
     for pattern in OF_MESHES:
         yield from sorted(meshes.glob(pattern))
     taken: Counter[str] = Counter()

@@ -21,21 +21,21 @@ from dfd.upright.stability import StabilityCues
 FRAMES = np.stack(axis_frames(np.eye(3)))
 UPS = FRAMES[:, 1]
 TRUE = 2  # +y among them
-LESSONS = "lessons/"  # begins the names of shapes that are not from DFD_MESHES
+LESSONS = "lessons/"  # prefix of the names of shapes that are not from DFD_MESHES
 RIDGE = 1.0  # of the mean moment of the terms
 SHRINK = 3.0  # of the odds, whose terms have unit spread
 FOLDS = 16
-NEAR = np.cos(np.radians(20))  # a candidate so near to the up of a tilted shape is right
+NEAR = np.cos(np.radians(20))  # a candidate within this angle of the up of a tilted shape is right
 TILTED = 0.5  # weight of pictures along random axes, beside those along the shape's own
 
 Choice = tuple[Float64, Bool]  # the terms (K, 9) of each candidate, and whether it is right (K,)
-# The choices of a shape: from around each of `FRAMES` alone, from all pictures along them, and where it is tilted.
+# The choices of a shape: by pictures around each of `FRAMES`, by pictures along all of them, and of the tilted shape.
 Choices = tuple[list[Choice], list[Choice], list[Choice]]
 
 
 @dataclass(frozen=True, eq=False)
 class UpLesson:
-    """A shape that stands as it should, +y up, with its pictures and the cues of its surface."""
+    """An upright shape, +y up, with its pictures and the cues of its surface."""
 
     name: str
     sides: tuple[ViewTokens, ...]  # of each of `FRAMES`
@@ -47,12 +47,12 @@ class UpLesson:
 
     @property
     def family(self) -> str:
-        """See `family_of`."""
+        """Return the family of the shape, see `family_of`."""
         return family_of(self.name.rpartition("/")[2])
 
     @property
     def all_seen(self) -> ViewTokens:
-        """Return all pictures along its own axes."""
+        """Return all pictures along the axes of the shape."""
         return sum(self.sides, self.corners)
 
     @property
@@ -67,18 +67,18 @@ Group = Literal["family", "name"]  # the lessons to leave out for a judged shape
 class Ridge:
     """A linear vote by ridge regression, of all lessons or of all but some.
 
-    Each of the J blocks of terms has equal weight, whatever the spread of its tokens.
+    Each of the J blocks of terms has equal weight, independent of the spread of its tokens.
     """
 
     def __init__(self, terms: Float64, right: Bool, blocks: int) -> None:
-        """Take the terms (L, 12, J D) of every up of each lesson, upright and tilted; `right` (6,) are the true ups."""
+        """Keep the terms (L, 12, J D) of each lesson's ups, upright and tilted; `right` (6,) marks the true ups."""
         weights = np.repeat([1.0, TILTED], len(FRAMES))
         mean_squares = np.einsum("n,lnd->d", weights, np.square(terms)) / (len(terms) * weights.sum())
         block_squares = mean_squares.reshape(blocks, -1).sum(axis=1)
         self._scales = np.sqrt(np.maximum(block_squares, 1e-300)).repeat(terms.shape[2] // blocks)
         self._terms = terms / self._scales * np.sqrt(weights)[:, None]
         self._targets, self._blocks = np.tile(right - right.mean(), 2) * np.sqrt(weights), blocks
-        moment, self._told = self._moments(range(len(terms)))
+        moment, self._products = self._moments(range(len(terms)))
         self._moment = moment + RIDGE * blocks * np.eye(len(moment))
 
     def _moments(self, lessons: Sequence[int]) -> tuple[Float64, Float64]:
@@ -86,14 +86,14 @@ class Ridge:
         return rows.T @ rows, rows.T @ np.tile(self._targets, len(lessons))
 
     def without(self, lessons: Sequence[int]) -> Float64:
-        """Return the vote (J, D) that all lessons but some teach."""
-        moment, told = self._moments(lessons)
-        weights = np.linalg.solve(self._moment - moment, self._told - told) / self._scales
+        """Return the vote (J, D) that is learned without some lessons."""
+        moment, products = self._moments(lessons)
+        weights = np.linalg.solve(self._moment - moment, self._products - products) / self._scales
         return weights.reshape(self._blocks, -1).astype(np.float32)
 
 
 class Votes:
-    """Probes without odds, learned from pictures: the form tells the upright axis, the vector its end."""
+    """Probes without odds, learned from pictures: the form votes for the upright axis, the vector for its upper end."""
 
     def __init__(self, lessons: Sequence[UpLesson]) -> None:
         tokens = [lesson.all_seen.tokens[:, 0].mean(axis=0) for lesson in lessons]
@@ -118,7 +118,7 @@ class Votes:
         return form.reshape(2 * len(UPS), -1), vector.reshape(2 * len(UPS), -1)
 
     def without(self, names: Collection[str] = ()) -> UpProbe:
-        """Return the probe that all lessons but those of `names` teach."""
+        """Return the probe that is learned without the lessons of `names`."""
         left_out = [number for number, name in enumerate(self._names) if name in names]
         form, vector = self._form.without(left_out), self._vector.without(left_out)
         return UpProbe(self._mean, form, vector, np.zeros((3, len(TERMS))), 0.0, 0.0, 0.0, "", 0)
@@ -154,10 +154,10 @@ def left_out_choices(lessons: tuple[UpLesson, ...], group: Group) -> dict[str, C
 
 
 def learned_odds(lessons: tuple[UpLesson, ...], without: Collection[str] = ()) -> Float64:
-    """Return the odds (3, 9) of an `UpProbe`, of all lessons but those of some names.
+    """Return the odds (3, 9) of an `UpProbe`, learned without the lessons of some names.
 
-    The votes were learned without a shape's family, and without the shape alone: shapes to be judged may be of a known
-    family or not.
+    Each shape counts twice, with votes learned without its family and without itself: the family of a new shape may be
+    known or unknown.
     """
     some = [
         left_out_choices(lessons, group)[each.name]
@@ -169,7 +169,7 @@ def learned_odds(lessons: tuple[UpLesson, ...], without: Collection[str] = ()) -
 
 
 def fit_odds(choices: Sequence[Choice]) -> Float64:
-    """Return the log-odds (T,) of the terms of candidates, by conditional logistic regression on the right ones.
+    """Return the log-odds (T,) per unit of each term, by conditional logistic regression on the right candidates.
 
     Choices without a right candidate are left out. Without any other, the odds are 0.
     """
@@ -196,8 +196,8 @@ def fit_odds(choices: Sequence[Choice]) -> Float64:
 def left_out_odds(lessons: tuple[UpLesson, ...], group: Group) -> dict[str, Float64]:
     """Return log-odds (7, 6) of every shape's six ups: a row for each of `FRAMES` alone, and one for all pictures.
 
-    Votes are learned without the shape's group, and odds without its fold of groups, as nine odds hardly depend on one
-    of hundreds of shapes.
+    Votes are learned without the group of the shape, and odds without its fold of groups, because nine odds hardly
+    depend on one of hundreds of shapes.
     """
     found: dict[str, Float64] = {}
     groups = list(dict.fromkeys(getattr(each, group) for each in lessons))

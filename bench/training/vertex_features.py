@@ -1,4 +1,4 @@
-"""Features that an encoder gives at the vertices of a shape, and the thickness there, to learn a metric from."""
+"""Compute an encoder's features and the thickness at the vertices of a shape, from which a metric is learned."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Lesson:
 
     @property
     def family(self) -> str:
-        """See `family_of`."""
+        """Return the family of the shape, see `family_of`."""
         return family_of(self.shape.name)
 
     @cached_property

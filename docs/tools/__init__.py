@@ -1,1 +1,1 @@
-"""What the build of the pages needs beyond Sphinx."""
+"""Extensions of Sphinx for the pages."""

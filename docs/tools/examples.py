@@ -1,7 +1,7 @@
-"""Run the code on the pages, and put its output and pictures beside it.
+"""Run the code on the pages, and insert its output and pictures.
 
-A page runs every fence of `python` in one namespace, and in every fence of `sh` the commands that begin with `dfd`. A
-mesh that both write must be the same. These lines stand for what the build puts there:
+A page runs every fence of `python` in one namespace, and the commands that begin with `dfd` in every fence of `sh`. A
+mesh that both write must be the same. The build replaces these lines:
 
     <!-- output -->        the output of the fence above
     <!-- draw NAME -->     pictures of a variable, here or, if it is defined later, at the end of the page. A session is
@@ -40,7 +40,7 @@ STEP = re.compile(r"^```(python|sh)\n(.*?)^```$|^<!-- (output|draw)(?: (\w+))? -
 LATER = re.compile(r"^<!-- draw (\w+) -->$", re.MULTILINE)
 RESOLUTION = 360
 MARKS = ("handles", "fixed", "labels")  # options of `picture`
-TOLERANCE = 1e-4  # of the diagonal, as files have 32-bit floats
+TOLERANCE = 1e-4  # of the diagonal, because files have 32-bit floats
 MARGIN = 6  # pixels around the shapes of a strip
 SHAPES = "how_to/index"  # this page makes the shapes of all others
 
@@ -64,7 +64,7 @@ def _make_shapes(app: Sphinx) -> None:
 
 
 def _show_last(app: Sphinx, env: BuildEnvironment, names: list[str]) -> None:
-    """Read the page of the shapes last, as it shows pictures of others."""
+    """Read the page of the shapes last, because it shows pictures of other pages."""
     names.sort(key=SHAPES.__eq__)
 
 
@@ -85,7 +85,7 @@ class _Page:
         self.began = time.time() - 1
 
     def run(self, text: str) -> str:
-        """Run all fences of the page, and replace the lines that stand for output and pictures."""
+        """Run all fences of the page, and replace the lines for output and pictures."""
         with contextlib.chdir(FILES):
             text = STEP.sub(self._step, text)
             return LATER.sub(lambda mark: self._draw(self.space[mark[1]]), text)
@@ -122,7 +122,7 @@ class _Page:
                 now = dfd.load(file)
                 if np.abs(now.vertices - vertices).max() > TOLERANCE * now.diagonal:
                     raise RuntimeError(f"{file.name} differs from the one by Python")
-        return "".join(f"{told}\n" for told in result.output.splitlines() if "━" not in told)
+        return "".join(f"{line}\n" for line in result.output.splitlines() if "━" not in line)
 
     def _draw(self, value: Any) -> str:
         cells = _cells(value)
@@ -163,7 +163,7 @@ def _views(session: dfd.Deformer, sessions: list[dfd.Deformer]) -> dict[str, dic
     """Return options of `picture` for one of several sessions, all with one camera that faces the handles."""
     mesh = sessions[0].mesh
     places = np.array([handle.place.position for each in sessions for handle in each.handles]).reshape(-1, 3)
-    # People know a shape by its front, so the camera stays within 45° of it.
+    # A shape is recognized by its front, so the camera stays within 45° of it.
     azimuth = float(np.clip((azimuth_towards(mesh, places) + 180) % 360 - 180, -45, 45))
     frame = [mesh.vertices, *(each.vertices for each in sessions)]
     return {name: {**view, "frame": frame} for name, view in session_views(session, azimuth).items()}
@@ -172,7 +172,7 @@ def _views(session: dfd.Deformer, sessions: list[dfd.Deformer]) -> dict[str, dic
 def _transparent(mesh: dfd.Mesh, **options: Any) -> NDArray[np.uint8]:
     """Draw a picture (R, R, 4) without its white, for pages with a dark background.
 
-    The shape is opaque. Marks beyond it are as opaque as they differ from white.
+    The shape is opaque. The opacity of marks beside it is their difference from white.
     """
     options = {"resolution": RESOLUTION, **options}
     image = picture(mesh, **options) / np.float32(255)

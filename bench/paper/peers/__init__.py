@@ -1,8 +1,8 @@
 """Methods that DFD is compared with.
 
 ARAP and bounded biharmonic weights are libigl's. Biharmonic coordinates, OptCtrlPoints and NeuralMLS are written here
-from their papers. All but ARAP and NeuralMLS work within tetrahedra. The networks of APAP and DeepMetaHandles cannot
-be had.
+from their papers. All but ARAP and NeuralMLS work within tetrahedra. The networks of APAP and DeepMetaHandles are
+not available.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ import dfd._core as _core
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64, distinct_pairs, group_sums
 from dfd.common.threads import get_num_threads
 from dfd.geometry.surface_graph import surface_graph, surface_links
-from dfd.geometry.topology import first_at_place
+from dfd.geometry.topology import face_sides, first_at_place
 from dfd.mesh.mesh import Mesh
 
 MOST_NODES = 20_000  # a mesh with more vertices is clustered
@@ -25,7 +25,7 @@ RUN = 1 << 17  # faces or vertices per batch, to bound temporary memory
 
 
 class Share(NamedTuple):
-    """The vertices whose share of something is above 0, and their shares."""
+    """Sparse values in (0, 1]: the vertices with a share above 0, and their shares."""
 
     vertices: NDArray[np.integer]  # (N,) ascending
     values: Float32  # (N,) in (0, 1]
@@ -165,7 +165,7 @@ def _contracted(mesh: Mesh, links: Int32, of_vertex: Int32) -> csr_array:
 def _edges(mesh: Mesh, links: Int32) -> Iterator[Int32]:
     """Yield the ends (E, 2) of the faces' sides, one batch of faces at a time, and then `links`."""
     for start in range(0, len(mesh.faces), RUN):
-        yield mesh.faces[start : start + RUN, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+        yield face_sides(mesh.faces[start : start + RUN])
     yield links
 
 

@@ -1,4 +1,4 @@
-"""Unusual properties of a mesh, and their effect on each control."""
+"""Find unusual properties of a mesh, and name their effect on each control."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ class Finding:
 # Each row: a count of `Topology`, its name in singular and plural, the finding, and its consequence.
 _ODD = (
     ("unreferenced_vertices", "vertex is", "vertices are", "{} of no face.",
-     "No picture shows them; they take weights by where they are, and move along."),
+     "Pictures do not show them; they have the weights of their positions, and move."),
     ("boundary_edges", "edge has", "edges have", "The surface is open: {} one face only.",
-     "Weights and poses do not mind; locality goes around holes, and there is no volume to keep."),
+     "Weights and poses are not affected; locality goes around holes, and volume cannot be kept."),
     ("non_manifold_edges", "edge has", "edges have", "{} more than two faces.",
-     "Weights, poses, locality and symmetry do not mind; other programs may refuse the mesh."),
+     "Weights, poses, locality and symmetry are not affected; other programs may refuse the mesh."),
     ("degenerate_faces", "face has", "faces have", "{} no area.",
-     "Nothing is seen or measured on them; their corners move with all others."),
+     "They are not rendered or measured; their corners move like all others."),
     ("duplicate_faces", "face repeats", "faces repeat", "{} an earlier one.",
-     "They are kept and change no weight; areas count them twice."),
+     "They are kept and do not change weights; areas count them twice."),
 )  # fmt: skip
 
 
@@ -51,11 +51,11 @@ def _components(mesh: Mesh, counts: Topology) -> Iterator[tuple[str, str]]:
     if counts.components <= 1:
         return
     separate = len(np.unique(connected_components(surface_graph(mesh), directed=False)[1][mesh.faces]))
-    means = "All touch or nearly touch another, so locality and instances reach across the gaps."
+    means = "Each touches or nearly touches another, so locality and counterparts reach across the gaps."
     if separate > 1:
         means = (
-            f"Gaps leave {separate:,} groups apart: with locality a handle does not reach another group, unless "
-            "separate groups are given a distance; without it alike parts follow in every group."
+            f"Gaps separate {separate:,} groups: with locality, a handle does not reach another group; without "
+            "locality, similar parts of all groups move."
         )
     yield f"The surface has {counts.components:,} components that no edge connects.", means
 
@@ -69,17 +69,17 @@ def _surface(counts: Topology) -> Iterator[tuple[str, str]]:
 def _shape(mesh: Mesh) -> Iterator[tuple[str, str]]:
     longest = float(np.max(mesh.extents))
     if longest == 0:
-        yield "All vertices are one point.", "There is nothing to see: no field can be distilled."
+        yield "All vertices are one point.", "Pictures of it are empty: no field can be distilled."
         return
     if float(np.min(mesh.extents)) < _FLAT * longest:
-        means = "Its own plane is not offered for symmetry, and views along it show next to nothing."
+        means = "Its own plane is no symmetry plane, and pictures along this plane show almost nothing."
         yield "The shape is flat.", means
     if float(np.abs(mesh.bounds).max()) > _FAR * longest:
-        means = "Computing is done around its middle, but files that hold float32 keep its details only roughly."
+        means = "Computations are relative to its middle, but files with float32 round its details."
         yield "The shape lies far from the origin for its size.", means
     corners = mesh.vertices[mesh.faces] / longest
     edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
     typical = float(np.median(edges)) / np.linalg.norm(mesh.extents / longest)
     if typical > _COARSE:
-        means = "Weights are exact at the vertices, but what bends between them stays flat: subdivide before editing."
+        means = "Weights are exact at the vertices, but a face cannot bend: subdivide the mesh before editing."
         yield f"Faces are large: a typical edge is {typical:.0%} of the diagonal of the box.", means

@@ -76,7 +76,7 @@ class PartAxis:
 
     @property
     def is_limb(self) -> bool:
-        """Tell whether the part meets the rest in one place, is longer than wide, and is no wheel."""
+        """Return whether the part meets the rest in one place, is longer than wide, and is not a wheel."""
         if self.spread[1] > ROUND * self.spread[2] and self.spread[0] < FLAT * self.spread[2]:
             return False
         return self.borders == 1 and self.length > SLENDER * 2 * float(np.sqrt(np.square(self.radius).mean()))
@@ -146,15 +146,15 @@ class PartAxes:
         """Return the axes of the components of a region `inside` (V,), largest first. Small components have none."""
         nodes = self._nodes
         own = np.flatnonzero(2 * np.bincount(nodes.of_vertex, inside) > nodes.ends - nodes.starts)
-        piece = connected_components(nodes.graph[own][:, own], directed=False)[1]
-        area = np.bincount(piece, self._areas[own])
+        component = connected_components(nodes.graph[own][:, own], directed=False)[1]
+        area = np.bincount(component, self._areas[own])
         order = np.argsort(-area, kind="stable")
         of_node = np.full(len(nodes.center), -1)
-        of_node[own] = piece
+        of_node[own] = component
         first, *others = (of_node[nodes.of_vertex[corner]] for corner in self._mesh.faces.T)
         of_face = np.where((first == others[0]) & (first == others[1]), first, -1)
         large = (k for k in order if area[k] > SMALL_COMPONENT * area[order[0]])
-        found = [self._of_component(own[piece == k], self._mesh.faces[of_face == k]) for k in large]
+        found = [self._of_component(own[component == k], self._mesh.faces[of_face == k]) for k in large]
         return [axis for axis in found if axis is not None]
 
     def image(self, axis: PartAxis, isometry: Float64) -> PartAxis:
@@ -291,7 +291,10 @@ class PartAxes:
         return nodes, radius, own_level
 
     def _with_hanging(self, own: Int64, parameter: Float64, hanging: Int64, group: Int64) -> tuple[Int64, Float64]:
-        """Return the part's nodes and `parameter`, and `hanging` ones; far out, each group has one value."""
+        """Return the nodes of the part and of the regions `hanging` on it, and their positions along the axis.
+
+        Far from the part, all nodes of a region have one position.
+        """
         if len(hanging) == 0:
             return own, parameter
         nodes = np.sort(np.concatenate([own, hanging]))

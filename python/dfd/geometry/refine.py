@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dfd.common.linear_algebra import Float64, Int32, Int64, distinct_pairs
-from dfd.geometry.topology import face_sizes
+from dfd.geometry.topology import face_sides, face_sizes
 
 _ROUNDS = 16  # of halving the longest edges
 
@@ -37,7 +37,7 @@ def _needed(lengths: Float64, longest: float) -> float:
 
 def _halved(vertices: Float64, faces: Int32, longest: float) -> tuple[Float64, Int32] | None:
     """Return the mesh with every edge longer than `longest` halved; None if no edge is longer."""
-    ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    ends = face_sides(faces)
     long = np.linalg.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1) > longest
     if not long.any():
         return None

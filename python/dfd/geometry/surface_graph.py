@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 import dfd._core as _core
 from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, distinct_pairs
-from dfd.geometry.topology import face_sizes, first_at_place, points_on_faces
+from dfd.geometry.topology import face_sides, face_sizes, first_at_place, points_on_faces
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.weld import weld
 
@@ -37,7 +37,7 @@ def surface_graph(mesh: Mesh) -> csr_matrix:
     """
     size = _size(mesh)
     scaled = mesh.vertices / size if size > 0 else mesh.vertices  # squares neither overflow nor underflow
-    sides = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    sides = face_sides(mesh.faces)
     graph = edge_graph(scaled, np.concatenate([sides, surface_links(mesh)]))
     graph.data = np.maximum(graph.data * size, np.finfo(np.float64).tiny)
     return graph
@@ -131,7 +131,7 @@ def _samples(vertices: Float64, faces: Int32, own: Int64, spacing: float) -> tup
     large = longest > spacing
     faces, areas = faces[large], areas[large]
     corners = vertices[faces]
-    sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    sides = face_sides(faces)
     per_side = _capped(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).ravel() / spacing)
     side = np.repeat(np.arange(len(sides)), per_side)
     index = np.arange(len(side)) - (np.cumsum(per_side) - per_side)[side]

@@ -83,6 +83,11 @@ def face_components(faces: Int32) -> Int32:
     return np.unique(numbers[faces[:, 0]], return_inverse=True)[1].astype(np.int32)
 
 
+def face_sides(faces: Int32) -> Int32:
+    """Return the ends (3 F, 2) of the sides of `faces` (F, 3): corners 0 to 1, 1 to 2, and 2 to 0 of each face."""
+    return faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+
+
 def face_sizes(vertices: NDArray[np.floating], faces: Int32) -> tuple[Float64, Float64]:
     """Return the longest side (F,) and the area (F,) of every face, in units of `vertices` (V, 3) and squared units."""
     sizes = np.empty((len(faces), 2))
@@ -122,7 +127,7 @@ def _has_area(vertices: Float64, faces: Int32) -> Bool:
 
 def _edge_uses(faces: Int32) -> Int64:
     """Return the number of faces of each edge."""
-    ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
+    ends = face_sides(faces).astype(np.int64)
     return np.unique(ends.min(axis=1) << 32 | ends.max(axis=1), return_counts=True)[1]
 
 

@@ -102,11 +102,11 @@ def _from_oklab(lab: Float64) -> Float64:
     return srgb((cone**3 @ np.linalg.inv(_TO_CONE).T).clip(0, 1)).astype(np.float64)
 
 
-def _heat_table(size: int = 256) -> Float64:
-    """Return sRGB colors (size, 3) along the stops, with steps that look equally large."""
+def _heat_table() -> Float64:
+    """Return sRGB colors (256, 3) along the stops, with steps that look equally large."""
     stops = oklab(np.array(HEAT_STOPS))
     walked = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(stops, axis=0), axis=1))])
-    position = np.linspace(0, walked[-1], size)
+    position = np.linspace(0, walked[-1], 256)
     return _from_oklab(np.stack([np.interp(position, walked, axis) for axis in stops.T], axis=1))
 
 

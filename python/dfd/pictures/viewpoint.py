@@ -26,28 +26,6 @@ def azimuth_towards(mesh: Mesh, points: ArrayLike) -> float:
     return float(np.degrees(np.arctan2(outwards[0], outwards[2]))) + ASIDE
 
 
-def viewpoint(
-    mesh: Mesh,
-    *,
-    vertices: ArrayLike | None = None,
-    azimuth: float = 35.0,
-    elevation: float = 18.0,
-    zoom: float = 1.0,
-    target: ArrayLike | None = None,
-    frame: Sequence[ArrayLike] = (),
-) -> Camera:
-    """Return the camera, in mesh units, that `dfd.pictures.picture.picture` uses with the same arguments.
-
-    Raises ValueError as `picture` does.
-    """
-    drawn = mesh.vertices
-    if vertices is not None:
-        drawn = check.array("picture", "vertices", vertices, mesh.vertices.shape, dtype=np.float64)
-    (center, scale), camera = aim(mesh, drawn, azimuth, elevation, zoom, target, frame)
-    position = camera.position / scale + center
-    return Camera(position, camera.right, camera.up, camera.back, camera.field_of_view)
-
-
 def aim(
     mesh: Mesh,
     drawn: Float64,
@@ -68,7 +46,7 @@ def aim(
     around = np.concatenate([each[seen] if len(each) == len(drawn) else each for each in (drawn, *others)])
     found = box_normalization(around.min(axis=0), around.max(axis=0))
     if found is None:
-        raise ValueError("picture: all points lie in one place, so there is nothing to see")
+        raise ValueError("picture: all points have one position")
     camera = camera_towards(
         direction, ((around - found.center) * found.scale).astype(np.float32), field_of_view=FIELD_OF_VIEW
     )

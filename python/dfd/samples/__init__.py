@@ -1,6 +1,6 @@
-"""Generated shapes with a part label for every vertex, for tests and demos.
+"""Generate shapes with a part label for every vertex, for tests and demos.
 
-All stand upright (y up), look along +z, are about 1 high and exactly mirror-symmetric at x = 0.
+All shapes stand upright (y up) and face +z. They are about 1 high and exactly mirror-symmetric at x = 0.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ import numpy as np
 from dfd.common import check
 from dfd.common.linear_algebra import Int32, Int64
 from dfd.mesh.mesh import Mesh
-from dfd.samples.implicit import Distance, Piece, Shape, capsule, chain, ellipsoid, rounded_box
+from dfd.samples.implicit import Distance, Primitive, Shape, capsule, chain, ellipsoid, rounded_box
 from dfd.samples.polygonize import polygonize
 
 __all__ = ["Sample", "chair", "quadruped", "robot"]
 
-_FEWEST_FACES = 4000  # fewer would cut off horns and tails
+_FEWEST_FACES = 4000  # fewer faces lose horns and tails
 _MOST_FACES = 10_000_000
 
 
@@ -27,11 +27,14 @@ class Sample:
 
     mesh: Mesh
     labels: Int32  # (V,) the kind of part of each vertex, an index into `parts`
-    instances: Int32  # (V,) which one of its kind: a chair's legs are 0, 1, 2, 3
+    instances: Int32  # (V,) the number of the part among those of its kind: the legs of a chair are 0, 1, 2, 3
     parts: tuple[str, ...]  # the kinds of parts: four legs are one kind
 
     def vertices_of(self, part: str, instance: int | None = None) -> Int64:
-        """Return the indices of the vertices of a kind of part, or of one instance of it."""
+        """Return the vertices (N,) of a kind of part, or of one instance of it.
+
+        Raises ValueError if `part` is not one of `parts`.
+        """
         if part not in self.parts:
             raise ValueError(f"Sample.vertices_of: `part` must be one of {', '.join(self.parts)}, got {part!r}")
         chosen = self.labels == self.parts.index(part)
@@ -41,76 +44,90 @@ class Sample:
 
 
 def chair(faces: int = 20_000) -> Sample:
-    """A chair of about `faces` faces: leg (4: front right, front left, back right, back left), seat, back."""
-    pieces = [
-        Piece("seat", rounded_box((0, 0.46, 0.02), (0.25, 0.035, 0.24), 0.03)),
-        Piece("back", rounded_box((0, 0.80, -0.235), (0.235, 0.22, 0.022), 0.02, pitch=-0.10, bend=0.55), blend=0.03),
-        Piece("back", capsule((0.185, 0.47, -0.185), (0.195, 0.66, -0.20), 0.026, 0.024), blend=0.03),
-        Piece("leg", capsule((0.195, 0.44, 0.19), (0.225, 0.025, 0.235), 0.034, 0.019), 0, True, 0.03),
-        Piece("leg", capsule((0.195, 0.44, -0.16), (0.225, 0.025, -0.235), 0.034, 0.019), 2, True, 0.03),
+    """Return a chair of about `faces` faces.
+
+    Parts: leg (4: front right, front left, back right, back left), seat, back.
+
+    Raises ValueError if `faces` is below 4,000 or above 10,000,000.
+    """
+    primitives = [
+        Primitive("seat", rounded_box((0, 0.46, 0.02), (0.25, 0.035, 0.24), 0.03)),
+        Primitive(
+            "back", rounded_box((0, 0.80, -0.235), (0.235, 0.22, 0.022), 0.02, pitch=-0.10, bend=0.55), blend=0.03
+        ),
+        Primitive("back", capsule((0.185, 0.47, -0.185), (0.195, 0.66, -0.20), 0.026, 0.024), blend=0.03),
+        Primitive("leg", capsule((0.195, 0.44, 0.19), (0.225, 0.025, 0.235), 0.034, 0.019), 0, True, 0.03),
+        Primitive("leg", capsule((0.195, 0.44, -0.16), (0.225, 0.025, -0.235), 0.034, 0.019), 2, True, 0.03),
     ]
-    return _sample("chair", pieces, faces)
+    return _sample("chair", primitives, faces)
 
 
 def quadruped(faces: int = 20_000) -> Sample:
-    """A horned animal of about `faces` faces.
+    """Return an animal with horns of about `faces` faces.
 
     Parts: body, neck, head, ear (2), horn (2), leg and hoof (4: front right, front left, back right, back left), tail.
+
+    Raises ValueError if `faces` is below 4,000 or above 10,000,000.
     """
     front = [(0.105, 0.50, 0.23), (0.115, 0.29, 0.235), (0.115, 0.09, 0.23)]
     back = [(0.095, 0.50, -0.24), (0.115, 0.33, -0.23), (0.115, 0.22, -0.315), (0.115, 0.09, -0.30)]
-    pieces = [
-        Piece("body", capsule((0, 0.54, -0.24), (0, 0.56, 0.20), 0.165, 0.175)),
-        Piece("body", ellipsoid((0, 0.50, -0.02), (0.185, 0.17, 0.26)), blend=0.08),
-        Piece("body", ellipsoid((0, 0.52, 0.26), (0.14, 0.16, 0.13)), blend=0.08),
-        Piece("neck", capsule((0, 0.60, 0.28), (0, 0.83, 0.44), 0.115, 0.08), blend=0.08),
-        Piece("head", ellipsoid((0, 0.885, 0.49), (0.09, 0.088, 0.105)), blend=0.05),
-        Piece("head", capsule((0, 0.875, 0.50), (0, 0.80, 0.645), 0.072, 0.055), blend=0.05),
-        Piece("ear", ellipsoid((0.135, 0.90, 0.445), (0.07, 0.030, 0.018), roll=0.25), 0, True, 0.02),
+    primitives = [
+        Primitive("body", capsule((0, 0.54, -0.24), (0, 0.56, 0.20), 0.165, 0.175)),
+        Primitive("body", ellipsoid((0, 0.50, -0.02), (0.185, 0.17, 0.26)), blend=0.08),
+        Primitive("body", ellipsoid((0, 0.52, 0.26), (0.14, 0.16, 0.13)), blend=0.08),
+        Primitive("neck", capsule((0, 0.60, 0.28), (0, 0.83, 0.44), 0.115, 0.08), blend=0.08),
+        Primitive("head", ellipsoid((0, 0.885, 0.49), (0.09, 0.088, 0.105)), blend=0.05),
+        Primitive("head", capsule((0, 0.875, 0.50), (0, 0.80, 0.645), 0.072, 0.055), blend=0.05),
+        Primitive("ear", ellipsoid((0.135, 0.90, 0.445), (0.07, 0.030, 0.018), roll=0.25), 0, True, 0.02),
         *_pair("leg", 0, chain(front, [0.078, 0.044, 0.030]), 0.05),
         *_pair("leg", 2, chain(back, [0.105, 0.062, 0.040, 0.029]), 0.05),
-        Piece("hoof", capsule((0.115, 0.072, 0.232), (0.115, 0.03, 0.245), 0.034, 0.044), 0, True, 0.015),
-        Piece("hoof", capsule((0.115, 0.072, -0.298), (0.115, 0.03, -0.285), 0.034, 0.044), 2, True, 0.015),
+        Primitive("hoof", capsule((0.115, 0.072, 0.232), (0.115, 0.03, 0.245), 0.034, 0.044), 0, True, 0.015),
+        Primitive("hoof", capsule((0.115, 0.072, -0.298), (0.115, 0.03, -0.285), 0.034, 0.044), 2, True, 0.015),
         *_pair("horn", 0, chain(_HORN, [0.028, 0.024, 0.017, 0.009]), 0.015),
-        *[Piece("tail", piece, blend=0.03) for piece in chain(_TAIL, [0.032, 0.022, 0.018])],
-        Piece("tail", ellipsoid((0, 0.30, -0.525), (0.032, 0.075, 0.032)), blend=0.03),
+        *[Primitive("tail", primitive, blend=0.03) for primitive in chain(_TAIL, [0.032, 0.022, 0.018])],
+        Primitive("tail", ellipsoid((0, 0.30, -0.525), (0.032, 0.075, 0.032)), blend=0.03),
     ]
-    return _sample("quadruped", pieces, faces)
+    return _sample("quadruped", primitives, faces)
 
 
 def robot(faces: int = 20_000) -> Sample:
-    """A robot of about `faces` faces: torso, head, arm, hand, leg and foot (two each, right first)."""
-    pieces = [
-        Piece("torso", rounded_box((0, 0.60, 0), (0.155, 0.155, 0.10), 0.05)),
-        Piece("torso", rounded_box((0, 0.435, 0), (0.105, 0.06, 0.08), 0.04), blend=0.03),
-        Piece("head", capsule((0, 0.74, 0), (0, 0.80, 0), 0.045), blend=0.02),
-        Piece("head", rounded_box((0, 0.88, 0), (0.12, 0.09, 0.10), 0.045), blend=0.02),
-        Piece("head", ellipsoid((0.05, 0.895, 0.095), (0.03, 0.03, 0.022)), blend=0.008),
-        Piece("head", capsule((0, 0.96, 0), (0, 1.03, 0), 0.012), blend=0.01),
-        Piece("head", ellipsoid((0, 1.045, 0), (0.026, 0.026, 0.026)), blend=0.01),
-        Piece("arm", ellipsoid((0.195, 0.685, 0), (0.062, 0.062, 0.062)), 0, True, 0.015),
+    """Return a robot of about `faces` faces.
+
+    Parts: torso, head, and two each of arm, hand, leg and foot, the right one first.
+
+    Raises ValueError if `faces` is below 4,000 or above 10,000,000.
+    """
+    primitives = [
+        Primitive("torso", rounded_box((0, 0.60, 0), (0.155, 0.155, 0.10), 0.05)),
+        Primitive("torso", rounded_box((0, 0.435, 0), (0.105, 0.06, 0.08), 0.04), blend=0.03),
+        Primitive("head", capsule((0, 0.74, 0), (0, 0.80, 0), 0.045), blend=0.02),
+        Primitive("head", rounded_box((0, 0.88, 0), (0.12, 0.09, 0.10), 0.045), blend=0.02),
+        Primitive("head", ellipsoid((0.05, 0.895, 0.095), (0.03, 0.03, 0.022)), blend=0.008),
+        Primitive("head", capsule((0, 0.96, 0), (0, 1.03, 0), 0.012), blend=0.01),
+        Primitive("head", ellipsoid((0, 1.045, 0), (0.026, 0.026, 0.026)), blend=0.01),
+        Primitive("arm", ellipsoid((0.195, 0.685, 0), (0.062, 0.062, 0.062)), 0, True, 0.015),
         *_pair("arm", 0, chain([(0.20, 0.68, 0), (0.255, 0.52, 0), (0.275, 0.36, 0.05)], [0.045, 0.036, 0.040]), 0.02),
-        Piece("hand", ellipsoid((0.280, 0.315, 0.062), (0.045, 0.052, 0.045)), 0, True, 0.012),
+        Primitive("hand", ellipsoid((0.280, 0.315, 0.062), (0.045, 0.052, 0.045)), 0, True, 0.012),
         *_pair("hand", 0, chain([(0.262, 0.30, 0.085), (0.245, 0.255, 0.105)], [0.018, 0.014]), 0.01),
         *_pair("hand", 0, chain([(0.305, 0.30, 0.085), (0.315, 0.25, 0.10)], [0.018, 0.014]), 0.01),
         *_pair("hand", 0, chain([(0.285, 0.29, 0.05), (0.285, 0.245, 0.05)], [0.018, 0.014]), 0.01),
         *_pair("leg", 0, chain([(0.085, 0.41, 0), (0.095, 0.23, 0.012), (0.10, 0.09, 0)], [0.060, 0.050, 0.055]), 0.02),
-        Piece("foot", rounded_box((0.105, 0.04, 0.035), (0.07, 0.04, 0.11), 0.035), 0, True, 0.02),
+        Primitive("foot", rounded_box((0.105, 0.04, 0.035), (0.07, 0.04, 0.11), 0.035), 0, True, 0.02),
     ]
-    return _sample("robot", pieces, faces)
+    return _sample("robot", primitives, faces)
 
 
 _HORN = [(0.05, 0.95, 0.47), (0.10, 1.00, 0.455), (0.135, 1.06, 0.47), (0.14, 1.12, 0.50)]
 _TAIL = [(0, 0.63, -0.375), (0, 0.56, -0.47), (0, 0.36, -0.52)]
 
 
-def _pair(part: str, instance: int, distances: list[Distance], blend: float) -> list[Piece]:
-    return [Piece(part, distance, instance, True, blend) for distance in distances]
+def _pair(part: str, instance: int, distances: list[Distance], blend: float) -> list[Primitive]:
+    return [Primitive(part, distance, instance, True, blend) for distance in distances]
 
 
-def _sample(name: str, pieces: list[Piece], faces: int) -> Sample:
+def _sample(name: str, primitives: list[Primitive], faces: int) -> Sample:
     count = check.whole(f"samples.{name}", "faces", faces, minimum=_FEWEST_FACES, maximum=_MOST_FACES)
-    shape = Shape(pieces)
+    shape = Shape(primitives)
     vertices, triangles = polygonize(shape, (-0.4, -0.05, -0.7), (0.4, 1.2, 0.8), count)
     labels, instances = shape.labels(vertices)
     return Sample(Mesh(vertices, triangles), labels, instances, shape.parts)

@@ -1,4 +1,4 @@
-"""Solid shapes as signed distances: rounded primitives, labelled by part, and their smooth union."""
+"""Signed distances of solid shapes: rounded primitives with part labels, and their smooth union."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ Triple = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class Piece:
-    """One primitive of a shape, given for x >= 0 and mirrored at the plane x = 0 by `Shape`."""
+class Primitive:
+    """One primitive of a shape, given for x ≥ 0; `Shape` mirrors it at the plane x = 0."""
 
-    part: str  # the kind of part it belongs to
+    part: str  # the kind of part
     distance: Distance
-    instance: int = 0  # which one of its kind
-    paired: bool = False  # off the plane: its mirror image is the next instance
+    instance: int = 0  # number of the part among those of its kind
+    paired: bool = False  # off the plane x = 0; its mirror image is the next instance
     blend: float = 0.02  # radius of the fillet to the preceding primitives
 
 
 class Shape:
     """The smooth union of primitives, symmetric in x."""
 
-    def __init__(self, pieces: Sequence[Piece]) -> None:
-        self.pieces = tuple(pieces)
-        self.parts = tuple(dict.fromkeys(piece.part for piece in pieces))
+    def __init__(self, primitives: Sequence[Primitive]) -> None:
+        self.primitives = tuple(primitives)
+        self.parts = tuple(dict.fromkeys(primitive.part for primitive in primitives))
 
     def distance(self, points: Points) -> Float64:
         """Return the approximate signed distance (N,) of `points` to the surface, the same on both sides of x = 0."""
         folded = _folded(points)
-        result = self.pieces[0].distance(folded)
-        for piece in self.pieces[1:]:
-            result = _smooth_minimum(result, piece.distance(folded), piece.blend)
+        result = self.primitives[0].distance(folded)
+        for primitive in self.primitives[1:]:
+            result = _smooth_minimum(result, primitive.distance(folded), primitive.blend)
         return result
 
     def project(self, points: Points, step: float, times: int) -> Points:
@@ -53,17 +53,17 @@ class Shape:
         return moved
 
     def labels(self, points: Points) -> tuple[Int32, Int32]:
-        """Return for each point the index in `parts` and the instance of the nearest primitive."""
+        """Return for each point the index (N,) in `parts` and the instance (N,) of the nearest primitive."""
         folded = _folded(points)
-        nearest = np.argmin([piece.distance(folded) for piece in self.pieces], axis=0)
-        part = np.array([self.parts.index(piece.part) for piece in self.pieces], np.int32)
-        instance = np.array([piece.instance for piece in self.pieces], np.int32)
-        paired = np.array([piece.paired for piece in self.pieces])
+        nearest = np.argmin([primitive.distance(folded) for primitive in self.primitives], axis=0)
+        part = np.array([self.parts.index(primitive.part) for primitive in self.primitives], np.int32)
+        instance = np.array([primitive.instance for primitive in self.primitives], np.int32)
+        paired = np.array([primitive.paired for primitive in self.primitives])
         return part[nearest], instance[nearest] + (paired[nearest] & (points[:, 0] < 0)).astype(np.int32)
 
 
 def capsule(start: Triple, end: Triple, start_radius: float, end_radius: float | None = None) -> Distance:
-    """A rod with round ends whose radius changes evenly from one end to the other."""
+    """Return the distance from a rod with round ends, whose radius changes linearly between its ends."""
     origin, along = np.array(start), np.subtract(end, start)
     last = start_radius if end_radius is None else end_radius
 
@@ -77,13 +77,13 @@ def capsule(start: Triple, end: Triple, start_radius: float, end_radius: float |
 
 
 def chain(points: Sequence[Triple], radii: Sequence[float]) -> list[Distance]:
-    """Capsules from each point to the next."""
+    """Return the distances from capsules, one between each two consecutive points."""
     return [capsule(points[i], points[i + 1], radii[i], radii[i + 1]) for i in range(len(points) - 1)]
 
 
-def ellipsoid(center: Triple, radii: Triple, pitch: float = 0.0, roll: float = 0.0) -> Distance:
-    """An ellipsoid turned by `pitch` about x (positive: front down), then by `roll` about z; radians."""
-    origin, semi, turn = np.array(center), np.array(radii), _turn(pitch, roll)
+def ellipsoid(center: Triple, radii: Triple, *, roll: float = 0.0) -> Distance:
+    """Return the approximate distance from an ellipsoid that is rotated about z by `roll`, radians."""
+    origin, semi, turn = np.array(center), np.array(radii), _rotation(0, 1, roll)
 
     def distance(points: Points) -> Float64:
         scaled = ((points - origin) @ turn) / semi
@@ -93,11 +93,12 @@ def ellipsoid(center: Triple, radii: Triple, pitch: float = 0.0, roll: float = 0
     return distance
 
 
-def rounded_box(
-    center: Triple, half: Triple, radius: float, *, pitch: float = 0.0, roll: float = 0.0, bend: float = 0.0
-) -> Distance:
-    """A box of half sides `half` with edges rounded by `radius`; `bend` bows it along x: z = bend · x²."""
-    origin, inner, turn = np.array(center), np.subtract(half, radius), _turn(pitch, roll)
+def rounded_box(center: Triple, half: Triple, radius: float, *, pitch: float = 0.0, bend: float = 0.0) -> Distance:
+    """Return the approximate distance from a box with half sides `half` and edges rounded by `radius`.
+
+    The box is rotated about x by `pitch`, radians (positive: front down), and bent along x: z = `bend` · x².
+    """
+    origin, inner, turn = np.array(center), np.subtract(half, radius), _rotation(1, 2, pitch)
 
     def distance(points: Points) -> Float64:
         local = (points - origin) @ turn
@@ -119,7 +120,7 @@ def _folded(points: Points) -> Points:
 
 
 def _smooth_minimum(a: Float64, b: Float64, radius: float) -> Float64:
-    """The smaller of two distances, rounded where they differ by less than `radius` (quadratic fillet)."""
+    """Return the smaller of two distances (N,), smoothed by a quadratic fillet if they differ by less than `radius`."""
     overlap = np.maximum(radius - np.abs(a - b), 0) / radius
     smaller: Float64 = np.minimum(a, b)
     return smaller - overlap**2 * (radius / 4)
@@ -129,10 +130,10 @@ def _length(vectors: Points) -> Float64:
     return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
 
 
-def _turn(pitch: float, roll: float) -> Float64:
-    """Return the matrix (3, 3) whose columns are the turned axes."""
-    cosine, sine = np.cos(pitch), np.sin(pitch)
-    about_x = np.array([[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]])
-    cosine, sine = np.cos(roll), np.sin(roll)
-    about_z = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
-    return about_z @ about_x
+def _rotation(first: int, second: int, angle: float) -> Float64:
+    """Return the matrix (3, 3) that rotates axis `first` towards axis `second` by `angle`, radians."""
+    matrix = np.eye(3)
+    matrix[[first, second], [first, second]] = np.cos(angle)
+    matrix[second, first] = np.sin(angle)
+    matrix[first, second] = -np.sin(angle)
+    return matrix

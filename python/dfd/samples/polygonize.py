@@ -1,8 +1,8 @@
-"""From a shape to a closed mesh: surface nets on a grid, smoothed, and mirrored exactly at x = 0.
+"""Convert a shape to a closed mesh by surface nets on a grid, smoothed, and mirrored exactly at x = 0.
 
 Surface nets (S. F. F. Gibson, "Constrained elastic surface nets", MICCAI 1998) put a vertex into every cell that the
-surface crosses and a quadrilateral around every grid edge that it crosses. Where two sheets pass through one cell, each
-gets its own vertex (G. M. Nielson, "Dual marching cubes", IEEE Visualization 2004), which keeps the mesh a manifold.
+surface crosses, and a quadrilateral around every grid edge that it crosses. If two sheets pass through one cell, each
+has its own vertex (G. M. Nielson, "Dual marching cubes", IEEE Visualization 2004), which keeps the mesh a manifold.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import dfd._core as _core
 from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, UInt8, group_sums
 from dfd.samples.implicit import Shape
 
-_FIRST_SPACING = 1 / 40  # of a first grid, from whose face count the final spacing follows
+_FIRST_SPACING = 1 / 40  # of a first grid; its face count determines the final spacing
 _MOST_GRID_FACES = 60_000  # finer meshes are subdivided from a coarser grid
 _CORNERS = np.array([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 _EDGES = [  # (axis, start corner, end corner), ordered by axis and start
@@ -26,10 +26,10 @@ _EDGES = [  # (axis, start corner, end corner), ordered by axis and start
 def polygonize(
     shape: Shape, low: tuple[float, float, float], high: tuple[float, float, float], faces: int
 ) -> tuple[Float64, Int32]:
-    """Return vertices (V, 3) and triangles (F, 3), outward, of about `faces` faces.
+    """Return vertices (V, 3) and outward triangles (F, 3) of a mesh of about `faces` faces.
 
-    The shape must lie inside the box from `low` to `high`. Vertices and faces are exactly mirrored: with
-    (x, y, z) there is (-x, y, z).
+    The shape must lie inside the box from `low` to `high`. Vertices and faces are exactly mirrored: each vertex
+    (x, y, z) has a counterpart (−x, y, z).
     """
     halvings = 0
     while faces / 4**halvings > _MOST_GRID_FACES:
@@ -40,7 +40,7 @@ def polygonize(
     vertices, triangles = _connected(*_half(shape, low, high, spacing))
     vertices = _even_out(shape, vertices, triangles, spacing)
     for _ in range(halvings):
-        import trimesh  # most of a second, and few shapes are as fine
+        import trimesh  # slow to import, and only needed for fine shapes
 
         vertices, triangles = trimesh.remesh.subdivide(vertices, triangles)
         spacing /= 2
@@ -51,7 +51,7 @@ def polygonize(
 def _half(
     shape: Shape, low: tuple[float, float, float], high: tuple[float, float, float], spacing: float
 ) -> tuple[Float64, Int32]:
-    """Return the surface net of the half x >= 0, its rim exactly at x = 0."""
+    """Return the surface net of the half x ≥ 0, with its boundary exactly at x = 0."""
     origin = np.array([-spacing / 2, low[1], low[2]])  # the first layer of cells straddles the plane of symmetry
     count = np.ceil((np.array(high) - origin) / spacing).astype(int) + 1
     points = origin + spacing * np.ascontiguousarray(np.indices(count).reshape(3, -1).T)
@@ -89,7 +89,7 @@ def _net(values: Float64, crossed: Int64, code: UInt8) -> tuple[Float64, Int64, 
     for edge, (_, a, b) in enumerate(_EDGES):
         cut = np.flatnonzero(sheet[:, edge] >= 0)
         fraction = at_corner[cut, a] / (at_corner[cut, a] - at_corner[cut, b])
-        vertex = first[cut] + sheet[cut, edge]  # each at most once for one edge
+        vertex = first[cut] + sheet[cut, edge]  # distinct, so that += counts each
         summed[vertex] += _CORNERS[a] + fraction[:, None] * (_CORNERS[b] - _CORNERS[a])
         crossings[vertex] += 1
     vertices = np.repeat(crossed, count, axis=0) + summed / crossings[:, None]
@@ -109,7 +109,7 @@ def _sheets() -> Int64:
                 on_face = [edge for edge in cut if all(_CORNERS[c][axis] == side for c in _EDGES[edge][1:])]
                 for edge in on_face:
                     for other in on_face:
-                        # where all four edges of a face are cut, its two inside corners are kept apart
+                        # If all four edges of a face are cut, its two inside corners stay separate.
                         shared = set(_EDGES[edge][1:]) & set(_EDGES[other][1:])
                         if len(on_face) == 2 or any(code >> corner & 1 for corner in shared):
                             old, new = sheet[edge], sheet[other]
@@ -121,7 +121,7 @@ def _sheets() -> Int64:
 
 
 def _quads(inside: Bool, number: Int32, first: Int64, sheet: Int64, axis: int) -> Int32:
-    """Return the vertices (Q, 4) of the four cells around each crossed grid edge along `axis`, outward."""
+    """Return outward quadrilaterals (Q, 4) around the crossed grid edges along `axis`, with a vertex of each cell."""
     begin, end = [slice(None)] * 3, [slice(None)] * 3
     begin[axis], end[axis] = slice(None, -1), slice(1, None)
     starts = inside[tuple(begin)]
@@ -139,7 +139,7 @@ def _quads(inside: Bool, number: Int32, first: Int64, sheet: Int64, axis: int) -
 
 
 def _triangles(vertices: Float64, quads: Int32) -> Int32:
-    """Cut every quadrilateral along its shorter diagonal."""
+    """Return the triangles (2 Q, 3) of `quads` (Q, 4), each cut along its shorter diagonal."""
     a, b, c, d = (vertices[quads[:, i]] for i in range(4))
     first = ((a - c) ** 2).sum(axis=1) <= ((b - d) ** 2).sum(axis=1)
     cut = np.where(first[:, None], quads[:, [0, 1, 2, 0, 2, 3]], quads[:, [1, 2, 3, 1, 3, 0]])
@@ -147,7 +147,7 @@ def _triangles(vertices: Float64, quads: Int32) -> Int32:
 
 
 def _even_out(shape: Shape, vertices: Float64, triangles: Int32, spacing: float) -> Float64:
-    """Move vertices towards the middle of their neighbors and back onto the surface, a few times."""
+    """Return the vertices after three rounds of moving each towards the mean of its neighbors and onto the surface."""
     vertices = shape.project(vertices, spacing, 2)
     sides = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     starts, ends = np.concatenate([sides, sides[:, ::-1]]).T

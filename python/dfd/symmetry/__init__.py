@@ -1,1 +1,1 @@
-"""Planes across which a shape looks alike."""
+"""Find the mirror planes across which a shape looks alike."""

@@ -1,4 +1,4 @@
-"""What symmetries of a shape are judged by: points of its surface with their features, and pairs that look alike."""
+"""Judge symmetries of a shape by points of its surface, their features, and pairs of points that look alike."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from dfd.common.linear_algebra import Float32, Float64, Int32, Int64, unit
 from dfd.field.field import Field
 from dfd.geometry.topology import even_points, face_areas
 from dfd.mesh.mesh import Mesh
-from dfd.mesh.normalization import box_normalization
+from dfd.mesh.normalization import Normalization, box_normalization
 from dfd.mesh.normals import face_normals
 
 POINTS = 2_000
-LOOK_ALIKES = 6  # of each asking point, among those farther away than _APART
-_ASKING = 500  # points whose counterparts are sought: the planes between them are far more than are tried
-_APART = 0.1  # of half the longest side: what is nearer looks alike anyhow
-_BINS = 24  # of distances, for how features change with them
-STAYS = 0.1  # normalized: a point that moves by less says nothing about a symmetry
-_MOVED = 0.3  # the share of points that a symmetry has to move
-_NO_SPREAD = 1e-4  # features that differ by less everywhere say nothing about symmetry
-_TRIMMED = 0.8  # share of the points that a score goes by: what a hand holds need not be symmetric
+COUNTERPARTS = 6  # points that look like a queried point, among those farther away than _APART
+_QUERIED = 500  # points whose counterparts are sought; the pairs are far more than the planes that are tried
+_APART = 0.1  # of half the longest side: nearer points always look alike
+_BINS = 24  # of the distances, for the change of features with distance
+STAYS = 0.1  # normalized: points that move by less are not judged
+_MOVED = 0.3  # least share of points that a symmetry moves
+_NO_SPREAD = 1e-4  # least difference of features: smaller ones do not tell symmetries apart
+_TRIMMED = 0.8  # share of the points in a score, because the object in one hand of a figure is not symmetric
 
 
 @dataclass(frozen=True)
@@ -30,32 +30,31 @@ class SurfaceFeatures:
     """Points of a surface in normalized coordinates, in which half the longest side is 1, and their features."""
 
     field: Field
-    center: Float64  # (3,) mesh units
-    half: float  # mesh units
+    frame: Normalization  # from mesh units to normalized coordinates
     points: Float64  # (N, 3) normalized
     normals: Float64  # (N, 3) unit
     features: Float32  # (N, D)
     tree: cKDTree  # of `points`
     pairs: Int64  # (P, 2) points that look alike and are apart
-    change: Float64  # (B,) mean distance of two points' features, by how far apart they are
-    reach: float  # the distance that the last of `change` is for
-    spacing: float  # about how far apart neighboring points are, normalized
+    change: Float64  # (B,) mean distance between the features of two points, by the distance of the points
+    reach: float  # upper end of the last interval of `change`, normalized
+    spacing: float  # typical distance of neighboring points, normalized
 
     def features_at(self, points: Float64) -> Float32:
-        """Features (K, D) of normalized points (K, 3)."""
-        return np.asarray(self.field(points * self.half + self.center), np.float32)
+        """Return the features (K, D) of normalized points (K, 3)."""
+        return np.asarray(self.field(self.frame.invert(points)), np.float32)
 
     def usual_change(self, distance: Float64) -> Float64:
-        """How much features of this shape differ, (K,), between points so far apart, (K,) normalized."""
+        """Return the mean difference of features (K,) between two points at each `distance` (K,), normalized."""
         places = (np.arange(len(self.change)) + 0.5) * self.reach / len(self.change)
         return np.interp(distance, np.concatenate([[0], places]), [0, *self.change])
 
     def dissimilarity(self, images: Float64) -> tuple[float, float]:
         """Judge a symmetry by the `images` (N, 3) of `points`, normalized.
 
-        Returned is how much features change over how much they usually do between points so far apart, over the best
-        four fifths of the points that move: 0 is a perfect symmetry, 1 no better than chance, and where few points move
-        at all, as across a flat shape's own plane. Then the share of the points that move and land on the surface.
+        Return the dissimilarity, and the share of the moved points whose images lie on the surface. The dissimilarity
+        is the mean change of features over `usual_change`, for the best four fifths of the moved points. It is 0 for a
+        perfect symmetry, and 1 for chance. It is also 1 if few points move, as across the plane of a flat shape.
         """
         distance = np.linalg.norm(images - self.points, axis=1)
         moves = distance > STAYS
@@ -70,22 +69,21 @@ class SurfaceFeatures:
         return float(changed[kept].mean() / usual), landed
 
 
-def gather(field: Field, mesh: Mesh) -> SurfaceFeatures | None:
-    """Take points evenly over the surface of `mesh` and their features; None where it has no extent."""
-    found = box_normalization(*mesh.bounds)
-    if found is None:
+def surface_features(field: Field, mesh: Mesh) -> SurfaceFeatures | None:
+    """Return points spread evenly over the surface of `mesh`, and their features; None if it has no extent."""
+    frame = box_normalization(*mesh.bounds)
+    if frame is None:
         return None
-    center, scale = found
-    points, normals = _surface_points((mesh.vertices - center) * scale, mesh.faces)
-    features = np.asarray(field(points / scale + center), np.float32)
+    points, normals = _surface_points(frame.apply(mesh.vertices), mesh.faces)
+    features = np.asarray(field(frame.invert(points)), np.float32)
     change, reach = _change_with_distance(points, features)
-    pairs, tree = _look_alikes(points, features), cKDTree(points)
+    pairs, tree = _counterpart_pairs(points, features), cKDTree(points)
     spacing = float(np.median(tree.query(points[:200], k=[2])[0]))
-    return SurfaceFeatures(field, center, 1 / scale, points, normals, features, tree, pairs, change, reach, spacing)
+    return SurfaceFeatures(field, frame, points, normals, features, tree, pairs, change, reach, spacing)
 
 
 def _surface_points(vertices: Float64, faces: Int32) -> tuple[Float64, Float64]:
-    """Return points (N, 3) spread over the faces by their areas, and the faces' unit normals there."""
+    """Return points (N, 3) spread over the faces by area, and the unit normals (N, 3) of their faces."""
     areas = face_areas(vertices, faces)
     if areas.sum() == 0:
         chosen = np.unique(faces)[:: max(1, len(vertices) // POINTS)]
@@ -96,10 +94,10 @@ def _surface_points(vertices: Float64, faces: Int32) -> tuple[Float64, Float64]:
 
 
 def _change_with_distance(points: Float64, features: Float32) -> tuple[Float64, float]:
-    """Return the mean distance (B,) of two points' features by how far apart the points are, and how far at most."""
+    """Return the mean difference (B,) of features by the distance of two points, and the largest distance."""
     random = np.random.default_rng(0)
     a, b = random.integers(0, len(points), (2, 20 * POINTS))
-    # pairs at random are far apart: take as many from among near ones
+    # Random pairs are far apart, so the second half of the pairs are near each other.
     order = np.argsort(points @ random.normal(size=3))
     c = order[:-1]
     a, b = np.concatenate([a, c]), np.concatenate([b, order[1:]])
@@ -113,16 +111,16 @@ def _change_with_distance(points: Float64, features: Float32) -> tuple[Float64, 
     return np.maximum.accumulate(means), reach
 
 
-def _look_alikes(points: Float64, features: Float32) -> Int64:
-    """Return pairs (P, 2) of some points, spread evenly, with those farther away whose features are nearest."""
-    asking = np.arange(0, len(points), -(-len(points) // _ASKING))
-    unlike = -(features[asking] @ features.T)
+def _counterpart_pairs(points: Float64, features: Float32) -> Int64:
+    """Return pairs (P, 2): evenly spread points, each with the distant points that have the nearest features."""
+    queried = np.arange(0, len(points), -(-len(points) // _QUERIED))
+    unlike = -(features[queried] @ features.T)
     squared = (points**2).sum(axis=1)
-    apart = squared[asking, None] + squared - 2 * points[asking] @ points.T
-    unlike[apart <= _APART**2] = np.inf  # what is near looks alike anyhow
-    count = min(LOOK_ALIKES, len(points) - 1)
+    apart = squared[queried, None] + squared - 2 * points[queried] @ points.T
+    unlike[apart <= _APART**2] = np.inf
+    count = min(COUNTERPARTS, len(points) - 1)
     if count < 1:
         return np.zeros((0, 2), np.int64)
     best = np.argpartition(unlike, count - 1, axis=1)[:, :count]
-    pairs = np.column_stack([np.repeat(asking, count), best.ravel()])
+    pairs = np.column_stack([np.repeat(queried, count), best.ravel()])
     return pairs[np.isfinite(np.take_along_axis(unlike, best, axis=1).ravel())]

@@ -1,6 +1,6 @@
-"""Where mirror planes may lie: planes between points that look alike, drawn to where the surface meets its image.
+"""Find candidate mirror planes between points that look alike, and fit each to the surface and its mirror image.
 
-In normalized coordinates of `SurfaceFeatures`; a plane is its unit normal and its offset, one row (4,).
+Coordinates are the normalized ones of `SurfaceFeatures`. A plane is a row (4,): its unit normal and its offset.
 """
 
 from __future__ import annotations
@@ -12,19 +12,21 @@ from dfd.symmetry.evidence import SurfaceFeatures
 
 Planes = Float64  # (K, 4)
 
-_SEEDS = 300  # planes between two points that are held against all pairs
+_SEEDS = 300  # planes between two points that are compared with all pairs
 _MOST_REFINED = 8
-_PAIR_FITS = 0.12  # how near the image of a point comes to its counterpart to count for a plane
+_PAIR_FITS = 0.12  # normalized: largest distance from the image of a point to its counterpart in a vote for a plane
 _SAME_ANGLE, _SAME_OFFSET = np.radians(8.0), 0.06
 _STEPS = 10
-_COARSE_STEPS, _COARSE, _ENOUGH = 6, 4, 300  # the first steps use every fourth point if there are 300 of them
-_FIRST_REACH, _SHRINK = 0.3, 0.7  # normalized: points farther from the surface do not count, step by step less
+# The first steps use every fourth point if this leaves more than 300 points.
+_COARSE_STEPS, _COARSE, _ENOUGH = 6, 4, 300
+# Normalized: images farther from the surface do not count. Each step multiplies this distance by _SHRINK.
+_FIRST_REACH, _SHRINK = 0.3, 0.7
 _LONGEST_STEP = 0.2
 _DIFFERENCE = 1e-6
 
 
 def candidate_planes(evidence: SurfaceFeatures) -> Planes:
-    """Return planes (K, 4) near which the shape may be its own mirror image, no two nearly the same."""
+    """Return candidate mirror planes (K, 4), no two nearly the same."""
     seeds = _distinct(_voted(evidence), _MOST_REFINED)
     seeds = np.concatenate([seeds, _principal(evidence.points)])
     return _distinct(np.array([_refined(evidence, plane) for plane in seeds]), len(seeds))
@@ -37,13 +39,13 @@ def mirrored(points: Float64, plane: Float64) -> Float64:
 
 
 def same_plane(a: Float64, b: Float64, *, angle: float = _SAME_ANGLE, offset: float = _SAME_OFFSET) -> bool:
-    """Whether two planes differ by less than `angle`, radians, and, as seen from the middle of the box, `offset`."""
+    """Return whether two planes differ by less than `angle`, radians, and by less than `offset`, normalized."""
     along = float(a[:3] @ b[:3])
     return bool(abs(along) > np.cos(angle) and abs(a[3] - np.sign(along) * b[3]) < offset)
 
 
 def _voted(evidence: SurfaceFeatures) -> Planes:
-    """Return planes halfway between points that look alike, those first that fit the most other pairs."""
+    """Return the planes halfway between points that look alike. Planes that fit more other pairs come first."""
     pairs = evidence.pairs
     if len(pairs) == 0:
         return np.zeros((0, 4))
@@ -57,14 +59,14 @@ def _voted(evidence: SurfaceFeatures) -> Planes:
 
 
 def _between(points: Float64, pairs: Int64) -> Planes:
-    """Return the planes across which pairs (P, 2) of points are each other's images."""
+    """Return the planes (P, 4) across which the points of each of `pairs` (P, 2) are mirror images."""
     one, other = points[pairs[:, 0]], points[pairs[:, 1]]
     normals = (one - other) / np.linalg.norm(one - other, axis=1, keepdims=True)
     return np.column_stack([normals, np.einsum("pd,pd->p", normals, (one + other) / 2)])
 
 
 def _principal(points: Float64) -> Planes:
-    """Return planes through the middle, across the principal axes and the axes of the coordinates."""
+    """Return planes across the coordinate axes through the origin, and across the principal axes through the mean."""
     middle = points.mean(axis=0)
     axes = np.linalg.svd(points - middle, full_matrices=False)[2] if len(points) >= 3 else np.eye(3)
     normals = np.concatenate([np.eye(3), axes])
@@ -72,7 +74,7 @@ def _principal(points: Float64) -> Planes:
 
 
 def _distinct(planes: Planes, most: int) -> Planes:
-    """Return the first `most` of the planes that are not nearly the same as an earlier one."""
+    """Return the first `most` planes that are not nearly the same as an earlier plane."""
     kept: list[Float64] = []
     for plane in planes:
         if len(kept) == most:
@@ -83,9 +85,9 @@ def _distinct(planes: Planes, most: int) -> Planes:
 
 
 def _refined(evidence: SurfaceFeatures, plane: Float64) -> Float64:
-    """Return the plane nearby across which the surface's image lies best on the surface.
+    """Return the plane near `plane` across which the mirror image of the surface fits the surface best.
 
-    Gauss-Newton steps on distances to the tangent planes of the nearest points; points that land far from the surface
+    Gauss-Newton steps minimize the distances to the tangent planes of the nearest points. Images far from the surface
     are left out.
 
     Source: Chen and Medioni, "Object modelling by registration of multiple range images", 1992.

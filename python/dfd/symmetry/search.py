@@ -1,4 +1,4 @@
-"""Visual symmetry: planes across which a shape looks alike (paper, section 3.3.3)."""
+"""Find the planes of visual symmetry, across which a shape looks alike (paper, section 3.3.3)."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from typing import Literal
 import numpy as np
 
 from dfd.common import check
-from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64
 from dfd.field.field import Field
 from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
-from dfd.symmetry.evidence import SurfaceFeatures, gather
-from dfd.symmetry.plane import AXES, DEFAULT_BAND, SymmetryPlane, axis_plane
+from dfd.symmetry.evidence import SurfaceFeatures, surface_features
+from dfd.symmetry.plane import DEFAULT_BAND, SymmetryPlane
 from dfd.symmetry.plane_search import candidate_planes, mirrored, same_plane
 
-_SCORED_VERTICES = 4_000  # evenly strided, stand for more: the standard error of the mean is below 1 %
+_SCORED_VERTICES = 4_000  # at most, evenly strided: the standard error of the mean is below 1 %
 _AT_ONCE = 50_000  # vertices whose features are in memory together
 RELATIVE_THRESHOLD = 0.25
-# Front and back of a figure that spreads its arms look much alike too, though far less than its two sides: a plane must
-# not be more than this many times as unlike as the best one, give or take what the fit itself leaves.
+# Largest dissimilarity over that of the best plane, and the dissimilarity that remains after the fit. The front and the
+# back of a figure also look alike, but far less than its two sides.
 WORSE_THAN_BEST, FIT_LEAVES = 3.0, 0.01
 LANDED = 0.5  # share of the moved surface whose image lies on the surface
-# A plane that leans by little against one that fits much better is that plane, badly found.
-_LEANS, _BESIDE, _WORSE = np.radians(20.0), 0.25, 1.3
+# Largest angle and offset between a plane and a better one, and least ratio of their dissimilarities, at which the
+# worse plane counts as an inaccurate copy of the better one.
+_COPY_ANGLE, _COPY_OFFSET, _COPY_RATIO = np.radians(20.0), 0.25, 1.3
 _SNAP_ANGLE, _SNAP_OFFSET, _SNAP_LOSS = np.radians(1.5), 0.012, 0.01
 
 
@@ -37,25 +37,27 @@ def symmetry_planes(
 ) -> list[SymmetryPlane]:
     """Find the planes across which `mesh` looks alike.
 
-    Planes between points that look alike, and across the principal axes and the axes of the coordinates, are moved to
-    where the surface lies best on its mirror image. Nearly equal ones are merged, and one nearly across an axis of the
-    coordinates becomes so where this costs nothing. A flat shape's own plane, whose mirror moves nothing, is none.
+    Candidates lie between points that look alike, and across the principal axes and the coordinate axes. Each is fitted
+    so that the mirror image of the surface lies best on the surface. Nearly equal planes are merged. A plane nearly
+    across a coordinate axis is aligned with it if the dissimilarity hardly grows. The plane of a flat shape is not
+    found, because its mirror moves no point.
 
     Parameters
     ----------
     threshold
-        The paper's ε, 0.1 there: planes are found by their `score` alone, if it is smaller. With "relative", those are
-        found whose `relative_score` is below a quarter (the spread of the features, and with it a fair ε, depends on
-        the encoder and its block), but none beside a plane across which the shape looks far more alike.
+        A number is the ε of the paper, which uses 0.1: planes with a smaller `score` are returned. "relative" returns
+        planes with a `relative_score` of at most 0.25, unless another plane has a far smaller one. A fixed ε would
+        depend on the encoder and its block, because the spread of their features differs.
     candidates
-        "any", or "axes": the paper's three planes across the axes through the center of the box.
+        "any", or "axes" for the three planes of the paper: across the axes through the center of the box.
 
     Returns
     -------
-    The planes found, the most alike first, with a band of 3 % of the longest side; empty when there is none.
+    The planes, those with the most similar sides first, with a band of 3 % of the longest side; an empty list if there
+    is none.
 
-    Raises ValueError if `field` is not one, `threshold` is another word, negative or not finite, or `candidates` is
-    another word.
+    Raises ValueError if `field` is not callable, `threshold` is another word, negative or not finite, or `candidates`
+    is another word.
 
     Source: paper, section 3.3.3; planes from pairs of points: Mitra, Guibas and Pauly, "Partial and approximate
     symmetry detection for 3D geometry", 2006.
@@ -64,8 +66,7 @@ def symmetry_planes(
     mesh = as_mesh(mesh)
     if threshold != "relative":
         threshold = check.number("symmetry_planes", "threshold", threshold, minimum=0.0)
-    if candidates not in ("any", "axes"):
-        raise ArgumentError("candidates", f"must be any or axes, got {candidates!r}", "symmetry_planes")
+    check.choice("symmetry_planes", "candidates", candidates, ("any", "axes"))
     planes = scored_planes(field, mesh, candidates=candidates)
     if threshold != "relative":
         return [plane for plane in planes if plane.score < threshold]
@@ -81,18 +82,18 @@ class _Judged:
 
 
 def scored_planes(field: Field, mesh: Mesh, *, candidates: Literal["any", "axes"] = "any") -> list[SymmetryPlane]:
-    """All planes that were looked at closely with their scores, the most alike first; see `symmetry_planes`."""
-    evidence = gather(field, mesh)
+    """Return the fitted planes with their scores, those with the most similar sides first; see `symmetry_planes`."""
+    evidence = surface_features(field, mesh)
     if evidence is None:
         return []
     if candidates == "axes":
-        judged = [_judged(evidence, _normalized(axis_plane(mesh, axis), evidence)) for axis in AXES]
+        judged = [_judged(evidence, np.append(normal, 0.0)) for normal in np.eye(3)]  # through the center of the box
     else:
-        close = _without_leaning([_judged(evidence, row) for row in candidate_planes(evidence)])
+        close = _without_copies([_judged(evidence, row) for row in candidate_planes(evidence)])
         judged = [_snapped(evidence, each) for each in close if each.landed >= LANDED and each.dissimilarity < 1]
     judged.sort(key=lambda each: each.dissimilarity)
     planes = [_plane(each.row, evidence) for each in judged]
-    vertices = mesh.vertices  # all of them for the paper's planes, as in the paper
+    vertices = mesh.vertices  # the paper scores all of them
     if candidates != "axes":
         vertices = vertices[:: -(-len(vertices) // _SCORED_VERTICES)]
     totals = np.zeros(len(planes))
@@ -109,13 +110,13 @@ def _judged(evidence: SurfaceFeatures, row: Float64) -> _Judged:
     return _Judged(row, *evidence.dissimilarity(mirrored(evidence.points, row)))
 
 
-def _without_leaning(judged: list[_Judged]) -> list[_Judged]:
-    """Return planes, the most alike first, without those that lean by little against a much better one."""
+def _without_copies(judged: list[_Judged]) -> list[_Judged]:
+    """Return the planes by ascending dissimilarity, without inaccurate copies of a much better plane."""
     kept: list[_Judged] = []
     for each in sorted(judged, key=lambda each: each.dissimilarity):
         if not any(
-            same_plane(each.row, other.row, angle=_LEANS, offset=_BESIDE)
-            and each.dissimilarity > _WORSE * other.dissimilarity
+            same_plane(each.row, other.row, angle=_COPY_ANGLE, offset=_COPY_OFFSET)
+            and each.dissimilarity > _COPY_RATIO * other.dissimilarity
             for other in kept
         ):
             kept.append(each)
@@ -123,14 +124,14 @@ def _without_leaning(judged: list[_Judged]) -> list[_Judged]:
 
 
 def _snapped(evidence: SurfaceFeatures, found: _Judged) -> _Judged:
-    """Return the plane across an axis of the coordinates that is nearly the one found, if it is hardly less alike."""
+    """Return the nearly equal plane across a coordinate axis, if its dissimilarity is hardly larger; else `found`."""
     axis = int(np.argmax(np.abs(found.row[:3])))
     if abs(found.row[axis]) < np.cos(_SNAP_ANGLE):
         return found
     normal = np.eye(3)[axis]
     offset = float(np.sign(found.row[axis]) * found.row[3])
-    origin = float(-evidence.center[axis] / evidence.half)
-    for place in (origin, 0.0, offset):  # through the origin, the middle of the box, or where it was found
+    origin = float(-evidence.frame.center[axis] * evidence.frame.scale)
+    for place in (origin, 0.0, offset):  # through the origin, through the center of the box, or at the found offset
         if abs(place - offset) < _SNAP_OFFSET:
             across = _judged(evidence, np.append(normal, place))
             if across.dissimilarity < found.dissimilarity + _SNAP_LOSS:
@@ -138,18 +139,12 @@ def _snapped(evidence: SurfaceFeatures, found: _Judged) -> _Judged:
     return found
 
 
-def _normalized(plane: SymmetryPlane, evidence: SurfaceFeatures) -> Float64:
-    """Return a plane of mesh units as a row (4,) in normalized coordinates."""
-    normal = np.asarray(plane.normal)
-    return np.append(normal, (plane.offset - normal @ evidence.center) / evidence.half)
-
-
 def _plane(row: Float64, evidence: SurfaceFeatures) -> SymmetryPlane:
     """Return a row (4,) in normalized coordinates as a plane of mesh units, its largest component positive."""
     row = row * np.sign(row[np.argmax(np.abs(row[:3]))])
     normal = row[:3] + 0.0  # no negative zeros
-    offset = float(row[3] * evidence.half + normal @ evidence.center)
-    # what cancels but for rounding is a plane through the origin
-    offset = 0.0 if abs(offset) < 1e-12 * evidence.half else offset
-    band = DEFAULT_BAND * 2 * evidence.half
+    half = 1.0 / evidence.frame.scale
+    offset = float(row[3] * half + normal @ evidence.frame.center)
+    offset = 0.0 if abs(offset) < 1e-12 * half else offset  # rounding of a plane through the origin
+    band = DEFAULT_BAND * 2 * half
     return SymmetryPlane((float(normal[0]), float(normal[1]), float(normal[2])), offset, band=band)

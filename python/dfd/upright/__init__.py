@@ -1,1 +1,1 @@
-"""The up direction of a shape, from pictures and from its stability."""
+"""Find the up direction of a shape from pictures and from its stability."""

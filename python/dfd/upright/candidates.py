@@ -1,4 +1,4 @@
-"""Up directions: as given, as stored in settings, and as frames."""
+"""Up directions as frames, as users give them, and as settings of a field store them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ AXES: dict[str, Float64] = {
     f"{sign}{name}": float(f"{sign}1") * np.eye(3)[axis] for axis, name in enumerate("xyz") for sign in "+-"
 }
 UP_WORDS = ("auto", "file", *AXES)
-LEAST_ACROSS = 0.1  # least length of a unit vector's part at right angles to another one
+LEAST_ACROSS = 0.1  # least length of the component of a unit vector perpendicular to another one
 LEAST_EXTENT = 1e-6  # of the longest side: a smaller extent along an axis counts as 0
 
 
@@ -27,23 +27,24 @@ class Up:
     """The up direction of a mesh."""
 
     frame: Float64  # (3, 3) rotation, rows in the mesh's coordinates: right, up, front
-    confidence: float  # probability that this axis, or one nearly alike, is upright, up or down, 0 … 1; 1 if given
-    # source: "said" if given; "file" for +y, the likeliest or, with a confidence of 0, the fallback; "found";
-    # "averaged" if uncertain, so that features of two directions stand side by side
+    # confidence: probability, 0 to 1, that this axis or a nearly parallel one is upright, up or down; 1 if given
+    confidence: float
+    # source: "said" if given; "file" if +y is the likeliest, or the fallback with a confidence of 0; "found" if another
+    # direction is the likeliest; "averaged" if uncertain, so that features of two directions are concatenated
     source: Literal["said", "file", "found", "averaged"]
-    # shared, shares: (K, 3, 3) the frames that have pictures, the likeliest first, and (K,) their probabilities, of
-    # sum 1; None if `frame` is the only one
+    # shared, shares: (K, 3, 3) the frames that have pictures, the likeliest first, and (K,) their probabilities of sum
+    # 1; None if `frame` is the only one
     shared: Float64 | None = None
     shares: Float64 | None = None
 
     @property
     def frames(self) -> Float64:
-        """(K, 3, 3) right, up and front of each set of pictures; see `dfd.views.render.render`."""
+        """Return right, up and front (K, 3, 3) of each set of pictures; see `dfd.views.render.render`."""
         return self.frame[None] if self.shared is None else self.shared
 
     @property
     def settings(self) -> dict[str, Any]:
-        """The entries of a field's settings, JSON values."""
+        """Return the entries of a field's settings, JSON values."""
         shared = {}
         if self.shared is not None and self.shares is not None:
             shared = {"up_shared": self.shared[:, 1].tolist(), "up_shares": self.shares.tolist()}
@@ -56,34 +57,34 @@ class Up:
 
     @property
     def direction(self) -> Float64:
-        """(3,) unit, in the mesh's coordinates."""
+        """Return the unit up direction (3,) in the mesh's coordinates."""
         return self.frame[1]
 
     def __str__(self) -> str:
-        """As `up` takes it: an axis, or three numbers."""
+        """Return the direction in the form that the setting `up` accepts: an axis, or three numbers."""
         return _named(self.direction)
 
     @property
     def sentence(self) -> str:
-        """See `up_sentence`."""
+        """Return `up_sentence` of the settings."""
         return up_sentence(self.settings)
 
 
 def up_sentence(settings: Mapping[str, Any]) -> str:
-    """Describe the up direction in a field's `settings` to users; "" if there is none."""
+    """Return a description of the up direction in a field's `settings` for users; "" if they have none."""
     if "up_source" not in settings:
         return ""
     up, source, sure = _named(settings["up_direction"]), settings["up_source"], settings["up_confidence"]
     if source == "averaged":
         shared = " and ".join(map(_named, settings["up_shared"]))
-        return f"{up} likeliest, {sure:.0%} sure: {shared} side by side"
+        return f"{up}, {sure:.0%} sure: features of {shared} are combined"
     if source == "said":
         return up
     if source == "found":
         return f"{up}, {sure:.0%} sure"
     if sure == 0:
-        return f"{up} by the file's convention: there was nothing to tell it by"
-    return f"{up} as the file has it, {sure:.0%} sure"
+        return f"{up} by the file's convention: the up direction could not be measured"
+    return f"{up} as in the file, {sure:.0%} sure"
 
 
 def _named(direction: ArrayLike) -> str:
@@ -92,7 +93,7 @@ def _named(direction: ArrayLike) -> str:
 
 
 def axis_frames(frame: Float64) -> list[Float64]:
-    """The frames, each (3, 3), in which an axis of `frame` points up, either way: +right, −right, +up, −up, …"""
+    """Return the six frames (3, 3) whose up is an axis of `frame` or its opposite: +right, −right, +up, −up, …"""
     found = []
     for axis in range(3):
         for sign in (1.0, -1.0):
@@ -102,9 +103,9 @@ def axis_frames(frame: Float64) -> list[Float64]:
 
 
 def check_up(up: Any) -> str | tuple[float, float, float]:
-    """Return `up` as one of `UP_WORDS`, or as a unit direction; "0, 0, 1" is one too.
+    """Return `up` as one of `UP_WORDS`, or as a unit direction; the text "0, 0, 1" is a direction too.
 
-    Raises ValueError if it is neither, nor three numbers with a length.
+    Raises ValueError if `up` is neither, or the direction has no length.
     """
     word = f"+{up}" if isinstance(up, str) and up in ("x", "y", "z") else up
     if isinstance(word, str) and word in UP_WORDS:
@@ -115,19 +116,19 @@ def check_up(up: Any) -> str | tuple[float, float, float]:
         pass
     else:
         if vector.shape == (3,) and np.isfinite(vector).all() and np.abs(vector).max() > 0:
-            vector = vector / np.abs(vector).max()  # so that no square overflows or vanishes
+            vector = vector / np.abs(vector).max()  # squares neither overflow nor underflow
             x, y, z = (vector / np.linalg.norm(vector)).tolist()
             return x, y, z
     raise ValueError(f"distill: `up` must be one of {', '.join(UP_WORDS)}, or three numbers with a length, got {up!r}")
 
 
 def file_up() -> Up:
-    """Fall back to +y, the convention of files."""
+    """Return +y, the convention of files, with a confidence of 0."""
     return Up(np.eye(3), 0.0, "file")
 
 
 def explicit_up(mesh: Mesh, up: str | tuple[float, float, float]) -> Up:
-    """The frame for an `up` that `check_up` has returned, other than "auto".
+    """Return the frame of `up`, a result of `check_up` other than "auto".
 
     Raises ValueError if `mesh` has no extent along `up`.
     """
@@ -140,7 +141,7 @@ def explicit_up(mesh: Mesh, up: str | tuple[float, float, float]) -> Up:
 
 
 def _upright_frame(up: Float64) -> Float64:
-    """The frame with `up` that rotates the file's other axes least."""
+    """Return the frame (3, 3) with `up` (3,) that rotates the other axes of the file least."""
     along = np.flatnonzero(up)
     if len(along) == 1:
         return axis_frames(np.eye(3))[2 * int(along[0]) + int(up[along[0]] < 0)]
@@ -149,7 +150,7 @@ def _upright_frame(up: Float64) -> Float64:
 
 
 def frame_facing(up: Float64, right: Float64) -> Float64:
-    """The frame (3, 3) with `up` and its right nearest to `right`; both (3,), unit."""
+    """Return the frame (3, 3) with `up` and with its right axis nearest to `right`; both are unit vectors (3,)."""
     across = right - (right @ up) * up
     if np.linalg.norm(across) < LEAST_ACROSS:
         across = np.cross(up, np.eye(3)[np.abs(up).argmin()])

@@ -1,9 +1,9 @@
-"""The up probe of an encoder: a linear map from its tokens to votes for up directions, learned once, in a small file.
+"""The up probe of an encoder: a learned linear map from its tokens to votes for up directions, in a small file.
 
-Every picture votes, whatever its camera's orientation. Its tokens give a quadratic form for the upright axis and a
-vector for its upper end, both in the camera's axes; they are summed in the mesh's. A mirrored picture must give the
-mirrored vote: components across the picture are linear in the difference of its halves, the others in the mean token.
-With the cues of the surface (`dfd.upright.stability`) this gives each candidate's log-odds.
+The tokens of a picture give a quadratic form for the upright axis and a vector for its upper end, both in the axes of
+the camera. They are rotated to the mesh's axes and averaged over all pictures. A mirrored picture must give the
+mirrored vote. Components across the picture are therefore linear in the difference of its halves, and the others in the
+mean token. Votes and the cues of the surface (`dfd.upright.stability`) give the log-odds of each candidate.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ TERMS = (*LOOKS, *EVIDENCE)
 FOLDER = Path(__file__).with_name("probes")
 
 _HALF = np.sqrt(3) / 2
-# A basis of the traceless symmetric matrices in a camera's right, up and back, of equal norm: at a unit vector they are
-# the real spherical harmonics of degree two. `FORM_TOKENS` says which of a picture's two tokens each is read from.
+# A basis of the traceless symmetric matrices in the right, up and back of a camera, with equal norms. At a unit vector,
+# they are the real spherical harmonics of degree two. `FORM_TOKENS` is the index of the picture's token for each.
 FORMS = np.array(
     [
         [[-0.5, 0, 0], [0, 1, 0], [0, 0, -0.5]],
@@ -54,25 +54,25 @@ FORM_TOKENS, VECTOR_TOKENS = np.array([0, 0, 0, 1, 1]), np.array([0, 0, 1])
 
 @dataclass(frozen=True, eq=False)
 class UpProbe:
-    """The learned probe, for tokens of width D."""
+    """The learned probe for tokens of width D."""
 
     mean: Float32  # (D,) subtracted from a picture's mean token
-    # form, vector: (5, D) and (3, D), map a picture's tokens to coefficients of `FORMS` and `VECTORS`
+    # form, vector: (5, D) and (3, D), map the tokens of a picture to coefficients of `FORMS` and `VECTORS`
     form: Float32
     vector: Float32
-    # odds: (3, 9) log-odds per unit of each of `TERMS`: for pictures around the file's up alone, for pictures along
-    # all axes of the file, and for a shape aligned with none of them
+    # odds: (3, 9) log-odds per unit of each of `TERMS`: a row for pictures around the file's up alone, one for pictures
+    # along all axes of the file, and one for a shape that is aligned with none of them
     odds: Float64
     # file_up, file_down, file_z: prior log-odds of +y, −y and ±z
     file_up: float
     file_down: float
     file_z: float
-    # encoder_weights, encoder_block: the encoder that it was learned from
+    # encoder_weights, encoder_block: the encoder whose tokens it was learned from
     encoder_weights: str
     encoder_block: int
 
     def votes(self, seen: ViewTokens) -> tuple[Float64, Float64]:
-        """The mean votes of all pictures, in the mesh's coordinates: a quadratic form (3, 3) and a vector (3,)."""
+        """Return the mean votes of all pictures in the mesh's axes: a quadratic form (3, 3) and a vector (3,)."""
         tokens = seen.tokens - np.stack([self.mean, np.zeros_like(self.mean)])
         weights = np.einsum("njd,jd->nj", tokens[:, FORM_TOKENS], self.form)
         form = np.einsum("nj,jab,nai,nbk->ik", weights, FORMS, seen.axes, seen.axes, optimize=True) / len(tokens)
@@ -86,11 +86,11 @@ class UpProbe:
         return np.column_stack([np.einsum("ka,ab,kb->k", ups, form, ups), ups @ vector, evidence])
 
     def fits(self, encoder: Encoder) -> bool:
-        """Whether it was learned from the tokens that `encoder` gives."""
+        """Return whether the probe was learned from tokens of `encoder`."""
         return (self.encoder_weights, self.encoder_block) == encoder_identity(encoder)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write a .safetensors file, whole or not at all; equal probes are equal files."""
+        """Write a .safetensors file atomically; equal probes give equal files."""
         arrays: dict[str, NDArray[Any]] = {
             "mean": self.mean,
             "form": self.form,
@@ -102,7 +102,7 @@ class UpProbe:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> UpProbe:
-        """Read what `save` has written.
+        """Read a file that `save` wrote.
 
         Raises ValueError if the file is truncated or of another kind, or its arrays are not finite. Raises OSError if
         it cannot be read.
@@ -114,6 +114,6 @@ class UpProbe:
 
 
 def find_probe(encoder: Encoder) -> UpProbe | None:
-    """The package's probe for the weights and block of `encoder`, else None."""
+    """Return the package's probe for the weights and block of `encoder`, or None."""
     probes = (UpProbe.load(path) for path in sorted(FOLDER.glob("*.safetensors")))
     return next((probe for probe in probes if probe.fits(encoder)), None)

@@ -1,4 +1,4 @@
-"""Tokens of a few small pictures around a shape, for candidate up directions."""
+"""Encode a few small pictures around a shape, for candidate up directions."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
 PATCHES = 16  # along a picture's side
-SHOWN = 0.3  # least part of a patch's pixels that the shape covers, for its token to count
+SHOWN = 0.3  # least fraction of a patch's pixels that the shape covers if the token counts
 
 
 def _square(first: float, height: float) -> Float64:
-    """Four eyes (4, 3) around a shape, the first at an angle from the front, at an angle above the horizon.
+    """Return four eyes (4, 3) around a shape, `first` and `height` degrees from the front and above the horizon.
 
-    Quarter turns lead from one to the next, and mirror images are among them: which way a shape faces, and which of a
-    candidate's axes is called its front, changes nothing.
+    They differ by quarter turns, and are symmetric to the planes between them. The result of a candidate therefore does
+    not depend on which of its axes is the front.
     """
     turns, height = np.radians(first + 90 * np.arange(4)), np.radians(height)
     return np.stack(
@@ -36,24 +36,24 @@ def _square(first: float, height: float) -> Float64:
     )
 
 
-SIDES, CORNERS = _square(0, 20), _square(45, 15)  # of a square that the shape stands in: where the eye is
+SIDES, CORNERS = _square(0, 20), _square(45, 15)  # eyes at the sides and the corners of a square around the shape
 
 
 @dataclass(frozen=True, eq=False)
 class ViewTokens:
-    """Tokens of N pictures."""
+    """The tokens of N pictures."""
 
-    # tokens: (N, 2, D) for every picture the mean token of the shape, and that of its right half minus its left half
+    # tokens: (N, 2, D) the mean token of the shape in each picture, and that of its right half minus its left half
     tokens: Float32
     axes: Float64  # (N, 3, 3) right, up and back of every camera, in the mesh's coordinates
 
     def __add__(self, other: ViewTokens) -> ViewTokens:
-        """The pictures of both."""
+        """Return the tokens of both sets of pictures."""
         return ViewTokens(np.concatenate([self.tokens, other.tokens]), np.concatenate([self.axes, other.axes]))
 
 
 class ProbeCameras:
-    """Renders and encodes small pictures around a mesh."""
+    """Cameras that render and encode small pictures around a mesh."""
 
     def __init__(self, mesh: Mesh, encoder: Encoder) -> None:
         center, scale = normalization(mesh)
@@ -64,7 +64,7 @@ class ProbeCameras:
         self._resolution = encoder.nearest_resolution(PATCHES * encoder.patch)
 
     def seen(self, frames: Float64, eyes: Float64) -> ViewTokens:
-        """Pictures from `eyes` (E, 3), for each of `frames` (K, 3, 3) as right, up and front: K·E of them, in turn.
+        """Return the tokens of K·E pictures: from all `eyes` (E, 3), for each of `frames` (K, 3, 3).
 
         Raises ValueError if no ray hits the mesh.
         """
@@ -92,15 +92,15 @@ class ProbeCameras:
 
 
 def _halves(tokens: Float32, covered: Bool) -> Float32:
-    """The mean token and right less left (2, D), of a picture's tokens (h, w, D) and covered pixels; 0 of nothing."""
+    """Return the mean of a picture's `tokens` (h, w, D) in covered patches, and that of right minus left, (2, D)."""
     side = len(tokens)
     within = len(covered) // side
     shown = covered[: side * within, : side * within].reshape(side, within, side, within).mean(axis=(1, 3))
     if not shown.any():
         return np.zeros((2, tokens.shape[2]), np.float32)
-    rows, columns = np.nonzero(shown > min(SHOWN, 0.99 * shown.max()))  # of a shape as thin as a wire: what there is
+    rows, columns = np.nonzero(shown > min(SHOWN, 0.99 * shown.max()))  # lower for a shape as thin as a wire
     own, across = tokens[rows, columns], 2 * columns - (columns.min() + columns.max())
     mean = own.mean(axis=0)
-    if not across.any():  # of a single column
+    if not across.any():  # a single column
         return np.stack([mean, np.zeros_like(mean)])
     return np.stack([mean, own[across > 0].mean(axis=0) - own[across < 0].mean(axis=0)])

@@ -1,4 +1,4 @@
-"""Cues of the surface for the up direction: stable poses, the base, and mirror planes.
+"""Measure cues of the surface for the up direction: stable poses, the base, and mirror planes.
 
 Source: Fu, Cohen-Or, Dror, Sheffer, "Upright orientation of man-made objects" (SIGGRAPH 2008), for stability and base.
 """
@@ -19,40 +19,40 @@ from dfd.views.cameras import fibonacci_directions
 
 EVIDENCE = ("stable", "facing up", "base", "near the base", "middle", "mirrors upright", "mirrors flat")
 POINTS = 2000  # on the surface
-REFLECTED = 500  # of them, whose mirror images are looked for
-BASE = 0.03  # of the diagonal: points within this height of the lowest one touch the floor
+REFLECTED = 500  # of them, whose mirror images are compared with the surface
+BASE = 0.03  # of the diagonal: points within this height above the lowest one are the base
 FACES_UP = 0.9  # cosine
-ALIGNED = 1.25  # a file axis is taken as the mirror plane's normal up to this multiple of the least mirror error
-LEAST_ERROR = 0.004  # of the diagonal: the mirror error of an exact mirror image, for random points
+ALIGNED = 1.25  # largest mirror error of a file axis that is taken as mirror normal, over the least mirror error
+LEAST_ERROR = 0.004  # of the diagonal: mirror error of an exact mirror plane, caused by random points
 LEAST_HEIGHT = 1e-6  # of the diagonal: avoids division by the height of a flat shape
 DIRECTIONS = 200  # candidate normals of mirror planes, over half the sphere
-RESTS = 4  # stable poses that are tried
+RESTS = 4  # stable poses that become candidates
 _NEARLY = np.cos(np.radians(8))
-_SHRINKING = (0.15, 0.07, 0.03, 0.015, 0.007)  # radians, steps of the search for a plane's exact direction
+_SHRINKING = (0.15, 0.07, 0.03, 0.015, 0.007)  # radians, steps of the search for the exact normal of a plane
 
 
 class StabilityCues:
-    """Stability and symmetry of a surface of `vertices` (V, 3), in any units, and `faces` (F, 3), one with an area."""
+    """Stability and symmetry of a surface of `vertices` (V, 3), in any units, and `faces` (F, 3) with some area."""
 
     def __init__(self, vertices: NDArray[np.floating], faces: Int32) -> None:
         generator = np.random.default_rng(0)
         self.points, face = sample_surface(vertices, faces, POINTS, generator)
         self.normals = unit(face_normals(vertices, faces[face]))
-        self.rim = _hull_vertices(np.unique(vertices[np.unique(faces)].astype(np.float64), axis=0))
+        self.hull = _hull_vertices(np.unique(vertices[np.unique(faces)].astype(np.float64), axis=0))
         self.middle = self.points.mean(axis=0)
-        self.diagonal = float(np.linalg.norm(np.ptp(self.rim, axis=0)))
+        self.diagonal = float(np.linalg.norm(np.ptp(self.hull, axis=0)))
         self._tree = cKDTree(self.points)
         self._reflected = self.points[generator.permutation(POINTS)[:REFLECTED]]
-        self._misses: dict[tuple[float, ...], float] = {}
+        self._mirror_errors: dict[tuple[float, ...], float] = {}
 
     def evidence(self, frame: Float64) -> Float64:
         """Return the `EVIDENCE` (7,), unitless, for `frame` (3, 3) as right, up and front."""
         right, up, front = frame
-        height = self.rim @ up
-        feet = self.rim[height < height.min() + BASE * self.diagonal]
+        height = self.hull @ up
+        feet = self.hull[height < height.min() + BASE * self.diagonal]
         ground = np.stack([right, front], axis=1)
         base = _hull_of(feet @ ground)
-        shadow = _hull_of(self.rim @ ground)
+        shadow = _hull_of(self.hull @ ground)
         stable = base is not None and bool((base.equations @ [*(self.middle @ ground), 1.0]).max() < 0)
         points = self.points @ up
         mirrored = min(self.mirror_error(right), self.mirror_error(front))
@@ -69,13 +69,16 @@ class StabilityCues:
         )
 
     def mirror_error(self, normal: Float64) -> float:
-        """Mean distance of mirror images to the surface, of the diagonal, across the plane through the middle."""
+        """Return the mean distance from mirror images of points to the surface, over the diagonal.
+
+        The mirror plane has `normal` (3,) and passes through the middle of the surface.
+        """
         self._measure([normal])
-        return self._misses[_key(normal)]
+        return self._mirror_errors[_key(normal)]
 
     def _measure(self, normals: Iterable[Float64]) -> None:
-        """Cache `mirror_error` of `normals`, each (3,), in one parallel query."""
-        new = [normal for normal in normals if _key(normal) not in self._misses]
+        """Compute `mirror_error` of `normals`, each (3,), in one parallel query, and keep it."""
+        new = [normal for normal in normals if _key(normal) not in self._mirror_errors]
         if not new:
             return
         images = []
@@ -85,10 +88,10 @@ class StabilityCues:
         workers = get_num_threads() if len(new) > 1 else 1
         distances = self._tree.query(np.concatenate(images), workers=workers)[0].reshape(len(new), -1)
         for normal, of_images in zip(new, distances, strict=True):
-            self._misses[_key(normal)] = float(of_images.mean()) / self.diagonal
+            self._mirror_errors[_key(normal)] = float(of_images.mean()) / self.diagonal
 
     def mirror_normal(self) -> Float64:
-        """The unit normal (3,) of the plane across which the shape is most nearly its own mirror image."""
+        """Return the unit normal (3,) of the plane with the least mirror error."""
         spread = self.points - self.middle
         around = fibonacci_directions(2 * DIRECTIONS)[:DIRECTIONS]
         # The normal of an exact mirror plane is a principal axis.
@@ -98,15 +101,14 @@ class StabilityCues:
         return min((self._refined(normal) for normal in ranked), key=self.mirror_error)
 
     def stable_ups(self, frame: Float64) -> Float64:
-        """Ups (K, 3) of stable poses, perpendicular to the first row of `frame` (3, 3), no two nearly parallel.
+        """Return ups (K, 3) of stable poses, perpendicular to the first row of `frame` (3, 3), no two nearly parallel.
 
-        The shape rests on the longest edges of its outline that have its center above them; if there are fewer than
-        `RESTS`, the other rows of `frame` follow.
+        The shape rests on the longest edges of its outline that have its center above them. If there are fewer than
+        `RESTS`, the other rows of `frame` are added.
         """
         plane = frame[1:]
-        holding = [up for _, up in _edges_that_hold(self.rim @ plane.T, self.middle @ plane.T)]
         kept: list[Float64] = []
-        for up in [*holding, *np.eye(2)]:
+        for up in [*_resting_ups(self.hull @ plane.T, self.middle @ plane.T), *np.eye(2)]:
             if len(kept) < RESTS and all(abs(up @ other) < _NEARLY for other in kept):
                 kept.append(up)
         return np.stack(kept) @ plane
@@ -124,9 +126,9 @@ class StabilityCues:
         return normal
 
     def frame(self) -> Float64:
-        """Axes (3, 3) of the shape: the file's if one of them is a mirror normal, else its own.
+        """Return the axes (3, 3) of the shape: those of the file if one of them is a mirror normal, else its own.
 
-        Its own are the normal of its mirror plane and the sides of the smallest box around it in that plane.
+        Its own axes are the normal of its mirror plane, and the sides of its smallest box in that plane.
         """
         normal = self.mirror_normal()
         least = max(self.mirror_error(normal), LEAST_ERROR)
@@ -134,7 +136,7 @@ class StabilityCues:
             return np.eye(3)
         one = _across(normal)
         other = np.cross(normal, one)
-        flat = self.rim @ np.stack([one, other], axis=1)
+        flat = self.hull @ np.stack([one, other], axis=1)
         angles = np.radians(np.arange(0, 90, 1.5))
         turned = [np.array([[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]]) for a in angles]
         best = min(turned, key=lambda turn: float(np.prod(np.ptp(flat @ turn.T, axis=0))))
@@ -143,12 +145,12 @@ class StabilityCues:
 
 
 def _key(normal: Float64) -> tuple[float, ...]:
-    """A key of a plane, the same for either sign of its normal."""
+    """Return a key of a plane that does not depend on the sign of its normal."""
     return tuple(np.round(normal * np.sign(normal[np.abs(normal).argmax()]), 9))
 
 
-def _edges_that_hold(outline: Float64, middle: Float64) -> list[tuple[float, Float64]]:
-    """Length and inward unit normal (2,) of the hull's edges, of points (N, 2), that have `middle` (2,) above them."""
+def _resting_ups(outline: Float64, middle: Float64) -> list[Float64]:
+    """Return the inward unit normals (2,) of the hull edges of `outline` (N, 2) below `middle` (2,), longest first."""
     hull = _hull_of(outline)
     found = []
     for edge, equation in zip(hull.simplices, hull.equations, strict=True) if hull is not None else ():
@@ -156,17 +158,17 @@ def _edges_that_hold(outline: Float64, middle: Float64) -> list[tuple[float, Flo
         length = float(np.linalg.norm(end - start))
         if 0 < (middle - start) @ (end - start) < length**2:
             found.append((length, -equation[:2]))
-    return sorted(found, key=lambda each: -each[0])
+    return [normal for _, normal in sorted(found, key=lambda each: -each[0])]
 
 
 def _across(normal: Float64) -> Float64:
-    """A unit vector at right angles."""
+    """Return a unit vector perpendicular to `normal`."""
     across = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
     return across / np.linalg.norm(across)
 
 
 def _hull_of(points: Float64) -> ConvexHull | None:
-    """The convex hull of points (N, 2); None if they are collinear."""
+    """Return the convex hull of `points` (N, 2); None if they are collinear."""
     if len(points) < 3:
         return None
     try:
@@ -176,7 +178,7 @@ def _hull_of(points: Float64) -> ConvexHull | None:
 
 
 def _hull_vertices(points: Float64) -> Float64:
-    """Those of `points` (N, 3) on their convex hull; all if they are coplanar."""
+    """Return the `points` (N, 3) on their convex hull; all if they are coplanar."""
     try:
         return points[ConvexHull(points).vertices]
     except (QhullError, ValueError):

@@ -1,4 +1,4 @@
-"""From a mesh to pictures of it, and the surface point behind every pixel (paper, Eq. 2)."""
+"""Render pictures of a mesh, and return the surface point of every pixel (paper, Eq. 2)."""
 
 from __future__ import annotations
 
@@ -25,36 +25,35 @@ if TYPE_CHECKING:
 Supervision = Literal["barycentric", "vertex"]
 
 LARGEST_RESOLUTION = 4096
-LARGEST_VIEWS = 32767  # what numbers them has 16 bits
+LARGEST_VIEWS = 32767  # view numbers have 16 bits
 
-Seen = tuple[Float32, Float32, Float32, Int32]  # of one picture
+Seen = tuple[Float32, Float32, Float32, Int32]  # points, row, column and face of one picture
 
 
 @dataclass(frozen=True, eq=False)
 class Views:
-    """Pictures of a shape, and the surface points that they show."""
+    """Pictures of a shape, and the surface points of their pixels."""
 
     images: UInt8  # (n, R, R, 3) 8-bit red, green and blue as displayed, on white
-    covered: Bool  # (n, R, R) bool, the pixels that show the shape
-    cameras: list[Camera]  # one a picture
-    # points: (P, 3) float32 surface points in normalized coordinates: (p − `center`) · `scale` for p in mesh units
+    covered: Bool  # (n, R, R) the pixels that show the shape
+    cameras: list[Camera]  # one per picture
+    # points: (P, 3) surface points in normalized coordinates: (p − `center`) · `scale` for p in mesh units
     points: Float32
-    # view, row, column: (P,) the picture that shows each point, and where in it, in pixels; whole numbers are pixel
+    # view, row, column: (P,) the picture that shows each point, and the place in it, in pixels; whole numbers are pixel
     # centers
     view: NDArray[np.int16]
     row: Float32
     column: Float32
-    face: Int32  # (P,) the face of `faces` that each point lies on; empty when the points are vertices
-    # vertices, faces: (V, 3) float32 normalized and (F, 3): the surface that the rays met, the mesh's own or a
-    # simplified copy's
+    face: Int32  # (P,) the face on which each point lies; empty if the points are vertices
+    # vertices, faces: (V, 3) normalized and (F, 3), the rendered surface: of the mesh or of a simplified copy
     vertices: Float32
     faces: Int32
-    # center, scale: the normalization: the middle of the bounding box comes to the origin, its longest side to [−1, 1]
+    # center, scale: the normalization, which maps the middle of the box to the origin and its longest side to [−1, 1]
     center: Float64
     scale: float
-    # frame: (3, 3) the directions, in the mesh's coordinates, that count as right, up and front
+    # frame: (3, 3) right, up and front, in the mesh's coordinates
     frame: Float64 = field(default_factory=lambda: np.eye(3))
-    scene: Scene | None = None  # `vertices` and `faces`, ready for further rays; None where none are to come
+    scene: Scene | None = None  # of `vertices` and `faces`, for more rays; None if no more are cast
 
 
 def render(
@@ -69,28 +68,28 @@ def render(
     frame: Float64 | None = None,
     stages: Stages | None = None,
 ) -> Views:
-    """Take pictures of `mesh` from all around.
+    """Render pictures of `mesh` from all directions.
 
-    One ray goes through the center of every pixel; where it first meets a triangle T at barycentric coordinates B, the
+    One ray passes through the center of every pixel. If it first hits a triangle T at barycentric coordinates B, the
     pixel shows the surface point P = B·T.
 
     Parameters
     ----------
     views, resolution
-        How many pictures, and pixels along a side of each.
+        Number of pictures, and of pixels along a side of each.
     framing
-        "shape" fills every picture with the shape, "paper" keeps the paper's distance.
+        "shape" fills every picture with the shape; "paper" uses the distance of the paper.
     mirrored
-        Cameras, and with them pictures, come in fours that mirror each other; see `place_cameras`.
+        Whether cameras form groups of four that are mirror images of each other; see `place_cameras`.
     simplify_to
-        Cast rays at a copy of about so many faces (quadric error simplification) instead of the mesh itself.
+        Number of faces of a simplified copy (quadric errors) that is rendered instead; None renders the mesh itself.
     supervision
-        Which points are returned: "barycentric" for those behind all covered pixels, "vertex" for the visible vertices.
+        The returned points: "barycentric" for the surface points of all covered pixels, "vertex" for the visible
+        vertices.
     frame
-        (3, 3) rotation: the directions, in the mesh's coordinates, that count as right, up and front when cameras are
-        placed; None takes the mesh's own axes.
+        (3, 3) rotation: right, up and front of the cameras in the mesh's coordinates; None takes the mesh's axes.
 
-    Raises ValueError if an argument is out of its range, or no ray meets the mesh.
+    Raises ValueError if an argument is out of its range, or no ray hits the mesh.
     """
     views = check.whole("render", "views", views, minimum=1, maximum=LARGEST_VIEWS)
     resolution = check.whole("render", "resolution", resolution, minimum=1, maximum=LARGEST_RESOLUTION)
@@ -115,7 +114,7 @@ def render(
         cameras = [camera.in_mesh(axes) for camera in placed]
         images = np.empty((views, resolution, resolution, 3), np.uint8)
         covered = np.zeros((views, resolution, resolution), bool)
-        met = np.zeros(views, bool)  # pictures in which some ray met the surface
+        met = np.zeros(views, bool)  # pictures in which a ray hit the surface
 
         def take(index: int) -> Seen:
             images[index], hits = shading.picture(cameras[index], resolution)
@@ -123,7 +122,7 @@ def render(
             met[index] = len(hits.ray) > 0
             if supervision == "vertex":
                 points, row, column = _visible_vertices(scene, used, cameras[index], resolution)
-                # Some fall on pixels whose rays pass by the surface.
+                # A vertex at the outline may lie in a pixel whose own ray misses the surface.
                 place = np.rint([row, column]).astype(np.int32).clip(0, resolution - 1)
                 covered[index, place[0], place[1]] = True
                 return points, row, column, np.zeros(0, np.int32)
@@ -132,7 +131,7 @@ def render(
             return points, row.astype(np.float32), column.astype(np.float32), hits.face
 
         seen = []
-        # Embree and NumPy's large operations leave Python's lock to the other threads.
+        # Embree and large NumPy operations release the GIL.
         with ThreadPoolExecutor(get_num_threads()) as threads:
             for index, (points, row, column, face) in enumerate(threads.map(take, range(views))):
                 view = np.full(len(points), index, np.int16)
@@ -147,22 +146,22 @@ def render(
 
 
 def used_vertices(vertices: Float32, faces: Int32) -> Float32:
-    """Return the vertices that some face has."""
+    """Return the vertices (N, 3) of `vertices` (V, 3) that are corners of faces."""
     used = np.zeros(len(vertices), bool)
     used[faces] = True
     return vertices if used.all() else vertices[used]
 
 
 def surface_points(vertices: Float32, faces: Int32, hits: Hits) -> Float32:
-    """P = B·T (Eq. 2) of all hits, (K, 3), in the units of `vertices`."""
+    """Return P = B·T (Eq. 2) of all hits, (K, 3), in the units of `vertices` (V, 3)."""
     return blend(vertices, faces.take(hits.face, axis=0), hits.barycentric)
 
 
 def _visible_vertices(
     scene: Scene, vertices: Float32, camera: Camera, resolution: int
 ) -> tuple[Float32, Float32, Float32]:
-    """Vertices that nothing hides from the camera, and the pixels that they fall on."""
-    hidden = scene.hides(camera.position, vertices, 1e-3)  # by what is clearly in front of them
+    """Return the vertices (N, 3) that are visible from the camera, and their rows (N,) and columns (N,) in pixels."""
+    hidden = scene.hides(camera.position, vertices, 1e-3)
     row, column = camera.project(vertices, resolution)
     inside = (np.minimum(row, column) >= -0.5) & (np.maximum(row, column) <= resolution - 0.5)
     chosen = ~hidden & inside

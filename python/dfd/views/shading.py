@@ -1,4 +1,4 @@
-"""Shading of pixels: light at the eye, smooth normals, the surface's own color, white behind it."""
+"""Shade pixels by a light at the eye, smooth normals and the surface's own color, on white."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
     from dfd.views.cameras import Camera
 
-AMBIENT, DIFFUSE = 0.6, 0.4  # the public reference's light
-_LAYERS = 8  # clear surfaces one behind another that a ray passes at most
+AMBIENT, DIFFUSE = 0.6, 0.4  # as in the public reference
+_LAYERS = 8  # at most so many transparent surfaces along a ray
 _CANCELLED = 0.2  # a blend of unit normals shorter than this is unreliable
-_STEP = 1e-4  # past a clear surface, in normalized coordinates
+_STEP = 1e-4  # normalized: offset of a ray's next start behind a transparent surface
 
 
 class Shading:
-    """Takes pictures of a scene."""
+    """The renderer of one scene."""
 
     def __init__(self, scene: Scene, mesh: Mesh, vertices: Float32) -> None:
-        """Take `mesh`, of which `scene` holds the normalized `vertices` (V, 3)."""
+        """Keep `mesh`, and its normalized `vertices` (V, 3), which `scene` contains."""
         self._scene = scene
         self._vertices = vertices
         self._faces = mesh.faces
@@ -33,9 +33,9 @@ class Shading:
         self._appearance = mesh.appearance
 
     def picture(self, camera: Camera, resolution: int) -> tuple[UInt8, Hits]:
-        """Return one picture, (resolution, resolution, 3), and the first hit that is not clear of each covered pixel.
+        """Return one picture (R, R, 3), and for each covered pixel its first hit that is at least half opaque.
 
-        `ray` of the hits is the pixel's index.
+        `ray` of the hits is the index of the pixel.
         """
         origin = camera.position.astype(np.float32)
         directions = camera.ray_directions(resolution)
@@ -50,7 +50,7 @@ class Shading:
         return image.reshape(resolution, resolution, 3), hits
 
     def colors(self, hits: Hits, directions: Float32) -> Float32:
-        """Lit color and opacity of each hit, (K, 4) in [0, 1]; `directions` are those of all rays."""
+        """Return the lit color and opacity of each hit, (K, 4) in [0, 1]; `directions` (N, 3) are those of all rays."""
         if self._appearance is None:
             rgba = np.full((len(hits.ray), 4), GRAY, np.float32)
             rgba[:, 3] = 1
@@ -61,24 +61,24 @@ class Shading:
         return rgba
 
     def _see_through(self, origin: Float32, directions: Float32, hits: Hits, rgba: Float32) -> tuple[Hits, Float32]:
-        """Blend what lies behind clear surfaces, front to back, down to the white behind everything.
+        """Blend transparent surfaces from front to back, with white behind them.
 
-        Returns the first hit of each ray that is at least half opaque, and the color of all N rays, (N, 3).
+        Return the first hit of each ray that is at least half opaque, and the color (N, 3) of all rays.
         """
         color = np.zeros((len(directions), 3), np.float32)
-        clear = np.ones(len(directions), np.float32)  # remaining transmittance
+        light = np.ones(len(directions), np.float32)  # remaining transmittance
         reached = np.zeros(len(directions), np.float32)
         solid = np.zeros(len(directions), bool)
         kept: list[Hits] = []
         for _ in range(_LAYERS):
-            share = clear[hits.ray] * rgba[:, 3]
+            share = light[hits.ray] * rgba[:, 3]
             color[hits.ray] += share[:, None] * rgba[:, :3]
-            clear[hits.ray] -= share
+            light[hits.ray] -= share
             first = ~solid[hits.ray] & (rgba[:, 3] >= 0.5)
             kept.append(hits.where(first))
             solid[hits.ray[first]] = True
             reached[hits.ray] += hits.distance + np.float32(_STEP)
-            on = hits.ray[clear[hits.ray] > 0.01]
+            on = hits.ray[light[hits.ray] > 0.01]
             if len(on) == 0:
                 break
             further = self._scene.cast(origin + directions[on] * reached[on, None], directions[on])
@@ -86,7 +86,7 @@ class Shading:
             rgba = self.colors(hits, directions)
         layers = ((hits.ray, hits.face, hits.barycentric, hits.distance) for hits in kept)
         all_hits = Hits(*map(np.concatenate, zip(*layers, strict=True)))
-        return all_hits.where(np.argsort(all_hits.ray)), color + clear[:, None]
+        return all_hits.where(np.argsort(all_hits.ray)), color + light[:, None]
 
 
 def facing(
@@ -96,9 +96,9 @@ def facing(
     hits: Hits,
     directions: Float32,  # (N, 3) unit, of all rays
 ) -> Float32:
-    """|n · d| of each hit, (K,): 1 where the surface faces the eye, from either side, 0 where it is seen edge on.
+    """Return |n · d| of each hit, (K,): 1 if the surface faces the eye with its front or back, 0 if seen edge on.
 
-    Where faces wound either way meet, their normals cancel out, and the face's own is taken.
+    The smooth normal nearly cancels between faces of opposite orientation. The face's own normal then replaces it.
     """
     corners = faces.take(hits.face, axis=0)
     normal = blend(normals, corners, hits.barycentric)
@@ -111,6 +111,6 @@ def facing(
 
 
 def _bytes(color: Float32) -> UInt8:
-    """Colors (N, 3) in [0, 1] as pictures have them; what is outside, as its nearest end, and NaN as 0."""
+    """Return the 8-bit values of colors (N, 3), clipped to [0, 1]; NaN gives 0."""
     inside = np.fmin(np.fmax(color, np.float32(0)), np.float32(1))
     return (inside * np.float32(255) + np.float32(0.5)).astype(np.uint8)

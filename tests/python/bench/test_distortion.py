@@ -1,4 +1,4 @@
-"""What deformations do to surfaces."""
+"""Test the measures of distortion."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def test_a_box_stretched_along_one_axis() -> None:
     found = surface_metrics(BOX, BOX.vertices * [2, 1, 1])
     assert found.area == pytest.approx(4 / 6)  # four of six sides are doubled
     assert found.volume == pytest.approx(1)
-    # A square's halves have angles of 45, 45 and 90 degrees; stretched, of 26.57, 63.43 and 90.
+    # Halves of a square have angles of 45, 45 and 90 degrees; halves of a stretched one, 26.57, 63.43 and 90.
     assert found.angle == pytest.approx(4 / 6 * 2 / 3 * 18.4349488)
     np.testing.assert_allclose(surface_metrics(BOX, BOX.vertices * 3).edge_length, 2)
     assert found.flipped_faces == 0
@@ -36,7 +36,7 @@ def test_a_face_that_is_folded_over_is_counted() -> None:
     quads = [(r * 5 + c, r * 5 + c + 1, r * 5 + c + 6, r * 5 + c + 5) for r in range(4) for c in range(4)]
     mesh = Mesh(grid, [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))])
     moved = grid.copy()
-    moved[12] += [1.6, 1.6, 0]  # the middle, drawn over its neighbors
+    moved[12] += [1.6, 1.6, 0]  # the middle vertex, moved beyond its neighbors
     found = surface_metrics(mesh, moved)
     assert found.flipped_faces >= 2
     assert found.volume is None

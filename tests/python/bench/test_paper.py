@@ -1,10 +1,11 @@
-"""The paper's figures and tables: every page on a small shape, and the methods beside ours."""
+"""Test every page of the paper's figures and tables on a small shape, and the compared methods."""
 
 from __future__ import annotations
 
 import re
 from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,11 +22,11 @@ from bench.paper.peers import PEERS
 from bench.paper.peers.biharmonic import direct, small_system
 from bench.paper.peers.peer import Body, Done, Job, Tetrahedra, run
 from bench.paper.subjects import Context
+from bench.quality.shapes import SAMPLES
 
 igl = pytest.importorskip("igl")
 
 ROOT = Path(__file__).resolve().parents[3]
-TINY = {"views": 4, "resolution": 32, "steps": 5, "batch": 64, "up": "file"}
 
 
 @pytest.fixture(scope="module")
@@ -39,9 +40,21 @@ def ball() -> dfd.Mesh:
 
 @pytest.fixture
 def small(monkeypatch) -> None:
-    """Small pictures of coarse shapes; other methods, and the search for planes, have tests of their own."""
+    """Make pictures small, and replace all samples by a coarse shape of two components.
+
+    Other methods, and the search for planes, have separate tests.
+    """
+    body = trimesh.creation.icosphere(subdivisions=2)
+    body.vertices *= (0.6, 1, 0.8)
+    foot = trimesh.creation.box((0.5, 0.2, 0.5)).subdivide().apply_translation((0, -1.05, 0.2))
+    both = trimesh.util.concatenate([body, foot])
+    sample = SimpleNamespace(mesh=dfd.Mesh(both.vertices, both.faces))
+    monkeypatch.delenv("DFD_MESHES", raising=False)
+    monkeypatch.setattr(subjects, "SAMPLES", dict.fromkeys(SAMPLES, lambda: sample))
     seconds = dict.fromkeys(("tetrahedra", "prepare", "bind", "pose"), 0.5)
     monkeypatch.setattr(page, "RESOLUTION", 48)
+    monkeypatch.setattr(subjects, "QUICK", {"views": 4, "resolution": 32, "steps": 5, "batch": 64, "up": "file"})
+    monkeypatch.setattr(subjects, "QUICK_PAPER", {})
     monkeypatch.setattr(subjects, "LONGEST_EDGE", 0.2)
     monkeypatch.setattr(resolution, "FACES", (300, 900))
     monkeypatch.setattr("dfd.editing.influence.grips.symmetry_planes", lambda field, mesh: [])
@@ -51,14 +64,8 @@ def small(monkeypatch) -> None:
 
 @pytest.fixture(scope="module")
 def context(tmp_path_factory) -> Context:
-    """One file with a shape of two pieces."""
-    body = trimesh.creation.icosphere(subdivisions=2)
-    body.vertices *= (0.6, 1, 0.8)
-    foot = trimesh.creation.box((0.5, 0.2, 0.5)).subdivide().apply_translation((0, -1.05, 0.2))
-    folder = tmp_path_factory.mktemp("meshes")
-    trimesh.util.concatenate([body, foot]).export(folder / "thing.ply")
     encoder = save_tiny_encoder(tmp_path_factory.mktemp("encoder"))
-    return Context(folder=folder, quick=True, encoder=encoder, settings=TINY)
+    return Context(quick=True, encoder=encoder)
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Labelled shapes: the tables are written, precision is computed by hand, and rigs are read."""
+"""Test the tables of labelled shapes, precision against values computed by hand, and the reading of rigs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from bench.quality.shapes import characters
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Two chairs, labelled face by face."""
+    """Write two chairs with a label for each face."""
     root = tmp_path_factory.mktemp("labelled")
     (root / "Chair").mkdir()
     sample = dfd.samples.chair(4_000)
@@ -53,7 +53,7 @@ def test_the_bench_writes_its_tables(folder, tmp_path):
         ((0.9, 0.7, 0.4, 0.1), (1, 1, 0, 0), 1.0),
         ((0.9, 0.7, 0.4, 0.1), (0, 0, 1, 1), (1 / 3 + 2 / 4) / 2),
         ((0.9, 0.7, 0.4, 0.1), (0, 1, 0, 0), 1 / 2),
-        # One of three hits on top, the two others somewhere among three ties: 1/3 · 1 + 2/3 · 3/4.
+        # One of three hits is first, and the two others are among three ties: 1/3 · 1 + 2/3 · 3/4.
         ((1.0, 0, 0, 0), (1, 1, 1, 0), 1 / 3 + 2 / 3 * 3 / 4),
         ((1.0, 0, 0, 0), (1, 0, 1, 1), 1 / 3 + 2 / 3 * 3 / 4),
         ((0.0,) * 8, (1, 1, 1, 0, 0, 0, 0, 0), 3 / 8),

@@ -1,4 +1,4 @@
-"""What hangs on a joint, on a chain of boxes whose joints are known."""
+"""Test the subtrees of joints on a chain of boxes with known joints."""
 
 import numpy as np
 from made_rig import two_legs

@@ -1,4 +1,4 @@
-"""The table of speed on a small shape, each call made once or twice."""
+"""Test the tables of speed on a small shape, with one or two repetitions of each call."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def test_every_line_of_the_table_is_measured(monkeypatch):
     monkeypatch.setattr(speed, "together", short)
     rows = list(speed.lines(1_000, 500))
     assert {"bind 10", "bind 100", "pose 1", "pose 100", "drag frame with 100 handles"} <= {row[0] for row in rows}
-    assert "bind 1, D = 384, float32, 500 vertices" in {row[0] for row in rows}  # as wide and exact as torch's
+    assert "bind 1, D = 384, float32, 500 vertices" in {row[0] for row in rows}  # as for torch
     assert all(len(row) == len(speed.COLUMNS) and float(row[1]) > 0 for row in rows)
 
 

@@ -1,4 +1,4 @@
-"""What is learned for the package: the directions and kinds of the metric, the probe for up, and their reports."""
+"""Test learning of the metric's directions and kinds, the up probe, the constants of agreement, and their reports."""
 
 from __future__ import annotations
 

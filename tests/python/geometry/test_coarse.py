@@ -1,4 +1,4 @@
-"""Nodes: a fine mesh gathered into few, in little memory and with the same shares."""
+"""Test the clustering of a fine mesh into nodes, its memory, and its shares."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from dfd.segmentation.parts import Grip
 
 @pytest.fixture
 def small_runs(monkeypatch):
-    """Meshes of a few thousand vertices are gathered, and gone through in many runs."""
+    """Cluster meshes of a few thousand vertices, in many batches."""
     monkeypatch.setattr(coarse, "MOST_NODES", 500)
     monkeypatch.setattr(coarse, "CELLS", 12)
     monkeypatch.setattr(coarse, "RUN", 300)

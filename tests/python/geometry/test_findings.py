@@ -1,4 +1,4 @@
-"""What is odd about a mesh, said in words."""
+"""Test the sentences about unusual properties of a mesh."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def test_nothing_is_odd_about_a_good_mesh() -> None:
 @pytest.mark.parametrize(
     ("offset", "message"),
     [
-        (1.01, "2 components that no edge connects. All touch or nearly touch another"),
-        (3.0, "2 components that no edge connects. Gaps leave 2 groups apart"),
+        (1.01, "2 components that no edge connects. Each touches or nearly touches another"),
+        (3.0, "2 components that no edge connects. Gaps separate 2 groups"),
     ],
 )
 def test_components_that_touch_and_that_do_not(offset: float, message: str) -> None:

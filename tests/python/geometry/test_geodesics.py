@@ -1,4 +1,4 @@
-"""Distances along the surface: against exact ones, against the twin, across gaps, and on broken meshes."""
+"""Test distances along the surface: exact ones, those of the twin, across gaps, and on defective meshes."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ def sphere() -> Mesh:
 
 
 def on_sphere(mesh: Mesh, handle: int) -> np.ndarray:
-    """The exact distance on a unit sphere, largest 1."""
+    """Return the exact distance on a unit sphere, divided by the largest."""
     return np.arccos(np.clip(mesh.vertices @ mesh.vertices[handle], -1, 1)) / np.pi
 
 
 @pytest.mark.parametrize(("subdivisions", "sampled"), [(4, True), (6, True), (6, False)])
 def test_distances_on_a_sphere_are_angles(subdivisions: int, sampled: bool) -> None:
-    """Over all vertices, over samples of 40,962, and over all of these."""
+    """Use all vertices, samples of 40,962 vertices, and all 40,962 vertices."""
     mesh = sphere_of(subdivisions)
     geodesics = Geodesics(mesh, sampled=sampled)
     assert geodesics.extent == pytest.approx(np.pi, rel=0.01)
@@ -53,7 +53,7 @@ def test_distances_on_a_sphere_are_angles(subdivisions: int, sampled: bool) -> N
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(3, 40), st.integers(0, 60), st.integers(0, 5))
 def test_the_kernel_agrees_with_its_twin(seed: int, count: int, face_count: int, link_count: int) -> None:
-    """On any faces at all: non-manifold, repeated and without area."""
+    """Use random faces: non-manifold, repeated and without area."""
     random = np.random.default_rng(seed)
     vertices = random.uniform(-1, 1, (count, 3))
     faces = random.integers(0, count, (face_count, 3)).astype(np.int32)
@@ -80,7 +80,7 @@ def test_one_thread_equals_many() -> None:
 
 def test_components_that_touch_are_near_and_others_farthest() -> None:
     seat = trimesh.creation.box((1, 0.1, 1))
-    leg = trimesh.creation.box((0.1, 1, 0.1)).apply_translation((0.4, -0.54, 0.4))  # into the seat
+    leg = trimesh.creation.box((0.1, 1, 0.1)).apply_translation((0.4, -0.54, 0.4))  # inside the seat
     far = trimesh.creation.box((0.1, 0.1, 0.1)).apply_translation((3, 0, 0))
     parts = trimesh.util.concatenate([seat, leg, far])
     mesh = Mesh(parts.vertices, parts.faces)

@@ -1,4 +1,4 @@
-"""The axes of parts: where they run, what they say of limbs, and where parts begin."""
+"""Test the axes of parts: their curves, limbs, and borders."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from dfd.geometry.part_axis import PartAxes
 
 
 def upper(mesh, low=1.0, slant=0.0):
-    """What of a standing tube lies above a plane, which may be slanted."""
+    """Return the part of an upright tube above a plane, which may be slanted."""
     return mesh.vertices[:, 1] + slant * mesh.vertices[:, 0] > low
 
 
@@ -43,7 +43,7 @@ def test_a_curved_tube_has_a_curved_axis():
     assert axis.tangents[0] @ axis.tangents[-1] < -0.1
 
 
-def test_what_is_wider_than_long_is_no_limb_and_a_middle_piece_has_two_borders():
+def test_what_is_wider_than_long_is_no_limb_and_a_middle_component_has_two_borders():
     import trimesh
 
     ball = trimesh.creation.icosphere(4)
@@ -64,7 +64,7 @@ def test_a_wheel_is_no_limb_and_turns_about_its_hub():
     mesh = Mesh(*(lambda both: (both.vertices, both.faces))(trimesh.util.concatenate([wheel, body])))
     (axis,) = PartAxes(mesh).of(np.arange(len(mesh.vertices)) < len(wheel.vertices))
     assert axis.borders == 1
-    assert axis.base[1] > 0.5  # where the body is, above the hub
+    assert axis.base[1] > 0.5  # of the body, above the hub
     assert not axis.is_limb
     np.testing.assert_allclose(axis.middle, 0.0, atol=0.02)
 
@@ -81,7 +81,7 @@ def test_what_hangs_on_a_part_has_one_place_on_its_axis():
     assert axis.nodes[-1, 1] < 5.2
 
 
-def test_pieces_have_axes_of_their_own_the_largest_first_and_crumbs_none():
+def test_components_have_axes_the_largest_first_and_small_ones_none():
     one, other = straight(4.0), straight(2.0)
     count = len(one.vertices)
     mesh = Mesh(
@@ -135,7 +135,7 @@ def test_a_hinge_joins_the_extremes_of_the_border_and_opens_away_from_the_rest()
     (axis,) = PartAxes(wide).of(inside)
     middle, across = axis.hinge
     np.testing.assert_allclose(middle, (0, 0, 1), atol=0.15)
-    # From the front of the bow to its lower end, which is above the rest's mirror image: opening leads down.
+    # The jaw opens downwards, from the front of the bow to its lower end.
     assert abs(across[0]) > 0.97
     opened = np.cross(across, axis.nodes[-1] - middle)
     assert opened[1] < 0

@@ -1,4 +1,4 @@
-"""Copies with fewer faces: the same shape and colors."""
+"""Test copies with fewer faces: they have the same shape and colors."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def quadruped() -> Mesh:
 
 
 def sphere(count: int = 60) -> Mesh:
-    """A unit sphere."""
+    """Return a unit sphere."""
     theta = np.linspace(0, np.pi, count)
     phi = np.linspace(0, 2 * np.pi, count, endpoint=False)
     ring = np.stack(np.meshgrid(theta, phi, indexing="ij"), -1).reshape(-1, 2)
@@ -68,7 +68,7 @@ def test_textured_colors_are_looked_up() -> None:
 
 
 def test_faces_without_area_do_not_stand_in_the_way(quadruped: Mesh) -> None:
-    # Every face's first edge once more, as a face without area: a collapse beside one would seem to fold it over.
+    # The first edge of every face, repeated as a face without area: a collapse beside it must not count as a fold.
     slivers = quadruped.faces[:, [0, 1, 1]]
     coarse = simplify(Mesh(quadruped.vertices, np.concatenate([slivers, quadruped.faces])), 1500)
     assert len(coarse.faces) <= 1500

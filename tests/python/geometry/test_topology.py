@@ -1,4 +1,4 @@
-"""Counts of components and defects, on meshes whose defects are known."""
+"""Test counts of components and defects on meshes with known defects."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where pictures are taken from, and what is written on them."""
+"""Test the camera of pictures, and the labels on them."""
 
 from __future__ import annotations
 
@@ -9,24 +9,29 @@ from mesh_files import CORNERS, CUBE
 from dfd.mesh.mesh import Mesh
 from dfd.pictures.colors import part_colors
 from dfd.pictures.picture import picture
-from dfd.pictures.viewpoint import viewpoint
+from dfd.pictures.viewpoint import aim
 
 MESH = Mesh(10 * CORNERS + 100, CUBE)
 SIDE = {"azimuth": 30.0, "elevation": 20.0}
 
 
+def projected(*, zoom: float = 1.0, target: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Return row and column of vertex 7 in a picture of 200² pixels."""
+    frame, camera = aim(MESH, MESH.vertices, **SIDE, zoom=zoom, target=target, frame=())
+    return camera.project(frame.apply(MESH.vertices[[7]]), 200)
+
+
 def changed(one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and columns of the pixels in which two pictures differ."""
+    """Return rows and columns of the pixels in which two pictures differ."""
     rows, columns = np.nonzero(np.abs(one.astype(int) - other).max(axis=2) > 30)
     return rows, columns
 
 
 @pytest.mark.parametrize("zoom", [0.5, 1.0, 3.0])
-def test_the_viewpoint_is_the_one_of_the_picture(zoom) -> None:
+def test_the_camera_is_centered_on_the_target(zoom) -> None:
     where = {**SIDE, "zoom": zoom, "target": MESH.vertices[7]}
-    camera = viewpoint(MESH, **where)
     plain = picture(MESH, resolution=200, **where)
-    row, column = camera.project(MESH.vertices[[7]], 200)
+    row, column = projected(zoom=zoom, target=MESH.vertices[7])
     np.testing.assert_allclose([row[0], column[0]], 99.5, atol=1e-3)
     rows, columns = changed(plain, picture(MESH, resolution=200, handles=[7], **where))
     np.testing.assert_allclose([rows.mean(), columns.mean()], 99.5, atol=1.0)
@@ -35,7 +40,7 @@ def test_the_viewpoint_is_the_one_of_the_picture(zoom) -> None:
 def test_labels_stand_beside_their_handles() -> None:
     plain = picture(MESH, handles=[7], resolution=200, **SIDE)
     labelled = picture(MESH, handles=[7], labels=["12"], resolution=200, **SIDE)
-    row, column = viewpoint(MESH, **SIDE).project(MESH.vertices[[7]], 200)
+    row, column = projected()
     rows, columns = changed(plain, labelled)
     assert len(rows) > 10
     assert np.hypot(rows - row[0], columns - column[0]).max() < 40

@@ -1,4 +1,4 @@
-"""Colors that stand for numbers."""
+"""Test colors that show numbers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def test_heat_darkens_in_even_steps() -> None:
     assert (np.diff(lab[:, 0]) < 0).all()
     steps = np.linalg.norm(np.diff(lab, axis=0), axis=1)
     assert steps.max() < 1.1 * np.median(steps)
-    assert steps.min() > 0.75 * np.median(steps)  # a step across one of the stops cuts its corner
+    assert steps.min() > 0.75 * np.median(steps)  # a step across a stop is shorter than the path
 
 
 def test_like_features_get_like_colors_and_others_do_not() -> None:

@@ -1,4 +1,4 @@
-"""Sheets of captioned pictures, and the text on them."""
+"""Test sheets of captioned pictures, and their text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures and bars in notebooks."""
+"""Test pictures and progress bars in notebooks."""
 
 from __future__ import annotations
 
@@ -37,4 +37,4 @@ def test_a_session_is_shown_as_it_is_posed() -> None:
 
 def test_bars_need_no_widgets_in_a_notebook() -> None:
     with mock.patch("rich.console._is_jupyter", return_value=True), Stages().stage("work", 2) as advance:
-        advance(2)  # without ipywidgets rich would warn, which is an error here
+        advance(2)  # without ipywidgets, rich warns, and warnings are errors here

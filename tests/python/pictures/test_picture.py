@@ -1,4 +1,4 @@
-"""Pictures for people."""
+"""Test pictures of shapes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FRONT = {"azimuth": 0.0, "elevation": 0.0}
 
 
 def box(center: tuple[float, float, float] = (0, 0, 0), half: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-    """Eight corners, x slowest, and twelve faces that look outwards."""
+    """Return a cube: eight corners, x slowest, and twelve outward faces."""
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     faces = [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))]
@@ -74,7 +74,7 @@ def test_weights_are_drawn_as_heat_and_none_as_clay() -> None:
 
 
 def test_a_box_keeps_its_edges_and_hollows_are_darker() -> None:
-    # A box on the floor: the floor is darker beside it than far from it, and the box's front is evenly lit.
+    # The floor is darker near the box than far from it, and the front of the box is evenly lit.
     floor = np.array([[-6, -1, -6], [6, -1, -6], [6, -1, 6], [-6, -1, 6]], float), np.array([[0, 2, 1], [0, 3, 2]])
     mesh = Mesh(*joined(floor, box()))
     image = picture(mesh, azimuth=0, elevation=40, resolution=160)[:, :, 0].astype(int)
@@ -94,7 +94,7 @@ def test_a_pair_shares_its_camera() -> None:
     moved[8:] += (4, 2, 0)
     before = picture(mesh, frame=[moved], **FRONT, resolution=96)
     after = picture(mesh, vertices=moved, frame=[mesh.vertices], **FRONT, resolution=96)
-    half = 36  # columns of the box that stays
+    half = 36  # columns of the box that does not move
     np.testing.assert_array_equal(covered(before)[:, :half], covered(after)[:, :half])
     assert covered(before)[:, :half].any()
     assert (covered(before)[:, half:] != covered(after)[:, half:]).any()
@@ -137,7 +137,7 @@ def test_handles_are_blue_dots_and_fixed_points_dark_squares() -> None:
     assert abs(np.mean(columns) - 29.5) < 0.6
     dark = (marked.max(axis=-1) < 60).nonzero()
     assert np.ptp(dark[0]) == np.ptp(dark[1])
-    assert len(dark[0]) == (np.ptp(dark[0]) + 1) ** 2  # a square, full to its corners
+    assert len(dark[0]) == (np.ptp(dark[0]) + 1) ** 2  # a square with filled corners
     assert dark[0].mean() < 60  # up
     assert dark[1].mean() > 140  # and to the right
 
@@ -194,7 +194,7 @@ def test_one_pixel_and_faces_without_area() -> None:
     [
         ({"vertices": np.zeros((3, 3))}, r"`vertices` must have shape \(8, 3\), got \(3, 3\)"),
         ({"vertices": np.full((8, 3), np.nan)}, "`vertices` must be finite"),
-        ({"vertices": np.zeros((8, 3))}, "all points lie in one place"),
+        ({"vertices": np.zeros((8, 3))}, "all points have one position"),
         ({"colors": np.zeros((8, 4))}, r"`colors` must have shape \(8, 3\)"),
         ({"weights": np.zeros(7)}, r"`weights` must have shape \(8,\)"),
         ({"weights": np.zeros(8), "colors": np.zeros((8, 3))}, "`colors` and `weights` cannot both be given"),

@@ -1,4 +1,4 @@
-"""Made shapes: closed, symmetric to the bit, labelled, and of any size."""
+"""Test generated shapes: closed, exactly symmetric, labelled, and of any number of faces."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from dfd import samples
 from dfd.geometry.topology import inspect
 from dfd.mesh.mesh import Mesh
 from dfd.samples import Sample
-from dfd.samples.implicit import Piece, Shape, ellipsoid
+from dfd.samples.implicit import Primitive, Shape, ellipsoid
 from dfd.samples.polygonize import polygonize
 
 MAKERS = [samples.chair, samples.quadruped, samples.robot]
-INSTANCES = {  # how many of each kind of part there are
+INSTANCES = {  # the number of parts of each kind
     samples.chair: {"seat": 1, "back": 1, "leg": 4},
     samples.quadruped: {"body": 1, "neck": 1, "head": 1, "ear": 2, "horn": 2, "leg": 4, "hoof": 4, "tail": 1},
     samples.robot: {"torso": 1, "head": 1, "arm": 2, "hand": 2, "leg": 2, "foot": 2},
@@ -84,7 +84,7 @@ def test_bad_face_counts_are_refused(faces: object) -> None:
 
 
 def test_an_ellipsoid_has_its_volume_and_surface() -> None:
-    shape = Shape([Piece("egg", ellipsoid((0, 0, 0), (0.3, 0.4, 0.5)))])
+    shape = Shape([Primitive("egg", ellipsoid((0, 0, 0), (0.3, 0.4, 0.5)))])
     vertices, faces = polygonize(shape, (-0.5, -0.5, -0.6), (0.5, 0.5, 0.6), 10_000)
     assert np.abs(np.linalg.norm(vertices / [0.3, 0.4, 0.5], axis=1) - 1).max() < 1e-4
     corners = vertices[faces]

@@ -1,4 +1,4 @@
-"""Mirror planes: reflections that are reflections, and planes as people write them."""
+"""Test mirror planes: their reflections, and planes as text."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def test_reflection_and_distance_agree() -> None:
 
 def test_axis_plane_stands_at_the_center_of_the_box() -> None:
     assert axis_plane(creature(offset=(5, 0, 0)), "x").offset == pytest.approx(5.0)
-    with pytest.raises(ValueError, match="`axis` must be x, y or z, got 'w'"):
+    with pytest.raises(ValueError, match="`axis` must be one of x, y, z, got 'w'"):
         axis_plane(creature(), "w")
 
 

@@ -1,4 +1,4 @@
-"""The network whose pictures the tests of up go by."""
+"""The encoder of the tests of the up direction."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which way is up: what may be said, how it is found, and that pictures follow it."""
+"""Test the up direction: accepted values, the search, and its effect on pictures."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_a_mesh_without_extent_along_up_is_refused():
     sheet = dfd.Mesh([[0, 0, 0], [1, 0, 0], [0, 0, 1]], [[0, 1, 2]])
     with pytest.raises(ValueError, match=r"`up` must be a direction that `mesh` has some extent along, got '\+y'"):
         explicit_up(sheet, "+y")
-    assert explicit_up(sheet, "file").direction.tolist() == [0, 1, 0]  # as before there was anything to say
+    assert explicit_up(sheet, "file").direction.tolist() == [0, 1, 0]  # "file" needs no extent
 
 
 @given(st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda up: np.linalg.norm(up) > 1e-3))
@@ -52,7 +52,7 @@ def test_frames_are_rotations_with_that_up(up):
 
 
 def voting_for(seen, up, encoder):
-    """A form and a vector of least length by which pictures vote for `up`, and for nothing else."""
+    """Return a form and a vector of least length, by which pictures vote for `up` alone."""
     at = np.einsum("nai,ki->nka", seen.axes, np.eye(3))
     forms = np.einsum("nka,jab,nkb,njd->kjd", at, FORMS, at, seen.tokens[:, FORM_TOKENS], optimize=True)
     vectors = np.einsum("nka,ja,njd->kjd", at, VECTORS, seen.tokens[:, VECTOR_TOKENS], optimize=True)
@@ -78,7 +78,7 @@ def test_pictures_decide_when_the_surface_says_nothing(encoder):
     ("at_once", "then", "pictures"), [("sure", "sure", 4), ("doubtful", "sure", 24), ("doubtful", "doubtful", 48)]
 )
 def test_few_pictures_are_enough_where_they_leave_no_doubt(encoder, monkeypatch, at_once, then, pictures):
-    """Four around the file's up; four around each axis; eight, and all decide."""
+    """Count the pictures: 4 around the file's up, then 20 along the other axes, then 24 from the corners."""
     looked, encode = [], encoder.encode
     monkeypatch.setattr(
         encoder, "encode", lambda images, **more: (looked.append(len(images)), encode(images, **more))[1]
@@ -91,7 +91,7 @@ def test_few_pictures_are_enough_where_they_leave_no_doubt(encoder, monkeypatch,
     assert (found.source == "averaged") == (then == "doubtful")
 
 
-def test_without_a_clear_axis_the_two_likeliest_stand_side_by_side():
+def test_without_a_clear_axis_the_two_likeliest_are_combined():
     frames = np.stack(axis_frames(np.eye(3)))
     found = decide(frames, np.log([0.05, 0.05, 0.3, 0.2, 0.1, 0.3]))
     assert found.source == "averaged"
@@ -99,7 +99,7 @@ def test_without_a_clear_axis_the_two_likeliest_stand_side_by_side():
     assert found.confidence < CLEAR
     assert [frame[1].tolist() for frame in found.frames] == [[0, 1, 0], [0, 0, -1]]
     assert np.array_equal(found.frame, found.frames[0])
-    assert found.sentence == "+y likeliest, 50% sure: +y and -z side by side"
+    assert found.sentence == "+y, 50% sure: features of +y and -z are combined"
     assert found.shares.tolist() == pytest.approx([5 / 9, 4 / 9])
 
 
@@ -123,7 +123,7 @@ def test_the_prior_decides_where_nothing_else_does(encoder):
     assert found.source == "file"
     odds = np.exp([0, 0, 5, 2, 1, 1])
     assert found.confidence == pytest.approx(odds[2:4].sum() / odds.sum())
-    assert found.sentence == f"+y as the file has it, {found.confidence:.0%} sure"
+    assert found.sentence == f"+y as in the file, {found.confidence:.0%} sure"
     assert [prior(silent, frame) for frame in axis_frames(np.eye(3))] == [0, 0, 5, 2, 1, 1]
 
 
@@ -153,11 +153,11 @@ def test_another_encoders_probe_is_refused_and_without_one_the_files_up_stays(en
     found = find_up(table(), encoder)
     assert (found.source, found.confidence) == ("file", 0)
     assert np.array_equal(found.frame, np.eye(3))
-    assert found.sentence == "+y by the file's convention: there was nothing to tell it by"
+    assert found.sentence == "+y by the file's convention: the up direction could not be measured"
 
 
 def test_pictures_in_a_frame_are_those_of_the_turned_mesh():
-    """A mesh that lies on its side, in the frame in which it stands, looks like the same mesh standing."""
+    """Compare a mesh on its side, rendered in its upright frame, with the upright mesh."""
     mesh = table()
     z_up = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
     lying = dfd.Mesh(mesh.vertices @ z_up.T, mesh.faces)

@@ -1,4 +1,4 @@
-"""What pictures around a shape show, how they vote for which way is up, and the file that says how."""
+"""Test pictures around a shape, their votes for the up direction, and the file of a probe."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from dfd.upright.probe_views import SIDES, ProbeCameras, ViewTokens
 
 
 def test_what_is_seen_around_a_candidate_does_not_depend_on_where_it_lies(encoder):
-    """All 24 ways to lay a table down show the same pictures, of the axis that was up before."""
+    """Compare the pictures around each axis of a table with those of the rotated table."""
     mesh = table()
     frames = np.stack(axis_frames(np.eye(3)))
 
@@ -35,13 +35,13 @@ def test_what_is_seen_around_a_candidate_does_not_depend_on_where_it_lies(encode
 
 
 def pictures(generator, count, width):
-    """What random pictures from random cameras show."""
+    """Return random tokens of random cameras."""
     axes = Rotation.random(count, rng=generator).as_matrix()
     return ViewTokens(generator.standard_normal((count, 2, width)).astype(np.float32), axes)
 
 
 def random_probe(encoder, generator, **changes):
-    """A probe whose votes are anything."""
+    """Return a probe with random votes."""
     width = encoder.dimension
     form, vector = (generator.standard_normal((rows, width)).astype(np.float32) for rows in (5, 3))
     return probe_of(encoder, form=form, vector=vector, **changes)
@@ -57,7 +57,7 @@ def test_votes_turn_with_the_pictures_and_mirror_with_them(encoder):
     turned = probe.votes(ViewTokens(seen.tokens, seen.axes @ rotation.T))
     assert np.allclose(turned[0], rotation @ form @ rotation.T)
     assert np.allclose(turned[1], rotation @ vector)
-    # A mirror image is seen by the mirrored camera, whose right is turned round; its halves have changed places.
+    # The mirrored camera has its right axis negated, and the halves of the picture are exchanged.
     mirror = np.diag([-1.0, 1, 1])
     mirrored = ViewTokens(seen.tokens * np.float32([1, -1])[:, None], np.diag([-1.0, 1, 1]) @ seen.axes @ mirror)
     assert np.allclose(probe.votes(mirrored)[0], mirror @ form @ mirror)

@@ -1,4 +1,4 @@
-"""What a surface tells of how it would stand."""
+"""Test the cues of a surface for its up direction."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_evidence_of_a_table():
 
 
 def test_a_shape_rests_where_its_middle_is_above_an_edge():
-    """A triangle seen from the side rests on each of its sides; one that leans far only on two."""
+    """Test that an upright triangle rests on each of its sides, and a strongly leaning one on two."""
     frame = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
     for tip, ways in (((0.5, 0.8, 0), 3), ((3.0, 0.5, 0), 2)):
         mesh = dfd.Mesh([[0, 0, 0], [1, 0, 0], tip], [[0, 1, 2]])

@@ -1,4 +1,4 @@
-"""Cameras: even directions, orthonormal bases, framing that is tight and cuts nothing, mirrored pairs."""
+"""Test cameras: even directions, orthonormal bases, tight framing of the whole shape, and mirrored pairs."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_mirrored_directions_are_their_own_mirror_images(count: int, axis: int) 
     image[:, axis] *= -1
     found = {tuple(direction) for direction in directions.round(9) + 0.0}
     missing = [direction for direction in image.round(9) + 0.0 if tuple(direction) not in found]
-    assert len(missing) == (count % 2 if axis == 2 else 0)  # the one from the front has no other behind
+    assert len(missing) == (count % 2 if axis == 2 else 0)  # the camera at the front has no counterpart at the back
 
 
 @pytest.mark.parametrize("direction", [(0, 1, 0), (0, -1, 0), (0, 0, 1), (1, 0, 0), (1e-9, 1, -1e-9), (0.03, -1, 0.01)])
@@ -87,10 +87,10 @@ def test_framing_cuts_nothing_off_and_is_tight(
         row, column = camera.project(points, 100)
         across = np.abs(np.concatenate([row, column]) - 49.5).max() / 50
         assert across <= 1 / MARGIN + 1e-4
-        if depth.min() > clearance + 1e-5:  # as near as it may be otherwise
+        if depth.min() > clearance + 1e-5:  # not limited by the clearance
             assert across >= 1 / MARGIN - 1e-3
             rims = [abs(place.min() + place.max() - 99) for place in (row, column)]
-            assert min(rims) < 0.05  # it touches both rims of one direction
+            assert min(rims) < 0.05  # the shape touches two opposite sides of the picture
 
 
 def test_the_paper_looks_at_the_origin_from_its_distance() -> None:
@@ -111,7 +111,7 @@ def test_mirrored_cameras_are_mirror_images(framing: str, axis: int) -> None:
     for camera in cameras:
         other = partners[tuple(camera.back.round(9) + 0.0)]
         if other is camera:
-            continue  # it lies in the plane
+            continue  # the camera lies in the plane
         for name in ("right", "up", "back"):
             assert getattr(other, name) == pytest.approx(getattr(camera, name) * mirror, abs=1e-12)
         assert other.position == pytest.approx(camera.position * mirror, abs=1e-6)

@@ -1,4 +1,4 @@
-"""Views: every pixel's surface point by Eq. 2, and pictures that depend on nothing but the shape."""
+"""Test views: the surface point of every pixel by Eq. 2, and pictures that depend on the shape alone."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def seen(robot: Mesh) -> Views:
 
 
 def lopsided() -> Mesh:
-    """A tetrahedron with no two sides alike."""
+    """Return a tetrahedron with four different sides."""
     return Mesh(
         [[0, 0, 0], [1, 0.1, 0], [0.2, 0.7, 0.1], [0.3, 0.2, 0.9]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]
     )
@@ -111,7 +111,7 @@ def test_vertex_supervision_returns_the_visible_vertices_only() -> None:
     places = ((mesh.vertices - views.center) * views.scale).astype(np.float32)
     for index, camera in enumerate(views.cameras):
         here = views.view == index
-        # A vertex of a convex shape is seen when one of its faces looks at the camera.
+        # A vertex of a convex shape is visible if one of its faces faces the camera.
         corners = places[mesh.faces].astype(np.float64)
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         fronts = np.einsum("fc,fc->f", normals, camera.position - corners[:, 0]) > 0

@@ -1,4 +1,4 @@
-"""Light, colors and what is seen through clear surfaces."""
+"""Test light, colors and transparent surfaces."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TWO = np.array([[0, 1, 2], [0, 2, 3]])
 
 
 def squares(*layers: tuple[float, Material]) -> Mesh:
-    """Squares one behind another, each at a height with a material."""
+    """Return squares one behind another, each with its own height and material."""
     vertices = np.concatenate([SQUARE + [0, 0, z] for z, _ in layers])
     faces = np.concatenate([TWO + 4 * index for index in range(len(layers))]).astype(np.int32)
     appearance = Appearance(
@@ -38,7 +38,7 @@ def look(mesh: Mesh, direction: tuple[float, float, float] = (0, 0, 1), resoluti
 
 
 def lit(value: float, camera: Camera, resolution: int = 21, row: int = 10, column: int = 10) -> float:
-    """What a surface of that color facing +z shows at a pixel."""
+    """Return the pixel of a surface of this color that faces +z."""
     direction = camera.ray_directions(resolution)[row * resolution + column]
     return value * (AMBIENT + DIFFUSE * abs(direction[2])) * 255
 
@@ -86,7 +86,7 @@ def test_a_sheet_with_faces_on_both_sides_is_lit_by_its_own_normal() -> None:
 
 def test_holes_of_a_masked_texture_show_what_lies_behind() -> None:
     texture = np.full((2, 2, 4), 255, np.uint8)
-    texture[:, 0, 3] = 0  # the left half is clear
+    texture[:, 0, 3] = 0  # the left half is transparent
     front = Material((0.5, 0.5, 0.5, 1.0), texture=texture, wrap=("clamp", "clamp"), alpha_mode="MASK")
     behind = Material((0.9, 0.1, 0.1, 1.0))
     image, hits, _ = look(squares((0.5, front), (-0.5, behind)), field_of_view=20)
@@ -113,7 +113,7 @@ def test_glass_tints_what_lies_behind_and_is_not_the_surface() -> None:
     expected = 0.25 * np.array([0, 0, 1]) + 0.75 * np.array([0.8, 0.4, 0])
     assert image[10, 10] == pytest.approx(expected * share * 255, abs=0.6)
     assert dict(zip(hits.ray.tolist(), hits.face.tolist(), strict=True))[10 * 21 + 10] in (2, 3)
-    # Alone it is only a tint of the white ground, and no surface.
+    # Without the opaque square, it tints the white background and is no hit.
     image, hits, _ = look(squares((0.5, glass)))
     assert len(hits.ray) == 0
     assert image[10, 10] == pytest.approx([0.75 * 255, 0.75 * 255, (0.25 * share + 0.75) * 255], abs=0.6)
