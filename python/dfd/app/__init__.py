@@ -1,4 +1,4 @@
-"""The app: one shape in a browser's tab. The server binds, the page draws; they talk as `dfd.app.protocol` says."""
+"""The app: one shape in a browser tab. The server computes weights, the page draws; see `dfd.app.protocol`."""
 
 from __future__ import annotations
 

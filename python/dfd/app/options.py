@@ -1,4 +1,4 @@
-"""What a session is started with, what it opens, and the made shapes."""
+"""Options of a session, the files that it opens, and its sample shapes."""
 
 from __future__ import annotations
 
@@ -17,33 +17,33 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class OpenedFile:
-    """A file on disk, under the name that the user knows."""
+    """A file on disk, with the name that the user knows."""
 
     name: str
     path: Path
 
 
-Source = OpenedFile | str  # where a shape comes from: a file, or the sample of that name
+Source = OpenedFile | str  # the source of a shape: a file, or the name of a sample
 
 
 @dataclass(frozen=True)
 class Opening:
-    """What to open: a mesh with its field and its edit, or these for the mesh that is open."""
+    """The files to open: a mesh with its field and its edit, or a field and an edit for the open mesh."""
 
     mesh: Source | None = None
     field: OpenedFile | None = None
     edit: OpenedFile | None = None
-    folder: Path | None = None  # where the files of an upload are; it is deleted when they are closed
+    folder: Path | None = None  # folder of an upload; it is deleted when its files are closed
 
 
 @dataclass(frozen=True)
 class SessionOptions(Opening):
-    """What every new session opens, without a mesh the start page, and how it makes fields.
+    """The files that every new session opens, and its settings. Without a mesh, it opens the start page.
 
     Attributes
     ----------
     preset
-        What sessions start with, and by which fields are distilled.
+        The preset of new sessions and of distillation.
     encoder, distill
         The encoder's name or folder, and further keywords of `dfd.distill`.
     """
@@ -53,26 +53,26 @@ class SessionOptions(Opening):
     distill: dict[str, Any] = dataclass_field(default_factory=dict)
 
     def distill_arguments(self) -> dict[str, Any]:
-        """The keywords for `dfd.distill` and `find_distilled`."""
+        """Return the keywords for `dfd.distill` and `find_distilled`."""
         preset = {} if self.preset == "default" else {"preset": self.preset}
         return {"encoder": self.encoder, **preset, **self.distill}
 
 
-SAMPLES = ("quadruped", "chair", "robot")  # of the start page
+SAMPLES = ("quadruped", "chair", "robot")  # on the start page
 SAMPLE_FACES = 20_000
 
 
 def check_sample(name: str) -> str:
-    """Return the name of a sample; raises ValueError if there is none of that name."""
+    """Return the name of a sample; raises ValueError if there is no such sample."""
     if name not in SAMPLES:
         raise ValueError(f"There is no sample {name!r}; there are {', '.join(SAMPLES)}")
     return name
 
 
 def read_shape(source: Source) -> tuple[Mesh, list[str]]:
-    """The mesh of `source`, and the warnings of reading it, without paths of this machine.
+    """Return the mesh of `source`, and the warnings of reading it, without paths of this machine.
 
-    Raises ValueError, OSError as `dfd.load` does.
+    Raises ValueError and OSError as `dfd.load` does.
     """
     if isinstance(source, str):
         import dfd.samples as samples

@@ -1,4 +1,4 @@
-"""`python -m dfd.app.schema`: print the JSON Schema of all messages, which the client's types are made from."""
+"""`python -m dfd.app.schema`: print the JSON Schema of all messages, from which the client's types are generated."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import Annotated, Any, Union
 from pydantic import Field, create_model
 from pydantic.json_schema import models_json_schema
 
-import dfd.app.session.requests  # noqa: F401  # what the page can ask
+import dfd.app.session.requests  # noqa: F401  # registers the requests
 from dfd.app.protocol.answers import Answer
 from dfd.app.protocol.parts import Model
 from dfd.app.protocol.requests import request_union
 
 
 def schema() -> dict[str, Any]:
-    """The schema: `Client` is any message of the page, `Server` any of the server, without its arrays."""
+    """Return the schema: `Client` is any message of the page, `Server` any message of the server without arrays."""
     answer: Any = Annotated[Union[tuple(Answer.__subclasses__())], Field(discriminator="type")]  # noqa: UP007
     client = create_model("Client", __base__=Model, __doc__="Any request.", message=(request_union(), ...))
     server = create_model("Server", __base__=Model, __doc__="Any answer.", message=(answer, ...))

@@ -1,4 +1,4 @@
-"""What the server sends as text."""
+"""Messages of the server without arrays."""
 
 from __future__ import annotations
 
@@ -24,50 +24,50 @@ from dfd.symmetry.plane import SymmetryPlane
 
 
 class Answer(Model):
-    """Every message of the server: `id` is that of the request it answers, 0 where it comes unasked."""
+    """The base of all messages of the server: `id` is that of the answered request, or 0."""
 
     id: int = 0
 
 
 class SessionMessage(Answer):
-    """The first message: who the tab is, and what the server can do."""
+    """The first message: the name of the session, and the options of the server."""
 
     type: Literal["session"] = "session"
-    session: str  # with this name, a tab goes on where it was
+    session: str  # with this name, a tab reconnects to its session
     samples: tuple[str, ...]
-    upload_bytes: int  # the largest upload, all files together
-    formats: tuple[str, ...]  # endings that `POST /upload` takes
+    upload_bytes: int  # largest total size of an upload
+    formats: tuple[str, ...]  # file endings that `POST /upload` accepts
     controls: tuple[ControlEntry, ...] = control_entries()
 
 
 class StartMessage(Answer):
-    """There is no mesh: the start page."""
+    """No mesh is open: show the start page."""
 
     type: Literal["start"] = "start"
 
 
 class ColumnState(Model):
-    """A column of weights: all of a handle's, or those of one counterpart."""
+    """A column of weights: of a whole handle, or of one counterpart."""
 
-    column: int  # its number; the same number is the same data
-    frame: Frame | None  # rows of the matrix that turns or mirrors the handle's motion into its own
-    position: Vector  # of the handle or the counterpart
+    column: int  # its number; equal numbers mean equal data
+    frame: Frame | None  # rows of the matrix that rotates or reflects the handle's motion
+    position: Vector  # position of the handle or the counterpart
 
 
 class HandleBase(PoseTransform):
-    """A live handle."""
+    """A handle."""
 
     name: str | None
-    vertex: int | None  # null where it sits at a point of space or holds a region
-    position: Vector  # where it rests
-    pivot: Vector  # what it turns and scales about
-    pivot_set: bool  # whether that was set or found; otherwise it is `position`
-    pivot_at: PivotAt | None  # what of the held part it is; null where it is numbers, or nothing was said
-    reach_by: Literal["number", "part"]  # what was asked for; `reach` is what that found
-    mask_part: bool  # whether that region is its part
-    region: int  # how many vertices it holds as one; 0 where it is no region
+    vertex: int | None  # null for a point in space or a region
+    position: Vector  # its resting position
+    pivot: Vector  # center of rotation and scale
+    pivot_set: bool  # whether the pivot was given or found; otherwise it is `position`
+    pivot_at: PivotAt | None  # name of the pivot; null if it was given in numbers, or not at all
+    reach_by: Literal["number", "part"]  # how the reach was given; `reach` is the resulting number
+    mask_part: bool  # whether the mask is the handle's part
+    region: int  # number of vertices of its region; 0 for a point
     columns: tuple[ColumnState, ...]
-    moved: bool  # whether its transform does anything
+    moved: bool  # whether its transform moves anything
 
 
 if TYPE_CHECKING:
@@ -91,11 +91,11 @@ class FixedState(Model):
 
 
 class FieldState(Model):
-    """Whether the shape has a field, and where it came from."""
+    """The status of the shape's field, and its origin."""
 
     status: Literal["none", "distilling", "preparing", "ready"]
     origin: str | None  # "file", "cache", "distilled"
-    parts: tuple[PartChange, ...] = ()  # ways to hold another part that are possible on this shape without delay
+    parts: tuple[PartChange, ...] = ()  # ways to hold another part that this shape allows now
 
 
 class StateMessage(Answer):
@@ -106,9 +106,9 @@ class StateMessage(Answer):
     handles: tuple[HandleState, ...] = ()
     fixed: tuple[FixedState, ...] = ()
     symmetry: SymmetryPlane | None = None
-    planes: tuple[SymmetryPlane, ...] = ()  # that were found
-    default: PoseTransform | None = None  # D₀, with handle 0 … and its pivot
-    preset: Preset  # "paper" is its equations to the letter
+    planes: tuple[SymmetryPlane, ...] = ()  # the planes of symmetry that were found
+    default: PoseTransform | None = None  # D₀ with its pivot, as handle 0
+    preset: Preset
     can_undo: bool = False
     can_redo: bool = False
     field: FieldState
@@ -116,38 +116,38 @@ class StateMessage(Answer):
 
 
 class DoneMessage(Answer):
-    """It was done."""
+    """The request succeeded."""
 
     type: Literal["done"] = "done"
 
 
 class FailureMessage(Answer):
-    """It was not done, and nothing changed; `message` is a sentence for people."""
+    """The request failed, and nothing changed; `message` is a sentence for people."""
 
     type: Literal["failure"] = "failure"
     message: str
 
 
 class ProgressMessage(Answer):
-    """How far the long work in the background is."""
+    """The progress of background work."""
 
     type: Literal["progress"] = "progress"
     task: Literal["open", "distill", "prepare"]
-    stage: str  # as the command line names it; "done", "cancelled" and "failed" are the last ones
+    stage: str  # as on the command line; a task ends with "done", "cancelled" or "failed"
     done: int
     total: int | None
-    seconds_left: float | None  # of the whole task, as far as that can be told
+    seconds_left: float | None  # estimate for the whole task; null if unknown
 
 
 class ReportMessage(Answer):
-    """What the edit does to the shape, as a sentence."""
+    """The effect of the edit, as a sentence."""
 
     type: Literal["report"] = "report"
     text: str
 
 
 class Suggestion(Model):
-    """A place worth taking hold of."""
+    """A suggested place for a handle."""
 
     vertex: int
     position: Vector
@@ -162,15 +162,15 @@ class SuggestionsMessage(Answer):
 
 
 class SimilarPoint(Model):
-    """A place that looks like the one a handle holds."""
+    """A counterpart of a handle."""
 
-    vertex: int  # its name
+    vertex: int  # identifies it
     position: Vector
-    on: bool  # whether it moves along
+    on: bool  # whether it moves with the handle
 
 
 class SimilarMessage(Answer):
-    """Answer to `counterparts`: the handle's own place first, which always moves, then the most similar."""
+    """Answer to `counterparts`: the handle's own place first, then the others in order of similarity."""
 
     type: Literal["similar"] = "similar"
     handle: int
@@ -178,20 +178,20 @@ class SimilarMessage(Answer):
 
 
 class AxisMessage(Answer):
-    """Answer to `axis`: what a handle may turn about, and along what it bends."""
+    """Answer to `axis`: the possible pivots of a handle, and the axis along which it bends."""
 
     type: Literal["axis"] = "axis"
     handle: int
     pivots: tuple[PivotAt, ...]
-    auto: Vector  # where that is if nothing is said, mesh units, at rest
-    base: Vector | None  # of the part's axis; null where nothing that is held has one
-    tip: Vector | None
+    auto: Vector  # the default pivot at rest, mesh units
+    base: Vector | None  # start of the part's axis; null if the held part has no axis
+    tip: Vector | None  # end of the axis
 
 
 class DownloadMessage(Answer):
-    """A file that is served once."""
+    """A file that can be downloaded once."""
 
     type: Literal["download"] = "download"
     url: str
     name: str
-    said: str = ""  # of the file, where it is not all that is seen
+    said: str = ""  # how the file differs from the page; empty if it does not

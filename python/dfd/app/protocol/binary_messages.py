@@ -1,4 +1,4 @@
-"""What the server sends with arrays."""
+"""Messages of the server with arrays."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from dfd.app.protocol.parts import Model, Vector
 
 
 class MaterialEntry(Model):
-    """What one kind of surface looks like; colors are display-referred (sRGB)."""
+    """A material; colors are display-referred (sRGB)."""
 
     color: tuple[float, float, float, float]
-    texture: str | None  # name of the array that holds the picture's file
+    texture: str | None  # name of the array with the picture file
     media_type: str | None
     wrap: tuple[Literal["repeat", "mirror", "clamp"], Literal["repeat", "mirror", "clamp"]]
     alpha_mode: Literal["OPAQUE", "MASK", "BLEND"]
@@ -24,7 +24,7 @@ class MaterialEntry(Model):
 
 
 class Group(Model):
-    """A run of triangles of one material."""
+    """Consecutive triangles of one material."""
 
     material: int  # index into `materials`
     start: int  # first triangle
@@ -32,11 +32,11 @@ class Group(Model):
 
 
 class MeshMessage(Answer):
-    """The resting shape. A row is a vertex as the file has it, split at seams; weights belong to vertices.
+    """The resting shape. A row is a vertex of the file, which is split at seams; weights belong to vertices.
 
-    Arrays: `positions` float32 (R, 3), relative to `center`; `triangles` uint32 (F, 3), corners as rows; `vertex`
-    uint32 (R,), the vertex of each row; `normals` int16 (R, 4), of length 32767, the fourth 0; where the file has them,
-    `uv` float32 (R, 2), v upwards, and `colors` uint8 (R, 4), display-referred; and the textures' files.
+    Arrays: `positions` float32 (R, 3), relative to `center`; `triangles` uint32 (F, 3), rows of the corners; `vertex`
+    uint32 (R,), the vertex of each row; `normals` int16 (R, 4), of length 32767, the fourth 0. If the file has them:
+    `uv` float32 (R, 2), v upwards; `colors` uint8 (R, 4), display-referred; and the picture files of textures.
     """
 
     type: Literal["mesh"] = "mesh"
@@ -48,13 +48,13 @@ class MeshMessage(Answer):
     diagonal: float
     groups: tuple[Group, ...]
     materials: tuple[MaterialEntry, ...]
-    warnings: tuple[str, ...]  # of reading the file, sentences
+    warnings: tuple[str, ...]  # warnings of reading the file, as sentences
 
 
 class ColumnsMessage(Answer):
-    """Columns that `state` names and the page has not got; it may forget those that `state` no longer names.
+    """Columns in `state` that the page lacks. The page may delete columns that are no longer in `state`.
 
-    Array `values` uint16 (C, V), weights times 65535, one row for each number of `columns`.
+    Array: `values` uint16 (C, V), weights times 65535, one row for each number in `columns`.
     """
 
     type: Literal["columns"] = "columns"
@@ -81,6 +81,6 @@ class ColorsMessage(Answer):
 
 
 def pack(message: Answer, **arrays: NDArray[Any]) -> bytes:
-    """Return a message with arrays, as `dfd.app.protocol` describes it."""
+    """Return a message with arrays as bytes; see `dfd.app.protocol`."""
     whole = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
     return save(whole, {"message": message.model_dump_json()})

@@ -1,4 +1,4 @@
-"""What messages are made of."""
+"""Types of the fields of messages."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ Vector = tuple[float, float, float]
 Frame = tuple[Vector, Vector, Vector]
 Index = Annotated[int, Field(ge=0)]
 Text = Annotated[str, Field(min_length=1, max_length=1000)]
-# How a handle takes another part: the next size, with another part, or what the file makes one thing.
+# How a handle changes its part: to the next size, with another part added or removed, or to a unit of the file.
 PartChange = Literal["smaller", "larger", "add", "remove", "scene_part", "material", "component"]
 
 
 class Model(BaseModel):
-    """Checked to the letter: no unknown key, no text for a number, no number that is not finite."""
+    """The base of all messages, with strict checks: unknown keys, wrong types and numbers not finite are errors."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
 class Region(Model):
-    """A set of vertices as one: `mask` is a bit per vertex, lowest bit first, in bytes written as base64."""
+    """A set of vertices: `mask` has a bit per vertex, lowest bit first, in bytes encoded as base64."""
 
     mask: Annotated[str, Field(min_length=4, pattern=r"^[A-Za-z0-9+/]+={0,2}$")]
 
 
-Place = Index | Region  # a vertex, or several as one
+Place = Index | Region  # a vertex or a region
 
 
 class Transform(Model):
     """Scale along `axes`, then rotation, then translation, about the pivot.
 
-    Null leaves a part as it is. `rotation` is a rotation vector in degrees; `axes` are one a row, "auto" for the mesh's
-    own, and "normal" for a frame whose third axis is the surface's normal at the handle. A pivot of "auto" is found
-    once the handle turns or scales. `bend`, a rotation vector or an upward angle, and `twist`, in degrees, come first,
-    along the axis of the part that is held, at the `joint` or all along it.
+    Null keeps a value. `rotation` is a rotation vector in degrees. `axes` has one axis per row; "auto" is the mesh's
+    axes, and "normal" a frame whose third axis is the surface's normal at the handle. A pivot of "auto" is found when
+    the handle turns or scales. `bend` (a rotation vector or an upward angle) and `twist`, in degrees, are applied
+    first, along the axis of the held part, at the `joint` or over the whole length.
     """
 
     translation: Vector | None = None
@@ -54,42 +54,42 @@ class Transform(Model):
 
 
 class NamedControls(Model):
-    """What a handle holds and how; null leaves it as it is."""
+    """Controls and name of a handle; null keeps a value."""
 
     name: Text | None = None
 
 
 class ControlEntry(Model):
-    """How a panel shows a control of a handle, or of all of them: as a slider, a choice or a switch."""
+    """How a panel shows a control: as a slider, a choice or a switch."""
 
     name: str
     label: str
     hint: str
     kind: Literal["number", "length", "choice", "switch"]
-    choices: tuple[str, ...]  # the words that stand for a value; of a number, besides numbers
-    slider: Vector | None  # its ends and its step; of a length, parts of the shape's size
+    choices: tuple[str, ...]  # words that are allowed as values
+    slider: Vector | None  # both ends and the step; for a length, as fractions of the shape's size
 
 
-# Controls that are another type in messages than in an edit: in requests, and in the state.
+# Controls whose type in messages differs from that in an edit: in requests (GIVEN), and in the state (SHOWN).
 GIVEN: dict[str, Any] = {
     "radius": float | str,
     "mask": Region | Literal["everywhere", "part"],
     "excluded_counterparts": Annotated[tuple[Index, ...], Field(max_length=1000)],  # vertices
 }
 SHOWN: dict[str, Any] = {
-    "reach": float,  # what "part" found, if that is asked for
-    "mask": int,  # how many vertices the region has beyond which nothing follows; 0 is everywhere
-    "excluded_counterparts": tuple[int, ...],  # vertices on those that are switched off
+    "reach": float,  # the resulting number for "part"
+    "mask": int,  # number of vertices of the mask; 0 without a mask
+    "excluded_counterparts": tuple[int, ...],  # a vertex on each excluded counterpart
 }
 
 
 def control_types(types: dict[str, Any]) -> dict[str, Any]:
-    """The type of each control: those of an edit, but for `types`."""
+    """Return the type of each control: that of an edit, or that in `types`."""
     return {**{name: kind for name, (kind, _) in about(editing.Controls).items()}, **types}
 
 
 def control_entries() -> tuple[ControlEntry, ...]:
-    """How panels show the controls, in order; what takes places and regions has a panel of its own."""
+    """Return the entries of all controls in order, except those with places and regions."""
     entries = []
     for name, (kind, said) in {**about(editing.Controls), "preset": about(Edit)["preset"]}.items():
         if said is None or said.repeated or name == "mask":
@@ -116,7 +116,7 @@ else:
 
 
 class PoseTransform(Model):
-    """The transform of a handle; everything as in `Transform`, and nothing left out."""
+    """The complete transform of a handle, with fields as in `Transform`."""
 
     handle: Index
     translation: Vector

@@ -1,4 +1,4 @@
-"""Requests of the page: what a message holds is what the signature of the function that answers it says."""
+"""Requests of the page: the fields of a message are the parameters of the function that answers it."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from pydantic import Field, TypeAdapter, ValidationError, create_model
 from dfd.app.protocol.parts import Model
 
 Handler = TypeVar("Handler", bound=Callable[..., Any])
-LARGEST_NUMBER = 2**53  # that JavaScript counts to
+LARGEST_NUMBER = 2**53  # largest exact integer in JavaScript
 
 
 class Request(Model):
-    """Every message of the page: `id` numbers it, for the answer to name."""
+    """The base of all requests; the answer has the same `id`."""
 
     id: Annotated[int, Field(ge=1, le=LARGEST_NUMBER)]
     type: str
 
 
 class RequestError(ValueError):
-    """Why a text is not a request, and its `number` as far as it can be told."""
+    """A text is no valid request; `number` is its `id`, or 0 if it has none."""
 
     def __init__(self, number: int, reason: str) -> None:
         super().__init__(f"The message was not understood: {reason}")
@@ -37,7 +37,7 @@ MODELS: dict[str, type[Request]] = {}
 
 
 def request(handler: Handler) -> Handler:
-    """Let the page call `handler`, by its name and with its arguments but the first, which is the session."""
+    """Register `handler` as the request of its name. Its first parameter is the session; the others are fields."""
     name, hints = handler.__name__, get_type_hints(handler, include_extras=True)
     _, *parameters = signature(handler).parameters.values()
     fields: dict[str, Any] = {
@@ -51,7 +51,7 @@ def request(handler: Handler) -> Handler:
 
 
 def request_union() -> Any:
-    """The type of all requests."""
+    """Return the union of all request types."""
     return Annotated[Union[tuple(MODELS.values())], Field(discriminator="type")]  # noqa: UP007
 
 
@@ -61,7 +61,7 @@ def _adapter() -> TypeAdapter[Any]:
 
 
 def read_request(text: str) -> Request:
-    """The request in a text of the page; RequestError if it is none, in plain words."""
+    """Return the request in a text of the page; RequestError with a plain sentence if it is none."""
     try:
         read: Request = _adapter().validate_json(text)
     except ValidationError as error:
@@ -73,13 +73,13 @@ def read_request(text: str) -> Request:
 
 
 def call(session: Any, message: Request) -> Any:
-    """Do what `message` asks of `session`; what its handler returns and raises."""
+    """Call the handler of `message`, and return its result; raises the handler's errors."""
     names = type(message).model_fields.keys() - Request.model_fields.keys()
     return HANDLERS[message.type](session, **{name: getattr(message, name) for name in names})
 
 
 def _number_in(text: str) -> int:
-    """The `id` of what is no request, if it can be read; else 0."""
+    """Return the `id` in a text that is no valid request, or 0."""
     try:
         number = json.loads(text)["id"]
     except (ValueError, TypeError, KeyError, RecursionError):
