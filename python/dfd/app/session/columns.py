@@ -1,4 +1,4 @@
-"""The columns of weights by which the page poses; each is sent once."""
+"""The columns of weights with which the page poses. Each column is sent once."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
     from dfd.editing.points import Place
 
-UINT16_MAX = 65535  # quantization steps of a weight
+UINT16_MAX = 65535  # number of steps of a quantized weight
 
 
 class Columns:
@@ -36,7 +36,7 @@ class Columns:
         self._known = {}
 
     def of_handle(self, index: int) -> tuple[ColumnState, ...]:
-        """Return the columns of the handle at `index` as of the newest `message`."""
+        """Return the columns of the handle at `index` at the time of the last `message`."""
         return self._of_handle[index]
 
     def message(self) -> bytes | None:
@@ -62,12 +62,12 @@ class Columns:
 
 
 def heat_message(weights: Float32, *, request: int, vertex: int | None = None) -> bytes:
-    """The message that shows `weights` (V,) as a heat map."""
+    """Return the message that shows `weights` (V,) as a heat map."""
     return pack(HeatMessage(id=request, vertex=vertex), values=_packed(weights))
 
 
 def probed(deformer: Deformer, place: Place) -> Float32:
-    """(V,) about the weights that a new handle at a place would have: without its counterparts' falloff."""
+    """Return approximate weights (V,) of a new handle at a place, without the falloff on its counterparts."""
     rules, bound = PRESETS[deformer.preset], deformer.bound
     grip = bound.grips.grip(place) if rules.reach == "part" else None
     if grip is None:
@@ -79,5 +79,5 @@ def probed(deformer: Deformer, place: Place) -> Float32:
 
 
 def _packed(weights: Float32) -> NDArray[np.uint16]:
-    """Weights in [0, 1], quantized to 16 bits."""
+    """Return weights in [0, 1] quantized to 16 bits."""
     return np.rint(weights * np.float32(UINT16_MAX)).clip(0, UINT16_MAX).astype(np.uint16)

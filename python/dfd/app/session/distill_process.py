@@ -1,4 +1,4 @@
-"""A distillation in a process of its own, so that it can be stopped at any time and a crash affects nothing else."""
+"""A distillation in its own process, which can be stopped at any time, and whose crash affects nothing else."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from typing import Any
 from dfd.app.options import SessionOptions, Source, read_shape
 from dfd.common.progress import Stages
 
-INTERVAL = 0.1  # seconds between two messages about one stage
+INTERVAL = 0.1  # least seconds between two messages about one stage
 
 
 class DistillProcess:
-    """The parent's side of the process, which reads the shape itself and saves its field at `path`."""
+    """The parent's side of the process. The child reads the shape from `source`, and saves its field at `path`."""
 
     def __init__(self, source: Source, options: SessionOptions, path: Path) -> None:
         context = get_context("spawn")
         self._messages, theirs = context.Pipe(duplex=False)
         self._process = context.Process(target=_distill, args=(source, options, path, theirs), daemon=True)
         self._process.start()
-        theirs.close()  # so that it ends with the process
+        theirs.close()  # so that the pipe closes when the process ends
 
     def run(self, tell: Callable[[str, int, int | None], object]) -> None:
         """Wait for the field; `tell` is called with a stage, items done and their total.
@@ -49,7 +49,7 @@ class DistillProcess:
 
 
 class SentStages(Stages):
-    """Stages whose progress goes through a pipe."""
+    """Stages that send their progress through a pipe."""
 
     def __init__(self, pipe: Connection) -> None:
         super().__init__(show=False)
@@ -73,7 +73,7 @@ class SentStages(Stages):
 
 
 def _distill(source: Source, options: SessionOptions, path: Path, pipe: Connection) -> None:
-    """Save the field of a shape at `path`; `pipe` gets tuples of progress, then True or why there is none."""
+    """Save the field of a shape at `path`; send tuples of progress to `pipe`, then True or an error message."""
     from dfd.distillation.distill import distill
 
     stages = SentStages(pipe)

@@ -22,13 +22,12 @@ LONGEST_STEM = 80
 def export(
     deformer: Deformer, kind: Kind, name: str, folder: Path, poses: Sequence[parts.KeyPose] = ()
 ) -> tuple[Path, str]:
-    """Write a file of the format `kind` (see the protocol) into `folder`; return its path.
+    """Write a file of the format `kind` into `folder`; return its path, and how a rig differs from the page.
 
-    The second result says how a rig differs from what is seen. `name` is the shape's, `poses` are those of the
-    timeline.
+    `name` is the name of the shape, and `poses` are the key poses of the timeline.
 
-    Raises ValueError if an animation is requested with fewer than two poses, or with two at the same time, or nothing
-    is held for a rig to be made of. Raises OSError if it cannot be written.
+    Raises ValueError if an animation has fewer than two poses, or two at the same time, or a rig has no handle. Raises
+    OSError if the file cannot be written.
     """
     stem = file_stem(name)
     if kind == "edit":
@@ -56,13 +55,13 @@ def export(
 
 
 def file_stem(name: str) -> str:
-    """A file's name without its ending, of characters that every file system accepts."""
+    """Return a file's name without its ending, with characters that every file system accepts."""
     stem = re.sub(r"\.[A-Za-z0-9]{1,8}$", "", name)
     return re.sub(r"[^\w-]+", "_", stem)[:LONGEST_STEM].strip("_") or "mesh"
 
 
 def _animation(deformer: Deformer, path: Path, poses: Sequence[parts.KeyPose]) -> str:
-    """An animation through the poses: a skin, or morph targets if something bends or the mesh has a skin already."""
+    """Write an animation through the poses: as a skin, or as morph targets if a part bends or the mesh has a skin."""
     from dfd.export.export_rig import export_rig
     from dfd.export.key_poses import KeyPose
 

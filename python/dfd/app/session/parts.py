@@ -1,4 +1,4 @@
-"""Parts of the shape: those that handles hold, and those that they are limited to."""
+"""The parts of the shape that handles hold or are limited to."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dfd.segmentation.parts import Level
 
 LEVELS: tuple[Level, ...] = ("smaller", "part", "larger")
-MOST_KEPT = 64  # parts, each of them a set of vertices
+MOST_KEPT = 64  # number of parts in the cache; each is a set of vertices
 
 
 class ShapeParts:
@@ -27,19 +27,19 @@ class ShapeParts:
 
     def __init__(self, deformer: Deformer) -> None:
         self._deformer, self._mesh = deformer, deformer.mesh
-        self.ready = False  # whether what the first part would have to wait for is done
+        self.ready = False  # whether parts are found without delay
         self._found: Recent[VertexSet] = Recent(MOST_KEPT)
         self._origins: dict[VertexSet, int] = {}  # the vertex for which a part was chosen
 
     @property
     def ways(self) -> tuple[PartChange, ...]:
-        """The ways to hold another part: "material" only where there are several, and so on."""
+        """Return the ways to hold another part: "material" only if there are several materials, and so on."""
         several = (name for name, label in self._labels.items() if label.min() < label.max())
         return ("smaller", "larger", "add", "remove", *several)
 
     @cached_property
     def _labels(self) -> dict[PartChange, NDArray[np.integer[Any]]]:
-        """By each way to take what the file makes one thing, (F,) the number of that thing for each face."""
+        """Return the scene part, material and component of each face (F,), as numbers."""
         mesh, nodes = self._mesh, nodes_of(self._mesh)
         scene_part = np.zeros(len(mesh.faces), np.int64)
         for number, part in enumerate(mesh.parts):
@@ -52,13 +52,13 @@ class ShapeParts:
         }
 
     def at(self, vertex: int, level: Level = "part", *, alike: bool = True) -> VertexSet:
-        """The part that a vertex is on."""
+        """Return the part at a vertex."""
         return self._found.get((vertex, level, alike), lambda: self._deformer.part(vertex, level=level, alike=alike))
 
     def taken(self, handle: Handle, how: PartChange, vertex: int | None = None) -> VertexSet:
-        """Return what a handle holds after it took another part; `vertex` is where the part of "add" and "remove" is.
+        """Return the region of a handle after a change of its part; "add" and "remove" need the `vertex` of a part.
 
-        Raises ValueError if there is no such part, or nothing would be left.
+        Raises ValueError if there is no such part, or the region would be empty.
         """
         mesh = self._mesh
         if how in ("add", "remove"):
@@ -77,7 +77,7 @@ class ShapeParts:
         return found
 
     def _resized(self, handle: Handle, vertex: int, how: PartChange) -> VertexSet:
-        """Return the part at a vertex that is the next smaller or larger one than what a handle holds."""
+        """Return the next smaller or larger part at a vertex, compared with the present part of a handle."""
         alike = handle.controls.counterparts != "only"
         levels = [self.at(vertex, level, alike=alike) for level in LEVELS]
         region = handle.place.region
@@ -97,13 +97,13 @@ class ShapeParts:
         return VertexSet.of(self._mesh, np.unique(faces[label == label[on[0]]]))
 
     def of(self, handle: Handle) -> VertexSet:
-        """What a handle is limited to by its part: what it holds, or the part that it is on."""
+        """Return the region of a handle, or the part at the handle if it is a point."""
         if isinstance(handle.place.region, VertexSet):
             return handle.place.region
         return self.at(self._deformer.bound.rows.anchor(handle.place))
 
     def limits(self, handle: Handle) -> bool:
-        """Whether a handle is limited to its part."""
+        """Return whether the handle's mask is its part."""
         mask = handle.controls.mask
         if not isinstance(mask, VertexSet):
             return False

@@ -1,4 +1,4 @@
-"""Background work for one shape: find, open or distill its field, then compute what the first handle needs."""
+"""Background work for one shape: find, open or distill its field, then compute the data for the first handle."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ USUAL_SECONDS = {"read": 0.5, "load": 5.0, "simplify": 1.0, "render": 1.0, "enco
 
 @dataclass
 class SharedShape:
-    """What all sessions of one shape and field share; None until the first session has computed it."""
+    """Data that all sessions of one shape and field share; None until the first session has computed it."""
 
     making: threading.Lock = field(default_factory=threading.Lock)
     features: Any = None
@@ -37,13 +37,13 @@ class SharedShape:
 
 
 _SHARED: WeakValueDictionary[str, SharedShape] = WeakValueDictionary()  # by the content of mesh and field
-_DISTILLING = threading.Lock()  # held by the one distillation that runs; two at once would each take twice as long
+_DISTILLING = threading.Lock()  # held by the running distillation, because two would each take twice as long
 
 
 class Preparation:
-    """The background work for one shape, read from `source`; fields are saved in `folder`.
+    """The background work for one shape, which is read from `source`; fields are saved in `folder`.
 
-    Progress and results go to the methods `field_…` of `session`, on its thread, by `post`.
+    Progress and results are passed to the methods `field_…` of `session`; `post` calls them on the session's thread.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class Preparation:
         self._start("prepare", lambda: self._prepare(path, origin))
 
     def distill(self) -> None:
-        """Distill the field in a process of its own."""
+        """Distill the field in another process."""
         self._stopped.clear()
         self._start("distill", self._distill)
 
@@ -181,7 +181,7 @@ class Preparation:
         self._tell("field_prepared", shared.planes)
 
     def _counted(self, field: Field) -> Callable[[int], None]:
-        """What hears how many further vertices have their features."""
+        """Return a function that reports the progress of features; it is called with numbers of further vertices."""
         count, done, reported = len(self._mesh.vertices), 0, 0.0
 
         def advance(rows: int) -> None:

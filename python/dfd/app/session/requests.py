@@ -1,4 +1,4 @@
-"""The requests of the page, a function each: its parameters are the fields of the message."""
+"""The requests of the page. Each is a function whose parameters are the fields of the message."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
 
 NO_CONTROLS = Controls()
-MOST_SUGGESTED = 12  # markers over the shape: more hide it
+MOST_SUGGESTED = 12  # number of suggested places; more markers would hide the shape
 
 
 def answer(session: Session, message: Request) -> None:
@@ -80,7 +80,7 @@ request(Session.set_poses)
 
 @request
 def probe(session: Session, vertex: Index) -> bytes:
-    """About what a new handle at a vertex would hold; a newer request replaces it unanswered. Answer: `heat`."""
+    """Show about what a new handle at a vertex would hold. Only the newest request is answered. Answer: `heat`."""
     deformer = session.require().deformer
     place = place_on(deformer.mesh, vertex)
     return heat_message(probed(deformer, place), request=session.after, vertex=vertex)
@@ -88,9 +88,9 @@ def probe(session: Session, vertex: Index) -> bytes:
 
 @request
 def compute(session: Session, transforms: PoseTransforms | None = None) -> bytes:
-    """The posed shape from the kernel, as if `transforms` were those of its handles; null is the edit as it is.
+    """Pose the shape with `transforms` in place of the handles' own; null is the present edit.
 
-    Answer: `positions`; a newer request replaces it unanswered.
+    Answer: `positions`. Only the newest request is answered.
     """
     with _posed_by(session, transforms):
         return positions_message(session.require().deformer, request=session.after)
@@ -98,13 +98,13 @@ def compute(session: Session, transforms: PoseTransforms | None = None) -> bytes
 
 @request
 def features(session: Session) -> bytes:
-    """Colors of the features' main directions. Answer: `colors`."""
+    """Color the vertices by the principal directions of their features. Answer: `colors`."""
     return feature_colors_message(session.require().deformer, request=session.after)
 
 
 @request
 def suggest(session: Session) -> answers.Answer:
-    """Good places for handles: a vertex far inside each of the largest parts. Answer: `suggestions`."""
+    """Suggest places for handles: a vertex far inside each of the largest parts. Answer: `suggestions`."""
     deformer = session.require().deformer
     found: list[answers.Suggestion] = []
     for number, part in enumerate(deformer.bound.grips.parts.cut()[:MOST_SUGGESTED], start=1):
@@ -116,7 +116,7 @@ def suggest(session: Session) -> answers.Answer:
 
 @request
 def counterparts(session: Session, handle: int) -> answers.Answer:
-    """The handle's similar points, and whether each follows the handle. Answer: `similar`."""
+    """Find the counterparts of a handle, and whether each moves with it. Answer: `similar`."""
     places = []
     for counterpart, on in session.require().deformer.counterparts(handle):
         position = vector("position", counterpart.position)
@@ -126,7 +126,7 @@ def counterparts(session: Session, handle: int) -> answers.Answer:
 
 @request
 def axis(session: Session, handle: int) -> answers.Answer:
-    """What a handle may turn about, and the axis along which it bends what it holds. Answer: `axis`."""
+    """Find the possible pivots of a handle, and the axis along which its part bends. Answer: `axis`."""
     deformer = session.require().deformer
     edit = deformer.edit
     held = edit.handle(handle)
@@ -156,9 +156,9 @@ def add(session: Session, at: Place) -> None:
 def take_part(
     session: Session, handle: int, how: PartChange, vertex: Index | None = None, preview: bool = False
 ) -> bytes | None:
-    """Hold another part; `vertex` is where the part of "add" and "remove" is. A limit to the part goes along.
+    """Hold another part; "add" and "remove" need the `vertex` of a part. If the mask is the part, it changes as well.
 
-    With `preview` the edit stays, and the answer is `heat`: what the handle would hold.
+    With `preview`, the edit stays unchanged, and the answer is `heat`: the weights that the handle would have.
     """
     parts, deformer = session.require().parts, session.require().deformer
     held = deformer.edit.handle(handle)
@@ -182,10 +182,10 @@ def move(
     merge: bool = False,
     settle: bool = False,
 ) -> None:
-    """Set parts of a handle's transform, from the resting shape.
+    """Set values of a handle's transform, relative to the resting shape.
 
-    A drag is a plain move, then moves with `merge`, together one step of undo; those are answered by `done` alone. The
-    last one has `settle`, is answered by `state` and `report` as well, and may carry `controls` changed meanwhile.
+    A drag is a move followed by moves with `merge`, and is one step of undo. Moves with `merge` are answered by `done`
+    alone. The last one has `settle`: it is also answered by `state` and `report`, and may contain changed `controls`.
     """
     parts, changed = transform.model_dump(exclude_none=True), _controls(session, controls)
     if merge and not (settle or changed):
@@ -198,7 +198,7 @@ def move(
         if changed:
             deformer.change(handle, **changed)
 
-    session.change(work, ("handle", handle), merge=merge)  # as `Deformer.move` calls the steps of a drag
+    session.change(work, ("handle", handle), merge=merge)  # the topic of `Deformer.move`
 
 
 @request
@@ -209,7 +209,7 @@ def pose(session: Session, transforms: PoseTransforms) -> None:
 
 @request
 def reset(session: Session, handle: int | None = None) -> None:
-    """Return a handle to rest, or with null all of them, as one step."""
+    """Reset the transform of a handle, or of all handles with null, as one step."""
     zero = (0.0, 0.0, 0.0)
 
     def work(deformer: Any) -> None:
@@ -221,7 +221,7 @@ def reset(session: Session, handle: int | None = None) -> None:
 
 @request
 def change(session: Session, handle: int, controls: Controls, merge: bool = False) -> None:
-    """Set a handle's name or controls; with `merge`, one step with the preceding change of that handle."""
+    """Set a handle's name or controls. With `merge`, the change joins the previous change of that handle."""
     given = _controls(session, controls)
     if isinstance(given.get("mask"), str) and given["mask"] == "part":
         given["mask"] = session.require().parts.of(session.require().deformer.edit.handle(handle))
@@ -239,7 +239,7 @@ def remove(session: Session, handle: int) -> None:
 
 @request
 def fix(session: Session, at: Place) -> None:
-    """Fix a point or region, and everything similar to it."""
+    """Fix a point or region with everything similar to it."""
     place = _known(session, at)
     session.change(lambda deformer: deformer.fix(place))
 
@@ -255,7 +255,7 @@ def release(session: Session, index: Index) -> None:
 def change_fixed(
     session: Session, index: Index, strength: Annotated[float, Field(ge=0, le=1)], merge: bool = False
 ) -> None:
-    """Set the strength of the fixed place at `index`; with `merge`, one step with the preceding such change."""
+    """Set the strength of the fixed place at `index`. With `merge`, the change joins the previous one."""
     fixed = session.require().deformer.fixed
     changed = replace(_fixed(session, index), strength=strength)
     after = (*fixed[:index], changed, *fixed[index + 1 :])
@@ -276,19 +276,19 @@ def set_symmetry(
     band: Annotated[float, Field(ge=0)] | None = None,
     merge: bool = False,
 ) -> None:
-    """Mirror handles across a plane; with `merge`, one step with the preceding such request."""
+    """Mirror handles across a plane. With `merge`, the change joins the previous one."""
     session.change(lambda deformer: deformer.set_symmetry(plane, band=band), "symmetry", merge=merge)
 
 
 @request
 def set_preset(session: Session, preset: Preset) -> None:
-    """Set how handles act together, and reach, falloff and counterparts of every handle, as one step."""
+    """Set the preset, with the reach, falloff and counterparts of every handle, as one step."""
     session.change(lambda deformer: setattr(deformer, "preset", preset))
 
 
 @request
 def set_default(session: Session, transform: Transform, merge: bool = False) -> None:
-    """Set D₀, the transform where weights sum to less than 1; all null removes it. `merge` is as in `set_symmetry`."""
+    """Set D₀, the transform of everything that no handle holds; all null removes it. `merge` as in `set_symmetry`."""
     parts = transform.model_dump(exclude_none=True)
     session.change(lambda deformer: deformer.set_default(**parts), "default", merge=merge)
 
@@ -322,9 +322,10 @@ def export(
     format: exports.Kind,  # noqa: A002
     transforms: PoseTransforms | None = None,
 ) -> answers.Answer:
-    """Export what is seen, the edit or the field; `transforms` are those that the page shows instead of the edit's.
+    """Export the shape as the page shows it, the edit or the field.
 
-    "rig" is a GLB with joints, "morph" one with morph targets, "animation" one of the key poses. Answer: `download`.
+    `transforms` are those that the page shows in place of the edit's. "rig" is a GLB file with joints, "morph" one with
+    morph targets, and "animation" one of the key poses. Answer: `download`.
     """
     deformer, poses, number = session.require().deformer, session.poses, secrets.token_hex(16)
     folder = session.folder / number
@@ -340,12 +341,12 @@ def export(
 
 
 class _TakenBackError(Exception):
-    """Ends a step of which nothing is to stay."""
+    """Ends a step whose changes are discarded."""
 
 
 @contextmanager
 def _posed_by(session: Session, transforms: Sequence[PoseTransform] | None) -> Iterator[None]:
-    """Inside, the handles have these transforms, if any are given; afterwards the edit and its steps are as before."""
+    """Give the handles these transforms inside the block, if any; restore the edit and its steps afterwards."""
     if transforms is None:
         yield
         return
@@ -357,7 +358,7 @@ def _posed_by(session: Session, transforms: Sequence[PoseTransform] | None) -> I
 
 @contextmanager
 def _tried(deformer: Deformer) -> Iterator[None]:
-    """Take back all that is changed inside."""
+    """Discard all changes made inside the block."""
     with suppress(_TakenBackError), deformer.step():
         yield
         raise _TakenBackError
@@ -373,7 +374,7 @@ def _move_all(deformer: Any, transforms: Sequence[PoseTransform]) -> None:
 
 
 def _known(session: Session, value: Any) -> Any:
-    """Return a value as `Deformer` takes it: of a region the vertices, in order; all else as it is."""
+    """Return the vertices of a region, in order; return any other value unchanged."""
     if not isinstance(value, Region):
         return value
     count = len(session.require().deformer.mesh.vertices)

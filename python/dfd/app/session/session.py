@@ -1,4 +1,4 @@
-"""The state of one tab: its shape, its field, its edit, and the messages about them. Independent of the transport."""
+"""The state of one tab: its shape, field, edit and messages. This module does not depend on the web server."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ Result = TypeVar("Result")
 
 
 class Session:
-    """The work of one tab, whose files are in `folder`. All its methods are called on one thread.
+    """The session of one tab, with files in `folder`. All methods are called on one thread.
 
-    `send` takes a message for the page, text or binary, and drops it where none is connected; `post` runs a call on the
-    session's thread, from any thread. `deformer` is an editing session that exists already, as in a notebook.
+    `send` sends a text or binary message to the page, or drops it if no page is connected. `post` runs a function on
+    the session's thread, and may be called on any thread. `deformer` is an existing editing session of a notebook.
     """
 
     def __init__(
@@ -47,18 +47,18 @@ class Session:
         self.options = options
         self._send, self._post = send, post
         self._preparation: Preparation | None = None
-        self._progress: ProgressMessage | None = None  # the last one sent, while its task runs
-        self._warnings: list[str] = []  # of reading the shape
+        self._progress: ProgressMessage | None = None  # the last progress message, while its task runs
+        self._warnings: list[str] = []  # warnings of reading the shape
         self.after = 0  # the number of the newest request
-        self._names: dict[str, str] = {}  # path of each opened file: its name as the user knows it
-        self._uploads: list[Path] = []  # folders of the uploads that the open shape came from
+        self._names: dict[str, str] = {}  # names of opened files that the user knows, by their paths
+        self._uploads: list[Path] = []  # folders of the open shape's uploads
         self.exports: dict[str, Path] = {}  # files to download, by number
-        self._pending_edit: OpenedFile | None = None  # opened once the field is ready
-        self.name = "mesh"  # of the shape
+        self._pending_edit: OpenedFile | None = None  # an edit that waits for the field
+        self.name = "mesh"  # the name of the shape
         self.mesh: Mesh | None = None
         self.field = NO_FIELD
         self.poses: KeyPoses = ()
-        self.editing: Editing | None = None  # once there is a field
+        self.editing: Editing | None = None  # None without a field
         if deformer is not None:
             self.mesh = deformer.mesh
             self.name = deformer.mesh.source.name if deformer.mesh.source else "mesh"
@@ -67,7 +67,7 @@ class Session:
     # --- opening
 
     def begin(self) -> None:
-        """Open what the options name, for the first page."""
+        """Open the files in the options, for the first page."""
         try:
             self.open(self.options)
         finally:
@@ -75,9 +75,9 @@ class Session:
                 self.attach()
 
     def open(self, given: Opening) -> None:
-        """Open a mesh with its field and its edit, or these for the open mesh.
+        """Open a mesh with its field and its edit, or a field and an edit for the open mesh.
 
-        Raises ValueError, OSError if a file cannot be read; what was open before stays open.
+        Raises ValueError or OSError if a file cannot be read; the open shape then stays open.
         """
         try:
             if given.mesh is not None:
@@ -94,7 +94,7 @@ class Session:
             self._uploads.append(given.folder)
 
     def _open_mesh(self, source: Source, *, find_field: bool) -> None:
-        """Show another shape in place of the present one."""
+        """Replace the open shape."""
         name = source.capitalize() if isinstance(source, str) else self._named(source)
         self._tell_progress("open", "read")
         try:
@@ -111,7 +111,7 @@ class Session:
             self._preparation.find()
 
     def _named(self, file: OpenedFile) -> str:
-        """Return the name of a file, by which messages call it from now on."""
+        """Return the name of a file, which replaces its path in messages from now on."""
         self._names[str(file.path)] = file.name
         return file.name
 
@@ -126,7 +126,7 @@ class Session:
             shutil.rmtree(self._uploads.pop(), ignore_errors=True)
 
     def close_mesh(self) -> None:
-        """Close the shape and go back to the start page; the edit is lost."""
+        """Close the shape and show the start page; the edit is lost."""
         self.close_shape()
         self.send(StartMessage())
 
@@ -174,7 +174,7 @@ class Session:
         self._tell_progress(task, stage, done, total, seconds_left)
 
     def field_ready(self, deformer: Deformer, path: Path | None, origin: str, warnings: list[str]) -> None:
-        """The shape can be edited."""
+        """Start editing: the field is ready."""
         self.editing = Editing(deformer)
         self.field = FieldState(status="ready", origin=origin, parts=self.editing.parts.ways if path is None else ())
         self._tell_progress("prepare", "done")
@@ -186,9 +186,9 @@ class Session:
             self.guarded(0, lambda: self._open_edit(pending_edit))
 
     def field_prepared(self, planes: Mapping[Preset, Sequence[SymmetryPlane]]) -> None:
-        """Store the symmetry planes, by preset; parts can be found without delay from now on.
+        """Store the planes of symmetry by preset. Parts are found without delay from now on.
 
-        The best plane is on from the start, unless something was edited meanwhile.
+        The best plane is switched on, unless the shape has been edited already.
         """
         editing = self.require()
         deformer, parts = editing.deformer, editing.parts
@@ -199,7 +199,7 @@ class Session:
         self.tell_state()
 
     def field_ended(self, task: str, error: Exception | None) -> None:
-        """There is no new field, for an error or because it was stopped; an earlier one stays in use."""
+        """Report that the work ended without a field, by an error or a stop; an existing field stays in use."""
         self._tell_progress(task, "cancelled" if error is None else "failed")
         if error is not None:
             self.fail(0, sentence(error))
@@ -221,7 +221,7 @@ class Session:
             self.send(self._progress)
 
     def guarded(self, number: int, work: Callable[[], None]) -> None:
-        """Do `work`; an exception becomes a `failure` that answers request `number`."""
+        """Call `work`; an exception is sent as the `failure` of request `number`."""
         try:
             work()
         except Exception as error:
@@ -232,7 +232,7 @@ class Session:
         self.send(FailureMessage(id=number, message=without_paths(why, self._names, self.folder)))
 
     def require(self) -> Editing:
-        """Return the shape that can be edited; raises ValueError if there is none yet."""
+        """Return the editing state; raises ValueError if no shape is open or it has no field yet."""
         if self.editing is None:
             raise ValueError("Open a mesh first" if self.mesh is None else "The shape has no field yet: wait for it")
         return self.editing
@@ -246,12 +246,12 @@ class Session:
         with deformer.step(topic, merge=merge):
             result = work(deformer)
             check_drawable(deformer)
-            deformer.bound.columns(deformer.edit)  # what cannot be bound is no change
+            deformer.bound.columns(deformer.edit)  # raises an error here if the edit cannot be bound
         self.tell_state()
         return result
 
     def note_shown(self) -> None:
-        """Record that the page has drawn the present edit itself."""
+        """Record that the page has already drawn the present edit."""
         editing = self.require()
         editing.shown = editing.deformer.edit
 
@@ -274,13 +274,13 @@ class Session:
         self.send(state_message(self.field, self.poses, editing, after=self.after))
 
     def set_poses(self, poses: KeyPoses) -> None:
-        """Replace the key poses; they are not part of the edit, nor of undo."""
+        """Replace the key poses. They belong neither to the edit nor to undo."""
         self.require()
         self.poses = poses
         self.tell_state()
 
     def run_deferred(self) -> None:
-        """Do deferred work between requests: send an edit that was changed from outside, and the report."""
+        """Do deferred work between requests: send the report, and an edit that was changed outside the page."""
         editing = self.editing
         if editing is None:
             return
@@ -316,7 +316,7 @@ NO_MEMORY = "Memory ran out; nothing was changed. Take a smaller mesh, or close 
 
 
 def sentence(error: Exception) -> str:
-    """The error as a sentence for the user; unexpected exceptions are logged as well."""
+    """Return the error as a sentence for the user; log unexpected exceptions."""
     if isinstance(error, MemoryError) or "can't allocate memory" in str(error):  # torch raises a RuntimeError
         return NO_MEMORY
     if isinstance(error, (ValueError, OSError)):
@@ -326,7 +326,7 @@ def sentence(error: Exception) -> str:
 
 
 def without_paths(why: str, names: Mapping[str, str], folder: Path) -> str:
-    """`why` with each path of `names` replaced by its name, and without the session's `folder`."""
+    """Return `why` with each path in `names` replaced by its name, and without the session's `folder`."""
     for path, name in names.items():
         why = why.replace(f"`path` {path}", name).replace(path, name)
     return _FUNCTION.sub("", why.replace(f"{folder}/", ""))

@@ -1,4 +1,4 @@
-"""The present state of a session, as the page shows it."""
+"""Messages with the present state of a session."""
 
 from __future__ import annotations
 
@@ -29,23 +29,23 @@ if TYPE_CHECKING:
     from dfd.posing.transforms import Transform
     from dfd.symmetry.plane import SymmetryPlane
 
-# What the state has of a handle's transform under the same name; `pivot` is where that is.
+# Fields of a handle's transform that the state has under the same name; the state's `pivot` is a position instead.
 MOTION = (*(name for name in parts.Transform.model_fields if name != "pivot"), "pivot_at")
 NO_FIELD = FieldState(status="none", origin=None)
 
 
 class Editing:
-    """A shape that can be edited, and what else is shown of it."""
+    """A shape with a field: its editing session, columns, parts and planes."""
 
     def __init__(self, deformer: Deformer) -> None:
         self.deformer, self.columns, self.parts = deformer, Columns(deformer), ShapeParts(deformer)
-        self.planes: Mapping[Preset, Sequence[SymmetryPlane]] = {}  # by each preset's rules
-        self.shown: Edit | None = None  # as last sent to the page
-        self.unreported = False  # whether a report is due
+        self.planes: Mapping[Preset, Sequence[SymmetryPlane]] = {}  # planes of symmetry, by preset
+        self.shown: Edit | None = None  # the edit that the page shows
+        self.unreported = False  # whether the report of the edit must still be sent
 
 
 def state_message(field: FieldState, poses: KeyPoses, editing: Editing | None, *, after: int) -> StateMessage:
-    """The state of a shape, which can only be edited once it has a field."""
+    """Return the state of a shape; `editing` is None without a field."""
     if editing is None:
         return StateMessage(preset="default", field=field, poses=poses, after=after)
     deformer = editing.deformer
@@ -110,7 +110,7 @@ def _default(transform: Transform, center: tuple[float, float, float]) -> PoseTr
 
 
 def positions_message(deformer: Deformer, *, request: int) -> bytes:
-    """The answer to `compute`."""
+    """Return the answer to `compute`."""
     posed, mesh = deformer.vertices, deformer.mesh
     normals = updated_normals(mesh.normals, mesh.vertices, posed, mesh.faces)
     positions = (posed - center_of(deformer.mesh)).astype(np.float32)
@@ -118,7 +118,7 @@ def positions_message(deformer: Deformer, *, request: int) -> bytes:
 
 
 def feature_colors_message(deformer: Deformer, *, request: int) -> bytes:
-    """The answer to `features`, with the colors of `dfd.pictures`."""
+    """Return the answer to `features`, with the colors of `dfd.pictures`."""
     features = deformer.features
     colors = feature_colors(features)
     packed = np.full((len(colors), 4), 255, np.uint8)
@@ -126,14 +126,11 @@ def feature_colors_message(deformer: Deformer, *, request: int) -> bytes:
     return pack(ColorsMessage(id=request), colors=packed)
 
 
-LARGEST = 1e30  # shaders multiply it with coordinates in 32-bit floats
+LARGEST = 1e30  # largest number of a transform, because shaders multiply it by coordinates in 32-bit floats
 
 
 def check_drawable(deformer: Deformer) -> None:
-    """Reject transforms that the page could not draw.
-
-    Raises ValueError if a number of a handle's transform or of D₀, mesh units, is beyond 1e30.
-    """
+    """Raise ValueError if the page cannot draw a transform: if a number of it, in mesh units, exceeds 1e30."""
     matrices = {f"handle {handle.id}": handle.matrix for handle in deformer.handles}
     if deformer.default is not None:
         matrices["the rest of the shape"] = deformer.default.matrix(box_center(deformer.mesh))
@@ -144,6 +141,6 @@ def check_drawable(deformer: Deformer) -> None:
 
 
 def report(deformer: Deformer) -> ReportMessage:
-    """How much moved, how far, and whether the handles reached their targets."""
+    """Return the report: how much moved, how far, and whether the handles reached their targets."""
     text = str(deformer.report())
     return ReportMessage(text=text[:1].upper() + text[1:])

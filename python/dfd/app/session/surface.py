@@ -1,4 +1,4 @@
-"""The rest shape for the page: rows, triangles, materials."""
+"""The resting shape for the page: rows, triangles, materials."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ Arrays = dict[str, NDArray[Any]]
 
 
 def center_of(mesh: Mesh) -> Float64:
-    """(3,) the center of the box, mesh units: positions are sent relative to it, to keep precision in float32."""
+    """Return the center (3,) of the box, mesh units. Positions are sent relative to it, for precision in float32."""
     return mesh.bounds[0] / 2 + mesh.bounds[1] / 2
 
 
 def mesh_message(mesh: Mesh, *, name: str, warnings: Sequence[str]) -> bytes:
-    """The message that shows `mesh`."""
+    """Return the message that shows `mesh`."""
     rows, corner_faces = _rows(mesh)
     textures, materials = _materials(mesh)
     none = np.zeros(len(mesh.faces), np.int32)
@@ -47,7 +47,7 @@ def mesh_message(mesh: Mesh, *, name: str, warnings: Sequence[str]) -> bytes:
 
 
 def _row_arrays(mesh: Mesh, rows: Int32) -> Arrays:
-    """The per-row arrays, by the names of their buffers."""
+    """Return the arrays with one entry per row, by name."""
     arrays: Arrays = {
         "positions": (mesh.vertices[rows] - center_of(mesh)).astype(np.float32),
         "vertex": rows.astype(np.uint32),
@@ -64,7 +64,7 @@ def _row_arrays(mesh: Mesh, rows: Int32) -> Arrays:
 
 
 def _materials(mesh: Mesh) -> tuple[Arrays, tuple[MaterialEntry, ...]]:
-    """The encoded textures as buffers, and the materials."""
+    """Return the encoded textures as arrays, and the materials."""
     appearance = mesh.appearance
     arrays: Arrays = {}
     materials: list[MaterialEntry] = []
@@ -80,14 +80,14 @@ def _materials(mesh: Mesh) -> tuple[Arrays, tuple[MaterialEntry, ...]]:
 
 
 def packed_normals(normals: NDArray[np.floating[Any]]) -> NDArray[np.int16]:
-    """(N, 3) unit normals as (N, 4) int16 in units of 1 / 32767; the fourth is 0, for alignment."""
+    """Return unit normals (N, 3) as (N, 4) int16 in units of 1 / 32767; the fourth is 0, for alignment."""
     packed = np.zeros((len(normals), 4), np.int16)
     packed[:, :3] = np.rint(normals * 32767)
     return packed
 
 
 def _corners(mesh: Mesh) -> tuple[Int32, Int32]:
-    """(R,) the vertex of each row, -1 for rows without a face, and (F, 3) the rows of each face's corners."""
+    """Return the vertex (R,) of each row, -1 for rows without a face, and the rows (F, 3) of the faces' corners."""
     if mesh.appearance is not None:
         return mesh.appearance.corners, mesh.appearance.corner_faces
     if mesh.scene is not None:
@@ -96,7 +96,7 @@ def _corners(mesh: Mesh) -> tuple[Int32, Int32]:
 
 
 def _rows(mesh: Mesh) -> tuple[Int32, Int32]:
-    """As `_corners`, without the rows that have no face."""
+    """Return the result of `_corners` without rows that have no face."""
     vertex, corner_faces = _corners(mesh)
     used = vertex >= 0
     if used.all():
@@ -106,7 +106,7 @@ def _rows(mesh: Mesh) -> tuple[Int32, Int32]:
 
 
 def _row_normals(mesh: Mesh, rows: Int32) -> Float64:
-    """(R, 3) unit normals: those of the file, so that sharp edges stay sharp, else smooth ones."""
+    """Return unit normals (R, 3): those of the file, which keep sharp edges, or else smooth normals."""
     normals = mesh.normals[rows].astype(np.float64)
     scene = mesh.scene
     vertex, _ = _corners(mesh)
@@ -123,7 +123,7 @@ def _row_normals(mesh: Mesh, rows: Int32) -> Float64:
 
 
 def _material_runs(material_of: Int32) -> tuple[Group, ...]:
-    """Runs of consecutive triangles with the same material."""
+    """Return the runs of consecutive triangles with one material."""
     starts = np.flatnonzero(np.diff(material_of, prepend=-1)).tolist()
     ends = [*starts[1:], len(material_of)]
     return tuple(
@@ -133,7 +133,7 @@ def _material_runs(material_of: Int32) -> tuple[Group, ...]:
 
 
 def _encode_texture(texture: UInt8) -> tuple[bytes, str]:
-    """A texture (rows, columns, 4) as a JPEG or PNG file, and its media type."""
+    """Return a texture (rows, columns, 4) as a JPEG or PNG file, and its media type."""
     image = Image.fromarray(texture)
     if max(image.size) > LONGEST_TEXTURE:
         image.thumbnail((LONGEST_TEXTURE, LONGEST_TEXTURE))

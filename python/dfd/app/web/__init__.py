@@ -1,1 +1,1 @@
-"""The server: who may connect, uploads, and the sessions."""
+"""The server: access control, uploads and sessions."""

@@ -1,4 +1,4 @@
-"""Starting and stopping the server: the port, the address with its token, cleanup."""
+"""Start and stop the server: its port, its address with a token, and cleanup."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
 
 DEFAULT_PORT = 8765
-NOTEBOOK_ORIGINS = ("http://localhost:*", "http://127.0.0.1:*")  # of notebooks
+NOTEBOOK_ORIGINS = ("http://localhost:*", "http://127.0.0.1:*")  # origins of notebooks
 
 
 class RunningApp:
-    """A server on a thread of this process, until `stop`; port 0 is any free one.
+    """A server on a thread of this process, until `stop`. Port 0 is any free port.
 
-    With `deformer`, all pages show this session; pages of `frame_ancestors` may show this one in a frame.
+    With `deformer`, all pages show this session. Pages of the origins `frame_ancestors` may show the app in a frame.
 
     Raises OSError if the port is taken, or the host is not an address of this machine.
     """
@@ -66,21 +66,24 @@ class RunningApp:
 
     @property
     def url(self) -> str:
-        """The address with its token."""
+        """Return the address with its token."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         if self.host in ("0.0.0.0", "::"):
             host = socket.gethostname()
         return f"http://{host}:{self.port}/?token={self.rules.token}"
 
     def redirecting_file(self) -> Path:
-        """A page readable by this user alone that redirects to `url`: command lines are visible to all users."""
+        """Write a page that only this user can read, and that redirects to `url`; return its path.
+
+        The browser's command line is visible to all users, so it must not contain the token.
+        """
         path = Path(self._root.name) / "open.html"
         path.touch(0o600, exist_ok=False)
         path.write_text(f'<!doctype html><meta http-equiv="refresh" content="0; url={html.escape(self.url)}">')
         return path
 
     def run(self) -> None:
-        """Serve until the process is asked to end; then delete the files of all sessions."""
+        """Serve until the process gets a signal to end, then delete the files of all sessions."""
         if threading.current_thread() is threading.main_thread():
             # uvicorn raises the signal again after its shutdown; the default action would skip the cleanup below.
             signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
@@ -109,12 +112,12 @@ def _listen(host: str, port: int) -> socket.socket:
     try:
         return socket.create_server((host, port), family=family, backlog=128)
     except OSError as error:
-        reason = (error.strerror or "").partition(" (while")[0]  # without the address once more
+        reason = (error.strerror or "").partition(" (while")[0]  # without repeating the address
         raise OSError(error.errno, f"cannot listen at {host}:{port}: {reason}") from None
 
 
 def check_built(static: Path = STATIC) -> None:
-    """Check that the page was built; FileNotFoundError if not; the message says how to build it."""
+    """Raise FileNotFoundError if the page was not built; the message says how to build it."""
     if not (static / "index.html").is_file():
         raise FileNotFoundError(
             f"the page is not built: run `npm ci && npm run build` in {static.with_name('client')} (Node 20 or newer), "
@@ -123,9 +126,9 @@ def check_built(static: Path = STATIC) -> None:
 
 
 def serve(options: SessionOptions, *, host: str, port: int | None, browser: bool, tell: Callable[[str], None]) -> None:
-    """Run the app until it is interrupted; `tell` gets its address, in one line.
+    """Run the app until it is interrupted; `tell` is called with its address, in one line.
 
-    Without a `port` it is the default one or, if that is taken, any free one.
+    If `port` is None, the default port is used or, if it is taken, any free port.
 
     Raises OSError if the page was not built, or the port is taken.
     """
@@ -156,11 +159,11 @@ class Frame:
 
     @property
     def url(self) -> str:
-        """The page's address, for a tab of its own."""
+        """Return the page's address, for another tab."""
         return self.app.url
 
     def __repr__(self) -> str:
-        """The address, where HTML is not shown."""
+        """Return the address, for places that do not show HTML."""
         return f"Frame({self.url})"
 
     def _repr_html_(self) -> str:
@@ -177,14 +180,14 @@ class Frame:
 
 
 def show(deformer: Deformer, *, height: int = 640) -> Frame:
-    """Show an editing session in a cell of a notebook, or at the address `Frame.url`; edits there change `deformer`.
+    """Show an editing session in a cell of a notebook, or at the address `Frame.url`; the page edits `deformer`.
 
     Parameters
     ----------
     deformer
-        The session, shared by the page and the notebook; change it in one of them at a time.
+        The session of the page and the notebook; change it in only one of them at a time.
     height
-        Of the frame, pixels.
+        Height of the frame, pixels.
 
     Raises OSError if the page was not built.
     """

@@ -1,8 +1,8 @@
-"""Access control: only the page opened by the user who started the server may send requests.
+"""Access control: only the page that the user opened may send requests.
 
 A page of another site can make a browser send requests here and, by DNS rebinding, even read the answers. So a request
-must have a Host header that names this server, an Origin header (if any) of this server, and a cookie that is set
-only at the address with the token.
+needs a Host header that names this server, an Origin header (if any) of this server, and a cookie that is set only at
+the address with the token.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ HEADERS = {
 
 @dataclass(frozen=True)
 class Rules:
-    """The settings of the guard.
+    """The settings of `Guard`.
 
     Attributes
     ----------
     host
-        The address that the server listens at.
+        The address at which the server listens.
     token
-        The secret in the address that is opened first.
+        The secret in the address that `dfd app` prints.
     cookie
         The cookie's name, different for each port of this machine.
     frame_ancestors
@@ -57,10 +57,10 @@ class Rules:
     frame_ancestors: Collection[str] = ()
 
     def knows_host(self, name: str) -> bool:
-        """Whether `name` (without a port) is a host name of this server.
+        """Return whether `name` (without a port) is a host name of this server.
 
-        If the server listens beyond this machine, that is any IP address, which unlike a name cannot be rebound by
-        DNS, and the names of the machine.
+        If other machines can reach the server, any IP address and the names of this machine are accepted. DNS cannot
+        rebind an IP address.
         """
         name = name.lower()
         if name in (*LOOPBACK_NAMES, self.host.lower()):
@@ -70,19 +70,19 @@ class Rules:
         return _address(name) is not None or name in (socket.gethostname().lower(), socket.getfqdn().lower())
 
     def knows_token(self, given: str | None) -> bool:
-        """Whether a text is the token, in a time that does not depend on how much of it is right."""
+        """Return whether a text is the token, in a time that does not depend on the text."""
         return hmac.compare_digest((given or "").encode(), self.token.encode())
 
     @property
     def headers(self) -> dict[str, str]:
-        """The headers that every response has."""
+        """Return the headers of every response."""
         if self.frame_ancestors:
             return {**HEADERS, "Content-Security-Policy": f"{CONTENT}frame-ancestors {' '.join(self.frame_ancestors)}"}
         return {**HEADERS, "Content-Security-Policy": f"{CONTENT}frame-ancestors 'none'", "X-Frame-Options": "DENY"}
 
 
 def loopback(host: str) -> bool:
-    """Whether only this machine reaches a server that listens at `host`."""
+    """Return whether only this machine can reach a server that listens at `host`."""
     address = _address(host)
     return host.lower() == "localhost" if address is None else address.is_loopback
 
@@ -110,12 +110,12 @@ class Guard:
         else:
             await receive()
             if foreign is None:
-                # Browsers tell a page the code of a connection that was accepted alone.
+                # Browsers report a close code to the page only if the connection was accepted.
                 await send({"type": "websocket.accept"})
             await send({"type": "websocket.close", "code": NOT_ALLOWED})
 
     def _check_origin(self, request: HTTPConnection) -> Response | None:
-        """The refusal of a request with another Host or Origin; None for one of this server."""
+        """Return a refusal if Host or Origin name another server, else None."""
         hosts, origins = request.headers.getlist("host"), request.headers.getlist("origin")
         if len(hosts) != 1 or not self._rules.knows_host(_without_port(hosts[0])):
             return PlainTextResponse("This server has another host name.", 421)
@@ -159,7 +159,7 @@ def _address(name: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
 
 
 def _without_port(host: str) -> str:
-    """The name in a Host header, an IPv6 address without its brackets."""
+    """Return the name in a Host header; an IPv6 address without its brackets."""
     if host.startswith("["):
         return host[1:].partition("]")[0]
     name, _, port = host.rpartition(":")

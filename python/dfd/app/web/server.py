@@ -1,4 +1,4 @@
-"""The web server: the page's files, the WebSocket, uploads and downloads. Whatever takes time happens in sessions."""
+"""The web server: the page's files, the WebSocket, uploads and downloads. Long work runs on the threads of sessions."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ from dfd.app.web.sessions import Outbox, Sessions
 from dfd.app.web.uploads import FORMATS, MOST_FILES, receive
 
 STATIC = Path(__file__).parents[1] / "static"
-MESSAGE_BYTES = 1 << 20  # the longest message of a page
-UPLOAD_BYTES = 1 << 30  # an upload's files together, unpacked
+MESSAGE_BYTES = 1 << 20  # largest message of a page
+UPLOAD_BYTES = 1 << 30  # largest total size of an upload, unpacked
 
 
 class PageFiles(StaticFiles):
     """The built page."""
 
     def file_response(self, full_path: object, *rest: object, **options: object) -> Response:
-        """As Starlette's; browsers keep files whose names contain a hash of the content."""
+        """Return a file; browsers may cache files whose names contain a hash of the content."""
         response: Response = super().file_response(full_path, *rest, **options)  # type: ignore[arg-type]
         if "assets" in Path(str(full_path)).parts:
             response.headers["Cache-Control"] = "public, max-age=31536000, immutable"
@@ -45,12 +45,12 @@ class PageFiles(StaticFiles):
 
 
 def create(sessions: Sessions, rules: Rules, *, upload_bytes: int = UPLOAD_BYTES, static: Path = STATIC) -> Starlette:
-    """The application for `sessions`, guarded by `rules`."""
+    """Return the application for `sessions`, guarded by `rules`."""
     server = _Server(sessions, upload_bytes)
 
     @contextlib.asynccontextmanager
     async def lifespan(app: Starlette) -> AsyncIterator[None]:
-        # Importing torch takes seconds: begin before the first page asks for it.
+        # Importing torch takes seconds, so it begins before the first request.
         threading.Thread(target=lambda: __import__("dfd.editing.deformer"), name="dfd-import", daemon=True).start()
         yield
         sessions.close()
@@ -68,14 +68,14 @@ def create(sessions: Sessions, rules: Rules, *, upload_bytes: int = UPLOAD_BYTES
 
 
 class _Server:
-    """The routes that reach sessions."""
+    """The routes to sessions."""
 
     def __init__(self, sessions: Sessions, upload_bytes: int) -> None:
         self._sessions = sessions
         self._upload_bytes = upload_bytes
 
     async def socket(self, page: WebSocket) -> None:
-        """Carry messages between a page and its session, or a new one, for as long as the page is there."""
+        """Pass messages between a page and its session, or a new session, until the page disconnects."""
         await page.accept()
         tab = self._sessions.open(page.query_params.get("session"))
         outbox = tab.attach()
@@ -93,7 +93,7 @@ class _Server:
             self._sessions.leave(tab, outbox)
 
     async def upload(self, request: Request) -> Response:
-        """Take files for a session and have it open them; what comes of it, the page hears over its WebSocket."""
+        """Receive files, and let the session open them. The page learns the result from its WebSocket."""
         tab = self._sessions.find(request.query_params.get("session"))
         if tab is None:
             return _refusal(404, "There is no such session: reload the page")
@@ -119,7 +119,7 @@ class _Server:
         return JSONResponse({})
 
     async def download(self, request: Request) -> Response:
-        """Serve an export, once."""
+        """Serve an exported file once."""
         tab = self._sessions.find(request.path_params["session"])
         path = None if tab is None else tab.session.exports.pop(request.path_params["number"], None)
         if path is None or not path.is_file():
@@ -133,7 +133,7 @@ class _Server:
 
 
 async def _send_all(page: WebSocket, outbox: Outbox) -> None:
-    """Send the messages for a page until it has gone, or one is the code to close with."""
+    """Send the messages for a page until it disconnects, or a message is the code to close with."""
     with contextlib.suppress(RuntimeError, OSError, WebSocketDisconnect):
         while not isinstance(message := await outbox.get(), int):
             await (page.send_text(message) if isinstance(message, str) else page.send_bytes(message))

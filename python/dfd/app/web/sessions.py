@@ -1,4 +1,4 @@
-"""The open sessions: each has a thread of its own, and goes on when its page is reloaded."""
+"""The open sessions. Each has its own thread, and continues when its page is reloaded."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
 
 OPENED_ELSEWHERE, SESSION_ENDED = 4001, 4002  # close codes of a WebSocket
-MOST_UNATTENDED = 8  # sessions that no page shows; beyond, the one that was left first ends
-# Of these, only the newest request is answered: the pointer or the shape has changed since the older ones.
+MOST_UNATTENDED = 8  # number of sessions without a page; above it, the session that was left first ends
+# Only the newest of these requests is answered, because the pointer or the shape has changed since older requests.
 NEWEST_ONLY = ("probe", "compute")
-REST_PAUSE = 0.2  # seconds without a request, after which the session does deferred work
+REST_PAUSE = 0.2  # seconds without a request after which the session does deferred work
 
-Outbox = asyncio.Queue[str | bytes | int]  # messages for a page; a number is the code to close its WebSocket with
+Outbox = asyncio.Queue[str | bytes | int]  # messages for a page; a number closes its WebSocket with this code
 
 
 class Tab:
-    """A session with the thread that does its work in order, and the page that shows it, if one does.
+    """A session, the thread that does its work in order, and the page that shows it, if any.
 
-    `call` is safe on any thread; all else is called on the event loop.
+    `call` is safe on any thread. All other methods are called on the event loop.
     """
 
     def __init__(self, folder: Path, options: SessionOptions, deformer: Deformer | None) -> None:
@@ -67,7 +67,7 @@ class Tab:
         self.call(work)
 
     def _run(self) -> None:
-        """Do the work in the queue until the session ends, and deferred work whenever there is none."""
+        """Do the work in the queue until the session ends, and deferred work while the queue is empty."""
         while True:
             try:
                 work = self._inbox.get(timeout=REST_PAUSE)
@@ -79,7 +79,7 @@ class Tab:
             self.session.guarded(0, work)
 
     def _send(self, message: str | bytes) -> None:
-        """Bring a message of the session's thread to the page that shows the session."""
+        """Pass a message from the session's thread to the event loop."""
         with contextlib.suppress(RuntimeError):  # the event loop has ended
             self._events.call_soon_threadsafe(self.tell, message)
 
@@ -90,11 +90,11 @@ class Tab:
 
     @property
     def attended(self) -> bool:
-        """Whether a page shows the session."""
+        """Return whether a page shows the session."""
         return self._outbox is not None
 
     def attach(self) -> Outbox:
-        """Return the messages for a new page; the page before, if any, is closed."""
+        """Return the outbox of a new page; a previous page is closed."""
         self.tell(OPENED_ELSEWHERE)
         outbox = self._outbox = asyncio.Queue()
         self.call(self.session.attach if self._begun else self.session.begin)
@@ -102,7 +102,7 @@ class Tab:
         return outbox
 
     def detach(self, outbox: Outbox) -> None:
-        """Note that the page with these messages has gone."""
+        """Record that the page with this outbox has disconnected."""
         if self._outbox is outbox:
             self._outbox = None
 
@@ -114,18 +114,18 @@ class Tab:
 
 
 class Sessions:
-    """All sessions of one server, with folders in `root`; with `deformer`, all pages show this one."""
+    """All sessions of one server, with folders in `root`. With `deformer`, all pages show this editing session."""
 
     def __init__(self, root: Path, options: SessionOptions, deformer: Deformer | None = None) -> None:
         self._root, self._options, self._deformer = root, options, deformer
-        self._tabs: dict[str, Tab] = {}  # by name; those left last come last
+        self._tabs: dict[str, Tab] = {}  # tabs by name; the last one was left last
 
     def find(self, name: str | None) -> Tab | None:
-        """The session of that name."""
+        """Return the session with a name, or None."""
         return self._tabs.get(name or "")
 
     def open(self, name: str | None) -> Tab:
-        """The session of that name, or a new one."""
+        """Return the session with a name, or a new session."""
         if (found := self.find(name)) is not None:
             return found
         if self._deformer is not None and self._tabs:
@@ -138,7 +138,7 @@ class Sessions:
         return tab
 
     def leave(self, tab: Tab, outbox: Outbox) -> None:
-        """Note that a page has gone."""
+        """Record that a page has disconnected."""
         tab.detach(outbox)
         if self._tabs.pop(tab.name, None) is not None:
             self._tabs[tab.name] = tab

@@ -1,4 +1,4 @@
-"""Files dropped on the page, put into a folder of their own under names that lead nowhere else."""
+"""Store files that were dropped on the page in their own folder, under safe names."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from dfd.mesh.file.read import ENDINGS
 FIELD, EDIT = ".safetensors", ".json"
 FORMATS = (*ENDINGS, ".zip", FIELD, EDIT)
 MOST_FILES = 500
-DEEPEST = 6  # folders inside a zip
+DEEPEST = 6  # largest depth of folders in a ZIP file
 CHUNK = 1 << 20  # bytes
-# Steps of texture paths that a materials file may name: plain words, without a dot in front.
+# Allowed names of folders and files, which a material file may contain; a name must not begin with a dot.
 SAFE = re.compile(r"[\w+()\[\]@=,' -][\w.+()\[\]@=,' -]{0,120}")
 UNREADABLE = (zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, lzma.LZMAError, NotImplementedError, RuntimeError,
               EOFError, OSError, struct.error)  # fmt: skip
 
 
 def receive(files: Sequence[tuple[str, IO[bytes]]], folder: Path, most_bytes: int) -> Opening:
-    """Put `files`, with the names that the browser gave, into a new folder inside `folder`; return what to open.
+    """Store `files`, with names from the browser, in a new folder inside `folder`; return the files to open.
 
-    The mesh, the field and the edit get names of ours. What a mesh names beside itself (materials, textures, buffers)
-    keeps its name where that is harmless, and is left out where it is not.
+    The mesh, the field and the edit get random names. Files that a mesh refers to (materials, textures, buffers) keep
+    their names if these are safe, and are left out otherwise.
 
-    Raises ValueError if there is nothing to open among them, or more than one mesh, or they are too large or too many,
-    or a zip is damaged.
+    Raises ValueError if no file can be opened, there is more than one mesh, the files are too large or too many, or a
+    ZIP file is damaged.
     """
     place = folder / secrets.token_hex(16)
     place.mkdir(parents=True)
@@ -54,14 +54,14 @@ def receive(files: Sequence[tuple[str, IO[bytes]]], folder: Path, most_bytes: in
 
 
 class _Kept:
-    """The files of one upload in their folder; `paths` are by the names inside the upload."""
+    """The files of one upload in their folder; `paths` has their paths by the names in the upload."""
 
     def __init__(self, place: Path, most_bytes: int) -> None:
         self.paths: dict[str, Path] = {}
         self._place, self._left = place, most_bytes
 
     def unpack(self, name: str, file: IO[bytes]) -> None:
-        """Keep the files of a zip."""
+        """Store the files of a ZIP file."""
         try:
             with zipfile.ZipFile(file) as archive:
                 for entry in archive.infolist():
@@ -73,7 +73,7 @@ class _Kept:
             raise ValueError(f"{_shown(name)} is damaged or not a zip that can be read: {reason}") from None
 
     def keep(self, name: str, stream: IO[bytes]) -> None:
-        """Write one file, one of `FORMATS` under a new name, and no other whose name is harmful."""
+        """Store one file: one of `FORMATS` under a random name, any other only if its name is safe."""
         if len(self.paths) >= MOST_FILES:
             raise ValueError(f"An upload must have at most {MOST_FILES} files")
         steps = [step for step in name.replace("\\", "/").split("/") if step != "."]
@@ -96,7 +96,7 @@ class _Kept:
         self.paths[said] = path
 
     def single(self, endings: Sequence[str], *, ignore_several: bool = False) -> OpenedFile | None:
-        """The one file with one of `endings`; None if there is none."""
+        """Return the only file with one of `endings`; None if there is none."""
         names = [name for name in self.paths if _ending(name) in endings]
         if len(names) > 1 and not ignore_several:
             raise ValueError(f"Open one {_ending(names[0])} file at a time, got {', '.join(map(_last, names[:5]))}")
@@ -112,5 +112,5 @@ def _last(name: str) -> str:
 
 
 def _shown(name: str) -> str:
-    """A name as a sentence can hold it."""
+    """Return a name without control characters, of at most 100 characters."""
     return re.sub(r"[\x00-\x1f\x7f]", "?", name)[:100] or "a file without a name"
