@@ -1,6 +1,6 @@
-"""The command line: one file per command, each a thin front of the Python names.
+"""The command line: one file per command, which calls the functions of the Python interface.
 
-What takes long to import (torch, trimesh) is imported inside the commands, so that `dfd --help` answers at once.
+Slow modules (torch, trimesh) are imported inside the commands, so `dfd --help` answers at once.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def _print_version(wanted: bool) -> None:
 
 @app.callback()
 def root(
-    version: Annotated[  # its only use is its callback
+    version: Annotated[  # only its callback is used
         bool, Option("--version", callback=_print_version, is_eager=True, help="Print the version and leave.")
     ] = False,
 ) -> None:
@@ -57,8 +57,8 @@ for command in (demo, distill, deform, show, inspect, parts, export, batch, app_
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line with `arguments`, by default those of the process, and exit.
 
-    Exit codes: 0 done; 1 of several shapes some could not be done, or what was written did not move; 2 something that
-    was given does not work, said in one line on standard error; 130 interrupted.
+    Exit codes: 0 success; 1 some of several shapes failed, or the edit moved nothing; 2 an argument is wrong, with one
+    line on standard error; 130 interrupted.
     """
-    atexit.register(gc.freeze)  # a million objects go with the process: to search them for garbage first takes a while
+    atexit.register(gc.freeze)  # without it, a last garbage collection of a million objects would delay the exit
     app(args=None if arguments is None else list(arguments), prog_name="dfd")

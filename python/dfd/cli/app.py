@@ -19,13 +19,15 @@ def app(
     ] = None,
     field: options.MadeField = None,
     edit: Annotated[Path | None, Option(metavar="JSON", help="Begin with this edit.")] = None,
-    sample: Annotated[str | None, Option(metavar="NAME", help="Open a made shape: quadruped, chair or robot.")] = None,
+    sample: Annotated[str | None, Option(metavar="NAME", help="Open a sample: quadruped, chair or robot.")] = None,
     preset: options.Preset = None,
     encoder: options.Encoder = DEFAULT_ENCODER,
     port: Annotated[
-        int | None, Option(min=0, max=65535, help="Where to listen; by default 8765 or a free one.")
+        int | None, Option(min=0, max=65535, help="The port of the server; by default 8765, or a free one.")
     ] = None,
-    host: Annotated[str, Option(help="Whom to listen for; all but the default let other machines in.")] = "127.0.0.1",
+    host: Annotated[
+        str, Option(help="The address of the server; with others than the default, other machines can connect.")
+    ] = "127.0.0.1",
     browser: Annotated[bool, Option("--browser/--no-browser", help="Open a browser.")] = True,
 ) -> None:
     """Open MESH in a browser: grab it anywhere, and everything alike follows."""

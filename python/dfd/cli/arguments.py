@@ -1,4 +1,4 @@
-"""What the arguments of several commands name: shapes, fields, sessions, places, and files to write."""
+"""Open the shapes, fields, sessions and places that arguments name, and check the files to write."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def open_field(
     preset: Preset | None = None,
     progress: bool | Stages = True,
 ) -> Field:
-    """Load the field of `mesh`, or distill one; `force` takes that of another shape.
+    """Load the field of `mesh`, or distill it; `force` accepts the field of another shape.
 
-    Raises as `Field.load` and `dfd.distill`.
+    Raises the errors of `Field.load` and `dfd.distill`.
     """
     import dfd
 
@@ -46,7 +46,7 @@ def open_field(
 def open_session(
     mesh: Path, field: Path | None, stages: Stages, edit: Path | None, preset: Preset | None, **how: Any
 ) -> Deformer:
-    """Open a session of a mesh with an edit, if one is given; `how` is as in `open_field`."""
+    """Open a session of a mesh, with an edit if one is given; `how` are keywords of `open_field`."""
     from dfd import Deformer, load
 
     with stages.stage("read"):
@@ -60,10 +60,10 @@ def open_session(
 
 
 def find_place(option: str, text: str, mesh: Mesh, session: Deformer | None = None) -> Place:
-    """Return the place that `text` names on `mesh`, as `dfd.editing.points.find` reads it, or with a session a part.
+    """Return the place that `text` names on `mesh` (`dfd.editing.points.find`). With a session, it may be a part.
 
-    What a text that is no vertex index means is printed. Raises ValueError in the name of `option`, if it names nothing
-    there.
+    Print the meaning of a text that is no vertex index. Raises ValueError in the name of `option` if the text names no
+    place.
     """
     from dfd.editing.points import find
     from dfd.editing.verbs import place_of
@@ -75,7 +75,7 @@ def find_place(option: str, text: str, mesh: Mesh, session: Deformer | None = No
             place = place_of(session.bound, text)
             note = f"{text} is {place}"
         else:
-            raise ArgumentError(option, f"cannot be {text!r} without `--field`: features tell parts")
+            raise ArgumentError(option, f"cannot be {text!r} without `--field`, because parts need features")
     except ArgumentError as error:
         raise ArgumentError(option, error.reason) from None
     if not re.fullmatch(r"\s*[-+]?\d+\s*", text):
@@ -84,7 +84,7 @@ def find_place(option: str, text: str, mesh: Mesh, session: Deformer | None = No
 
 
 def hold(session: Deformer, handles: Iterable[tuple[str, dict[str, Any]]], fix: Iterable[str] | None) -> None:
-    """Add handles and fixed points to a session; the strength of a fixed one is 1 unless `:NUMBER` ends it."""
+    """Add handles and fixed points to a session. A fixed point may end with `:NUMBER`, its strength; else it is 1."""
     for text, given in handles:
         session.add(find_place("--handle", text, session.mesh, session), **given)
     for text in fix or ():
@@ -96,10 +96,10 @@ def hold(session: Deformer, handles: Iterable[tuple[str, dict[str, Any]]], fix: 
 
 
 def check_output(option: str, path: Path | None, endings: Sequence[str] = ()) -> None:
-    """Refuse, before the work, a file that could not be written after it.
+    """Check before the work that a file can be written after it.
 
-    Raises ValueError in the name of `option`, if `path` has none of the `endings`. Raises OSError if its folder does
-    not exist or cannot be written, or it is a folder itself.
+    Raises ValueError in the name of `option` if `path` has none of the `endings`. Raises OSError if its folder does not
+    exist or cannot be written, or `path` is a folder.
     """
     if path is None:
         return
@@ -117,15 +117,15 @@ def check_output(option: str, path: Path | None, endings: Sequence[str] = ()) ->
 
 
 def file_in(output: Path, source: Path) -> Path:
-    """Return the file that `output` names: if it is a folder, the one in it with the name of `source`.
+    """Return `output`, or if it is a folder, the file in it with the name of `source`.
 
-    Raises ValueError if that is `source` itself.
+    Raises ValueError if the result is `source`.
     """
     if not output.is_dir():
         return output
     written = output / source.name
     if written.resolve() == source.resolve():
-        raise ValueError(f"`--output` must be another folder than that of {source}, which stays as it is")
+        raise ValueError(f"`--output` must be another folder than that of {source}, which must not be overwritten")
     return written
 
 

@@ -54,19 +54,19 @@ def batch(
         ),
     ] = None,
     workers: Annotated[
-        int | None, Option(min=1, help="Shapes at a time; by default as many as processors and memory allow.")
+        int | None, Option(min=1, help="Number of parallel shapes; by default as many as processors and memory allow.")
     ] = None,
     threads: Annotated[int, Option(min=1, help="Threads of each shape.")] = 1,
-    gpus: Annotated[float, Option(min=0.0, help="GPUs of each; 0.25 puts four on one, 0 computes without.")] = 0.0,
-    timeout: Annotated[float | None, Option(metavar="SECONDS", help="Give up a shape that takes longer.")] = None,
+    gpus: Annotated[float, Option(min=0.0, help="GPUs of each shape; with 0.25, four shapes share one GPU.")] = 0.0,
+    timeout: Annotated[float | None, Option(metavar="SECONDS", help="Stop a shape that takes longer.")] = None,
     address: Annotated[
         str | None, Option(metavar="ADDRESS", help="Run on the Ray cluster there: auto, HOST:PORT or ray://HOST:PORT.")
     ] = None,
-    retry: Annotated[bool, Option("--retry", help="Repeat what failed before.")] = False,
+    retry: Annotated[bool, Option("--retry", help="Repeat shapes that failed before.")] = False,
 ) -> None:
     """Process a folder or a list of shapes in parallel, on Ray; the same command resumes after an interruption.
 
-    Each shape gets a folder of its own; shapes.jsonl and index.html list all of them.
+    Each shape gets its own folder; shapes.jsonl and index.html list all shapes.
     """
     if made_on and len(edit or ()) != len(made_on):
         raise ValueError("`--edit` and `--made-on` must be given equally often: each edit was made on a mesh")
@@ -121,9 +121,10 @@ def batch(
 
 
 def _edit_sources(edits: list[Path], made_on: list[Path]) -> tuple[EditSource, ...]:
-    """The edits, after checking each with its mesh and its field.
+    """Return the edits, after checking each with its mesh and its field.
 
-    Raises ValueError if an edit does not belong to its mesh, or two have one name; OSError if a file cannot be read.
+    Raises ValueError if an edit does not belong to its mesh, or two edits have one name. Raises OSError if a file
+    cannot be read.
     """
     from dfd.batch.one_edit import find_files
 
@@ -136,14 +137,14 @@ def _edit_sources(edits: list[Path], made_on: list[Path]) -> tuple[EditSource, .
 
 
 def _listed(texts: list[str]) -> list[str]:
-    """Options that may be repeated or hold several, with commas between."""
+    """Return the values of an option that may be repeated, and may contain several values with commas."""
     return [part.strip() for text in texts for part in text.split(",") if part.strip()]
 
 
 def _distill_settings(texts: list[str], wanted: bool) -> dict[str, Any]:
-    """All settings of the step distill, from texts such as views=12.
+    """Return all settings of the step distill, from texts such as views=12.
 
-    Raises ValueError if one is unknown or out of its range.
+    Raises ValueError if a setting is unknown or out of its range.
     """
     from dfd.distillation.settings import DistillSettings
 

@@ -40,53 +40,56 @@ def deform(
     preset: options.Preset = None,
     handle: Annotated[
         str | None,
-        Option(metavar=options.PLACE, help="What to take hold of; repeatable, each with the options that follow it."),
+        Option(metavar=options.PLACE, help="The place of a handle; repeatable, each with the options that follow it."),
     ] = None,
-    name: Annotated[str | None, Option(metavar="TEXT", help="What the edit calls the handle.")] = None,
+    name: Annotated[str | None, Option(metavar="TEXT", help="The name of the handle in the edit.")] = None,
     fix: options.Fix = None,
     symmetry: Annotated[
         str | None,
-        Option(metavar="auto|x|x=0.1|NX,NY,NZ,OFFSET", help="Act mirrored on the other side of this plane as well."),
+        Option(metavar="auto|x|x=0.1|NX,NY,NZ,OFFSET", help="Mirror handles on the other side of this plane."),
     ] = None,
     band: Annotated[
         float | None,
-        Option(metavar="WIDTH", help="Half width of the blend at that plane, mesh units; 0 is a hard cut."),
+        Option(metavar="WIDTH", help="Half width of the blend band at the plane, mesh units; 0 is a hard cut."),
     ] = None,
     symmetry_candidates: Annotated[
         str | None, Option(metavar="any|axes", help="Which planes --symmetry auto considers: axes is the paper's.")
     ] = None,
     symmetry_threshold: Annotated[
         str | None,
-        Option(metavar="ε|relative", help="How unlike sides of --symmetry auto may be; by the spread unless given."),
+        Option(
+            metavar="ε|relative",
+            help="Largest score of planes of --symmetry auto; by default relative to the spread of the features.",
+        ),
     ] = None,
     edit: Annotated[Path | None, Option(metavar="JSON", help="Start from an edit with any number of handles.")] = None,
     made_on: Annotated[
-        Path | None, Option(metavar="MESH", help="The shape that --edit was made on, if it is none of several shapes.")
+        Path | None, Option(metavar="MESH", help="The shape on which --edit was made, if it is not among the MESHes.")
     ] = None,
     threshold: options.Threshold = None,
     force: Annotated[
         bool,
         Option(
             "--force",
-            help="Take a field or an edit of another shape all the same; of several shapes, carry the edit to those"
-            " that look less alike too, which the sheet marks as unsure.",
+            help="Accept a field or an edit of another shape. With several shapes, also deform those with a low"
+            " confidence; the sheet marks them as unsure.",
         ),
     ] = False,
     encoder: options.Encoder = DEFAULT_ENCODER,
     output: Annotated[
         Path | None,
-        Option("--output", "-o", metavar="MESH|FOLDER", help="The mesh to write; of several shapes the folder."),
+        Option("--output", "-o", metavar="MESH|FOLDER", help="The mesh to write; for several shapes a folder."),
     ] = None,
     picture: Annotated[Path | None, Option(metavar="PNG", help="Draw before and after; several on one sheet.")] = None,
     azimuth: options.Azimuth = None,
     elevation: options.Elevation = 18.0,
     zoom: options.Zoom = 1.0,
-    save_edit: Annotated[Path | None, Option(metavar="JSON", help="Keep the edit, for --edit.")] = None,
+    save_edit: Annotated[Path | None, Option(metavar="JSON", help="Write the edit, for --edit.")] = None,
     **described: Any,
 ) -> None:
-    """Deform MESH by handles, from options, an edit, or both; or several shapes by one edit, made on another one.
+    """Deform MESH by handles from options, an edit, or both; or deform several shapes by one edit.
 
-    On several shapes each handle goes to what looks most like what it held; a shape without such is left out.
+    On several shapes, each handle moves to the most similar place. Shapes without a similar place are left out.
     """
     held = handles(context)
     if len(meshes) > 1 or made_on is not None or has_magic(meshes[0]):

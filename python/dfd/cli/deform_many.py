@@ -1,4 +1,4 @@
-"""`dfd deform` of several shapes: one edit, carried to each in turn."""
+"""`dfd deform` of several shapes: one edit, transferred to each."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ def deform_many(
     sheet: Path | None,
     **how: Any,
 ) -> None:
-    """Carry the edit to every shape and write each that it fits; exit with code 1 if some were left out.
+    """Transfer the edit to every shape, and write the shapes that it fits; exit with code 1 if some were left out.
 
-    `fields` is a folder; `preset` replaces the edit's own, and is that of fields that are made, by `how` of
-    `open_field`.
+    `fields` is a folder. `preset` replaces the preset of the edit, and is the preset of distilled fields. `how` are
+    keywords of `open_field`.
     """
     files = list(dict.fromkeys(path for pattern in meshes for path in matches(pattern)))
     _check(files, output, fields, sheet)
@@ -58,7 +58,7 @@ def deform_many(
     from dfd.pictures.sheet import session_views
 
     def field_of(file: Path, shape: Mesh) -> Field:
-        """From a file beside the shape or in `--field`, from the cache, or made now."""
+        """Return the field from a file beside the shape or in `--field`, or from the cache; else distill it."""
         path = field_path(file, fields)
         return open_field(shape, path if path.is_file() else None, preset=preset, force=force, **how)
 
@@ -103,7 +103,7 @@ def deform_many(
 
 
 def _check(files: Sequence[Path], output: Path, fields: Path | None, sheet: Path | None) -> None:
-    """Refuse, before the work, what could not be written after it."""
+    """Check before the work that all files can be written after it."""
     taken: dict[str, Path] = {}
     for file in files:
         if file.suffix.lower() not in MESH_ENDINGS:
@@ -123,7 +123,7 @@ def _check(files: Sequence[Path], output: Path, fields: Path | None, sheet: Path
 
 
 def _original(edit: Path, files: Sequence[Path], made_on: Path | None, field_of: FieldOf) -> Original:
-    """The edit with its shape: the given one, that of the files whose hash it records, or the one it names."""
+    """Return the edit with its shape: `made_on`, the file with the recorded hash, or the file that the edit names."""
     import dfd
     from dfd.batch.one_edit import Original, find_files
 
@@ -133,7 +133,7 @@ def _original(edit: Path, files: Sequence[Path], made_on: Path | None, field_of:
     with suppress(KeyError, TypeError, ValueError):  # an edit without the hash of its mesh; `find_files` refuses others
         recorded = json.loads(edit.read_text("utf-8-sig"))["mesh"]["hash"]
         for file in files:
-            with suppress(ValueError, OSError):  # a file that cannot be read is told when its turn comes
+            with suppress(ValueError, OSError):  # a file that cannot be read is reported later
                 shape = dfd.load(file)
                 if shape.content_hash == recorded:
                     return Original.read(edit, shape, field_of(file, shape))

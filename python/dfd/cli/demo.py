@@ -1,4 +1,4 @@
-"""`dfd demo`: two made shapes, their features, a few edits of each, and one sheet that shows all of it."""
+"""`dfd demo`: two sample shapes, their features, a few edits of each, and one sheet of pictures."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def demo(
     output: Annotated[Path, Option("--output", "-o", help="Folder for meshes and pictures.")] = Path("demo"),
     preset: options.Preset = None,
 ) -> None:
-    """Make shapes, distill them, deform them, and draw the story."""
+    """Distill and deform two sample shapes, and draw the results."""
     from dfd import samples
     from dfd.common.progress import Stages
     from dfd.distillation.distill import distill
@@ -74,7 +74,7 @@ def demo(
 
 
 def _drawn(deformer: Deformer) -> list[Picture]:
-    """Draw weights, the shape before, and after: from the front and from behind, but before only from the front."""
+    """Draw the weights and the deformed shape from the front and from behind, and the resting shape from the front."""
     from dfd.pictures.contact_sheet import heat_bar
     from dfd.pictures.picture import picture
     from dfd.pictures.sheet import session_views

@@ -21,11 +21,11 @@ def distill(
     mesh: options.Mesh,
     output: Annotated[Path, Option("--output", "-o", metavar="FIELD", help="The .safetensors file to write.")],
     encoder: options.Encoder = DEFAULT_ENCODER,
-    device: Annotated[str | None, Option(help="Where torch computes: cpu, cuda, …; CUDA if there is one.")] = None,
-    cache: Annotated[bool, Option("--cache/--no-cache", help="Take it from the cache when it was made before.")] = True,
+    device: Annotated[str | None, Option(help="Device of torch: cpu, cuda, …; by default CUDA if available.")] = None,
+    cache: Annotated[bool, Option("--cache/--no-cache", help="Use the cached field if it exists.")] = True,
     **settings_given: Any,
 ) -> None:
-    """Distill an image encoder's features into a field around MESH. Needed once per shape."""
+    """Distill the features of an image encoder into a field of MESH. Needed once per shape."""
     check_output("--output", output, (".safetensors",))
 
     given = {name: value for name, value in settings_given.items() if value is not None}
@@ -42,7 +42,7 @@ def distill(
 
 
 def _option(name: str) -> Any:
-    """The annotation of a setting: its type as a word of the command line, its description and its values."""
+    """Return the annotation of a setting: its type, its description and its default values."""
     field = DistillSettings.model_fields[name]
     kinds = [kind for kind in get_args(field.annotation) or (field.annotation,) if kind is not type(None)]
     kind = kinds[0] if kinds[0] in (bool, int, float) else str

@@ -1,4 +1,4 @@
-"""How the command line fails: one line on standard error and an exit code, never a traceback for what a user gave."""
+"""Errors of the command line: one line on standard error and an exit code, without a traceback for wrong input."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ INTERRUPTED = 130
 def say(text: str, *, result: bool = False) -> None:
     """Print a line for people on standard error, or a `result` on standard output.
 
-    Control characters of names, which a terminal would obey, and what is not UTF-8 are escaped.
+    Control characters, which a terminal would interpret, and characters that are not UTF-8 are escaped.
     """
     escaped = (each if each.isprintable() or each == "\n" else each.encode("unicode_escape").decode() for each in text)
     typer.echo("".join(escaped), err=not result)

@@ -65,7 +65,7 @@ def export(
     moments = () if poses is None else read_key_poses(poses)
     session = open_session(mesh, field, stages, edit, preset, force=force)
     if output is not None:
-        form_for(session.mesh, output, form)  # refuses it before the work begins
+        form_for(session.mesh, output, form)  # raises an error before the work begins
     with stages.stage("features", len(session.mesh.vertices)) as advance:
         session.prepare(advance)
     if output is not None:

@@ -1,4 +1,4 @@
-"""Several handles on one command line: every `--handle` begins one, and the options after it are its own."""
+"""Several handles on one command line. Each begins with `--handle`, and the options after it belong to it."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from dfd.editing.presets import CONTROLS
 from dfd.posing.transforms import MOTIONS
 
 OF_A_HANDLE = ("handle", "name", *MOTIONS, *CONTROLS)
-HANDLES = "dfd.handles"  # key of the context: what is given for each handle, by the names of the parameters
+HANDLES = "dfd.handles"  # key of the context: the options of each handle, by parameter names
 
 
 class HandlesCommand(TyperCommand):
-    """A command that takes `--handle` repeatedly, each with options of its own, and counts the numbers they need."""
+    """A command with repeated `--handle`, each with its own options, whose values may be several numbers."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Put aside the options of each handle, and read the others as usual; what precedes `--handle` belongs to it.
+        """Store the options of each handle, and parse the others. Options before the first `--handle` belong to it.
 
-        Raises ValueError if an option of a handle has not the numbers that it needs.
+        Raises ValueError if an option of a handle has the wrong number of values.
         """
         own = {flag: each for each in self.params if each.name in OF_A_HANDLE for flag in each.opts}
         own |= {flag: each for each in own.values() for flag in each.secondary_opts}
@@ -53,17 +53,17 @@ def handles(context: Any) -> list[tuple[str, dict[str, Any]]]:
     for texts in context.meta[HANDLES]:
         given = {name: text if name in ("handle", "name") else value_of(text) for name, text in texts.items()}
         if 0.0 in np.ravel(given.get("scale", 1.0)):
-            raise ValueError(f"`--scale` must not be 0, which leaves nothing of what it holds, got {texts['scale']}")
+            raise ValueError(f"`--scale` must not be 0, which flattens the held part, got {texts['scale']}")
         place = given.pop("handle", None)
         if place is not None:
             found.append((place, given))
         elif given:
-            raise ValueError(f"`--handle` must be given: it is what the {', '.join(given)} is for")
+            raise ValueError(f"`--handle` must be given with {', '.join(given)}")
     return found
 
 
 def value_of(value: Any) -> Any:
-    """Return the number or the numbers that a text holds, or the value as it is."""
+    """Return the number or the numbers in a text, or any other value unchanged."""
     parts = value.split(",") if isinstance(value, str) else []
     if not parts or not all(map(is_number, parts)):
         return value
@@ -72,7 +72,7 @@ def value_of(value: Any) -> Any:
 
 
 def _value(flag: str, metavar: str, rest: list[str]) -> str:
-    """Take the value of an option off the beginning of `rest`; several numbers become one text such as 1,2,3."""
+    """Remove the value of an option from the beginning of `rest`; several numbers become one text such as 1,2,3."""
     counts = {len(each.split()) for each in metavar.split("|") if each.isupper()}  # words are in lower case
     numbers = next((i for i, word in enumerate(rest) if not is_number(word)), len(rest)) if 3 in counts else 0
     is_text = numbers == 0 and bool(rest) and not (3 in counts and rest[0].startswith("-"))

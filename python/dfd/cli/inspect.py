@@ -1,4 +1,4 @@
-"""`dfd inspect` and `dfd parts`: what a mesh is made of."""
+"""`dfd inspect` and `dfd parts`: describe a mesh and its parts."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def inspect(
     as_json: Annotated[bool, Option("--json", help="Print everything as JSON.")] = False,
     force: options.Force = False,
 ) -> None:
-    """Say what MESH is made of, what is odd about it, and which way is up."""
+    """Describe MESH: its size, its defects, and which way is up."""
     from dfd import load
     from dfd.common.files import plain
     from dfd.encoders.encode import load_encoder
@@ -42,7 +42,7 @@ def inspect(
     counts, said = topology.inspect(shape), check_up(up)
     try:
         found = find_up(shape, load_encoder(DEFAULT_ENCODER)) if said == "auto" else explicit_up(shape, said)
-    except OSError:  # without weights, all else can still be told
+    except OSError:  # without the encoder's weights, the rest is still reported
         found = file_up()
     odd = findings(shape, counts)
     report: dict[str, Any] = {
@@ -67,7 +67,7 @@ def inspect(
 
 
 def _of_field(path: Path, field: Field, shape: Mesh) -> tuple[dict[str, Any], list[str]]:
-    """Tell the field and the symmetry planes: a part of the report, and lines for people."""
+    """Return the part of the report about the field and the symmetry planes, and the lines for people."""
     from dfd import symmetry_planes
     from dfd.symmetry.plane import plane_text
 
@@ -95,16 +95,16 @@ def parts(
             "--output",
             "-o",
             metavar="FILE",
-            help="A .json with the part of every vertex, an .obj with a group a part, a .glb with a material slot a"
-            " part.",
+            help="A .json file with the part of every vertex, an .obj file with one group per part, or a .glb file with"
+            " one material slot per part.",
         ),
     ] = None,
-    picture: Annotated[Path | None, Option(metavar="PNG", help="Draw them, numbered.")] = None,
+    picture: Annotated[Path | None, Option(metavar="PNG", help="Draw the parts with numbers.")] = None,
     views: options.Views = 2,
     resolution: options.Resolution = 768,
     force: options.Force = False,
 ) -> None:
-    """Cut MESH into its parts: what looks alike, ends at creases, and would move as one."""
+    """Cut MESH into its parts: regions that look alike, end at creases, and would move together."""
     check_output("--output", output, (".json", ".obj", ".glb", ".gltf"))
     check_output("--picture", picture, (".png",))
 

@@ -1,4 +1,4 @@
-"""Options of several commands, and those that the tables of controls, motions and settings describe."""
+"""Options of several commands, and options from the tables of controls, motions and settings."""
 
 from __future__ import annotations
 
@@ -13,41 +13,44 @@ from dfd.common.described import About
 from dfd.common.preset import Preset as PresetName
 from dfd.editing.presets import PRESETS
 
-# What a handle or a fixed point may be.
+# The place of a handle or a fixed point.
 PLACE = "VERTEX|X,Y,Z|top|part:NAME|group:NAME|part@X,Y,Z|component@X,Y,Z|…"
 
 Mesh = Annotated[Path, Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file.")]
 Field = Annotated[Path, Option(metavar="FIELD", help="The shape's field, as `dfd distill` wrote it.")]
-MadeField = Annotated[Path | None, Option(metavar="FIELD", help="The shape's field; without it, it is found or made.")]
-Force = Annotated[bool, Option("--force", help="Take a field or an edit of another shape all the same.")]
+MadeField = Annotated[
+    Path | None, Option(metavar="FIELD", help="The shape's field; by default from the cache, or distilled.")
+]
+Force = Annotated[bool, Option("--force", help="Accept a field or an edit of another shape.")]
 Preset = Annotated[
     PresetName | None,
     Option(
         metavar="default|paper",
-        help="Defaults of what is left out: dfd's own, or the paper's equations; if not given, those of --edit.",
+        help="Defaults of all other settings: dfd's own, or the paper's equations; by default those of --edit.",
     ),
 ]
 Fix = Annotated[
     list[str] | None,
-    Option(metavar="PLACE[:S]", help="Hold this, and what looks like it, by a strength S from 0 to 1; repeatable."),
+    Option(metavar="PLACE[:S]", help="Fix this place and its counterparts, with a strength S in 0 to 1; repeatable."),
 ]
 Encoder = Annotated[
-    str, Option(metavar="NAME", help="What makes fields: a known name, a folder with weights, or a hub name.")
+    str, Option(metavar="NAME", help="The encoder: a known name, a folder with weights, or a hub name.")
 ]
 Threshold = Annotated[
-    float | None, Option(min=0.0, max=1.0, help="Least confidence with which an edit is carried; 0.5 if left out.")
+    float | None, Option(min=0.0, max=1.0, help="Smallest confidence of a transferred edit; 0.5 if left out.")
 ]
 Azimuth = Annotated[
-    float | None, Option(help="The first side, degrees from the front (+z) to +x; by default where the handles show.")
+    float | None,
+    Option(help="First direction of view, degrees from the front (+z) to +x; by default the handles are visible."),
 ]
 Elevation = Annotated[float, Option(min=-90.0, max=90.0, help="Degrees above the horizon.")]
-Zoom = Annotated[float, Option(min=0.01, help="Above 1 is nearer, towards the handles.")]
-Views = Annotated[int, Option(min=1, max=36, help="How many sides are drawn, all around.")]
+Zoom = Annotated[float, Option(min=0.01, help="Above 1 is nearer to the handles.")]
+Views = Annotated[int, Option(min=1, max=36, help="Number of directions of view around the shape.")]
 Resolution = Annotated[int, Option(min=16, max=8192, help="Pixels along the side of each picture.")]
 
 
 def add_options(command: Callable[..., None], annotations: Mapping[str, Any], after: str) -> None:
-    """Let `command`, which takes `**` keywords, have these options behind its parameter `after`; None is not given."""
+    """Add options to `command`, which takes `**` keywords, after its parameter `after`; None means not given."""
     own = [each for each in signature(command, eval_str=True).parameters.values() if each.kind is not each.VAR_KEYWORD]
     index = 1 + [each.name for each in own].index(after)
     own[index:index] = [
@@ -59,7 +62,7 @@ def add_options(command: Callable[..., None], annotations: Mapping[str, Any], af
 
 
 def from_table(table: Mapping[str, About]) -> dict[str, Any]:
-    """Return the annotation of an option for each row of a table, with the value of each preset."""
+    """Return the annotation of an option for each row of a table, with the default of each preset."""
     return {name: _row(name, about) for name, about in table.items()}
 
 
@@ -76,7 +79,7 @@ def _row(name: str, about: About) -> Any:
 
 
 def by_preset(default: Any, *paper: Any) -> str:
-    """Return what the help says of an option that has these values in the presets unless it is given."""
+    """Return the text of an option's defaults in the help: the value of each preset."""
     return "; paper: ".join(map(_shown, dict.fromkeys((default, *paper))))
 
 

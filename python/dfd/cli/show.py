@@ -17,13 +17,15 @@ from dfd.editing.presets import CONTROLS
 def show(
     mesh: options.Mesh,
     output: Annotated[Path, Option("--output", "-o", metavar="PNG", help="The picture to write.")],
-    field: Annotated[Path | None, Option(metavar="FIELD", help="Its field: colors what looks alike alike.")] = None,
+    field: Annotated[
+        Path | None, Option(metavar="FIELD", help="The shape's field: similar places get similar colors.")
+    ] = None,
     preset: options.Preset = None,
     handle: Annotated[
         list[str] | None,
         Option(
             metavar=options.PLACE,
-            help="Show what follows a handle here, as heat; without --field, mark it; repeatable.",
+            help="Show the weights of a handle at this place; without --field, mark it; repeatable.",
         ),
     ] = None,
     fix: options.Fix = None,
@@ -32,19 +34,19 @@ def show(
     elevation: options.Elevation = 15.0,
     zoom: options.Zoom = 1.0,
     axes: Annotated[bool, Option("--axes", help="Draw the directions of the axes.")] = False,
-    legend: Annotated[bool, Option("--legend", help="Draw the scale of the heat beside it.")] = False,
+    legend: Annotated[bool, Option("--legend", help="Draw the color scale of the weights.")] = False,
     resolution: options.Resolution = 768,
     force: options.Force = False,
     **controls: Any,
 ) -> None:
-    """Draw MESH: by itself, in the colors of its features, or the weights of handles as heat."""
+    """Draw MESH alone, in the colors of its features, or with the weights of handles as a heat map."""
     given = {name: value_of(value) for name, value in controls.items() if value not in (None, [])}
     if field is None and (given or fix):
         raise ValueError("`--field` must be given: weights come from it")
     if (given or fix) and not handle:
-        raise ValueError("`--handle` must be given: the others say what follows one, and what is held back")
+        raise ValueError("`--handle` must be given with `--fix` and the controls of a handle")
     if legend and (field is None or not handle):
-        raise ValueError("`--legend` needs `--field` and `--handle`: it is the scale of their heat")
+        raise ValueError("`--legend` needs `--field` and `--handle`: it is the color scale of their weights")
     check_output("--output", output, (".png",))
 
     from dfd import Deformer, load

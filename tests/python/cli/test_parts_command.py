@@ -31,7 +31,7 @@ def test_a_handle_and_what_is_fixed_may_be_the_part_that_a_place_is_on(run, chai
     moved = np.abs(dfd.load("out.ply").vertices - chair.vertices).max(axis=1) > 0.1
     assert moved[session.part(low).indices].all()
     refused = run("show", "MESH", "--handle", f"part@{low}", "-o", "out.png")
-    assert failed(refused, f"`--handle` cannot be 'part@{low}' without `--field`: features tell parts")
+    assert failed(refused, f"`--handle` cannot be 'part@{low}' without `--field`, because parts need features")
 
 
 def test_parts_are_groups_of_an_obj_and_material_slots_of_a_glb(run, chair):

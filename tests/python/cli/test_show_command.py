@@ -40,7 +40,7 @@ def test_a_handle_is_shown_from_its_own_side(chair):
     ("arguments", "message"),
     [
         (("--handle", 1, "--locality", 1), "`--field` must be given: weights come from it"),
-        (("--field", "FIELD", "--fix", 1), "`--handle` must be given: the others say what follows one"),
+        (("--field", "FIELD", "--fix", 1), "`--handle` must be given with `--fix` and the controls"),
         (("--field", "FIELD", "--handle", 10**6), "`--handle` must lie in 0 … 2003"),
         (("--field", "FIELD", "--handle", 1, "--handle", 1), "`handles` must lie at distinct places"),
         (("--field", "FIELD", "--handle", 1, "--locality", -1), "`--locality` must be at least 0"),
