@@ -1,4 +1,4 @@
-"""Building glTF files: lists of the header, data in one buffer, and whole scenes of parts."""
+"""Build glTF files: objects of the header, data in one buffer, and scenes of parts."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ class GltfBuilder:
     def accessor(
         self, values: NDArray[Any], *, attribute: bool = False, bounds: bool = False, normalized: bool = False
     ) -> int:
-        """Append an array, one row an element, and return the number of its accessor.
+        """Append an array with one row per element, and return the number of its accessor.
 
-        `attribute` marks vertex attributes; `bounds` stores the smallest and largest values.
+        `attribute` marks vertex attributes. `bounds` stores the smallest and largest values.
         """
         kind = _KINDS[values.shape[1:]]
         stored = np.ascontiguousarray(values.swapaxes(1, 2) if kind == "MAT4" else values)
@@ -81,10 +81,10 @@ class GltfBuilder:
 
 
 def encode_scene(moved: Sequence[MovedPrimitive], *, binary: bool) -> bytes:
-    """Return the file of a scene: a node for each part, with a primitive for each of its own, in their order.
+    """Return the file of a scene: a node for each part, with the part's primitives in order.
 
-    Nodes share a mesh where their parts share geometries that did not move. A part far from the origin, for which
-    32-bit floats are too coarse, is moved to its middle, and its node back.
+    Nodes share a mesh if their parts share unmoved geometries. If a part is so far from the origin that 32-bit floats
+    are too coarse, its positions are relative to its middle, and its node is translated.
     """
     scene = _Scene({"asset": {"version": "2.0", "generator": "dfd"}, "scene": 0, "scenes": [{"nodes": []}]})
     for part, group in groupby(moved, lambda each: each.primitive.part):
@@ -102,7 +102,7 @@ class _Scene(GltfBuilder):
         self._textures: dict[tuple[int, tuple[Wrap, Wrap]], int] = {}
 
     def add(self, part: str, group: Sequence[MovedPrimitive]) -> None:
-        """Add a part of primitives that have one transform."""
+        """Add a part, whose primitives share one transform."""
         key = tuple(id(each.primitive.geometry) for each in group)
         if any(each.moved for each in group) or key not in self._meshes:
             origin = far_origin(np.concatenate([each.vertices for each in group]))
@@ -151,7 +151,7 @@ class _Scene(GltfBuilder):
         content: Header = {"attributes": attributes, "indices": self.accessor(faces.astype("<u4").ravel())}
         material = geometry.material
         if material is None and geometry.uv is not None and colors is None:
-            material = _PLAIN  # readers drop texture coordinates without one
+            material = _PLAIN  # readers ignore texture coordinates without a material
         if material is not None:
             content["material"] = self._material(material, geometry.uv is not None, colors is not None)
         return content

@@ -33,14 +33,14 @@ _UNSIGNED = (5121, 5123, 5125)  # component types
 
 
 class GltfData:
-    """The header of a file, with its views and accessors; raises ValueError or OSError for what cannot be read."""
+    """The header of a file, with its views and accessors. Methods raise ValueError or OSError for unreadable data."""
 
     def __init__(self, header: Header, embedded: bytes | None, assets: AssetFolder) -> None:
         """Keep the header, the binary chunk of a GLB file, and access to external files."""
         self.header = header
         self._embedded = embedded
         self.assets = assets
-        self._buffers: dict[int, UInt8] = {}  # arrays, which processes can share
+        self._buffers: dict[int, UInt8] = {}  # arrays, because processes can share them
         self._views: dict[int, bytes] = {}
         self._draco: dict[int, tuple[dict[int, NDArray[Any]], NDArray[Any]]] = {}
         self._compressed = self._decompressed = 0
@@ -66,8 +66,8 @@ class GltfData:
     def _file(self, index: int, uri: str, length: int) -> bytes:
         """Return the data of a buffer in an external file.
 
-        Saving copies the data into the new file, so a malicious glTF file could leak any file that it references: one
-        without a usual extension must have the length that the header states.
+        Saving copies the data into the new file, so a malicious glTF file could leak any file that it references. A
+        file without a usual ending must therefore have the length that the header states.
         """
         data = self.assets.read(uri)
         if not uri.lower().endswith(_DATA_ENDINGS) and not 0 <= len(data) - length < _ALIGNMENT:
@@ -87,7 +87,7 @@ class GltfData:
         return self.buffer(int(view["buffer"])).data[start : start + int(view["byteLength"])]
 
     def picture(self, image: Header) -> bytes:
-        """Return the bytes of an object of `images`, wherever they are."""
+        """Return the bytes of an object of `images`: from a view, a data URI or an external file."""
         uri = image.get("uri")
         if isinstance(uri, str):
             return data_uri(uri) if uri.startswith("data:") else self.assets.read(uri)
@@ -114,14 +114,14 @@ class GltfData:
         return self.accessor(index).ravel()
 
     def attribute(self, primitive: Header, name: str) -> NDArray[Any] | None:
-        """Return an attribute (rows, components) of a primitive, None where it has none of that name."""
+        """Return an attribute (rows, components) of a primitive, or None."""
         packed = self.draco(primitive) or {}
         if name in packed:
             return packed[name]
         return self.accessor(primitive["attributes"][name]) if name in primitive["attributes"] else None
 
     def corners(self, primitive: Header) -> NDArray[Any]:
-        """Return the rows (N,) that a primitive draws, one after the other."""
+        """Return the rows (N,) of a primitive's corners, in order."""
         packed = self.draco(primitive)
         if packed is not None:
             return packed["indices"].ravel()
@@ -130,9 +130,9 @@ class GltfData:
         return np.arange(len(self.accessor(primitive["attributes"]["POSITION"])))
 
     def draco(self, primitive: Header) -> dict[str, NDArray[Any]] | None:
-        """Return the attributes of a primitive that is compressed with Draco by name, and its faces as `indices`.
+        """Return the attributes of a primitive compressed with Draco by name, and its faces as `indices`.
 
-        None where it is not compressed.
+        Return None if the primitive is not compressed.
         """
         packed = extension(primitive, DRACO)
         if packed is None:
@@ -202,7 +202,7 @@ class GltfData:
         return np.ascontiguousarray(plain).tobytes()
 
     def _stored(self, accessor: Header) -> NDArray[Any]:
-        """Return the items of an accessor as they are stored, zeros where it has no data."""
+        """Return the stored items of an accessor; zeros if it has no data."""
         dtype, width = np.dtype(COMPONENT_TYPES[accessor["componentType"]]), COMPONENTS[accessor["type"]]
         count = int(accessor["count"])
         if "bufferView" not in accessor:
@@ -213,11 +213,11 @@ class GltfData:
         stride = int(self.header["bufferViews"][index].get("byteStride", 0)) or dtype.itemsize * width
         if not count:
             return np.zeros((0, width))
-        # the last row may end where the view does, before a whole stride
+        # the last row may end with the view, before a whole stride
         return np.ndarray((count, width), dtype, data, start, (stride, dtype.itemsize))
 
     def _replaced(self, values: NDArray[Any], sparse: Any, what: str) -> NDArray[Any]:
-        """Put the items of a sparse accessor into those that it changes."""
+        """Replace the items of an accessor that its sparse part changes."""
         parts: list[Header] = []
         if isinstance(sparse, dict):
             parts = [part for name in ("indices", "values") if isinstance(part := sparse.get(name), dict)]
@@ -244,7 +244,7 @@ class GltfData:
 
 
 def data_uri(uri: str) -> bytes:
-    """Return what a data URI holds; ValueError if it is not in base 64."""
+    """Return the content of a data URI; ValueError if it is not in base 64."""
     head, _, body = uri.partition(",")
     if not head.endswith(";base64"):
         raise ValueError(f"{shortened(uri)} is not in base 64")
@@ -259,7 +259,7 @@ def _message(error: Exception) -> str:
 
 
 def _as_numbers(values: NDArray[Any], normalized: bool) -> NDArray[Any]:
-    """Undo the quantization of normalized integers: glTF 2.0, section 3.11."""
+    """Convert normalized integers to floats: glTF 2.0, section 3.11."""
     if not normalized or values.dtype.kind not in "iu":
         return values
     return np.maximum(values.astype(np.float64) / np.iinfo(values.dtype).max, -1.0)

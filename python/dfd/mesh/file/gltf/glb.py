@@ -12,14 +12,14 @@ _JSON, _DATA = 0x4E4F534A, 0x004E4942
 
 
 def is_glb(data: bytes) -> bool:
-    """Whether a file's first bytes are those of GLB."""
+    """Return whether a file begins with the magic bytes of GLB."""
     return data[:4] == _MAGIC
 
 
 def split(data: bytes) -> tuple[bytes, bytes | None]:
-    """Return the JSON text and the data of a GLB file, None where it has none; unknown chunks are passed over.
+    """Return the JSON text and the data (or None) of a GLB file; unknown chunks are skipped.
 
-    Raises ValueError if it is cut off, of another version, or does not begin with a chunk of JSON.
+    Raises ValueError if it is cut off, has another version, or does not begin with a JSON chunk.
     """
     if len(data) < 20:
         raise ValueError(f"it is cut off after {len(data)} bytes")

@@ -30,18 +30,18 @@ _COLLECTIONS = (
     *("samplers", "scenes", "skins", "textures"),
 )
 _LEAST_STRIDE = 4  # bytes
-_MOST_ZEROS = 2**20  # items of an accessor without data, if none with data has more
+_MOST_ZEROS = 2**20  # largest number of items of an accessor without data, if no accessor with data has more
 _DEEPEST = 1000  # nesting of nodes
 _DEEPEST_JSON = 200  # nesting of JSON values
-_MOST_OVERLAP = 8  # times the length of its buffers that a file's views may add up to
+_MOST_OVERLAP = 8  # largest ratio of the total length of a file's views to that of its buffers
 _SMALL = 2**24  # bytes, below which the overlap does not matter
 
 
 def read(text: bytes, *, glb: bool) -> Header:
-    """Return the header of a glTF file, or GLB file, from its JSON text.
+    """Return the header of a glTF or GLB file from its JSON text.
 
-    Raises ValueError if it cannot be read, uses a compression that cannot be read, or its views, accessors or nodes
-    are inconsistent.
+    Raises ValueError if it cannot be read, it needs an unknown extension, or its views, accessors or nodes are
+    inconsistent.
     """
     header: object = json.loads(text.decode())
     if not isinstance(header, dict):
@@ -60,7 +60,7 @@ def read(text: bytes, *, glb: bool) -> Header:
 
 
 def objects(owner: Header, name: str) -> list[Header]:
-    """Return a list of objects of the header, empty where it has none of that name."""
+    """Return the list of objects `name` of the header; [] if there is none."""
     values = owner.get(name, [])
     if not isinstance(values, list) or not all(isinstance(value, dict) for value in values):
         raise ValueError(f"its {name!r} must be a list of objects")
@@ -68,26 +68,26 @@ def objects(owner: Header, name: str) -> list[Header]:
 
 
 def item(header: Header, name: str, index: object) -> Header | None:
-    """Return the object of the list `name` that `index` names, None where it names none."""
+    """Return the object with number `index` of the list `name`, or None."""
     values: list[Header] = header.get(name, [])
     return values[cast(int, index)] if is_index(index, len(values)) else None
 
 
 def extension(owner: Header, name: str) -> Header | None:
-    """Return an extension of an object of the header, None where it has none of that name."""
+    """Return the extension `name` of an object of the header, or None."""
     found = owner.get("extensions")
     value = found.get(name) if isinstance(found, dict) else None
     return value if isinstance(value, dict) else None
 
 
 def parents(header: Header) -> dict[int, int]:
-    """Return the node that each node below another is a child of."""
+    """Return the parent of each node that has one."""
     nodes = enumerate(objects(header, "nodes"))
     return {child: index for index, node in nodes for child in node.get("children", [])}
 
 
 def primitives(header: Header) -> Iterator[tuple[int, int, Header]]:
-    """Yield mesh, number and content of every primitive that has faces."""
+    """Yield the mesh, the number and the content of each primitive with faces."""
     for mesh, content in enumerate(objects(header, "meshes")):
         for number, primitive in enumerate(objects(content, "primitives")):
             if primitive.get("mode", 4) in MODES_READ:
@@ -95,7 +95,7 @@ def primitives(header: Header) -> Iterator[tuple[int, int, Header]]:
 
 
 def _check_depth(header: Header) -> None:
-    """Refuse nesting so deep that Python's recursion limit would prevent writing it again."""
+    """Raise ValueError for nesting so deep that Python's recursion limit would prevent writing it."""
     layer: list[Any] = [header]
     for _ in range(_DEEPEST_JSON):
         layer = [
@@ -239,17 +239,17 @@ def _check_nodes(header: Header) -> None:
 
 
 def is_index(value: object, count: int) -> bool:
-    """Whether a value of the header names one of `count` things."""
+    """Return whether a value of the header is an index below `count`."""
     return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < count
 
 
 def are_numbers(value: object) -> TypeGuard[list[float]]:
-    """Whether a value of the header is a list of numbers."""
+    """Return whether a value of the header is a list of numbers."""
     return isinstance(value, list) and all(type(each) in (int, float) for each in value)
 
 
 def reference(owner: Header, name: str, count: int, what: str) -> int:
-    """Return the number of one of `count` things that an object of the header names."""
+    """Return an index below `count` that an object of the header contains."""
     value = whole(owner, name, what)
     if value >= count:
         raise ValueError(f"{what} names {name} {value}, but there are {count}")
@@ -257,9 +257,9 @@ def reference(owner: Header, name: str, count: int, what: str) -> int:
 
 
 def whole(owner: Header, name: str, what: str, default: int | None = None) -> int:
-    """Return a whole number of the header that is not negative; `what` names its owner in errors."""
+    """Return a nonnegative integer of the header; `what` names its owner in errors."""
     value = owner.get(name, default)
-    if isinstance(value, float) and value.is_integer():  # some writers put 12.0
+    if isinstance(value, float) and value.is_integer():  # some programs write 12.0
         value = int(value)
     if not isinstance(value, int) or isinstance(value, bool) or value < 0:
         raise ValueError(f"{what} has {name} {shortened(value)}")

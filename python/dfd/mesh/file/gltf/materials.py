@@ -34,7 +34,7 @@ class GltfMaterials:
         self._surfaces: dict[int, Surface] = {}
 
     def of(self, primitive: Header) -> Surface | None:
-        """Return the surface of a primitive, None where it names no material."""
+        """Return the surface of a primitive; None without a material."""
         index = primitive.get("material")
         content = item(self._header, "materials", index)
         if content is None:
@@ -72,7 +72,7 @@ class GltfMaterials:
         return Surface(material, *coordinates(reference))
 
     def texture(self, reference: Any, name: str) -> tuple[UInt8 | None, tuple[Wrap, Wrap]]:
-        """Return the texels and wrap modes of a texture; None where it cannot be read."""
+        """Return the texels and wrap modes of a texture; None for texels that cannot be read."""
         texture = item(self._header, "textures", reference.get("index")) if isinstance(reference, dict) else None
         failed = [f"the texture of material {shortened(name)}"]
         if texture is not None:

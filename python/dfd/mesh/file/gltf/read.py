@@ -34,11 +34,11 @@ def parse(data: bytes, assets: AssetFolder) -> GltfData:
 
 
 def read(data: GltfData, *, at_rest: bool = True) -> list[MeshInstance]:
-    """Return the mesh instances of the scene, node by node in the file's order.
+    """Return the mesh instances of the scene, in the order of the file's nodes.
 
     With `at_rest`, skins and default morph weights are applied; otherwise both are ignored.
 
-    Raises ValueError, OSError if a primitive that is shown cannot be read.
+    Raises ValueError or OSError if a primitive of the scene cannot be read.
     """
     header = data.header
     world, shown = world_transforms(header), shown_nodes(header)
@@ -106,7 +106,7 @@ def _geometry(
     vertices = positions.astype(np.float64)
 
     def values(name: str, width: int) -> NDArray[Any] | None:
-        """Return an attribute, None where there is none of that width for every vertex."""
+        """Return an attribute of the given width; None if it is missing or has another number of rows."""
         found = data.attribute(primitive, name)
         if found is None or len(found) != len(vertices) or width not in (0, found.shape[1]):
             return None
@@ -164,7 +164,7 @@ def from_below(uv: NDArray[Any], transform: Float64 | None) -> Float64:
 
 
 def shown_nodes(header: Header) -> set[int]:
-    """Return the nodes of the scene that is shown; all of them where the file has no scene."""
+    """Return the nodes of the default scene; all nodes if the file has no scene."""
     nodes, scenes = objects(header, "nodes"), objects(header, "scenes")
     if not scenes:
         return set(range(len(nodes)))
@@ -183,7 +183,7 @@ def shown_nodes(header: Header) -> set[int]:
 
 
 def world_transforms(header: Header) -> dict[int, Float64]:
-    """Return the transforms (4, 4) of all nodes: joints need not be in the scene."""
+    """Return the transforms (4, 4) of all nodes, because joints may be outside the scene."""
     nodes, below = objects(header, "nodes"), parents(header)
     found: dict[int, Float64] = {}
     layer = [(i, IDENTITY) for i in range(len(nodes)) if i not in below]
@@ -197,7 +197,7 @@ def world_transforms(header: Header) -> dict[int, Float64]:
 
 
 def _local_transform(node: Header, index: int) -> Float64 | None:
-    """Return the transform (4, 4) of a node to its parent's coordinates: its matrix, or T · R · S; None without."""
+    """Return the transform (4, 4) from a node to its parent: its matrix, or T · R · S; None if it has neither."""
     if not node.keys() & {"matrix", "translation", "rotation", "scale"}:
         return None
 

@@ -1,4 +1,4 @@
-"""The shape at rest of a glTF file, as viewers show it: morph targets at their default weights, then the skin.
+"""The resting shape of a glTF file, as viewers show it: morph targets at their default weights, then the skin.
 
 The format: Khronos Group, "glTF 2.0 Specification", 2021, sections 3.7.2.2 and 3.7.3.
 """
@@ -16,11 +16,11 @@ from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import Header, are_numbers, is_index, item, objects
 from dfd.mesh.weld import weld
 
-_SEAM = 1e-4  # of the largest side; rows at one position that skinning separates by less stay one vertex
+_SEAM = 1e-4  # largest gap, relative to the longest side, between rows that skinning keeps at one vertex
 
 
 def morph_weights(node: Header, mesh: Header) -> tuple[float, ...]:
-    """Return the default weights of morph targets: the node's, or else its mesh's."""
+    """Return the default weights of morph targets, of the node or else of its mesh."""
     values = node.get("weights", mesh.get("weights", []))
     if not are_numbers(values) or not all(np.isfinite(each) for each in values):
         raise ValueError(f"a mesh has morph weights {shortened(values)}")
@@ -41,7 +41,7 @@ def morphed(values: Float64, name: str, primitive: Header, weights: tuple[float,
 
 
 def joint_matrices(skin: Any, data: GltfData, world: Mapping[int, Float64]) -> Float64 | None:
-    """Return the skinning matrix of each joint of a skin, (J, 4, 4); None where there is no such skin."""
+    """Return the skinning matrices (J, 4, 4) of a skin's joints; None if there is no such skin."""
     content, nodes = item(data.header, "skins", skin), objects(data.header, "nodes")
     if content is None:
         return None
@@ -59,12 +59,12 @@ def joint_matrices(skin: Any, data: GltfData, world: Mapping[int, Float64]) -> F
 
 
 def skin_transforms(primitive: Header, data: GltfData, rows: int, matrices: Float64) -> Float64 | None:
-    """Return the transform (rows, 4, 4) from each vertex to the scene, None for a primitive without weights.
+    """Return the transform (rows, 4, 4) from each vertex to the scene; None for a primitive without weights.
 
-    Weights are divided by their sum, and those that are not positive are 0; a vertex without weights follows the first
-    joint, as in three.js.
+    Weights are divided by their sum; weights that are not positive count as 0. A vertex without weights follows the
+    first joint, as in three.js.
 
-    Raises ValueError if there are other counts, or a vertex follows a joint that is not there.
+    Raises ValueError if counts differ, or a vertex follows a joint that does not exist.
     """
     flat, total, blended, weighted = matrices.reshape(-1, 16), np.zeros(rows), np.zeros((rows, 16)), False
     with np.errstate(over="ignore", invalid="ignore"):
@@ -90,13 +90,13 @@ def skin_transforms(primitive: Header, data: GltfData, rows: int, matrices: Floa
 
 
 def closed_seams(positions: Float64, transforms: Float64) -> Float64:
-    """Return the transforms (rows, 4, 4), made equal for rows at one position where they differ only by rounding.
+    """Return the transforms (rows, 4, 4), with equal ones for rows at one position that differ only by rounding.
 
     Exporters round the weights of each row separately, which would open seams of texture or normals.
     """
     finite = np.isfinite(positions).all() and np.isfinite(transforms).all()
     if not finite:
-        return transforms  # `place` refuses them
+        return transforms  # `place` raises an error for them
     first, vertex = weld(positions)
     placed = np.einsum("nij,nj->ni", transforms[:, :3, :3], positions) + transforms[:, :3, 3]
     leader = first[vertex]

@@ -1,1 +1,1 @@
-"""OBJ files: reading, writing, and rewriting of moved vertices only."""
+"""Read and write OBJ files, or rewrite only moved vertices."""

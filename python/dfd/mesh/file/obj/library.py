@@ -26,7 +26,7 @@ class Companions:
         self._own = _own_files(target)
 
     def add(self, name: str, data: bytes) -> str:
-        """Add a file and return its name, numbered where an unrelated file has that name."""
+        """Add a file and return its name, with a number if an unrelated file has that name."""
         path, number = PurePosixPath(name), 1
         while not self._is_free(name, data):
             number += 1
@@ -52,8 +52,8 @@ class Companions:
 def copied_materials(text: ObjText, source: Path, companions: Companions) -> tuple[str | None, set[str]]:
     """Copy the materials that an OBJ file uses, and their textures, next to the written file.
 
-    Only used materials are copied, from the folder `source`, and only textures that are valid images. Returned are the
-    name of the new file of materials, None where none is used, and the libraries that could be read.
+    Only used materials are copied, from the folder `source`, and only textures that are valid images. Return the name
+    of the new material library, or None if no material is used, and the names of all readable libraries.
     """
     assets = AssetFolder(source / "materials")
     materials, read = used_materials(text, assets)

@@ -1,7 +1,7 @@
-"""Rewriting vertex positions in an OBJ file, with everything else unchanged.
+"""Rewrite vertex positions in an OBJ file, with everything else unchanged.
 
-Only the coordinates of `v` and `vn` lines change, and of faces the number of a normal that they no longer share:
-order, polygons, groups, smoothing, curves, comments and materials stay as they were written.
+Only the coordinates of `v` and `vn` lines change, and the normal numbers of faces that no longer share a normal. Order,
+polygons, groups, smoothing, curves, comments and materials stay unchanged.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from dfd.mesh.weld import weld
 
 
 def encode(target: Path, vertices: Float64, scene: SceneFile, normals: Float64) -> dict[str, bytes]:
-    """Return the contents of the moved OBJ file `target` and of the material files that it needs next to it.
+    """Return the contents of the moved OBJ file `target` and of the material files next to it.
 
-    Unmoved `vertices` (N, 3) keep their text. `normals` (R, 3) are those of the scene's rows, NaN where it has none.
-    Materials are not copied where `target` is in the folder of the original.
+    Unmoved `vertices` (N, 3) keep their text. `normals` (R, 3) are those of the scene's rows, or NaN. Materials are not
+    copied if `target` is in the folder of the original.
     """
     assert scene.path is not None
     assert scene.source is not None
@@ -52,7 +52,7 @@ def _rename_libraries(edits: Edits, text: ObjText, name: str | None, read: set[s
 
 
 def _edit_normals(edits: Edits, text: ObjText, corner_rows: Int32, normals: Float64) -> None:
-    """Rewrite the normals of faces; corners that no longer share one get a new one."""
+    """Rewrite the normals of faces; corners that no longer share a normal get new ones."""
     corners = np.flatnonzero((text.corners[:, 2] >= 0) & (corner_rows >= 0))
     corners = corners[~np.isnan(normals[corner_rows[corners]]).any(axis=1)]
     if not len(corners):

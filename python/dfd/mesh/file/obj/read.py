@@ -1,4 +1,4 @@
-"""Reading an OBJ file as triangles, by part and material."""
+"""Read an OBJ file as triangles, by part and material."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ _GROUP_KEYWORDS = ("g", "o", "usemtl")  # in order of precedence for equal names
 def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInstance], Int64, Int32]:
     """Return the mesh instances, the vertex (R,) of each row, and the row (C,) of each corner, −1 in skipped faces.
 
-    Parts are the file's `o`, or its `g` where it has not several `o`; within a part faces are sorted by material.
+    Parts are the objects (`o`) of the file, or its groups (`g`) if it has at most one object. Within a part, faces are
+    sorted by material.
 
     Warns
     -----
@@ -67,7 +68,7 @@ def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInsta
 
 
 def _libraries(text: ObjText, assets: AssetFolder) -> list[str]:
-    """Return the files of materials that the text names; a line names one, which may have spaces, or several."""
+    """Return the material libraries that the text names. A line names one, which may contain spaces, or several."""
     names = []
     for line in [rest for _, keyword, rest in text.statements if keyword == "mtllib" and rest]:
         names += [line] if " " not in line or assets.has(line) else line.split()
@@ -97,7 +98,7 @@ def _parts(text: ObjText, default: str) -> tuple[list[str], Int64]:
 
 
 def _state_at_faces(text: ObjText, keyword: str, default: str) -> tuple[list[str], Int64]:
-    """Return the names that a keyword gave, `default` first, and which of them holds (P,) at each face."""
+    """Return the names after a keyword, `default` first, and the number (P,) of the name that applies to each face."""
     names, numbers, lines, values = [default], {default: 0}, [-1], [0]
     for line, found, name in text.statements:
         if found == keyword:

@@ -1,6 +1,6 @@
-"""Writing OBJ files that store each vertex once: along seams, faces have separate texture and normal indices.
+"""Write OBJ files that store each vertex once. Along seams, faces have separate texture and normal indices.
 
-(trimesh's writer duplicates the vertices along every seam, which splits the surface and renumbers its vertices.)
+trimesh's writer duplicates the vertices along every seam, which splits the surface and renumbers its vertices.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from dfd.mesh.file.primitives import MovedPrimitive, UniqueNames
 from dfd.mesh.file.scene_file import SceneFile
 
 _SEPARATORS = re.compile(r"[/\\:*?\"<>|\0]")  # not allowed in file names on some systems
-_LONGEST_NAME = 60  # letters of a material's name, which becomes part of a texture's
+_LONGEST_NAME = 60  # largest length of a material's name, which becomes part of the name of its texture file
 
 
 def encode(vertices: Float64, faces: Int32) -> bytes:
@@ -45,7 +45,7 @@ def encode_groups(
 def encode_scene(
     target: Path, vertices: Float64, scene: SceneFile, moved: Sequence[MovedPrimitive]
 ) -> dict[str, bytes]:
-    """Return the files of a scene: the OBJ file `target`, and its materials and textures, all named after it.
+    """Return the files of a scene: the OBJ file `target`, and materials and textures whose names begin with its stem.
 
     The mesh's vertices are at `vertices` (V, 3); `moved` are the scene's primitives, with their normals.
     """
@@ -71,7 +71,7 @@ def encode_scene(
             columns[2] = local + normal_count
             normal_count += len(normals)
         used = library.add(each.geometry.material)
-        if used is None and several:  # a primitive without one would inherit the previous one's
+        if used is None and several:  # a primitive without a material would inherit the previous one
             used = library.plain(1.0 if each.geometry.colors is not None else GRAY)
         if used is not None:
             body.append(f"usemtl {used}\n".encode())
@@ -99,7 +99,7 @@ class _MaterialLibrary:
             name = self._unused(_one_line(material.name).replace(" ", "_"))
             self._names[id(material)] = name
             lines = [f"newmtl {name}", "Kd " + " ".join(f"{each:.6g}" for each in material.color[:3])]
-            if material.texture is not None:  # the stem keeps it from overwriting another file's
+            if material.texture is not None:  # the stem avoids overwriting textures of other files
                 picture = self._companions.add(f"{self._stem}_{name}.png", as_png(material.texture))
                 lines.append(f"map_Kd {picture}")
             self.text += "\n".join([*lines, "", ""])
@@ -117,7 +117,7 @@ class _MaterialLibrary:
 
 
 def _vertex_colors(scene: SceneFile) -> Float64 | None:
-    """Return RGB (V, 3) where vertices have colors; a vertex takes that of its last row."""
+    """Return RGB (V, 3) of vertices, each the color of its last row; None without colors."""
     look = scene.appearance
     if look is None or look.colors is None:
         return None
@@ -128,7 +128,7 @@ def _vertex_colors(scene: SceneFile) -> Float64 | None:
 
 
 def _lines(kind: str, values: Float64) -> bytes:
-    """Return a line for each row, its numbers in the shortest form that reads back exactly."""
+    """Return a line for each row, with numbers in the shortest form that is read back exactly."""
     numbers = [repr(value) for value in np.asarray(values, np.float64).ravel().tolist()]
     width = values.shape[1]
     template = f"{kind} {' '.join(['%s'] * width)}\n"

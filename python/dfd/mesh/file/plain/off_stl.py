@@ -1,4 +1,4 @@
-"""OFF and STL files: positions and faces alone.
+"""Read and write OFF and STL files, which contain only positions and faces.
 
 The formats: Geomview, "OFF Files", 1996; 3D Systems, "StereoLithography Interface Specification", 1989.
 """
@@ -29,7 +29,7 @@ _STL_NORMAL = re.compile(rb"\bfacet\s+normal" + _NUMBERS, re.IGNORECASE)
 def read_off(data: bytes) -> Geometry:
     """Return the vertices and faces of an OFF file.
 
-    Raises ValueError if it holds fewer vertices, faces or corners than stated, or a face of fewer than three corners.
+    Raises ValueError if it has fewer vertices, faces or corners than stated, or a face has fewer than three corners.
     """
     lines = [decoded(line[0].split(b"#", 1)[0]) for line in _lines(data)]
     if not lines:
@@ -77,7 +77,7 @@ def read_off(data: bytes) -> Geometry:
 
 
 def _lines(data: bytes) -> list[re.Match[bytes]]:
-    """Return the lines of an OFF file that hold more than comments."""
+    """Return the lines of an OFF file that contain more than comments."""
     return [line for line in _LINE.finditer(data) if line[0].split(b"#", 1)[0].strip()]
 
 
@@ -101,7 +101,7 @@ def rewrite_off(data: bytes, vertices: Float64, normals: Float64) -> bytes:
 
 
 def encode_off(vertices: Float64, faces: NDArray[np.integer]) -> bytes:
-    """Return the text of an OFF file, each number as the shortest that reads back exactly."""
+    """Return the text of an OFF file, with numbers in the shortest form that is read back exactly."""
     head = b"OFF\n%d %d 0\n" % (len(vertices), len(faces))
     return (
         head
@@ -111,9 +111,9 @@ def encode_off(vertices: Float64, faces: NDArray[np.integer]) -> bytes:
 
 
 def read_stl(data: bytes) -> list[tuple[str, Geometry]]:
-    """Return the solids of an STL file by name, "" for one without.
+    """Return the solids of an STL file and their names; the name may be "".
 
-    Raises ValueError if its length is not what it says, or it is cut off.
+    Raises ValueError if its length differs from the stated one, or it is cut off.
     """
     binary = _binary_stl(data)
     if binary is not None:
@@ -135,9 +135,9 @@ def read_stl(data: bytes) -> list[tuple[str, Geometry]]:
 
 
 def rewrite_stl(data: bytes, corners: Float64) -> bytes:
-    """Return an STL file with the corners of its faces at other places (F · 3, 3), and normals that follow them.
+    """Return an STL file with other corners of its faces (F · 3, 3), and with new normals.
 
-    A normal keeps its side; one that is zero stays.
+    A normal keeps its side of the face; a zero normal stays zero.
     """
     binary = _binary_stl(data)
     if binary is not None:
@@ -147,7 +147,7 @@ def rewrite_stl(data: bytes, corners: Float64) -> bytes:
         moved["normal"][changed] = _turned(binary["normal"], old, corners.reshape(-1, 3, 3))[changed]
         return data[:_STL_HEADER] + moved.tobytes()
     places, turns = list(_STL_VERTEX.finditer(data)), list(_STL_NORMAL.finditer(data))
-    if len(places) != len(corners) or 3 * len(turns) != len(corners):  # a name has such words
+    if len(places) != len(corners) or 3 * len(turns) != len(corners):  # the name of a solid contains keywords
         return encode_stl(corners)
     old = np.array([each.groups() for each in places], np.float64)
     normals = np.array([each.groups() for each in turns], np.float64)
@@ -169,12 +169,12 @@ def encode_stl(corners: Float64) -> bytes:
 
 
 def is_text_stl(data: bytes) -> bool:
-    """Whether an STL file that `read_stl` reads holds its numbers as text."""
+    """Return whether a valid STL file stores its numbers as text."""
     return _binary_stl(data) is None
 
 
 def _binary_stl(data: bytes) -> NDArray[Any] | None:
-    """Return the faces (F,) of a binary file, None of a text."""
+    """Return the faces (F,) of a binary file; None for a text file."""
     if len(data) >= _STL_HEADER:
         count = int.from_bytes(data[80:84], "little")
         length = _STL_HEADER + _STL_FACE.itemsize * count

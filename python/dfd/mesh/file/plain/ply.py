@@ -1,7 +1,7 @@
-"""PLY files, text and binary.
+"""Read and write PLY files, text and binary.
 
-The format: Turk, "The PLY Polygon File Format", 1994, with the colors, texture coordinates and texture of programs that
-came later.
+The format: Turk, "The PLY Polygon File Format", 1994, with colors, texture coordinates and textures as later programs
+write them.
 """
 
 from __future__ import annotations
@@ -42,43 +42,42 @@ _TEXTURE = re.compile(r"comment\s+TextureFile\s+(\S.*)")
 @dataclass(frozen=True)
 class _Property:
     name: str
-    dtype: np.dtype[Any]  # of its values
-    stored: np.dtype[Any]  # their type in the data
-    counts: np.dtype[Any] | None  # type of a list's length in the data
+    dtype: np.dtype[Any]  # type of its values in the header
+    stored: np.dtype[Any]  # type of its values in the data
+    counts: np.dtype[Any] | None  # type of a list's length in the data; None if it is no list
 
 
 @dataclass(frozen=True)
 class _List:
-    """A list property: all values one after the other, and how many each row has."""
+    """A list property: the values of all rows in order, and the number of values of each row."""
 
     values: NDArray[Any]
     sizes: Int64
 
 
 _Element = dict[str, "NDArray[Any] | _List"]
-# the values of no rows, how many each has, and their bytes
+# values, sizes and byte offsets of a property without rows
 _NOTHING = (np.zeros(0), np.zeros(0, np.int64), np.zeros(0, np.int64))
 
 
 @dataclass(frozen=True)
 class _Content:
-    """What a file says."""
+    """The parsed content of a file."""
 
-    lines: list[str]  # of the header
-    start: int  # of the body in the file, byte
-    order: str  # of bytes: "<" or ">"; "" for text
+    lines: list[str]  # lines of the header
+    start: int  # byte at which the body begins
+    order: str  # byte order: "<" or ">"; "" for text
     elements: dict[str, _Element]
-    # by the names of the first `vertex` element's properties: their types, and where rows begin: (V,) bytes of the
-    # body, or numbers of words in a text
-    types: dict[str, np.dtype[Any]]
+    types: dict[str, np.dtype[Any]]  # types of the properties of the first `vertex` element, by name
+    # places: (V,) where the values of each such property are: byte offsets in the body, or numbers of words in a text
     places: dict[str, Int64]
 
 
 def read(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, Float64, Int64]:
-    """Return the geometry of a file, its own vertices (V, 3), and the vertex (N,) of each row of the geometry.
+    """Return the geometry of a file, its vertices (V, 3), and the vertex (N,) of each row of the geometry.
 
-    Raises ValueError if it holds fewer numbers than it says, or a face names vertices by numbers that are not whole.
-    Warns if faces of fewer than three corners are left out.
+    Raises ValueError if it has fewer numbers than stated, or vertex indices of faces are not integers. Warns if faces
+    with fewer than three corners are left out.
     """
     content = _parse(data)
     lines, found = content.lines, content.elements
@@ -121,7 +120,7 @@ def read(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, Float6
 
 
 def _polygons(path: Path, faces: _List, strips: _List | None, count: int) -> tuple[Int64, Int64, Bool]:
-    """Return the corners (C,) of faces and strips, how many each face has, and which corners of `faces` they keep."""
+    """Return the corners (C,) of faces and strips, the size of each face, and which corners of `faces` are kept."""
     long = faces.sizes >= 3
     if not long.all():
         check.warn(
@@ -245,13 +244,10 @@ def _numbers(body: bytes) -> Float64:
 def _columns_of(
     data: bytes, start: int, name: str, count: int, properties: list[_Property]
 ) -> tuple[list[tuple[NDArray[Any], Int64, Int64]], int]:
-    """Return the values of each property in `count` rows from byte `start` on, and the end.
-
-    With the values come how many each row has, and the byte at which they begin.
-    """
+    """Return the values, sizes and byte offsets of each property in `count` rows from byte `start`, and the end."""
 
     def row_at(offset: int) -> tuple[list[int], int]:
-        """Return how many values the row at an offset has of each property, and where it ends."""
+        """Return the number of values of each property in the row at an offset, and the end of the row."""
         lengths = []
         for each in properties:
             length = 1
@@ -268,7 +264,7 @@ def _columns_of(
 
     first, end = row_at(start)
     stride = end - start
-    if start + count * stride <= len(data):  # most files have rows that are all alike
+    if start + count * stride <= len(data):  # in most files all rows have the same length
         columns, offset = [], start
         for each, length in zip(properties, first, strict=True):
             if each.counts is not None:
@@ -297,7 +293,7 @@ def _columns_of(
 
 
 def _typed(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Return the numbers of a text as the type that the header says; real ones stay 64-bit."""
+    """Return the numbers of a text with the type in the header; floats stay 64-bit."""
     if values.dtype == dtype or dtype.kind == "f":
         return values
     if not np.array_equal(values, np.trunc(values)):
@@ -309,9 +305,9 @@ def _typed(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
 
 
 def rewrite(data: bytes, vertices: Float64, normals: Float64) -> bytes:
-    """Return a file with other `vertices` and `normals` (V, 3), NaN for those that stay, in its own byte order.
+    """Return a file with other `vertices` and `normals` (V, 3), in the same byte order; NaN keeps a normal.
 
-    Types stay; coordinates become 64-bit floats where whole numbers or 32-bit floats do not hold them.
+    Types stay, but coordinates become 64-bit floats if integers or 32-bit floats cannot represent them.
     """
     content = _parse(data)
     edits, body = Edits(data), np.frombuffer(data, np.uint8)[content.start :]
@@ -346,7 +342,7 @@ def rewrite(data: bytes, vertices: Float64, normals: Float64) -> bytes:
 
 
 def _type_span(data: bytes, name: str) -> tuple[int, int]:
-    """Return where in the header the type of a property of the first `vertex` element begins and ends."""
+    """Return the start and end, in the header, of the type of a property of the first `vertex` element."""
     begin = re.search(rb"^[ \t]*element[ \t]+vertex\b", data, re.MULTILINE)
     start = begin.end() if begin else 0
     found = re.compile(rb"^[ \t]*property[ \t]+(\w+)[ \t]+%s[ \t]*\r?$" % name.encode(), re.MULTILINE).search(
@@ -357,7 +353,7 @@ def _type_span(data: bytes, name: str) -> tuple[int, int]:
 
 
 def encode(geometry: Geometry) -> bytes:
-    """Return a little-endian file; coordinates have 64 bits where 32-bit floats are too coarse."""
+    """Return a little-endian file; coordinates have 64 bits if 32-bit floats are too coarse."""
     vertex = _named("xyz", geometry.vertices, "<f4" if far_origin(geometry.vertices) is None else "<f8")
     vertex |= _named(("nx", "ny", "nz"), geometry.normals, "<f4") | _named("st", geometry.uv, "<f4")
     vertex |= _named(_CHANNELS, geometry.colors, "u1")
@@ -375,7 +371,7 @@ def encode(geometry: Geometry) -> bytes:
 
 
 def _named(names: Sequence[str], values: NDArray[Any] | None, dtype: str) -> dict[str, NDArray[Any]]:
-    """Return the columns of an array (N, K) by their names, none without an array; "u1" is for colors in [0, 1]."""
+    """Return the columns of an array (N, K) by name, or {} for None; the type "u1" is for colors in [0, 1]."""
     if values is None:
         return {}
     stored = np.rint(values * 255) if dtype == "u1" else values
@@ -383,7 +379,7 @@ def _named(names: Sequence[str], values: NDArray[Any] | None, dtype: str) -> dic
 
 
 def _rows(columns: dict[str, NDArray[Any]]) -> bytes:
-    """Return rows, each of one value of every column, little-endian."""
+    """Return rows with one value of each column, little-endian."""
     (count,) = {len(values) for values in columns.values()}
     rows = np.empty(count, [(name, each.dtype.newbyteorder("<"), each.shape[1:]) for name, each in columns.items()])
     for name, values in columns.items():
