@@ -47,7 +47,7 @@ function start(): void {
   followAxis();
   followPosed();
   connect(receive);
-  // What tests ask the page by.
+  // Access for tests.
   if (new URLSearchParams(location.search).has("test")) {
     Object.assign(window, { dfd: { store, viewer, ask, drop, posePoint, sceneOf } });
   }

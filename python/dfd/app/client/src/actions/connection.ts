@@ -1,4 +1,4 @@
-/** The WebSocket to the server: it reconnects by itself, and every request learns what became of it. */
+/** The WebSocket to the server. It reconnects automatically, and returns the answer of each request. */
 
 import { decode, type Received, type Request } from "../protocol/binary_messages";
 import { store } from "../store/state";
@@ -6,7 +6,7 @@ import { problem } from "./toasts";
 
 const SESSION_KEY = "dfd-session";
 
-/** Close codes after which another try would only be refused again. */
+/** Close codes after which the server would refuse another connection. */
 const DISMISSALS: Record<number, string> = {
   4001: "This session was opened in another tab, where it goes on.",
   4002: "This session has ended. Reload the page to begin another one.",
@@ -15,7 +15,7 @@ const DISMISSALS: Record<number, string> = {
 
 const FIRST_WAIT = 400;
 const LONGEST_WAIT = 8000;
-/** Bytes that wait to be sent, beyond which frames of a drag are skipped. */
+/** Number of unsent bytes above which frames of a drag are skipped. */
 const CONGESTED = 16_384;
 
 let socket: WebSocket | null = null;
@@ -23,13 +23,13 @@ let receive: (received: Received) => void = () => undefined;
 let next = 1;
 let wait = FIRST_WAIT;
 let timer = 0;
-/** Those who wait for an answer; it is null where the request failed, which a `quiet` one keeps to itself. */
+/** Requests that wait for an answer, which is null for a failure; failures of `quiet` requests are not shown. */
 const waiting = new Map<number, { readonly resolve: (received: Received | null) => void; readonly quiet: boolean }>();
 
 export function start(receiver: (received: Received) => void): void {
   receive = receiver;
   connect();
-  // A laptop that wakes, or a network that is back, need not wait for the next try.
+  // Reconnect at once after the computer wakes or the network returns.
   const hurry = () => {
     if (document.hidden || store.get().ended !== null || socket?.readyState !== WebSocket.CLOSED) return;
     clearTimeout(timer);
@@ -39,7 +39,7 @@ export function start(receiver: (received: Received) => void): void {
   document.addEventListener("visibilitychange", hurry);
 }
 
-/** Send without waiting for the answer; returns the request's number, or 0 where there is no connection. */
+/** Send without waiting for the answer; return the request's number, or 0 without a connection. */
 export function send(request: Request): number {
   if (socket?.readyState !== WebSocket.OPEN) return 0;
   const id = next++;
@@ -47,7 +47,7 @@ export function send(request: Request): number {
   return id;
 }
 
-/** Send and wait for the answer; null where it is refused, which the person is told, or the connection was lost. */
+/** Send and wait for the answer; null if it fails, which is shown to the user, or the connection is lost. */
 export function ask(request: Request, quiet = false): Promise<Received | null> {
   const id = send(request);
   return id === 0 ? Promise.resolve(null) : new Promise((resolve) => waiting.set(id, { resolve, quiet }));
@@ -57,7 +57,7 @@ export function congested(): boolean {
   return (socket?.bufferedAmount ?? 0) > CONGESTED;
 }
 
-/** Lose the connection, as a network does. */
+/** Close the connection, for tests of reconnecting. */
 export function drop(): void {
   socket?.close();
 }

@@ -1,4 +1,4 @@
-/** What a person does to the shape, where that is more than one request. */
+/** Actions of the user that change the shape and consist of more than one request. */
 
 import type { Transform } from "../posing/affine";
 import type { Controls, PoseTransform, TakePart } from "../protocol/messages";
@@ -24,7 +24,7 @@ export function toggleFixed(vertex: number): void {
   else send({ type: "fix", at: vertex });
 }
 
-/** Have the selected handle hold another part, or add the part at a vertex to it or remove it. */
+/** Let the selected handle hold another part, or add or remove the part at a vertex. */
 export function changePart(how: PartChange, vertex: number | null = null): void {
   const { edit, selected } = store.get();
   if (selected === null) return;
@@ -33,7 +33,7 @@ export function changePart(how: PartChange, vertex: number | null = null): void 
   else send({ type: "take_part", handle: selected, how, vertex });
 }
 
-/** Take the next part in size; the smallest and the largest part stay. */
+/** Hold the next smaller or larger part, if there is one. */
 async function resize(handle: number, how: "smaller" | "larger"): Promise<void> {
   const taken = await ask({ type: "take_part", handle, how }, true);
   if (!taken && store.get().link === "open") note(`There is no ${how} part here.`);
@@ -41,7 +41,7 @@ async function resize(handle: number, how: "smaller" | "larger"): Promise<void> 
 
 let previewed: PartChange | null = null;
 
-/** Light up what the selected handle would hold, until the next call; returns false if there is no such part. */
+/** Show what the selected handle would hold, until the next call; return false if there is no such part. */
 export async function previewPart(how: PartChange | null): Promise<boolean> {
   const { selected } = store.get();
   if (previewed) store.set({ probe: null });
@@ -53,7 +53,7 @@ export async function previewPart(how: PartChange | null): Promise<boolean> {
   return answer !== null;
 }
 
-/** What was painted, a bit per vertex, lowest first, as requests have it. */
+/** Convert a painted mask, one bit per vertex, lowest first, to a region for requests. */
 export function regionOf(mask: Uint8Array): { mask: string } {
   let text = "";
   for (let i = 0; i < mask.length; i += 4096) text += String.fromCharCode(...mask.subarray(i, i + 4096));
@@ -66,12 +66,12 @@ export function suggest(): void {
   else note("Handles can be suggested once the shape is ready.");
 }
 
-// --- sliders and drags: shown at once, sent from time to time
+// --- sliders and drags: shown at once, sent at intervals
 
 /** Milliseconds between two requests of a slider, and of a drag. */
 const SLIDER_INTERVAL = 80;
 const DRAG_INTERVAL = 50;
-/** Milliseconds after which moving a slider again is another step of undo. */
+/** Milliseconds after which another move of a slider is a new step of undo. */
 const GESTURE = 1000;
 
 interface Gesture {
@@ -82,7 +82,7 @@ interface Gesture {
 
 const gestures = new Map<string, Gesture>();
 
-/** Send the newest value of a slider; `merge` tells whether it is one step with what was sent before of this `key`. */
+/** Send the newest value of a slider. With `merge`, it joins the previous step of the same `key`. */
 export function throttle(key: string, request: (merge: boolean) => unknown): void {
   const gesture = gestures.get(key) ?? { timer: 0, sent: -Infinity, send: request };
   gestures.set(key, gesture);
@@ -102,7 +102,7 @@ interface Drag {
   timer: number;
   begun: boolean;
   latest: Transform | null;
-  /** What the wheel did and the server does not know. */
+  /** Controls that the wheel changed and that were not sent yet. */
   controls: Controls;
 }
 
@@ -156,12 +156,12 @@ function sendDrag(own: Drag, transform: Transform, settle: boolean): number {
   });
   own.begun = true;
   own.controls = {};
-  // Some ways to blend are not in the shader: then the server poses, as fast as it can.
+  // The shader does not support all blends; the server then poses as fast as it can.
   if (serverPoses(store.get()) && !settle) send({ type: "compute" });
   return request;
 }
 
-/** What the wheel does in a drag is part of the same step. */
+/** A change by the wheel during a drag is part of the same step. */
 export function wheelReach(handle: number, factor: number): void {
   const state = store.get();
   const known = state.edit?.handles.find((other) => other.handle === handle);
@@ -174,7 +174,7 @@ export function wheelReach(handle: number, factor: number): void {
   } else slide(handle, { reach });
 }
 
-/** Have a slider of a handle say another value. */
+/** Set a control by a slider. */
 export function slide(handle: number, controls: Partial<Record<string, number>>): void {
   showAhead(handle, controls, Infinity);
   throttle(`${handle} ${Object.keys(controls).join()}`, (merge) =>
@@ -187,7 +187,7 @@ export function change(handle: number, controls: Controls): void {
   showAhead(handle, falloff ? { falloff } : {}, send({ type: "change", handle, controls }));
 }
 
-/** Set a whole transform at once, as numeric fields do. */
+/** Set a whole transform at once, for numeric fields. */
 export function moveTo(handle: number, transform: Transform): void {
   const request = send({ type: "move", handle, transform: message(handle, transform), settle: true });
   showAhead(handle, { transform }, request);
@@ -199,12 +199,12 @@ export function poseTo(transforms: ReadonlyMap<number, Transform>): void {
   transforms.forEach((transform, handle) => showAhead(handle, { transform }, request));
 }
 
-/** D₀: what happens to what no handle holds; its pivot is the center of the box. */
+/** Set D₀, the transform of everything that no handle holds; its pivot is the center of the box. */
 export function setDefault({ translation, rotation, scale }: Transform): void {
   throttle("default", (merge) => send({ type: "set_default", transform: { translation, rotation, scale }, merge }));
 }
 
-/** What a request says of a transform: a pivot only where it is another one than the server has. */
+/** Convert a transform for a request; the pivot is sent only if the server has another one. */
 function message(handle: number, { pivotAt, pivot, axes, joint, ...rest }: Transform) {
   const known = store.get().edit?.handles.find((other) => other.handle === handle);
   const same = known?.pivot_set && known.pivot.every((x, i) => x === pivot?.[i]);
@@ -216,20 +216,20 @@ function message(handle: number, { pivotAt, pivot, axes, joint, ...rest }: Trans
   };
 }
 
-/** A transform as part of a key pose. */
+/** Convert a transform to a part of a key pose. */
 export function poseTransform([handle, transform]: readonly [number, Transform]): PoseTransform {
   const { translation, rotation, scale, pivot, axes, bend, twist, joint } = transform;
   return { handle, translation, rotation, scale, pivot, axes, bend, twist, joint };
 }
 
-/** The transforms that are seen instead of the edit's, while the timeline shows a moment. */
+/** Return the transforms at the timeline's moment, or null to show the edit. */
 export function seenTransforms(): PoseTransform[] | null {
   const { moment, edit } = store.get();
   const present = new Set(edit?.handles.map(({ handle }) => handle));
   return moment && [...moment].filter(([handle]) => present.has(handle)).map(poseTransform);
 }
 
-/** Have the server pose what the shader cannot, whenever that looks another way; drags tell it of every step. */
+/** Let the server pose if the shader cannot, after every change; drags request it themselves. */
 export function followPosed(): void {
   store.watch(serverPoses, (on) => {
     if (!on) store.set({ posed: null });
@@ -240,7 +240,7 @@ export function followPosed(): void {
   store.on("moment", () => throttle("compute", compute));
 }
 
-/** Show something before the server knows; `request` is what tells it. */
+/** Show a change before the server confirms it; `request` is the number of the request that contains it. */
 function showAhead(handle: number, part: Partial<Ahead>, request: number): void {
   const ahead = new Map(store.get().ahead);
   ahead.set(handle, { ...ahead.get(handle), ...part, request });

@@ -1,4 +1,4 @@
-/** Files in and out: uploads and exports. */
+/** Uploads and exports. */
 
 import type { Export } from "../protocol/messages";
 import { store } from "../store/state";
@@ -34,7 +34,7 @@ export async function upload(files: readonly File[]): Promise<void> {
   }
 }
 
-/** Take files that are dropped anywhere on the page. */
+/** Accept files that are dropped anywhere on the page. */
 export function takeDrops(): void {
   addEventListener("dragover", (event) => event.preventDefault());
   addEventListener("drop", (event) => {
@@ -79,7 +79,7 @@ export function megabytes(bytes: number): string {
   return bytes < 1e6 ? `${Math.ceil(bytes / 1e3)} kB` : `${(bytes / 1e6).toFixed(bytes < 1e7 ? 1 : 0)} MB`;
 }
 
-/** The shape's name without its ending, for files made of it. */
+/** The shape's name without its ending, for the names of exported files. */
 export function stem(): string {
   return (store.get().mesh?.name ?? "shape").replace(/\.[^.]+$/, "");
 }

@@ -1,4 +1,4 @@
-/** Every key of the page, in one table that the overlay shows too. */
+/** All keys of the page, in the table that the help overlay shows. */
 
 import { ready, store, type State } from "../store/state";
 import { send } from "./connection";
@@ -8,14 +8,14 @@ import { leave, play, storePose } from "./timeline";
 
 type Group = "Handle" | "View" | "Edit" | "Tools" | "Timeline";
 
-/** Keys as they are shown, what they do, and whether they do it on the start page, too. */
+/** Keys as shown, their action, and whether they also work on the start page. */
 export type Shortcut = readonly [keys: string, group: Group, label: string, run: () => unknown, everywhere?: true];
 
 export const LOOKS = ["texture", "clay", "features", "heat"] as const;
 const set = (change: Partial<State>) => () => store.set(change);
 const look = (what: NonNullable<State["framed"]>["what"]) => () => store.set({ framed: { what } });
 
-/** End the newest thing that is open; where nothing is, let go of the selection. */
+/** Close the newest open element, or else clear the selection. */
 function escape(): void {
   const { tool, painted, moment, isolated, suggestions } = store.get();
   if (tool !== "hold" || painted) store.set({ tool: "hold", painted: null });
@@ -28,7 +28,7 @@ function escape(): void {
 type Switch =
   "comparing" | "snap" | "wireframe" | "xray" | "isolated" | "more" | "inspector" | "help" | "timeline" | "local";
 
-/** Switch what is on or off. */
+/** Toggle a setting. */
 export function toggle(name: Switch): void {
   store.set({ [name]: !store.get()[name] });
 }
@@ -46,7 +46,7 @@ function cycle(by: number): void {
   edit.select(ids[(at + by + ids.length) % ids.length]);
 }
 
-/** Hold the first suggestion that is free: the way to a handle without a pointer. */
+/** Hold the first free suggestion, for users without a pointer. */
 function holdNext(): void {
   const { suggestions, edit: known } = store.get();
   const free = suggestions.find(({ vertex }) => !known?.handles.some((handle) => handle.vertex === vertex));
@@ -103,12 +103,12 @@ export function shortcut(keys: string): Shortcut | undefined {
 
 const NAMES: Record<string, string> = { " ": "Space", escape: "Esc", backspace: "Delete", delete: "Delete" };
 
-/** The keys of an event, as the table has them. */
+/** Return the keys of an event in the form of the table. */
 function keysOf({ key, code, ctrlKey, metaKey, shiftKey }: KeyboardEvent): string {
   const name = /^Numpad\d$/.test(code)
     ? code.replace("Numpad", "Num ")
     : (NAMES[key.toLowerCase()] ?? key.toUpperCase());
-  // Where "?" lies under Shift differs from keyboard to keyboard.
+  // Whether "?" needs Shift depends on the keyboard layout.
   return `${ctrlKey || metaKey ? "Ctrl " : ""}${shiftKey && !"?/".includes(name) ? "Shift " : ""}${name}`;
 }
 
@@ -117,7 +117,7 @@ export function listen(): void {
     const target = event.target as HTMLElement;
     if (target.matches("input:not([type=range], [type=checkbox]), textarea, select")) return;
     const keys = keysOf(event);
-    // Buttons are pressed by Enter: wherever the focus was left, this plays.
+    // Space plays the timeline even on a focused button, which Enter presses.
     if (event.key === " " && target.matches("input, [role=menuitem]")) return;
     const { help, page } = store.get();
     if (keys === "Esc" && help) {

@@ -1,4 +1,4 @@
-/** What the server's messages do to the store. */
+/** Apply the messages of the server to the store. */
 
 import type { Received } from "../protocol/binary_messages";
 import { surfaceOf } from "../posing/held";
@@ -76,7 +76,7 @@ export function receive({ message, payload }: Received): void {
   }
 }
 
-/** Take back what was shown before the server refused it. */
+/** Undo a change that was shown before the server refused it. */
 function takeBack(request: number): void {
   const { ahead } = store.get();
   const kept = [...ahead].filter(([, part]) => part.request !== request);
@@ -94,13 +94,13 @@ function followed(message: StateMessage): Partial<State> {
     edit: message,
     ahead: new Map([...state.ahead].filter(([handle, { request }]) => present.has(handle) && request > message.after)),
     columns: new Map([...state.columns].filter(([column]) => used.has(column))),
-    // One that was just added is what the person wants to move.
+    // A handle that was just added becomes the selection.
     selected: state.edit && added.length === 1 ? added[0].handle : kept,
     page: "shape",
   };
 }
 
-/** The columns, with those of the rows of (C, V) weights. */
+/** Return the columns with the rows of new weights (C, V). */
 function withColumns(numbers: readonly number[], rows: Uint16Array): Map<number, Uint16Array> {
   const size = rows.length / numbers.length;
   const added = numbers.map((number, i) => [number, rows.subarray(i * size, (i + 1) * size)] as const);

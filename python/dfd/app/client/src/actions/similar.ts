@@ -1,10 +1,10 @@
-/** The places that look like the one that the selected handle holds: asked for once that is cheap, switched singly. */
+/** The counterparts of the selected handle: requested when that is cheap, and switched one by one. */
 
 import type { SimilarPoint } from "../protocol/messages";
 import { selectedHandle, store, type State } from "../store/state";
 import { ask, send } from "./connection";
 
-/** What they depend on; null while there is nothing to ask. */
+/** Return a key of everything that counterparts depend on; null if there is nothing to request. */
 function key(state: State): string | null {
   const handle = selectedHandle(state);
   if (!handle || state.dragging || handle.counterparts === "only") return null;
@@ -20,7 +20,7 @@ export function followSimilar(): void {
   });
 }
 
-/** Ask what the selected handle turns about and bends along, once a verb needs to know. */
+/** Request the pivots and the axis of the selected handle when a mode of the gizmo needs them. */
 export function followAxis(): void {
   const wanted = ({ gizmo, selected, dragging, edit }: State) =>
     gizmo === "translate" || dragging || selected === null || !edit ? null : [selected, edit.after];
@@ -33,7 +33,7 @@ export function followAxis(): void {
   );
 }
 
-/** Those of the selected handle besides its own place. */
+/** Return the counterparts of the selected handle without its own place. */
 export function otherPlaces(state: State): readonly SimilarPoint[] {
   const handle = selectedHandle(state);
   return handle && state.similar?.handle === handle.handle && handle.counterparts !== "only"

@@ -1,4 +1,4 @@
-/** Key poses: stored, scrubbed and played on the page alone; the edit is touched only when a pose is applied. */
+/** Key poses are stored, scrubbed and played on the page. The edit changes only when a pose is applied. */
 
 import { interpolate, REST, type Transform } from "../posing/affine";
 import type { KeyPose } from "../protocol/messages";
@@ -38,7 +38,7 @@ function set(poses: KeyPose[]): void {
   send({ type: "set_poses", poses: [...poses].sort((a, b) => a.seconds - b.seconds) });
 }
 
-/** Transforms by handle at a moment; handles that a pose does not name rest there. */
+/** Return the transforms of handles at a moment; handles that are missing in a pose are at rest there. */
 export function momentAt(poses: readonly KeyPose[], seconds: number): Map<number, Transform> {
   const after = poses.findIndex((pose) => pose.seconds > seconds);
   const last = poses.length - 1;
@@ -64,7 +64,7 @@ export function leave(): void {
   store.set({ moment: null, playing: false });
 }
 
-/** Make the moment that is shown the edit. */
+/** Make the shown moment the edit. */
 export function applyMoment(): void {
   const { moment, edit } = store.get();
   if (!moment || !edit) return;
@@ -88,7 +88,7 @@ export function play(): void {
   const begun = performance.now();
   const frame = () => {
     if (!store.get().playing) return;
-    // Round and round until somebody stops it.
+    // Repeat until the user stops it.
     const gone = from - start + (performance.now() - begun) / 1000;
     scrub(start + (gone % Math.max(end - start, 1e-3)));
     requestAnimationFrame(frame);

@@ -1,4 +1,4 @@
-/** Plain sentences that come and go. */
+/** Short messages that disappear after some seconds. */
 
 import { store, type Toast } from "../store/state";
 

@@ -10,7 +10,7 @@ import { Timeline } from "./timeline";
 import { Toolbar } from "./toolbar";
 import { Topbar } from "./topbar";
 
-/** All panels; the canvas lies beneath them and is none of Preact's. */
+/** All panels. The canvas is beneath them and is not managed by Preact. */
 export function App({ viewer }: { readonly viewer: Viewer }) {
   const { page, inspector, timeline } = useParts();
   const shape = page === "shape";

@@ -5,7 +5,7 @@ import { useParts } from "../store/use";
 import { held } from "../viewer/scene";
 import { percent, Segmented, Select, Slider, Toggle } from "../widgets/controls";
 
-/** What a slider says of the present value, where that is more than a number. */
+/** The text beside a slider, if the present value is not only a number. */
 const TEXTS: Partial<Record<string, (handle: HandleState, size: number) => string>> = {
   reach: ({ handle }) => `holds ${percent(held(store.get(), handle))}`,
   locality: ({ locality, radius }) =>
@@ -43,7 +43,7 @@ export function ControlField({ name, handle }: ControlProps) {
         value={number / unit}
         range={slider}
         text={TEXTS[name]?.(handle, size) ?? percent(number)}
-        // A radius of 0 ends the radius: everything along the surface follows.
+        // A radius of 0 removes the radius.
         onInput={(part) => slide(id, name === "radius" && part === 0 ? { locality: 0 } : { [name]: part * unit })}
       />
       {name === "reach" && (

@@ -24,7 +24,7 @@ import {
 } from "../widgets/controls";
 import { ControlField } from "./control_field";
 
-/** Controls that are always in sight. */
+/** Controls that are always visible. */
 const SHOWN = ["reach", "locality"];
 
 export function HandlePanel({ known }: { readonly known: HandleState }) {
@@ -34,7 +34,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
   const id = handle.handle;
   const step = niceStep((state.mesh?.diagonal ?? 1) / 100);
   const set = (part: Partial<Transform>) => {
-    // What is shown may be older than what was set last.
+    // The server's state may be older than the last change.
     const now = selectedHandle(store.get()) ?? known;
     moveTo(now.handle, { ...present(store.get(), now).transform, ...part });
   };
@@ -100,7 +100,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
   );
 }
 
-/** Fields of the motion of a handle, or of the rest of the shape. */
+/** Fields for the transform of a handle, or of the rest of the shape. */
 export function motionFields(now: Transform, step: number, set: (part: Partial<Transform>) => void, of = "") {
   return {
     translate: (
@@ -147,7 +147,7 @@ const PIVOTS: Record<PivotAt, string> = {
   plane: "on the mirror plane",
 };
 
-/** What it turns about: found by the session, unless it is chosen. */
+/** The pivot: found by the session, unless the user chooses one. */
 function PivotChoice({ handle, axis }: { readonly handle: HandleState; readonly axis: AxisMessage | null }) {
   const known = axis?.handle === handle.handle ? axis.pivots : (["point"] as const);
   const value = handle.pivot_at ?? (handle.pivot_set ? "as set" : "auto");
@@ -173,10 +173,10 @@ interface BendProps {
 
 const JOINTS = { spread: "all along", auto: "at its joint", here: "where it is held" };
 
-/** How far the tip bends, and turns about the part's own axis. */
+/** Angles of bend and twist of the part. */
 function Bend({ handle, transform: { bend, twist, joint }, set }: BendProps) {
   const degrees = Math.hypot(...bend);
-  // What does not bend yet bends up, or to the front.
+  // A first bend turns up, or to the front.
   const bendBy = (angle: number) =>
     degrees === 0
       ? send({ type: "move", handle, transform: { bend: angle }, settle: true })
@@ -212,7 +212,7 @@ function Bend({ handle, transform: { bend, twist, joint }, set }: BendProps) {
   );
 }
 
-/** A switch for each counterpart, and how much it follows: gray where nothing of it is seen to move. */
+/** A switch for each counterpart with its weight; gray if it does not visibly move. */
 function Counterparts({ state, handle }: { readonly state: State; readonly handle: number }) {
   const columns = columnsOf(state, handle);
   const places = otherPlaces(state);
@@ -241,7 +241,7 @@ const SIZES: readonly Way[] = [
   ["smaller", "Hold the next smaller part ([)"],
   ["larger", "Hold the next larger part (])"],
 ];
-/** What the file makes one thing. */
+/** Units of the file that a handle can hold. */
 const UNITS: readonly Way[] = [
   ["scene_part", "Hold all of this part of the scene"],
   ["material", "Hold all that has this material"],
@@ -253,7 +253,7 @@ interface PartButtonsProps {
   readonly handle: HandleState;
 }
 
-/** What else the handle can hold: it lights up before it is taken. */
+/** Buttons for other parts; each part is shown before it is taken. */
 function PartButtons({ ways, handle: { handle, columns } }: PartButtonsProps) {
   const [pointed, setPointed] = useState<PartChange | null>(null);
   const [missing, setMissing] = useState<readonly PartChange[]>([]);

@@ -1,4 +1,4 @@
-/** The panels at the right: what is held, fixed and painted, and how it acts. */
+/** The panels at the right: handles, fixed points, the brush, and settings. */
 
 import { send } from "../actions/connection";
 import { regionOf, setDefault, throttle } from "../actions/edit";
@@ -101,7 +101,7 @@ function FixedPanel({ fixed }: { readonly fixed: readonly FixedState[] }) {
   );
 }
 
-/** D₀ of Eq. 1: what happens to what no handle holds. */
+/** D₀ of Eq. 1, the transform of everything that no handle holds. */
 function DefaultPanel({ known }: { readonly known: StateMessage }) {
   const size = useParts().mesh?.diagonal ?? 1;
   const now = { ...REST, ...known.default };

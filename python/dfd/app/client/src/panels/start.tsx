@@ -11,7 +11,7 @@ function meshFormats(endings: readonly string[]): string {
   return shapes.map((ending) => ending.replace(".", "").toUpperCase()).join(", ");
 }
 
-/** What to begin with, while there is no shape. */
+/** The start page, shown without a shape. */
 export function Start() {
   const { session, uploading } = useParts();
   return (

@@ -34,7 +34,7 @@ export function StatusLine() {
   );
 }
 
-/** The reach of the handle that is dragged, which the wheel changes. */
+/** The reach of the dragged handle, which the wheel changes. */
 function dragText(state: State): string {
   const known = selectedHandle(state);
   if (!known) return "";
@@ -62,7 +62,7 @@ const TITLES = {
   prepare: "Preparing",
 };
 
-/** What keeps the shape from being held yet, and how long that takes. */
+/** The background work that must end before the shape can be held, and its remaining time. */
 export function ProgressCard() {
   const { progress, edit, mesh } = useParts();
   if (progress) {
@@ -101,14 +101,14 @@ function remaining(seconds: number | null): string {
   return `${Math.ceil(seconds / 60)} min left`;
 }
 
-/** The last thing said where nothing more can be done here. */
+/** The last message, shown when the session has ended. */
 export function Ended() {
   const { ended } = useParts();
   if (ended === null) return null;
   return (
     <div class="veil" role="alertdialog" aria-label="The session has ended">
       <div class="dialog">
-        <h2>That is all here</h2>
+        <h2>The session has ended</h2>
         <p>{ended}</p>
         <Button text="Reload" style="primary" onPress={() => location.reload()} />
       </div>

@@ -4,7 +4,7 @@ import { MathUtils, Matrix4, Quaternion, Vector3 } from "three";
 
 export type Vec3 = readonly [number, number, number];
 
-/** Three orthonormal vectors, one a row. */
+/** Three orthonormal vectors, one per row. */
 export type Frame = readonly [Vec3, Vec3, Vec3];
 
 export type PivotAt = "base" | "middle" | "point" | "plane" | "hinge";
@@ -16,14 +16,14 @@ export interface Transform {
   readonly scale: Vec3;
   /** Null is the handle's own position. */
   readonly pivot: Vec3 | null;
-  /** What of the held part the pivot is, or that it is still to be found; null where it is numbers and nothing else. */
+  /** The name of the pivot, or "auto"; null if the pivot was given in numbers. */
   readonly pivotAt: PivotAt | "auto" | null;
-  /** Along which it scales; null is the mesh's own axes. */
+  /** The axes of scale; null is the mesh's own axes. */
   readonly axes: Frame | null;
-  /** What the tip of the held part turns by along the part's own axis: a rotation vector, and degrees about the axis. */
+  /** The rotation of the held part's tip: a rotation vector, and degrees about the part's axis. */
   readonly bend: Vec3;
   readonly twist: number;
-  /** Where along the axis, in [0, 1], that happens; null is all along it. */
+  /** The place of bend and twist on the axis, in [0, 1]; null spreads them over the length. */
   readonly joint: number | null;
 }
 
@@ -46,7 +46,7 @@ export function quaternionOf(rotation: Vec3): Quaternion {
   return new Quaternion().setFromAxisAngle(axis.normalize(), angle);
 }
 
-/** The rotation vector of a unit quaternion, the shorter way round. */
+/** The rotation vector of a unit quaternion, for the shorter rotation. */
 export function rotationOf({ x, y, z, w }: Quaternion): Vec3 {
   const sign = w < 0 ? -1 : 1;
   const sine = Math.hypot(x, y, z);
@@ -54,13 +54,13 @@ export function rotationOf({ x, y, z, w }: Quaternion): Vec3 {
   return sine === 0 ? [0, 0, 0] : [(x * degrees) / sine, (y * degrees) / sine, (z * degrees) / sine];
 }
 
-/** The matrix with those axes as columns. */
+/** The matrix with these axes as columns. */
 export function basisOf(axes: Frame): Matrix4 {
   const [x, y, z] = axes.map((axis) => new Vector3(...axis));
   return new Matrix4().makeBasis(x, y, z);
 }
 
-/** The map p ↦ pivot + translation + R S (p − pivot); `center` is the pivot of a transform without one. */
+/** The map p ↦ pivot + translation + R S (p − pivot); `center` replaces a missing pivot. */
 export function matrixOf({ translation, rotation, scale, axes, pivot }: Transform, center: Vec3): Matrix4 {
   const stretch = new Matrix4().makeScale(...scale);
   if (axes) stretch.premultiply(basisOf(axes)).multiply(basisOf(axes).transpose());
@@ -69,7 +69,7 @@ export function matrixOf({ translation, rotation, scale, axes, pivot }: Transfor
   return relative(linear, [-x, -y, -z]).premultiply(new Matrix4().makeTranslation(...translation));
 }
 
-/** The map that does to p − center what `matrix` does to p. */
+/** The map of p − center that corresponds to `matrix`. */
 export function relative(matrix: Matrix4, [x, y, z]: Vec3): Matrix4 {
   return new Matrix4()
     .makeTranslation(-x, -y, -z)
@@ -99,7 +99,7 @@ export function subtract(a: Vec3, b: Vec3): Vec3 {
   return [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
 }
 
-/** Between two transforms: lengths and factors linearly, turns along the shorter arc. */
+/** Interpolate two transforms: lengths and factors linearly, rotations along the shorter arc. */
 export function interpolate(a: Transform, b: Transform, t: number): Transform {
   const mix = (u: Vec3, v: Vec3): Vec3 => new Vector3(...u).lerp(new Vector3(...v), t).toArray();
   return {

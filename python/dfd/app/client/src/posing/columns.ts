@@ -1,6 +1,6 @@
 /**
- * What poses the shape: columns of weights, and what they do to single points, in float64. The twin of
- * `src/shaders/pose.glsl`: for marks and measures, and for tests to compare with.
+ * The columns of weights of a scene, and their effect on single points, in float64. It equals the shader
+ * `src/shaders/pose.glsl`, and serves marks, measurements and tests.
  */
 
 import { Matrix4 } from "three";
@@ -10,13 +10,13 @@ import { apply, reflection, type Vec3 } from "./affine";
 const UNIT = 1 / 65535;
 
 export interface Column {
-  /** The handle's number; 0 is what only the heat map shows, which moves nothing. */
+  /** The handle's number; 0 for a column that is only shown in the heat map. */
   readonly handle: number;
   /** (V) weights times 65535. */
   readonly weights: Uint16Array;
-  /** Whether it stands on the side that the mirror's normal points to. */
+  /** Whether the column is on the positive side of the mirror plane. */
   readonly positive: boolean;
-  /** How much of it the heat map shows. */
+  /** Its factor in the heat map. */
   readonly heat: number;
   readonly transform: Matrix4;
 }
@@ -24,7 +24,7 @@ export interface Column {
 export interface Mirror {
   readonly normal: Vec3;
   readonly offset: number;
-  /** Half width over which the sides blend, mesh units. */
+  /** Half width of the blend band between the sides, mesh units. */
   readonly band: number;
 }
 
@@ -61,7 +61,7 @@ function same(one: unknown, other: unknown): boolean {
   return Object.is(one, other);
 }
 
-/** How much of a point belongs to the side that the mirror's normal points to: a step, or smooth over the band. */
+/** The share of the positive side of the mirror plane at a point: a step, or smooth within the band. */
 export function positiveShare(mirror: Mirror, point: Vec3): number {
   const [x, y, z] = mirror.normal;
   const height = x * point[0] + y * point[1] + z * point[2] - mirror.offset;
@@ -70,13 +70,13 @@ export function positiveShare(mirror: Mirror, point: Vec3): number {
   return t * t * (3 - 2 * t);
 }
 
-/** The transform as it acts on the other side of the mirror, R D R (Eq. 8). */
+/** The transform on the other side of the mirror plane, R D R (Eq. 8). */
 export function mirrored(transform: Matrix4, mirror: Mirror): Matrix4 {
   const across = reflection(mirror.normal, mirror.offset);
   return transform.clone().premultiply(across).multiply(across);
 }
 
-/** Where one vertex goes, and how warm it is in the heat map. */
+/** The posed position of one vertex, and its heat. */
 export function posePoint(scene: Scene, point: Vec3, vertex: number): { position: Vec3; heat: number } {
   const { mirror } = scene;
   const positive = mirror ? positiveShare(mirror, point) : 1;

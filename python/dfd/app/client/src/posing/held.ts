@@ -2,18 +2,18 @@
 
 import { weightOf, type Column } from "./columns";
 
-/** Vertices that stand for the surface, and the area around each. */
+/** Sample vertices of the surface, and the area of each. */
 export interface Surface {
   readonly vertices: Uint32Array;
   readonly areas: Float64Array;
 }
 
-/** What follows less is not seen to move. */
+/** Weight below which a motion is not visible. */
 export const LEAST_SEEN = 0.05;
-/** Enough for a whole number of percent, and few enough to measure while a slider moves. */
+/** Number of samples: enough for whole percents, and fast enough while a slider moves. */
 const MOST_SAMPLES = 5_000;
 
-/** Samples of `count` vertices: rows at (R, 3) `positions`, `triangles` (F, 3) of rows, and the `vertexOf` (R) each. */
+/** Return samples of `count` vertices; (R, 3) `positions`, (F, 3) `triangles` of rows, `vertexOf` (R) each row. */
 export function surfaceOf(
   count: number,
   positions: Float32Array,
@@ -22,7 +22,7 @@ export function surfaceOf(
   most: number = MOST_SAMPLES,
 ): Surface {
   const around = new Float64Array(count);
-  // Millions of triangles while the page waits: no array is made for any of them.
+  // No array is allocated per triangle, because there may be millions while the page waits.
   const side = (from: number, to: number, axis: number) => positions[3 * to + axis] - positions[3 * from + axis];
   for (let corner = 0; corner < triangles.length; corner += 3) {
     const a = triangles[corner];
@@ -45,7 +45,7 @@ export function surfaceOf(
   return { vertices, areas: Float64Array.from(vertices, (vertex) => around[vertex]) };
 }
 
-/** How much a vertex follows a handle, through all of its columns. */
+/** Return the weight of a vertex in all columns of a handle. */
 export function followed(columns: readonly Column[], vertex: number): number {
   return Math.min(
     columns.reduce((sum, column) => sum + weightOf(column, vertex), 0),
@@ -53,7 +53,7 @@ export function followed(columns: readonly Column[], vertex: number): number {
   );
 }
 
-/** Part of the surface that is seen to follow the `columns` of a handle. */
+/** Return the share of the surface that visibly follows the `columns` of a handle. */
 export function heldPart(columns: readonly Column[], { vertices, areas }: Surface): number {
   let [held, whole] = [0, 0];
   vertices.forEach((vertex, i) => {

@@ -1,18 +1,18 @@
-/** Messages with arrays, which are files of safetensors; see `dfd.app.protocol`. */
+/** Messages with arrays, in the format of safetensors; see `dfd.app.protocol`. */
 
 import type { Client, Server } from "./messages";
 
 export type ServerMessage = Server["message"];
 type WithoutNumber<Message> = Message extends unknown ? Omit<Message, "id"> : never;
-/** A request before it has its number. */
+/** A request without its number. */
 export type Request = WithoutNumber<Client["message"]>;
 
-/** By the names that safetensors has for them. */
+/** Array types by their names in safetensors. */
 const ARRAYS = { U8: Uint8Array, I16: Int16Array, U16: Uint16Array, U32: Uint32Array, F32: Float32Array } as const;
 
 type Arrays = typeof ARRAYS;
 
-/** Where an array lies behind the header, in bytes. */
+/** The position of an array after the header, in bytes. */
 interface Entry {
   readonly dtype: string;
   readonly data_offsets: readonly [begin: number, end: number];
@@ -29,7 +29,7 @@ export class Payload {
     return name in this.entries;
   }
 
-  /** A view of an array, not a copy; fails where it is of another type or lies outside the message. */
+  /** Return a view of an array without a copy; fails if it has another type or lies outside the message. */
   get<Type extends keyof Arrays>(name: string, dtype: Type): InstanceType<Arrays[Type]> {
     const entry = this.entries[name];
     if (!entry) throw new Error(`The server's message has no array '${name}'.`);
@@ -43,7 +43,7 @@ export class Payload {
   }
 }
 
-/** A message and its arrays; one that is text has none. */
+/** A message and its arrays; a text message has none. */
 export interface Received {
   readonly message: ServerMessage;
   readonly payload: Payload;

@@ -1,4 +1,4 @@
-/** Everything that the page shows; what the server says of the edit lies in `edit` as it came. */
+/** The state of the page. `edit` is the server's last state, unchanged. */
 
 import type { Transform } from "../posing/affine";
 import type { Surface } from "../posing/held";
@@ -21,20 +21,20 @@ export type Tool = "hold" | "fix" | "paint" | "box" | "pivot";
 export type View = "usual" | "front" | "back" | "right" | "left" | "top" | "bottom";
 export type GizmoMode = "translate" | "rotate" | "scale" | "bend";
 
-/** What the page knows before the server does: a drag or a slider under way. It ends with a state that includes it. */
+/** Changes that are shown before the server confirms them, such as a drag; dropped when a state includes them. */
 export interface Ahead extends Partial<Omit<HandleState, "handle">> {
   readonly transform?: Transform;
-  /** The newest request that tells the server of it. */
+  /** The newest request with this change. */
   readonly request: number;
 }
 
 export interface Hover {
-  /** The nearest vertex, and a row of the mesh that stands for it. */
+  /** The nearest vertex, and one of its rows. */
   readonly vertex: number;
   readonly row: number;
 }
 
-/** What a handle would hold: a new one at a vertex, or the selected one with another part. */
+/** The weights that a handle would have: a new one at a vertex, or the selected one with another part. */
 export interface Probe {
   readonly vertex: number | null;
   readonly weights: Uint16Array;
@@ -46,22 +46,22 @@ export interface Toast {
   readonly kind: "note" | "problem";
 }
 
-/** What the server posed, per vertex: (V, 3) positions and (V, 4) normals. */
+/** The server's pose, per vertex: (V, 3) positions and (V, 4) normals. */
 export interface Posed {
   readonly positions: Float32Array;
   readonly normals: Int16Array;
 }
 
-/** What is known of a shape and done to it, while none is open. */
+/** The state of the open shape, with its values when no shape is open. */
 export const CLOSED = {
   mesh: null as MeshMessage | null,
   /** The arrays of `mesh`. */
   meshArrays: null as Payload | null,
-  /** What of it how much a handle holds is measured on. */
+  /** Surface samples, for measuring how much of the surface a handle holds. */
   surface: null as Surface | null,
-  /** (V, 4) colors of the features' main directions. */
+  /** (V, 4) colors of the features' principal directions. */
   featureColors: null as Uint8Array | null,
-  /** What the server posed, where the shader cannot. */
+  /** The server's pose, for blends that the shader does not support. */
   posed: null as Posed | null,
   edit: null as StateMessage | null,
   /** (V) weights times 65535, by the numbers of columns. */
@@ -70,12 +70,12 @@ export const CLOSED = {
   selected: null as number | null,
   hover: null as Hover | null,
   probe: null as Probe | null,
-  /** What the brush has touched, a bit per vertex and the same as weights. */
+  /** The painted region: one bit per vertex, and the same as weights. */
   painted: null as { readonly mask: Uint8Array; readonly weights: Uint16Array; readonly count: number } | null,
   suggestions: [] as readonly Suggestion[],
-  /** The places that look like the one that the selected handle holds. */
+  /** The counterparts of the selected handle. */
   similar: null as SimilarMessage | null,
-  /** What the selected handle may turn about, and along what it bends. */
+  /** The pivots and the axis of the selected handle. */
   axis: null as AxisMessage | null,
   report: null as ReportMessage | null,
   tool: "hold" as Tool,
@@ -88,14 +88,14 @@ export const CLOSED = {
 const INITIAL = {
   ...CLOSED,
   link: "connecting" as "connecting" | "open" | "lost" | "closed",
-  /** Why the connection is closed for good. */
+  /** The reason why the connection will not be restored. */
   ended: null as string | null,
   session: null as SessionMessage | null,
   page: "waiting" as "waiting" | "start" | "shape",
   progress: null as ProgressMessage | null,
   uploading: null as string | null,
   gizmo: "translate" as GizmoMode,
-  /** Whether the gizmo has the axes of the handle, not of the world. */
+  /** Whether the gizmo uses the axes of the handle instead of the world's. */
   local: false,
   snap: false,
   dragging: false,
@@ -105,15 +105,15 @@ const INITIAL = {
   timeline: false,
   inspector: true,
   help: false,
-  /** Of the brush, as part of the shape's size. */
+  /** The radius of the brush, as a fraction of the shape's size. */
   brush: 0.05,
   toasts: [] as readonly Toast[],
-  /** The newest wish to see the shape, the selection, or either from another side; each is an object of its own. */
+  /** The newest request to look at the shape or the selection; each is a new object. */
   framed: null as { readonly what: "shape" | "selection" | View } | null,
   xray: false,
-  /** Whether only what the selected handle holds is seen. */
+  /** Whether only the part that the selected handle holds is shown. */
   isolated: false,
-  /** Whether the inspector shows what is rarely needed. */
+  /** Whether the inspector shows rarely used settings. */
   more: false,
 };
 
@@ -121,33 +121,33 @@ export type State = Readonly<typeof INITIAL>;
 
 export const store = createStore<State>(INITIAL);
 
-/** The transform of a handle as the server has it. */
+/** The transform of a handle on the server. */
 export function transformOf(handle: HandleState): Transform {
   const { translation, rotation, scale, pivot_set, pivot, pivot_at, axes, bend, twist, joint } = handle;
   return { translation, rotation, scale, pivot: pivot_set ? pivot : null, pivotAt: pivot_at, axes, bend, twist, joint };
 }
 
-/** A handle as it acts now: the server's numbers, what the page knows before it, and the timeline's moment. */
+/** A handle as shown: the server's state, unconfirmed changes, and the timeline's moment. */
 export function present(state: State, handle: HandleState): HandleState & { readonly transform: Transform } {
   const ahead = state.ahead.get(handle.handle);
   const own = transformOf(handle);
-  // What turns for the first time turns about what the server will find.
+  // For a first rotation, the server will find the pivot.
   const turns = state.gizmo === "rotate" || state.gizmo === "scale";
   const found = turns && !handle.pivot_set && state.axis?.handle === handle.handle;
   const begins: Transform = found ? { ...own, pivot: state.axis.auto, pivotAt: "auto" } : own;
   return {
     ...handle,
-    // One of locality and radius ends the other.
+    // Locality and radius exclude each other.
     radius: ahead?.locality === undefined ? handle.radius : null,
     ...ahead,
     transform: state.moment?.get(handle.handle) ?? ahead?.transform ?? begins,
   };
 }
 
-/** Degrees: larger turns are blended by dual quaternions, which the shader does not do. */
+/** Degrees: larger rotations are blended by dual quaternions, which the shader does not support. */
 const MOST_LINEAR = 30;
 
-/** Whether the server has to pose: the shader adds linear motions, and bends nothing. */
+/** Whether the server must pose: the shader only supports linear blends without bends. */
 export function serverPoses(state: State): boolean {
   const { edit } = state;
   if (!edit || state.comparing) return false;
@@ -162,12 +162,12 @@ export function selectedHandle(state: State): HandleState | null {
   return state.edit?.handles.find((handle) => handle.handle === state.selected) ?? null;
 }
 
-/** Whether the shape can be held: its field is there. */
+/** Whether the shape has a field, so that it can be held. */
 export function ready({ edit }: Pick<State, "edit">): boolean {
   return edit?.field.status === "ready";
 }
 
-/** The color of a handle: hues of the golden angle lie apart however many there are. */
+/** The color of a handle: hues at multiples of the golden angle are distinct for any number of handles. */
 export function handleColor(handle: number): string {
   return `hsl(${(228 + 137.5 * (handle - 1)) % 360} 60% 50%)`;
 }

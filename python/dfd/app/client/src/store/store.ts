@@ -1,4 +1,4 @@
-/** A value that is replaced and never changed, and those who want to hear of it. */
+/** An immutable state that is replaced as a whole, and its listeners. */
 export function createStore<State extends object>(initial: State) {
   let state = initial;
   const watchers = new Set<() => void>();
@@ -16,22 +16,22 @@ export function createStore<State extends object>(initial: State) {
   }
   return {
     get: () => state,
-    /** Replace some of its parts; those who watch a part that is now another one hear of it at once. */
+    /** Replace some keys; listeners of changed keys are called at once. */
     set(change: Partial<State>): void {
       state = { ...state, ...change };
-      // A copy: a watcher may stop another one, or itself.
+      // Iterate over a copy, because a listener may remove itself or another one.
       for (const watcher of [...watchers]) if (watchers.has(watcher)) watcher();
     },
-    /** Call `listener` whenever `select` takes another value, or array of values, from the state; returns how to stop. */
+    /** Call `listener` when the result of `select` changes (arrays by their elements); return a stop function. */
     watch,
-    /** The same of one part of the state. */
+    /** Call `listener` when one key changes. */
     on<Key extends keyof State>(key: Key, listener: (part: State[Key], before: State[Key]) => void): () => void {
       return watch((now) => now[key], listener);
     },
   };
 }
 
-/** Whether two values are the same, or arrays of the same values. */
+/** Return whether two values, or the elements of two arrays, are equal. */
 export function same(one: unknown, other: unknown): boolean {
   if (!Array.isArray(one) || !Array.isArray(other)) return Object.is(one, other);
   return one.length === other.length && one.every((part, i) => Object.is(part, other[i]));

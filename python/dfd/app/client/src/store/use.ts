@@ -2,7 +2,7 @@ import { useEffect, useRef, useState } from "preact/hooks";
 
 import { store, type State } from "./state";
 
-/** Milliseconds between two drawings of numbers that change with every frame of a drag. */
+/** Milliseconds between updates of numbers that change in every frame of a drag. */
 const READABLE = 100;
 
 export function readably(): number {
@@ -10,7 +10,7 @@ export function readably(): number {
 }
 
 /**
- * The state; the component is drawn again when a part that it has read changes, but not within `pause()` milliseconds.
+ * Return the state. The component is updated when a key that it read changes, at most once per `pause()` milliseconds.
  */
 export function useParts(pause: () => number = () => 0): State {
   const keys = useRef(new Set<keyof State>()).current;
@@ -32,7 +32,7 @@ export function useParts(pause: () => number = () => 0): State {
       last = performance.now();
       redraw((count) => count + 1);
     };
-    // The state may have changed since the component was drawn.
+    // The state may have changed since the last update.
     check();
     const stop = store.watch((state) => state, check);
     return () => {

@@ -1,4 +1,4 @@
-/** What lies under a pixel, found on the GPU by the shader that poses the shape, so that what is picked is what is seen. */
+/** Find the point under a pixel on the GPU with the pose shader, so that picking agrees with the picture. */
 
 import {
   DoubleSide,
@@ -20,9 +20,9 @@ import type { Shape } from "./shape";
 
 export interface Pick {
   readonly vertex: number;
-  /** A row of the mesh that stands for the vertex. */
+  /** A row of the mesh for the vertex. */
   readonly row: number;
-  /** The point of the surface, at rest, relative to the mesh's center. */
+  /** The point on the resting surface, relative to the mesh's center. */
   readonly point: Vec3;
 }
 
@@ -42,18 +42,18 @@ export class Picker {
     this.scene.matrixWorldAutoUpdate = false;
   }
 
-  /** At (x, y) in pixels of the page within a view of `width` × `height`; null beside the shape. */
+  /** Pick at (x, y) in pixels of the page within a view of `width` × `height`; null beside the shape. */
   pick(camera: PerspectiveCamera, x: number, y: number, width: number, height: number): Pick | null {
     const about = [Math.floor(x), Math.floor(y), width, height, this.shape.poses].join();
     camera.updateMatrixWorld();
     const key = [about, camera.matrixWorld.elements, camera.projectionMatrix.elements].join();
-    // A click where the pointer rested finds what was found there.
+    // A click at the last position reuses the last result.
     if (this.newest?.key !== key) this.newest = { key, pick: this.find(camera, x, y, width, height) };
     return this.newest.pick;
   }
 
   private find(camera: PerspectiveCamera, x: number, y: number, width: number, height: number): Pick | null {
-    // One pixel of the view fills the target, so the GPU throws away all else before a fragment is made.
+    // The target has one pixel, so the GPU discards all other fragments.
     camera.setViewOffset(width, height, Math.floor(x), Math.floor(y), 1, 1);
     const bits = this.draw(this.target, camera);
     camera.clearViewOffset();
@@ -64,7 +64,7 @@ export class Picker {
     return row === null ? null : { row, point, vertex: this.shape.vertexOf[row] };
   }
 
-  /** Which rows appear in a box of the view of `width` × `height` pixels, those behind others too where `through`. */
+  /** Return the rows in a box of a view of `width` × `height` pixels; with `through`, hidden rows as well. */
   within(camera: PerspectiveCamera, box: DOMRect, width: number, height: number, through: boolean): Set<number> {
     const { shape } = this;
     const [w, h] = [Math.max(Math.ceil(box.width), 1), Math.max(Math.ceil(box.height), 1)];
@@ -76,7 +76,7 @@ export class Picker {
     camera.clearViewOffset();
     target.dispose();
     const [posed, rest] = [shape.read(), shape.positions];
-    // A pixel's size at a distance of 1: a vertex is seen where the surface at its pixel is the surface about it.
+    // A vertex is visible if the surface at its pixel is within some pixels of it; their size at distance 1.
     const near = (8 * Math.tan((camera.fov * Math.PI) / 360)) / height;
     const found = new Set<number>();
     const at = new Vector4();
@@ -102,7 +102,7 @@ export class Picker {
     shape.update();
     define(this.material, { ISOLATED: shape.isolated });
     const before = renderer.getRenderTarget();
-    // An opaque canvas is cleared to an alpha of 1, which would be the first face: beside the shape there is none.
+    // Clear to alpha 0 (no face), because an opaque canvas would clear to alpha 1 (the first face).
     const alpha = renderer.getClearAlpha();
     renderer.setClearAlpha(0);
     renderer.setRenderTarget(target);
@@ -116,7 +116,7 @@ export class Picker {
   }
 }
 
-/** Integers, which every WebGL 2 can draw into. */
+/** An integer format that every WebGL 2 can render to. */
 function pixels(width: number, height: number): WebGLRenderTarget {
   return new WebGLRenderTarget(width, height, {
     format: RGBAIntegerFormat,

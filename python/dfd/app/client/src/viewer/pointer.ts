@@ -1,20 +1,20 @@
-/** Mouse, pen and touch on the canvas: hovering, clicks apart from orbits, the wheel in a drag, strokes of the brush. */
+/** Mouse, pen and touch on the canvas: hover, clicks, orbits, the wheel during a drag, and brush strokes. */
 
 import { store } from "../store/state";
 import type { Pick } from "./picker";
 
 export interface PointerEvents {
-  /** Whether the gizmo has the pointer. */
+  /** Whether the gizmo uses the pointer. */
   busy(): boolean;
   dragging(): boolean;
   pick(x: number, y: number): Pick | null;
   click(picked: Pick | null, event: PointerEvent): void;
-  /** Whether the wheel was used up. */
+  /** Return whether the wheel event was used. */
   wheel(delta: number): boolean;
   paint(picked: Pick, erase: boolean): void;
-  /** A box is drawn, and at last it is `done`. */
+  /** Called while a box is drawn, at last with `done`. */
   box(box: DOMRect, done: boolean, erase: boolean): void;
-  /** The pointer has rested on a point. */
+  /** Called when the pointer rests on a point. */
   rest(picked: Pick): void;
 }
 
@@ -23,7 +23,7 @@ const REST_MILLISECONDS = 100;
 
 export class Pointer {
   private down: { x: number; y: number; id: number; moved: boolean } | null = null;
-  /** What the pointer draws while it is down. */
+  /** The stroke or box that the pointer draws while it is down. */
   private drawing: "paint" | "box" | null = null;
   private frame = 0;
   private timer = 0;
@@ -38,17 +38,17 @@ export class Pointer {
     canvas.addEventListener("pointerup", (event) => this.released(event));
     canvas.addEventListener("pointercancel", () => this.forget());
     canvas.addEventListener("pointerleave", () => this.unhover());
-    // The focus ring around the view is for those who came by the keyboard.
+    // The focus ring is only shown for keyboard users.
     canvas.addEventListener("pointerdown", () => (canvas.dataset.pointed = ""));
     canvas.addEventListener("blur", () => delete canvas.dataset.pointed);
-    // Before the orbit's own listener, which would zoom.
+    // Listen before the orbit controls, which would zoom.
     canvas.addEventListener("wheel", (event) => this.turned(event), { capture: true, passive: false });
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
   }
 
   private pressed(event: PointerEvent): void {
     if (!event.isPrimary) {
-      // A second finger zooms: that was no click.
+      // A second finger zooms, so this is no click.
       if (this.down) this.down.moved = true;
       return;
     }

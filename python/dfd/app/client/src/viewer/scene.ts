@@ -1,4 +1,4 @@
-/** From what the store says to what the shader poses by, in coordinates relative to the mesh's center. */
+/** Convert the store's state to the scene of the pose shader, in coordinates relative to the mesh's center. */
 
 import type { Matrix4 } from "three";
 
@@ -19,7 +19,7 @@ import { heldPart } from "../posing/held";
 import type { ColumnState, HandleState, SymmetryPlane } from "../protocol/messages";
 import { present, type State } from "../store/state";
 
-/** The handle's motion about the pivot of a column, turned or mirrored into its frame. */
+/** The handle's motion about the pivot of a column, in the column's frame. */
 export function columnMatrix(handle: Placed, { frame, position }: ColumnState): Matrix4 {
   const { transform, position: held } = handle;
   const matrix = matrixOf(transform, held);
@@ -27,7 +27,7 @@ export function columnMatrix(handle: Placed, { frame, position }: ColumnState): 
   const back = basisOf(frame);
   const turn = back.clone().transpose();
   const pivot = transform.pivot ?? held;
-  // Its pivot lies to it as the pivot of the handle lies to the handle.
+  // The column's pivot relative to its position corresponds to the handle's pivot.
   const own = add(position, apply(turn, subtract(pivot, held)));
   return relative(relative(matrix, pivot).premultiply(turn).multiply(back), subtract([0, 0, 0], own));
 }
@@ -61,7 +61,7 @@ export function sceneOf(state: State): Scene {
       });
     }
   }
-  // What was painted, in a color of the ramp that stands out from pale shapes too.
+  // The painted region, in a color of the ramp that is also visible on pale shapes.
   if (painted) columns.push(shownColumn(painted.weights, PAINTED));
   else if (probe) columns.push(shownColumn(probe.weights, 1));
   const d0 = state.comparing ? null : edit.default;
@@ -73,19 +73,19 @@ export function sceneOf(state: State): Scene {
   };
 }
 
-/** The columns by which a handle moves the shape. */
+/** Return the columns of a handle. */
 export function columnsOf(state: State, handle: number): readonly Column[] {
   return sceneOf(state).columns.filter((column) => column.handle === handle);
 }
 
-/** The part of the surface that a handle holds, by the weights that move it. */
+/** Return the share of the surface that follows a handle. */
 export function held(state: State, handle: number): number {
   return state.surface ? heldPart(columnsOf(state, handle), state.surface) : 0;
 }
 
 const PAINTED = 0.66;
 
-/** A column that only the heat map shows. */
+/** A column that is only shown in the heat map. */
 function shownColumn(weights: Uint16Array, heat: number): Column {
   return { handle: 0, weights, positive: true, heat, transform: IDENTITY };
 }
@@ -96,7 +96,7 @@ function isPositive(plane: SymmetryPlane | null, position: Vec3): boolean {
   return x * position[0] + y * position[1] + z * position[2] - plane.offset >= 0;
 }
 
-/** Where a handle's gizmo stands: its pivot, carried along by its own translation, relative to the center. */
+/** The position of a handle's gizmo: its pivot after its translation, relative to the center. */
 export function gripOf(transform: Transform, position: Vec3, center: Vec3): Vec3 {
   const pivot = transform.pivot ?? position;
   return [0, 1, 2].map((i) => pivot[i] + transform.translation[i] - center[i]) as unknown as Vec3;

@@ -1,4 +1,4 @@
-/** The mesh on the GPU: geometry, materials, and what poses it. */
+/** The mesh on the GPU: geometry, materials and pose. */
 
 import {
   BufferAttribute,
@@ -34,15 +34,15 @@ const WRAPS = { repeat: RepeatWrapping, mirror: MirroredRepeatWrapping, clamp: C
 export class Shape {
   readonly group = new Group();
   readonly radius: number;
-  /** (R, 3) at rest, relative to the mesh's center. */
+  /** (R, 3) resting positions, relative to the mesh's center. */
   readonly positions: Float32Array;
   /** (R) the vertex of each row. */
   readonly vertexOf: Uint32Array;
   readonly geometry = new BufferGeometry();
   readonly faces: Faces;
-  /** Whether only what is warm in the heat map is seen. */
+  /** Whether only the heat map's part is shown. */
   isolated = false;
-  /** Counts its poses: a pick stays valid while neither this nor the camera changes. */
+  /** The number of poses so far: a pick is valid while it and the camera stay the same. */
   poses = 0;
   private readonly pose: PoseTextures;
   private readonly posed: PosePass;
@@ -92,16 +92,16 @@ export class Shape {
     );
     this.wires.visible = false;
     this.group.add(new Mesh(geometry, this.materials), this.wires);
-    // Posed shapes leave the sphere in which they rest.
+    // The resting bounding sphere does not contain all poses.
     for (const drawn of this.group.children) drawn.frustumCulled = false;
   }
 
-  /** Pose all rows, unless they are posed already. */
+  /** Pose all rows, unless they have the present pose. */
   update(): void {
     this.posed.update();
   }
 
-  /** (R, 4) posed positions and heat, read back. */
+  /** Read back the posed positions and heat (R, 4). */
   read(): Float32Array {
     return this.posed.read();
   }
@@ -142,13 +142,13 @@ export class Shape {
     this.wires.material.uniforms.baseColor.value = color;
   }
 
-  /** (V, 4) colors of the features' main directions. */
+  /** (V, 4) colors of the features' principal directions. */
   setFeatureColors(colors: Uint8Array): void {
     this.geometry.setAttribute("featureColor", new BufferAttribute(this.perRow(colors, 4), 4, true));
     this.compile();
   }
 
-  /** Show what the server posed: (V, 3) positions and (V, 4) normals; null lets the shader pose again. */
+  /** Show the server's pose: (V, 3) positions and (V, 4) normals; null lets the shader pose again. */
   setPosed(posed: Posed | null): void {
     this.poses++;
     this.posed.setGiven(
@@ -156,7 +156,7 @@ export class Shape {
     );
   }
 
-  /** Where a row of the mesh rests. */
+  /** Return the resting position of a row. */
   at(row: number): Vec3 {
     return [this.positions[3 * row], this.positions[3 * row + 1], this.positions[3 * row + 2]];
   }
@@ -173,7 +173,7 @@ export class Shape {
     this.group.removeFromParent();
   }
 
-  /** From `width` numbers per vertex to as many per row. */
+  /** Convert `width` numbers per vertex to numbers per row. */
   private perRow<Numbers extends Float32Array | Int16Array | Uint8Array>(values: Numbers, width: number): Numbers {
     const { vertexOf } = this;
     const rows = new (values.constructor as new (length: number) => Numbers)(width * vertexOf.length);
@@ -183,7 +183,7 @@ export class Shape {
     return rows;
   }
 
-  /** Compile the materials for what is seen now. */
+  /** Compile the materials for the present view. */
   private compile(): void {
     const { look, heats, geometry } = this;
     const features = look === "features" && geometry.hasAttribute("featureColor");
@@ -209,7 +209,7 @@ export class Shape {
     return material("surface", uniforms, {
       side: DoubleSide,
       transparent: entry.alpha_mode === "BLEND",
-      // Wires lie on the surface, not in it.
+      // Push the surface back, so that it does not hide wires.
       polygonOffset: true,
       polygonOffsetFactor: 1,
       polygonOffsetUnits: 1,
@@ -219,7 +219,7 @@ export class Shape {
   private async picture(entry: MaterialEntry, file: Uint8Array, map: IUniform): Promise<void> {
     const blob = new Blob([file.slice()], { type: entry.media_type ?? "image/png" });
     try {
-      // The protocol's v points upwards, as OpenGL's does: the first row of texels is the picture's lowest.
+      // The protocol's v points upwards, as in OpenGL: the first row of texels is the lowest of the picture.
       const image = await createImageBitmap(blob, { imageOrientation: "flipY", premultiplyAlpha: "none" });
       const texture = new Texture(image, Texture.DEFAULT_MAPPING, WRAPS[entry.wrap[0]], WRAPS[entry.wrap[1]]);
       texture.flipY = false;
@@ -231,12 +231,12 @@ export class Shape {
       this.compile();
       this.changed();
     } catch {
-      // A picture that this browser cannot read leaves the plain color.
+      // If the browser cannot read a picture, the material has its plain color.
     }
   }
 }
 
-/** Whether nothing moves. */
+/** Return whether no handle moves anything. */
 function rests({ columns, defaultTransform }: Scene): boolean {
   return defaultTransform === null && columns.every(({ transform }) => transform.equals(IDENTITY));
 }

@@ -1,4 +1,4 @@
-/** Renderer, camera and orbit; the scene is drawn only when something changed. */
+/** Renderer, camera and orbit controls; the scene is drawn only after changes. */
 
 import { PerspectiveCamera, Scene as ThreeScene, Vector3, WebGLRenderer } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
@@ -8,7 +8,7 @@ import type { View } from "../store/state";
 
 const FIELD_OF_VIEW = 38;
 
-/** From the shape to the camera; straight from above, a camera would not know what is up. */
+/** Direction from the shape to the camera; exactly from above, the camera's up direction would be undefined. */
 export const VIEWS: Record<View, Vec3> = {
   usual: [0.555, 0.296, 0.777],
   front: [0, 0, 1],
@@ -26,7 +26,7 @@ export class Stage {
   readonly orbit: OrbitControls;
   /** Called before every picture, to pose the shape. */
   draws: () => void = () => undefined;
-  /** Called after every picture, for what lies over the canvas. */
+  /** Called after every picture, for elements over the canvas. */
   drawn: () => void = () => undefined;
   width = 1;
   height = 1;
@@ -34,7 +34,7 @@ export class Stage {
 
   constructor(readonly canvas: HTMLCanvasElement) {
     const antialias = !drawsInSoftware();
-    // three.js would ask for a transparent canvas, which browsers blend over the page.
+    // three.js would use a transparent canvas, which browsers blend with the page.
     const context = canvas.getContext("webgl2", { alpha: false, antialias, powerPreference: "high-performance" });
     if (!context) throw new Error("There is no WebGL 2.");
     this.renderer = new WebGLRenderer({ canvas, context, antialias });
@@ -46,12 +46,12 @@ export class Stage {
     this.resize();
   }
 
-  /** Draw at the screen's next frame. */
+  /** Draw at the next frame of the screen. */
   invalidate(): void {
     this.pending ||= requestAnimationFrame(() => this.draw());
   }
 
-  /** Whether the canvas shows the newest state. */
+  /** Return whether the canvas shows the present state. */
   get rests(): boolean {
     return this.pending === 0;
   }
@@ -65,7 +65,7 @@ export class Stage {
     this.drawn();
   }
 
-  /** Look at a shape of that radius about the origin, from the front and a little above. */
+  /** Look at a shape of this radius at the origin, from the front and slightly above. */
   frameShape(radius: number): void {
     this.camera.near = radius / 100;
     this.camera.far = radius * 60;
@@ -74,7 +74,7 @@ export class Stage {
     this.frame([0, 0, 0], radius, VIEWS.usual);
   }
 
-  /** Show all of a sphere, from a direction or from where it is seen now. */
+  /** Show a whole sphere, from a given direction or from the present one. */
   frame(center: Vec3, radius: number, from?: Vec3): void {
     const half = (FIELD_OF_VIEW * Math.PI) / 360;
     const narrow = Math.atan(Math.tan(half) * Math.min(this.camera.aspect, 1));
@@ -87,7 +87,7 @@ export class Stage {
     this.stand(new Vector3(...from), this.direction.length(), this.orbit.target);
   }
 
-  /** From what is looked at to the camera. */
+  /** The direction from the target to the camera. */
   private get direction(): Vector3 {
     return this.camera.position.clone().sub(this.orbit.target);
   }
@@ -100,7 +100,7 @@ export class Stage {
     this.invalidate();
   }
 
-  /** Where a point of the scene appears, in pixels of the page from the view's top left; null behind the eye. */
+  /** Project a point to pixels from the view's top left; null behind the camera. */
   project(point: Vec3): readonly [number, number] | null {
     const at = new Vector3(...point).project(this.camera);
     if (at.z > 1) return null;
@@ -115,12 +115,12 @@ export class Stage {
     this.renderer.setSize(this.width, this.height, false);
     this.camera.aspect = this.width / this.height;
     this.camera.updateProjectionMatrix();
-    // At once: a resized canvas is empty until something is drawn.
+    // Draw at once, because a resized canvas is empty.
     this.draw();
   }
 }
 
-/** Whether a processor draws: smooth edges would then cost more than everything else. */
+/** Whether the renderer runs on the CPU, where antialiasing would be too slow. */
 function drawsInSoftware(): boolean {
   const context = document.createElement("canvas").getContext("webgl2");
   const names = context?.getExtension("WEBGL_debug_renderer_info");

@@ -1,4 +1,4 @@
-/** The view: it follows the store, and tells what a person does on the canvas. */
+/** The view: it follows the store, and reports the user's actions on the canvas. */
 
 import { Box3, BufferGeometry, Color, LineBasicMaterial, LineLoop, MOUSE, Sphere, Vector3 } from "three";
 
@@ -24,7 +24,7 @@ export class Viewer {
   readonly stage: Stage;
   shape: Shape | null = null;
   private picker: Picker | null = null;
-  /** The shape that the camera was set up for. */
+  /** The shape for which the camera was placed. */
   private framed: MeshMessage | null = null;
   private readonly gizmo: Gizmo;
   private readonly markers: Markers;
@@ -46,7 +46,7 @@ export class Viewer {
     this.markers = new Markers(overlay, (point) => this.stage.project(point));
     this.stage.draws = () => this.shape?.update();
     this.stage.drawn = () => this.markers.place();
-    // The gizmo hears of a press before the orbit does, and stops it.
+    // The gizmo handles a press before the orbit controls, and stops it.
     this.gizmo = new Gizmo(this.stage.camera, canvas, () => this.stage.invalidate());
     this.stage.scene.add(this.plane, this.gizmo.proxy, this.gizmo.helper);
     new Pointer(canvas, {
@@ -67,7 +67,7 @@ export class Viewer {
     this.follow(overlay);
   }
 
-  /** Save what the view shows, without planes and gizmo. */
+  /** Save a picture of the view, without planes and gizmo. */
   screenshot(): void {
     const { stage } = this;
     const helpers = [this.plane, this.gizmo.helper].filter(({ visible }) => visible);
@@ -103,7 +103,7 @@ export class Viewer {
       (state) => POSED_BY.map((key) => state[key]),
       () => this.soon(),
     );
-    // Marks lie over the picture, which stays as it is.
+    // Marks are over the picture, which does not change.
     store.on("hover", () => this.mark());
     store.watch(
       ({ look, wireframe, comparing, edit, xray, ...state }) => {
@@ -130,7 +130,7 @@ export class Viewer {
       else stage.lookFrom(VIEWS[wish.what]);
     });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.dress());
-    // Graphics that were lost took along what was made on them; afterwards it could not be deleted.
+    // Objects of a lost graphics context cannot be deleted.
     stage.canvas.addEventListener("webglcontextlost", () => this.unload());
     stage.canvas.addEventListener("webglcontextrestored", () => this.load());
   }
@@ -157,7 +157,7 @@ export class Viewer {
     this.pose();
   }
 
-  /** Colors of the page's theme, for what is drawn on the canvas. */
+  /** Read the colors of the page's theme for drawing on the canvas. */
   private dress(): void {
     const state = store.get();
     this.stage.scene.background = themeColor("--stage");
@@ -170,7 +170,7 @@ export class Viewer {
 
   private waiting = false;
 
-  /** Pose once after all changes of this moment. */
+  /** Pose once after all changes of this event. */
   private soon(): void {
     if (this.waiting) return;
     this.waiting = true;
@@ -233,7 +233,7 @@ export class Viewer {
     plane.scale.setScalar(0.65 * this.shape.radius);
   }
 
-  /** Look at what the selected handle holds, and where it holds nothing at all of the shape. */
+  /** Look at the held part, or at the whole shape without one. */
   private frameSelection(shape: Shape): void {
     const { selected } = store.get();
     const columns = sceneOf(store.get()).columns.filter(({ handle }) => handle === selected && handle > 0);
@@ -251,7 +251,7 @@ export class Viewer {
     }
   }
 
-  // --- what a person does on the canvas
+  // --- the user's actions on the canvas
 
   private selectBox(box: DOMRect, done: boolean, erase: boolean): void {
     const { style } = this.box;
@@ -296,12 +296,12 @@ function isolates({ isolated, selected, painted }: Pick<State, "isolated" | "sel
   return isolated && selected !== null && !painted;
 }
 
-/** What the selected handle bends along, as far as that is known. */
+/** Return the axis of the selected handle's part, if it is known. */
 function axisOf({ axis, selected }: State): State["axis"] {
   return axis?.handle === selected ? axis : null;
 }
 
-/** The parts of the state that the shape's pose and its marks depend on. */
+/** Keys of the state on which the pose and the marks depend. */
 const POSED_BY = [
   ...(["edit", "columns", "ahead", "moment", "comparing", "probe", "painted", "selected", "mesh"] as const),
   ...(["suggestions", "similar", "dragging", "gizmo", "local", "snap", "tool", "axis"] as const),
@@ -309,7 +309,7 @@ const POSED_BY = [
 
 let sample: HTMLElement | null = null;
 
-/** A color of the style sheets as the present theme has it: variables alone keep both of their sides. */
+/** Return a color variable of the style sheets in the present theme. */
 function themeColor(name: string): Color {
   if (!sample) {
     sample = document.createElement("span");

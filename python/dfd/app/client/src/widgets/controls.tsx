@@ -1,4 +1,4 @@
-/** Buttons, fields and menus that all panels share. */
+/** Buttons, fields and menus for all panels. */
 
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
@@ -18,7 +18,7 @@ export function titled(name: string): string {
   return name.charAt(0).toUpperCase() + name.slice(1).replaceAll("_", " ");
 }
 
-/** As many digits as a field shows. */
+/** Round to the digits of a field. */
 export function readable(value: number): string {
   const size = Math.abs(value);
   if (size < 5e-7) return "0";
@@ -53,7 +53,7 @@ export function IconButton({ icon, label, keys, pressed, disabled, onPress }: Ic
 
 type KeyButtonProps = Pick<IconButtonProps, "icon" | "pressed" | "disabled"> & { readonly keys: string };
 
-/** What a shortcut of the keyboard does, by its words. */
+/** The action of a shortcut key. */
 export function KeyButton({ keys, ...rest }: KeyButtonProps) {
   const [, , label, run] = shortcut(keys) ?? [];
   return <IconButton label={label ?? keys} keys={keys} {...(run && { onPress: run })} {...rest} />;
@@ -64,7 +64,7 @@ interface ButtonProps {
   readonly style?: "primary" | "small" | "primary small";
   readonly title?: string;
   readonly disabled?: boolean;
-  /** Called when the pointer or the focus comes. */
+  /** Called when the pointer enters, or the focus arrives. */
   readonly onPoint?: () => void;
   readonly onPress: () => void;
 }
@@ -90,12 +90,12 @@ interface ChoiceProps<Value extends string> {
   readonly value: Value;
   readonly options: readonly Value[];
   readonly hint?: string;
-  /** Other words for options than their own. */
+  /** Labels of options that differ from their values. */
   readonly named?: Partial<Record<Value, string>>;
   readonly onChange: (value: Value) => void;
 }
 
-/** One of a few words, all of them in sight. */
+/** A choice among a few words, all visible. */
 export function Segmented<Value extends string>({ label, value, options, hint, onChange }: ChoiceProps<Value>) {
   return (
     <div class="segmented" role="group" aria-label={label} aria-description={hint} title={hint}>
@@ -132,9 +132,9 @@ interface NumberFieldProps {
   readonly hint?: string;
 }
 
-/** A number to type, or to change by the arrow keys. */
+/** A number field with arrow keys. */
 export function NumberField({ label, value, step, onChange, axis, hint }: NumberFieldProps) {
-  // What is typed stays until it is done, whatever the server says meanwhile.
+  // The typed text stays until it is entered, even if the server sends another value.
   const [typed, setTyped] = useState<string | null>(null);
   return (
     <label class={`number ${axis ?? ""}`}>
@@ -152,14 +152,14 @@ export function NumberField({ label, value, step, onChange, axis, hint }: Number
           if (Number.isFinite(valueAsNumber)) onChange(valueAsNumber);
         }}
         onBlur={() => setTyped(null)}
-        // What is typed next is meant for the view: there letters are keys.
+        // Return the focus to the view, where letters are shortcut keys.
         onKeyDown={(event) => event.key === "Enter" && event.currentTarget.blur()}
       />
     </label>
   );
 }
 
-/** A number beside its name. */
+/** A number field with a label. */
 export function NumberRow(props: NumberFieldProps) {
   return (
     <div class="select" title={props.hint}>
@@ -176,12 +176,12 @@ interface TripleProps {
   readonly value: Vec3;
   readonly step: number;
   readonly onChange: (value: Vec3) => void;
-  /** For screen readers, where `label` stands more than once. */
+  /** Label for screen readers, if `label` occurs more than once. */
   readonly of?: string;
   readonly hint?: string;
 }
 
-/** Three numbers, one for each axis. */
+/** Three number fields, one per axis. */
 export function Triple({ label, of = "", hint, value, step, onChange }: TripleProps) {
   return (
     <div class="triple" role="group" aria-label={`${label}${of}`} aria-description={hint} title={hint}>
@@ -202,7 +202,7 @@ export function Triple({ label, of = "", hint, value, step, onChange }: TriplePr
 
 interface SliderProps {
   readonly label: string;
-  /** For screen readers, where `label` stands more than once. */
+  /** Label for screen readers, if `label` occurs more than once. */
   readonly of?: string;
   readonly hint?: string;
   readonly value: number;
@@ -214,7 +214,7 @@ interface SliderProps {
 export function Slider({ label, of = "", hint, value, range: [min, max, step], text, onInput }: SliderProps) {
   const [held, setHeld] = useState<number | null>(null);
   const shown = held ?? value;
-  // The newest value that was set by hand stays until the server has sent it back.
+  // A value set by hand stays until the server has confirmed it.
   useEffect(() => {
     if (held === null) return undefined;
     const timer = setTimeout(() => setHeld(null), 1000);
@@ -264,7 +264,7 @@ export function Toggle({ label, hint, checked, onChange }: ToggleProps) {
   );
 }
 
-/** A line of a menu: its text, a hint beside it, and what it does; without that it is disabled. */
+/** A menu item: its text, a hint, and its action; without an action it is disabled. */
 export type MenuItem = readonly [text: string, hint: string, run: (() => void) | null];
 
 interface MenuProps {
@@ -363,7 +363,7 @@ export function Panel({ title, action, children }: PanelProps) {
   );
 }
 
-/** What is rarely needed: opened once, it stays open. */
+/** Rarely used settings; once opened, they stay open. */
 export function More({ children }: Pick<PanelProps, "children">) {
   const { more } = useParts();
   return (

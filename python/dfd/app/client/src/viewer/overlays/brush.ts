@@ -1,4 +1,4 @@
-/** What is painted: every stroke takes the vertices within its radius at rest, so that what was posed together stays apart. */
+/** The brush takes vertices within its radius on the resting shape, so parts that touch when posed stay separate. */
 
 import { store } from "../../store/state";
 import type { Pick } from "../picker";
@@ -17,7 +17,7 @@ export function paint(shape: Shape, picked: Pick, erase: boolean): void {
   touch(shape, within, erase);
 }
 
-/** Paint the vertices of some rows, or erase there what was painted. */
+/** Paint or erase the vertices of some rows. */
 export function touch({ vertexOf, message: mesh }: Shape, within: (row: number) => boolean, erase: boolean): void {
   const { painted } = store.get();
   const mask = painted?.mask ?? new Uint8Array(Math.ceil(mesh.vertices / 8));

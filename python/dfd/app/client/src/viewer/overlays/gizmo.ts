@@ -13,7 +13,7 @@ export interface Held {
   readonly transform: Transform;
   readonly position: Vec3;
   readonly center: Vec3;
-  /** The ends of what bends, where that is what is done. */
+  /** Both ends of the axis, in the bend mode. */
   readonly ends: PartEnds | null;
 }
 
@@ -22,7 +22,7 @@ const SNAP_SCALE = 0.1;
 
 export class Gizmo {
   readonly helper: Object3D;
-  /** What the controls hold on to; it has to be in the scene. */
+  /** The object that the controls move; it must be in the scene. */
   readonly proxy = new Object3D();
   private readonly controls: TransformControls;
   private held: Held | null = null;
@@ -44,7 +44,7 @@ export class Gizmo {
     return this.controls.dragging;
   }
 
-  /** Whether the pointer is over one of its arms. */
+  /** Whether the pointer is over the gizmo. */
   get hovered(): boolean {
     return this.controls.axis !== null;
   }
@@ -81,12 +81,12 @@ export class Gizmo {
     const grip: Vec3 = [x + held.center[0], y + held.center[1], z + held.center[2]];
     const { transform, position } = held;
     if (held.ends) {
-      // Bending comes before all else that is done.
+      // The bend is applied before the rest of the transform.
       const tip = apply(matrixOf(transform, position).invert(), grip);
       return { ...transform, bend: bendTowards(held.ends, tip, transform.joint) };
     }
     if (this.pivoting) {
-      // Where the pivot goes, the translation keeps what the shape does as it is while nothing turns.
+      // When the pivot moves, the translation is adjusted so that the shape does not move.
       const [tx, ty, tz] = transform.translation;
       return { ...transform, pivot: [grip[0] - tx, grip[1] - ty, grip[2] - tz], pivotAt: null };
     }
@@ -102,7 +102,7 @@ export class Gizmo {
   }
 }
 
-/** From the mesh's axes to those along which the handle scales. */
+/** The rotation from the mesh's axes to the axes of scale. */
 function axesTurn({ axes }: Transform): Quaternion {
   return axes ? new Quaternion().setFromRotationMatrix(basisOf(axes)) : new Quaternion();
 }

@@ -9,7 +9,7 @@ export interface Mark {
   readonly label: string;
   readonly selected?: boolean;
   readonly off?: boolean;
-  /** Of its handle. */
+  /** The color of the handle. */
   readonly color?: string;
   readonly press?: () => void;
 }
@@ -35,7 +35,7 @@ export class Markers {
     this.place();
   }
 
-  /** Put each mark where its point appears now. */
+  /** Move each mark to the present position of its point. */
   place(): void {
     for (const { key, at } of this.marks) {
       const element = this.elements.get(key);

@@ -1,4 +1,4 @@
-/** Which marks lie over the shape. */
+/** Choose the marks over the shape. */
 
 import { send } from "../../actions/connection";
 import { select, hold } from "../../actions/edit";
@@ -61,7 +61,7 @@ export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
   return marks;
 }
 
-/** Ghosts of the selected handle: where else it acts, each a switch. */
+/** Marks at the counterparts of the selected handle; each is a switch. */
 function counterpartMarks(state: State, posed: (vertex: number | null, position: Vec3) => Vec3): Mark[] {
   const { selected } = state;
   if (selected === null) return [];

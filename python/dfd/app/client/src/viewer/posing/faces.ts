@@ -1,11 +1,11 @@
-/** From what a pick says, a point at rest and the last corner of its triangle, to the nearest corner of that triangle. */
+/** Map a pick (a point at rest and the last corner of its triangle) to the nearest corner of that triangle. */
 
 import { Triangle, Vector3 } from "three";
 
 import type { Vec3 } from "../../posing/affine";
 
 export class Faces {
-  /** Triangles in the order of their last corners, and where those of each corner begin. */
+  /** Triangles sorted by their last corners, and the first triangle of each corner. */
   private readonly order: Uint32Array;
   private readonly starts: Uint32Array;
 
@@ -22,7 +22,7 @@ export class Faces {
     for (let face = 0; face < count; face++) this.order[next[triangles[3 * face + 2]]++] = face;
   }
 
-  /** The corner that lies nearest to the point, of the triangle that holds it. */
+  /** Return the corner nearest to the point, of the triangle that contains it. */
   nearestRow(point: Vec3, lastCorner: number): number | null {
     let best: number | null = null;
     let least = Infinity;

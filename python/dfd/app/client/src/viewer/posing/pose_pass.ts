@@ -1,4 +1,4 @@
-/** The shape posed on the GPU, once for each change, into buffers: what is drawn and picked afterwards only reads them. */
+/** Pose the shape on the GPU once per change, into buffers that drawing and picking read. */
 
 import { GLBufferAttribute, type WebGLRenderer } from "three";
 
@@ -7,7 +7,7 @@ import type { Posed } from "../../store/state";
 import { ATTRIBUTES, PosePrograms } from "./pose_program";
 import type { PoseTextures } from "./pose_textures";
 
-/** What every row is made of: (R, 3) at rest, (R, 4) normals of length 32767, (R) vertices. */
+/** The input of each row: (R, 3) resting positions, (R, 4) normals of length 32767, (R) vertices. */
 export interface Rows {
   readonly positions: Float32Array;
   readonly normals: Int16Array;
@@ -21,7 +21,7 @@ export class PosePass {
   readonly position: GLBufferAttribute;
   /** (R, 3) posed unit normals. */
   readonly normal: GLBufferAttribute;
-  /** (R, 3) at rest. */
+  /** (R, 3) resting positions. */
   readonly rest: GLBufferAttribute;
   private readonly gl: WebGL2RenderingContext;
   private readonly programs: PosePrograms;
@@ -34,7 +34,7 @@ export class PosePass {
   private readonly givenPosition: WebGLBuffer;
   private readonly givenNormal: WebGLBuffer;
   private given = false;
-  /** Whether the buffers hold the present pose. */
+  /** Whether the buffers contain the present pose. */
   private fresh = false;
 
   constructor(
@@ -62,7 +62,7 @@ export class PosePass {
     gl.bindVertexArray(null);
     gl.bindBuffer(gl.ARRAY_BUFFER, null);
     this.output = gl.createTransformFeedback();
-    // Browsers take a pass over the canvas for a drawing, and would show an empty picture.
+    // Without this, browsers treat the pass as drawing, and show an empty picture.
     this.nowhere = gl.createFramebuffer();
     this.pixel = gl.createRenderbuffer();
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.nowhere);
@@ -75,12 +75,12 @@ export class PosePass {
     renderer.resetState();
   }
 
-  /** Something that the pose is made of has changed. */
+  /** Mark the pose as outdated. */
   invalidate(): void {
     this.fresh = false;
   }
 
-  /** Show what the server posed, (R, 3) and (R, 4), instead of what the shader poses; null shows the latter again. */
+  /** Show the server's pose, (R, 3) and (R, 4), in place of the shader's; null shows the shader's again. */
   setGiven(given: Posed | null): void {
     if (!given && !this.given) return;
     const { gl } = this;
@@ -97,7 +97,7 @@ export class PosePass {
     this.renderer.resetState();
   }
 
-  /** Pose all rows, unless they are posed as the scene is now. */
+  /** Pose all rows, unless the buffers contain the present pose. */
   update(): void {
     if (this.fresh || this.gl.isContextLost()) return;
     this.fresh = true;
@@ -117,7 +117,7 @@ export class PosePass {
     gl.uniformMatrix4fv(at.defaultTransform, false, (defaultTransform ?? IDENTITY).elements);
     if (mirror) gl.uniform4f(at.mirror, ...mirror.normal, mirror.offset);
     gl.uniform1f(at.mirrorBand, mirror?.band ?? 0);
-    // A buffer that is written must be bound nowhere else, as three.js leaves what it drew from.
+    // A buffer that is written must not be bound elsewhere, but three.js leaves its buffers bound.
     gl.bindBuffer(gl.ARRAY_BUFFER, null);
     gl.bindVertexArray(this.input);
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.output);
@@ -135,7 +135,7 @@ export class PosePass {
     renderer.resetState();
   }
 
-  /** (R, 4) posed positions and heat, read back. */
+  /** Read back the posed positions and heat (R, 4). */
   read(): Float32Array {
     this.update();
     const { gl } = this;
@@ -156,7 +156,7 @@ export class PosePass {
     this.programs.dispose();
   }
 
-  /** A buffer with that content, or of that many bytes, bound to be read by an attribute. */
+  /** Create a buffer with this content or of this many bytes, bound to an attribute. */
   private filled(data: Float32Array | Int16Array | Uint32Array | number): WebGLBuffer {
     const { gl } = this;
     const buffer = gl.createBuffer();
@@ -167,7 +167,7 @@ export class PosePass {
     return buffer;
   }
 
-  /** Integers stand for numbers in [-1, 1]. */
+  /** Whether integers represent numbers in [-1, 1]. */
   private reads(place: number, size: number, type: GLenum, on = true): void {
     const { gl } = this;
     if (on) gl.enableVertexAttribArray(place);

@@ -1,4 +1,4 @@
-/** The pose shader, compiled once for each set of defines that scenes have had. */
+/** The pose shader, compiled once for each set of defines. */
 
 import pose from "../../shaders/pose.glsl?raw";
 import pass from "../../shaders/pose_pass.glsl?raw";

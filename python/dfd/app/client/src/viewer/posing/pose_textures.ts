@@ -1,4 +1,4 @@
-/** What the pose shader reads: weights in layers of an integer texture, and a row of numbers per column. */
+/** The input of the pose shader: weights as layers of an integer texture, and one row of numbers per column. */
 
 import {
   DataArrayTexture,
@@ -19,10 +19,10 @@ const WIDTH = 4096;
 const TEXELS = 7;
 const LEAST_LAYERS = 4;
 const LEAST_ROWS = 16;
-/** Of an affine transform, what turns normals. */
+/** The matrix that transforms normals under an affine transform. */
 const LINEAR = [0, 1, 2, 4, 5, 6, 8, 9, 10];
 
-/** What a scene has, and the shader is made for. */
+/** The features of a scene for which a shader is compiled. */
 export type Define = "MIRROR" | "DEFAULT" | "TURNED";
 
 export class PoseTextures {
@@ -39,7 +39,7 @@ export class PoseTextures {
     this.weights = this.layers(LEAST_LAYERS);
   }
 
-  /** Have the shader pose by `scene`; weights go to the GPU once, when they are first seen. */
+  /** Set the scene of the shader; each column of weights is uploaded once. */
   show(scene: Scene): void {
     this.keep(scene);
     const count = scene.columns.length;
@@ -126,7 +126,7 @@ export function definesOf({ columns, mirror, defaultTransform }: Scene): Set<Def
   return new Set((Object.keys(has) as Define[]).filter((part) => has[part]));
 }
 
-/** Rows of D − I: what is added to a point, which keeps its digits where little moves. */
+/** Rows of D − I. Adding displacements to a point keeps precision where the motion is small. */
 function writeMove(table: Float32Array, at: number, { elements }: Matrix4): void {
   for (let i = 0; i < 12; i++) {
     const k = 4 * (i % 4) + Math.floor(i / 4);

@@ -10,7 +10,7 @@ const PROGRAMS = {
   surface: [surfaceVertex, surfaceFragment],
 } as const;
 
-/** A material that draws what is posed; `uniforms` are shared, not copied, so that all of them follow one scene. */
+/** Create a material that draws the posed shape; `uniforms` are shared with other materials. */
 export function material(
   program: keyof typeof PROGRAMS,
   uniforms: Record<string, IUniform>,
@@ -27,7 +27,7 @@ export function material(
   return made;
 }
 
-/** Compile a material with the names that are on, unless it is compiled with them already. */
+/** Compile a material with the given defines, unless it already has them. */
 export function define(made: ShaderMaterial, wanted: Readonly<Record<string, boolean>>): void {
   const names = Object.keys(wanted).filter((name) => wanted[name]);
   if (Object.keys(made.defines).join() === names.join()) return;
