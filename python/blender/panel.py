@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from dfd.editing.presets import CONTROLS
+from dfd.editing.controls import CONTROLS
 
 from .operators import OfMesh
 from .properties import PROPERTIES

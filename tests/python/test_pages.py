@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 import dfd
 from dfd.cli import app as commands
-from dfd.editing.presets import CONTROLS
+from dfd.editing.controls import CONTROLS
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"

@@ -15,7 +15,7 @@ from dfd.cli.arguments import check_output, file_in, hold, open_session
 from dfd.cli.deform_many import deform_many
 from dfd.cli.errors import say
 from dfd.cli.handles import handles, value_of
-from dfd.editing.presets import CONTROLS
+from dfd.editing.controls import CONTROLS
 from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.posing.transforms import MOTIONS
 

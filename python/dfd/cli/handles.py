@@ -8,7 +8,7 @@ import numpy as np
 from typer.core import TyperCommand
 
 from dfd.cli.arguments import is_number
-from dfd.editing.presets import CONTROLS
+from dfd.editing.controls import CONTROLS
 from dfd.posing.transforms import MOTIONS
 
 OF_A_HANDLE = ("handle", "name", *MOTIONS, *CONTROLS)

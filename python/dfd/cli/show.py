@@ -11,7 +11,7 @@ from dfd.cli import options
 from dfd.cli.arguments import check_output, find_place, hold, open_field
 from dfd.cli.errors import say
 from dfd.cli.handles import value_of
-from dfd.editing.presets import CONTROLS
+from dfd.editing.controls import CONTROLS
 
 
 def show(

@@ -1,4 +1,4 @@
-"""The controls of a handle, which shape its weights."""
+"""The controls of a handle: their types, defaults and descriptions, for every interface."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any
 
 from dfd.common import check
-from dfd.common.described import Brief, Tagged, check_fields
+from dfd.common.described import About, Brief, Tagged, about, check_fields
 from dfd.common.errors import ArgumentError, within
 from dfd.common.preset import Preset
 from dfd.editing.influence.regions import Region
 from dfd.editing.points import Place, place_on
-from dfd.editing.presets import CONTROLS, PRESETS, Counterparts, Reach
+from dfd.editing.presets import LARGEST, PRESETS, Counterparts, Reach
 from dfd.weights.bind import Falloff
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["Controls", "Counterparts", "Falloff", "controls_of", "controls_on", "length_on"]
+__all__ = ["CONTROLS", "Controls", "Counterparts", "Falloff", "controls_of", "controls_on", "length_on"]
 
 DEFAULTS = PRESETS["default"]
 
 
 @dataclass(frozen=True, repr=False)
 class Controls(Brief):
-    """The controls of a handle; `dfd.editing.presets.CONTROLS` describes each field.
+    """The controls of a handle.
 
     The preset "default" gives the values that are left out. Lengths are in mesh units. Only one of `radius` and
     `locality` may be given.
@@ -34,15 +34,84 @@ class Controls(Brief):
     Raises ValueError if a number is out of its bounds, a name is unknown, or a place or a region is invalid.
     """
 
-    reach: Annotated[Reach, CONTROLS["reach"]] = DEFAULTS.reach
-    falloff: Annotated[Falloff, CONTROLS["falloff"]] = DEFAULTS.falloff
-    locality: Annotated[float, CONTROLS["locality"]] = 0.0
-    radius: Annotated[float | None, CONTROLS["radius"]] = None
-    strength: Annotated[float, CONTROLS["strength"]] = 1.0
-    counterparts: Annotated[Counterparts, CONTROLS["counterparts"]] = DEFAULTS.counterparts
-    excluded_counterparts: Annotated[tuple[Place, ...], CONTROLS["excluded_counterparts"]] = ()
-    mask: Annotated[Annotated[Region, Tagged("kind")] | None, CONTROLS["mask"]] = None
-    mask_feather: Annotated[float, CONTROLS["mask_feather"]] = 0.0
+    reach: Annotated[
+        Reach,
+        About(
+            'Feature distance at which the weight is 0: 1 is Eq. 5; "part" ends with the part.',
+            0.0,
+            LARGEST,
+            exclusive=True,
+            metavar="R|part",
+            slider=(0.05, 1.5, 0.01),
+        ),
+    ] = DEFAULTS.reach
+    falloff: Annotated[
+        Falloff,
+        About(
+            "Curve from 1 at the handle to 0 at a numeric reach: linear (Eq. 5), smooth, sharp, root, sphere or "
+            "constant.",
+            metavar="CURVE",
+        ),
+    ] = DEFAULTS.falloff
+    locality: Annotated[
+        float,
+        About(
+            "λ of Eq. 7: 0 reaches all that looks alike, more stays nearer.",
+            0.0,
+            LARGEST,
+            metavar="λ",
+            slider=(0.0, 20.0, 0.5),
+        ),
+    ] = 0.0
+    radius: Annotated[
+        float | None,
+        About(
+            "In place of locality: distance along the surface where the weight is smoothly 0, mesh units or % of the "
+            "box.",
+            0.0,
+            exclusive=True,
+            metavar="R|P%",
+            unit="length",
+            slider=(0.0, 1.0, 0.01),
+        ),
+    ] = None
+    strength: Annotated[
+        float, About("From 0 to 1: a factor for what follows.", 0.0, 1.0, metavar="S", slider=(0.0, 1.0, 0.05))
+    ] = 1.0
+    counterparts: Annotated[
+        Counterparts,
+        About(
+            "Counterparts move about their own pivots, about the handle's (shared_pivot, the paper), or not at "
+            "all (only).",
+            metavar="own_pivot|shared_pivot|only",
+            affects="pose",
+            label="Counterparts",
+        ),
+    ] = DEFAULTS.counterparts
+    excluded_counterparts: Annotated[
+        tuple[Place, ...],
+        About("A place on a counterpart that does not move along.", metavar="PLACE", repeated=True, affects="pose"),
+    ] = ()
+    mask: Annotated[
+        Annotated[Region, Tagged("kind")] | None,
+        About(
+            "Nothing follows beyond: part (the handle's), part:NAME, group:NAME, 'x>0', ball:x,y,z,r or "
+            "box:x,y,z,x,y,z.",
+            metavar="REGION",
+        ),
+    ] = None
+    mask_feather: Annotated[
+        float,
+        About(
+            "How far beyond that region the weight fades to 0, mesh units or % of the box.",
+            0.0,
+            LARGEST,
+            metavar="W|P%",
+            unit="length",
+            label="Limit's edge",
+            slider=(0.0, 0.3, 0.005),
+        ),
+    ] = 0.0
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -73,6 +142,10 @@ class Controls(Brief):
         if isinstance(parts.get("mask"), str):  # "everywhere"
             parts["mask"] = None
         return replace(self, **parts) if parts else self
+
+
+# The descriptions of all controls. The module imports no SciPy or pydantic, because the command line's help reads them.
+CONTROLS = {name: said for name, (_, said) in about(Controls).items() if said is not None}
 
 
 def controls_of(preset: Preset) -> Controls:

@@ -217,7 +217,7 @@ class Deformer:
         name
             A name for display.
         **given
-            Controls, see `dfd.editing.presets.CONTROLS`: `reach`, `falloff`, `locality`, `radius`, `strength`,
+            Controls, see `dfd.editing.controls.Controls`: `reach`, `falloff`, `locality`, `radius`, `strength`,
             `counterparts`, `excluded_counterparts`, `mask` and `mask_feather`. The preset gives the values that are
             left out or None. `mask="part"` is the part at the handle.
 

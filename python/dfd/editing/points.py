@@ -16,7 +16,6 @@ from dfd.common.described import Brief, Tagged, Written
 from dfd.common.errors import ArgumentError, within
 from dfd.editing.influence.regions import Ball, Box, Group, HalfSpace, Part, Region, VertexSet, members
 from dfd.editing.presets import LARGEST
-from dfd.geometry.coarse import nodes_of
 from dfd.posing.transforms import Vector, vector
 
 if TYPE_CHECKING:
@@ -128,6 +127,8 @@ def find(mesh: Mesh, text: str) -> Found:
     if said.startswith("component@"):
         at = find(mesh, said.removeprefix("component@")).place
         vertex = nearest_vertex(mesh, at.position)[0] if at.vertex is None else at.vertex
+        from dfd.geometry.coarse import nodes_of  # imports SciPy, which the help of the command line does not need
+
         nodes = nodes_of(mesh)
         component = nodes.component[nodes.of_vertex]
         return _found(mesh, said, VertexSet.of(mesh, component == component[vertex]))

@@ -1,4 +1,4 @@
-"""The controls of a handle, and the defaults of each preset, for every interface.
+"""The defaults of each preset, for every interface.
 
 Sessions, the command line, the app, Blender and edit files read them here. The module imports no SciPy or pydantic.
 """
@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-from dfd.common.described import About
 from dfd.common.preset import Preset
 from dfd.symmetry.plane import DEFAULT_BAND
 
@@ -21,60 +20,6 @@ PARTLESS_REACH = 0.7  # stands for the reach "part" on a shape without parts tha
 Counterparts = Literal["own_pivot", "shared_pivot", "only"]
 Reach = float | Literal["part"]
 SymmetryCandidates = Literal["any", "axes"]
-
-# The controls of a handle: the fields of `dfd.editing.controls.Controls`.
-CONTROLS = {
-    "reach": About(
-        'Feature distance at which the weight is 0: 1 is Eq. 5; "part" ends with the part.',
-        0.0,
-        LARGEST,
-        exclusive=True,
-        metavar="R|part",
-        slider=(0.05, 1.5, 0.01),
-    ),
-    "falloff": About(
-        "Curve from 1 at the handle to 0 at a numeric reach: linear (Eq. 5), smooth, sharp, root, sphere or constant.",
-        metavar="CURVE",
-    ),
-    "locality": About(
-        "λ of Eq. 7: 0 reaches all that looks alike, more stays nearer.",
-        0.0,
-        LARGEST,
-        metavar="λ",
-        slider=(0.0, 20.0, 0.5),
-    ),
-    "radius": About(
-        "In place of locality: distance along the surface where the weight is smoothly 0, mesh units or % of the box.",
-        0.0,
-        exclusive=True,
-        metavar="R|P%",
-        unit="length",
-        slider=(0.0, 1.0, 0.01),
-    ),
-    "strength": About("From 0 to 1: a factor for what follows.", 0.0, 1.0, metavar="S", slider=(0.0, 1.0, 0.05)),
-    "counterparts": About(
-        "Counterparts move about their own pivots, about the handle's (shared_pivot, the paper), or not at all (only).",
-        metavar="own_pivot|shared_pivot|only",
-        affects="pose",
-        label="Counterparts",
-    ),
-    "excluded_counterparts": About(
-        "A place on a counterpart that does not move along.", metavar="PLACE", repeated=True, affects="pose"
-    ),
-    "mask": About(
-        "Nothing follows beyond: part (the handle's), part:NAME, group:NAME, 'x>0', ball:x,y,z,r or box:x,y,z,x,y,z.",
-        metavar="REGION",
-    ),
-    "mask_feather": About(
-        "How far beyond that region the weight fades to 0, mesh units or % of the box.",
-        0.0,
-        LARGEST,
-        metavar="W|P%",
-        unit="length",
-        label="Limit's edge",
-        slider=(0.0, 0.3, 0.005),
-    ),
-}
 
 
 @dataclass(frozen=True)

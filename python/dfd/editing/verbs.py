@@ -13,12 +13,11 @@ import numpy as np
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
-from dfd.editing.controls import controls_of, controls_on
+from dfd.editing.controls import CONTROLS, controls_of, controls_on
 from dfd.editing.edit import Edit, Handle, box_center, symmetry_on
 from dfd.editing.influence.held_parts import bend_vector, pivot_on
 from dfd.editing.influence.regions import VertexSet
 from dfd.editing.points import Place, place_on
-from dfd.editing.presets import CONTROLS
 from dfd.posing.transforms import MOTIONS, PivotAt, Transform, frame_of_normal
 
 if TYPE_CHECKING:

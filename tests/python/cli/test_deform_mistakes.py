@@ -12,10 +12,7 @@ DEFORM = ("deform", "MESH", "--field", "FIELD")
     ("arguments", "message"),
     [
         (("--fix", 3), "`--handle` or `--edit` must be given"),
-        (
-            ("--edit", "none.json", "--translate", 0, 0, 1),
-            "`--handle` must be given with translation",
-        ),
+        (("--edit", "none.json", "--translate", 0, 0, 1), "`--handle` must be given with translation"),
         (("--handle", 1, "--band", 0.1), "`--symmetry` must be given"),
         (("--handle", 1, "--symmetry-threshold", 1), "`--symmetry` must be given"),
         (("--handle", "seat"), "`--handle` must be a vertex index, a point x,y,z, top, bottom"),

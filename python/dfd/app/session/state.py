@@ -16,9 +16,9 @@ from dfd.app.session.columns import Columns
 from dfd.app.session.parts import ShapeParts
 from dfd.app.session.surface import center_of, packed_normals
 from dfd.common.preset import Preset
+from dfd.editing.controls import CONTROLS
 from dfd.editing.edit import band_on, box_center
 from dfd.editing.influence.regions import Region, members
-from dfd.editing.presets import CONTROLS
 from dfd.mesh.normals import updated_normals
 from dfd.pictures.colors import feature_colors
 

@@ -10,7 +10,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from dfd.common import check
 from dfd.common.described import About, Written, check_fields
@@ -202,6 +201,8 @@ class VertexSet:
         """(V,) which vertices belong to it."""
         if self.lies_on(mesh):
             return _mask(mesh, self.indices)
+        from scipy.spatial import cKDTree  # slow to import, and not needed for the help of the command line
+
         apart, nearest = cKDTree(mesh.vertices).query(self.positions)
         inside = _mask(mesh, nearest)
         reordered = self.count == len(mesh.vertices) and apart.max() <= SAME_POSITION * mesh.diagonal
@@ -239,6 +240,8 @@ def distances_from(mesh: Mesh, region: Region) -> Float64:
 
     Raises ValueError if the region holds no vertex.
     """
+    from scipy.spatial import cKDTree
+
     inside = members(mesh, region)
     match region:
         case Ball():
