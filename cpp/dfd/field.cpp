@@ -9,11 +9,11 @@
 namespace dfd {
 namespace {
 
-constexpr std::size_t grain_points = 8 * field_points;  // less is not worth a thread
+constexpr std::size_t grain_points = 8 * field_points;  // for fewer, a thread costs more than its work
 
 std::size_t padded(std::size_t outputs) { return (outputs + field_group - 1) / field_group * field_group; }
 
-/// (outputs, inputs) to (groups, inputs, 8), the last group filled up with zeros.
+/// Rearranges (outputs, inputs) as (groups, inputs, 8), with zeros at the end of the last group.
 std::vector<float> grouped(Matrix<const float> weight)
 {
     std::vector<float> result(padded(weight.rows) * weight.columns);
@@ -42,7 +42,7 @@ Field::Field(std::span<const Layer> layers, std::size_t octaves, std::array<doub
     for (const Layer& layer : layers) {
         const std::size_t outputs = layer.weight.rows;
         const bool last = &layer == &layers.back();
-        require(layer.weight.columns == inputs && outputs > 0, "Field: each layer must take what the one before gives");
+        require(layer.weight.columns == inputs && outputs > 0, "Field: the inputs of each layer must be the outputs of the layer before");
         require(layer.bias.size() == outputs, "Field: `bias` must have an entry for every output");
         require(layer.gain.size() == (last ? 0 : outputs) && layer.shift.size() == layer.gain.size(),
                 "Field: every layer but the last must have a LayerNorm");

@@ -13,7 +13,7 @@ constexpr dfd::Affine identity{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
 constexpr std::array<dfd::Blend, 2> blends{dfd::Blend::linear, dfd::Blend::dual_quaternion};
 constexpr std::array<dfd::Overlap, 3> overlaps{dfd::Overlap::add, dfd::Overlap::paper, dfd::Overlap::normalize};
 
-// By `angle` about the z axis through (x, y), with everything `along` times as long before.
+// A scale by `along`, then a rotation by `angle` about the z axis through (x, y).
 dfd::Affine turn(double angle, double x, double y, double along = 1)
 {
     const double c = along * std::cos(angle), s = along * std::sin(angle);
