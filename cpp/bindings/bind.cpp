@@ -33,11 +33,6 @@ std::span<const T> span_of(const OptionalVector<T>& vector)
     return vector ? span(*vector) : std::span<const T>{};
 }
 
-dfd::Matrix<const float> matrix_of(const Array& array)
-{
-    return {static_cast<const float*>(array.data()), array.shape(0), array.shape(1)};
-}
-
 dfd::Features features_of(const Array& array, std::size_t vertex_count, float scale)
 {
     using Layout = dfd::Features::Layout;
@@ -66,7 +61,7 @@ struct OwnedPoints {
             vertices.assign(first, first + given->shape(0));
             points.vertices = vertices;
         } else if (holds<float>(*given, 2)) {
-            points.rows = matrix_of(*given);
+            points.rows = {static_cast<const float*>(given->data()), given->shape(0), given->shape(1)};
         } else {
             throw nb::type_error("bind: points must be int64 vertices (N) or float32 rows (N, D)");
         }

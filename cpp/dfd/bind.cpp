@@ -256,8 +256,7 @@ void bind(const Features& features, const Points& handles, const Constraints& co
     const std::size_t handle_count = handles.handle_count(), fixed_count = fixed.count();
     require(weights.rows == features.vertex_count && weights.columns == handle_count,
             "bind: `weights` must be (V, H)");
-    require(weights.rows * weights.columns == 0 || weights.row_stride == 1 || weights.column_stride == 1,
-            "bind: `weights` must have contiguous rows or columns");
+    require(weights.contiguous(), "bind: `weights` must have contiguous rows or columns");
     require(locality.empty() || (locality.size() == handle_count && geodesic.rows == handle_count &&
                                  geodesic.columns == features.vertex_count),
             "bind: `geodesic` must be (H, V) and `locality` (H)");

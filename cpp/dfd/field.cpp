@@ -24,12 +24,8 @@ std::vector<float> grouped(Matrix<const float> weight)
     return result;
 }
 
-std::vector<float> filled_up(std::span<const float> values)
-{
-    std::vector<float> result(padded(values.size()));
-    std::copy(values.begin(), values.end(), result.begin());
-    return result;
-}
+/// Views (outputs) as (outputs, 1).
+Matrix<const float> column(std::span<const float> values) { return {values.data(), values.size(), 1}; }
 
 }  // namespace
 
@@ -46,15 +42,15 @@ Field::Field(std::span<const Layer> layers, std::size_t octaves, std::array<doub
         require(layer.bias.size() == outputs, "Field: `bias` must have an entry for every output");
         require(layer.gain.size() == (last ? 0 : outputs) && layer.shift.size() == layer.gain.size(),
                 "Field: every layer but the last must have a LayerNorm");
-        const auto keep = [this](std::vector<float> values) { return memory_.emplace_back(std::move(values)).data(); };
+        const auto keep = [this](Matrix<const float> values) { return memory_.emplace_back(grouped(values)).data(); };
         FieldLayer& kept = layers_.emplace_back();
         kept.inputs = inputs;
         kept.outputs = outputs;
-        kept.weights = keep(grouped(layer.weight));
-        kept.bias = keep(filled_up(layer.bias));
+        kept.weights = keep(layer.weight);
+        kept.bias = keep(column(layer.bias));
         if (!last) {
-            kept.gain = keep(filled_up(layer.gain));
-            kept.shift = keep(filled_up(layer.shift));
+            kept.gain = keep(column(layer.gain));
+            kept.shift = keep(column(layer.shift));
         }
         widest_ = std::max(widest_, padded(outputs));
         inputs = outputs;

@@ -201,21 +201,17 @@ bool same_shape(const Matrix<T>& matrix, std::size_t rows)
 template <class T>
 void check_shapes(const PoseArrays<T>& arrays, const Motion& motion)
 {
-    const std::size_t count = arrays.vertices.rows;
+    const std::size_t count = arrays.vertices.rows, handle_count = motion.transforms.size();
     require(same_shape(arrays.vertices, count) && same_shape(arrays.posed, count),
             "pose: `vertices` and `out` must be (V, 3)");
     require(arrays.base.data == nullptr || same_shape(arrays.base, count), "pose: `base` must be (V, 3)");
     require(arrays.normals.data == nullptr ||
                 (same_shape(arrays.normals, count) && same_shape(arrays.posed_normals, count)),
             "pose: `normals` must be (V, 3)");
-    require(arrays.weights.rows == count && arrays.weights.columns == motion.transforms.size(),
-            "pose: `weights` must be (V, H)");
-    require(arrays.weights.rows * arrays.weights.columns == 0 || arrays.weights.row_stride == 1 ||
-                arrays.weights.column_stride == 1,
-            "pose: `weights` must have contiguous rows or columns");
-    require(!motion.mirror || motion.mirror->positive.size() == motion.transforms.size(),
+    require(arrays.weights.rows == count && arrays.weights.columns == handle_count, "pose: `weights` must be (V, H)");
+    require(arrays.weights.contiguous(), "pose: `weights` must have contiguous rows or columns");
+    require(!motion.mirror || motion.mirror->positive.size() == handle_count,
             "pose: `symmetry` must have a side for every handle");
-    const std::size_t handle_count = motion.transforms.size();
     require(motion.blend == Blend::linear || motion.places.size() == handle_count,
             "pose: `handles` must have the position of each handle");
     require(motion.blend == Blend::linear || arrays.base.data == nullptr, "pose: only a linear blend takes a `base`");

@@ -32,6 +32,7 @@ struct StridedMatrix {
     {
     }
 
+    bool contiguous() const { return rows == 0 || columns == 0 || row_stride == 1 || column_stride == 1; }
     T& operator()(std::size_t row, std::size_t column) const { return data[row * row_stride + column * column_stride]; }
 };
 
