@@ -38,7 +38,8 @@ Field::Field(std::span<const Layer> layers, std::size_t octaves, std::array<doub
     for (const Layer& layer : layers) {
         const std::size_t outputs = layer.weight.rows;
         const bool last = &layer == &layers.back();
-        require(layer.weight.columns == inputs && outputs > 0, "Field: the inputs of each layer must be the outputs of the layer before");
+        require(layer.weight.columns == inputs && outputs > 0,
+                "Field: each layer must have as many inputs as the layer before has outputs");
         require(layer.bias.size() == outputs, "Field: `bias` must have an entry for every output");
         require(layer.gain.size() == (last ? 0 : outputs) && layer.shift.size() == layer.gain.size(),
                 "Field: every layer but the last must have a LayerNorm");
