@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <memory>
 #include <new>
+#include <span>
 #include <stdexcept>
 
 namespace nb = nanobind;
@@ -28,6 +29,12 @@ dfd::Matrix<const T> matrix(const InputMatrix<T>& array)
 }
 
 template <class T>
+std::span<const T> span(const InputVector<T>& array)
+{
+    return {array.data(), array.size()};
+}
+
+template <class T>
 dfd::Matrix<T> matrix(OutputMatrix<T>& array)
 {
     return {array.data(), array.shape(0), array.shape(1)};
@@ -38,13 +45,14 @@ using StridedInput = nb::ndarray<const T, nb::ndim<2>, nb::device::cpu>;
 template <class T>
 using StridedOutput = nb::ndarray<nb::numpy, T, nb::ndim<2>, nb::device::cpu>;
 
-/// Weights (V, H) whose rows or columns are contiguous.
+/// Returns a view of weights (V, H) whose rows or columns are contiguous.
+/// @throws std::invalid_argument with `message` if neither are
 template <class T, class Array>
 dfd::StridedMatrix<T> strided_matrix(const Array& array, const char* message)
 {
     const auto rows = static_cast<std::int64_t>(array.shape(0)), columns = static_cast<std::int64_t>(array.shape(1));
     std::int64_t down = array.stride(0), beside = array.stride(1);
-    // The stride of a single row or column says nothing.
+    // NumPy may give any stride to a single row or column.
     if (rows <= 1) down = std::max<std::int64_t>(columns, 1);
     if (columns <= 1) beside = down == 1 ? std::max<std::int64_t>(rows, 1) : 1;
     const bool by_rows = beside == 1 && down >= columns, by_columns = down == 1 && beside >= rows;
@@ -53,7 +61,7 @@ dfd::StridedMatrix<T> strided_matrix(const Array& array, const char* message)
             static_cast<std::size_t>(beside)};
 }
 
-/// A new array of (rows, columns) that Python owns, its contents not yet set.
+/// Returns a new uninitialized array (rows, columns) that Python owns.
 template <class T>
 OutputMatrix<T> make_matrix(std::size_t rows, std::size_t columns)
 {

@@ -9,6 +9,7 @@
 
 #include <optional>
 #include <stdexcept>
+#include <string>
 #include <vector>
 
 using namespace nb::literals;
@@ -29,12 +30,7 @@ bool holds(const Array& array, std::size_t dimensions)
 template <class T>
 std::span<const T> span_of(const OptionalVector<T>& vector)
 {
-    return vector ? std::span<const T>{vector->data(), vector->size()} : std::span<const T>{};
-}
-
-dfd::Matrix<const float> matrix_of(const Array& array)
-{
-    return {static_cast<const float*>(array.data()), array.shape(0), array.shape(1)};
+    return vector ? span(*vector) : std::span<const T>{};
 }
 
 dfd::Features features_of(const Array& array, std::size_t vertex_count, float scale)
@@ -65,7 +61,7 @@ struct OwnedPoints {
             vertices.assign(first, first + given->shape(0));
             points.vertices = vertices;
         } else if (holds<float>(*given, 2)) {
-            points.rows = matrix_of(*given);
+            points.rows = {static_cast<const float*>(given->data()), given->shape(0), given->shape(1)};
         } else {
             throw nb::type_error("bind: points must be int64 vertices (N) or float32 rows (N, D)");
         }
@@ -83,7 +79,7 @@ std::vector<dfd::Extent> extents_of(const OptionalVector<float>& reaches, const 
     for (std::size_t k = 0; k < reaches->size(); ++k) {
         const std::int32_t falloff = falloffs->data()[k];
         if (falloff < 0 || falloff > static_cast<std::int32_t>(dfd::Falloff::constant))
-            throw std::invalid_argument("bind: there is no such falloff");
+            throw std::invalid_argument("bind: `falloff` must lie in 0 … 5, got " + std::to_string(falloff));
         extents.push_back({reaches->data()[k], static_cast<dfd::Falloff>(falloff)});
     }
     return extents;

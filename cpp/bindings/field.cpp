@@ -16,15 +16,13 @@ namespace {
 
 using Vectors = std::vector<InputVector<float>>;
 
-std::span<const float> span(const InputVector<float>& array) { return {array.data(), array.size()}; }
-
 void make_field(dfd::Field* self, const std::vector<InputMatrix<float>>& weights, const Vectors& biases,
                 const Vectors& gains, const Vectors& shifts, std::size_t octaves, std::array<double, 3> center,
                 double scale)
 {
     const std::size_t count = weights.size();
     if (count == 0 || biases.size() != count || gains.size() + 1 != count || shifts.size() + 1 != count)
-        throw std::invalid_argument("Field: there must be a bias for each layer, and a LayerNorm for each but the last");
+        throw std::invalid_argument("Field: every layer must have a bias, and every layer but the last a LayerNorm");
     std::vector<dfd::Layer> layers(count);
     for (std::size_t i = 0; i < count; ++i) {
         layers[i].weight = matrix(weights[i]);
@@ -40,7 +38,7 @@ void make_field(dfd::Field* self, const std::vector<InputMatrix<float>>& weights
 
 void init_field(nb::module_& m)
 {
-    nb::class_<dfd::Field>(m, "Field", "A feature field's network, its weights rearranged for the kernels.")
+    nb::class_<dfd::Field>(m, "Field", "A feature field's network, with weights rearranged for the kernels.")
         .def("__init__", &make_field, "weights"_a, "biases"_a, "gains"_a, "shifts"_a, "octaves"_a, "center"_a, "scale"_a)
         .def(
             "evaluate",
@@ -51,5 +49,5 @@ void init_field(nb::module_& m)
                 self.evaluate(in, out, threads, dfd::kernels());
             },
             "points"_a.noconvert(), "features"_a.noconvert(), "threads"_a,
-            "Unit features (N, D) of points (N, 3), to `features`.");
+            "Write the unit features (N, D) of points (N, 3) to `features`.");
 }

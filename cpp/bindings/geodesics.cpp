@@ -32,7 +32,7 @@ nb::ndarray<nb::numpy, std::int32_t, nb::ndim<1>> components(std::size_t vertex_
 void init_geodesics(nb::module_& m)
 {
     m.def("components", &components, "vertex_count"_a, "faces"_a.noconvert(), "links"_a.noconvert(),
-          "Connected component (V) of each vertex, by faces (F, 3) and links (L, 2).");
+          "Return the connected component (V) of each vertex, by faces (F, 3) and links (L, 2).");
     m.def(
         "face_sizes",
         [](InputMatrix<double> vertices, Indices faces, OutputMatrix<double> out, int threads) {
@@ -40,19 +40,18 @@ void init_geodesics(nb::module_& m)
             dfd::face_sizes(matrix(vertices), matrix(faces), matrix(out), threads);
         },
         "vertices"_a.noconvert(), "faces"_a.noconvert(), "out"_a.noconvert(), "threads"_a,
-        "Longest side and area of every face (F, 3) of vertices (V, 3), to `out` (F, 2).");
+        "Write the longest side and the area of every face (F, 3) of vertices (V, 3) to `out` (F, 2).");
     m.def(
         "interpolate",
         [](InputMatrix<double> vertices, InputMatrix<double> centers, IndexVector of_vertex, IndexVector starts,
            IndexVector neighbors, IndexVector chosen, InputMatrix<float> values, OutputMatrix<float> out, int threads) {
             nb::gil_scoped_release release;
-            const auto span = [](const IndexVector& array) { return std::span{array.data(), array.size()}; };
             const dfd::Clusters clusters{matrix(centers), span(of_vertex), span(starts), span(neighbors)};
             dfd::interpolate(matrix(vertices), clusters, span(chosen), matrix(values), matrix(out), threads);
         },
         "vertices"_a.noconvert(), "centers"_a.noconvert(), "of_vertex"_a.noconvert(), "starts"_a.noconvert(),
         "neighbors"_a.noconvert(), "chosen"_a.noconvert(), "values"_a.noconvert(), "out"_a.noconvert(), "threads"_a,
-        "Values (N, K) of clusters interpolated at the vertices `chosen` (M), to `out` (M, K).");
+        "Interpolate values (N, K) of clusters at the vertices `chosen` (M), to `out` (M, K).");
     nb::class_<dfd::Geodesics>(m, "Geodesics", "Distances along a surface of vertices (V, 3), faces and links.")
         .def(
             "__init__",
@@ -62,15 +61,15 @@ void init_geodesics(nb::module_& m)
                 new (self) dfd::Geodesics(matrix(vertices), matrix(faces), matrix(links), sample_count, threads);
             },
             "vertices"_a.noconvert(), "faces"_a.noconvert(), "links"_a.noconvert(), "sample_count"_a, "threads"_a)
-        .def_prop_ro("extent", &dfd::Geodesics::extent, "About the largest distance between joined vertices.")
-        .def_prop_ro("sample_count", &dfd::Geodesics::sample_count, "How many vertices the wave runs over.")
+        .def_prop_ro("extent", &dfd::Geodesics::extent, "About the largest distance between connected vertices.")
+        .def_prop_ro("sample_count", &dfd::Geodesics::sample_count, "Number of samples.")
         .def(
             "distances",
             [](const dfd::Geodesics& self, InputVector<std::int64_t> sources, float separate, OutputMatrix<float> out,
                int threads) {
                 nb::gil_scoped_release release;
-                self.distances({sources.data(), sources.size()}, separate, matrix(out), threads);
+                self.distances(span(sources), separate, matrix(out), threads);
             },
             "sources"_a.noconvert(), "separate"_a, "out"_a.noconvert(), "threads"_a,
-            "Distances over `extent` from each source (H) to the first vertices, to `out` (H, V).");
+            "Write distances over `extent` from each source (H) to the first vertices, to `out` (H, V).");
 }

@@ -12,16 +12,17 @@ using namespace nb::literals;
 NB_MODULE(_core, m)
 {
     m.doc() = "Kernels of dfd. Arguments have exact types and contiguous rows; `dfd.bind` and `dfd.pose` coerce.";
-    nb::set_leak_warnings(false);  // a command skips the GC at exit: objects are freed with the process
-    dfd::kernels();  // fails here, at import, when DFD_ISA names no instruction set of this machine
-    m.def("instruction_set", [] { return dfd::kernels().name; }, "The instruction set whose kernels run.");
-    m.def("instruction_sets", &dfd::instruction_sets, "Those that this machine has kernels for, the slowest first.");
+    nb::set_leak_warnings(false);  // commands exit without garbage collection; the process frees the objects
+    dfd::kernels();  // so that the import fails if DFD_ISA names no instruction set of this machine
+    m.def("instruction_set", [] { return dfd::kernels().name; }, "Return the instruction set whose kernels run.");
+    m.def("instruction_sets", &dfd::instruction_sets,
+          "Return the instruction sets that this machine has kernels for, the slowest first.");
     m.def("team_size", &dfd::team_size, "threads"_a, nb::call_guard<nb::gil_scoped_release>(),
-          "The size of the OpenMP team that runs a loop on `threads` threads; 0 where none does.");
+          "Return the size of the OpenMP team that runs a loop on `threads` threads; 0 without a team.");
     m.def("empty_float32", &make_matrix<float>, "rows"_a, "columns"_a,
-          "A new array, its contents not yet set.");
+          "Return a new uninitialized array.");
     m.def("empty_float64", &make_matrix<double>, "rows"_a, "columns"_a,
-          "A new array, its contents not yet set.");
+          "Return a new uninitialized array.");
     init_bind(m);
     init_field(m);
     init_geodesics(m);

@@ -7,8 +7,8 @@
 #include <chrono>
 #include <thread>
 
-/// Takes the lock of the interpreter back. A thread that asks while the interpreter shuts down is ended by it, and must
-/// not be: its stack holds frames that cannot be unwound. It stays until the process is gone.
+/// Acquires the interpreter's lock again. An interpreter that shuts down ends the threads that ask for its lock. This
+/// thread's stack holds frames that cannot be unwound, so the thread instead sleeps until the process ends.
 inline void take_lock(PyThreadState* state)
 {
     try {
@@ -18,8 +18,8 @@ inline void take_lock(PyThreadState* state)
     }
 }
 
-/// Calls `work(poll)` while other threads of Python run. Signals, such as that of Ctrl-C, are looked after meanwhile:
-/// where their handler raises, the work stops.
+/// Calls `work(poll)` while other Python threads run. Meanwhile, `poll` runs the handlers of signals, such as Ctrl-C's.
+/// If a handler raises, the work stops.
 template <class Work>
 void unlocked(const Work& work)
 {

@@ -14,8 +14,9 @@
 namespace dfd {
 namespace {
 
-constexpr std::size_t grain_entries = std::size_t{1} << 19;   // of features per thread: fewer cost less than a thread
-constexpr std::size_t streamed_bytes = std::size_t{1} << 22;  // larger results are written past the caches
+// Feature entries per thread. For fewer, a thread takes longer to start than to do its work.
+constexpr std::size_t grain_entries = std::size_t{1} << 19;
+constexpr std::size_t streamed_bytes = std::size_t{1} << 22;  // larger results bypass the caches
 constexpr std::size_t streamed_columns = 64;
 constexpr std::size_t most_byte_dimensions = 33'000;          // with more, a squared distance may exceed 32 bits
 
@@ -28,7 +29,7 @@ double value_of(std::uint16_t half)
     return (half & 0x8000) == 0 ? magnitude : -magnitude;
 }
 
-// The features (D) of a vertex; steps of the scale for bytes.
+// Writes the features (D) of a vertex to `row`; for bytes, in steps of the scale.
 void read_row(const Features& features, std::size_t vertex, std::span<float> row)
 {
     const std::size_t dimension = row.size(), block = vertex / block_size, lane = vertex % block_size;
@@ -45,7 +46,7 @@ void read_row(const Features& features, std::size_t vertex, std::span<float> row
     }
 }
 
-// Fixed points, then handles, in groups of 16.
+// The fixed points, then the handles, in groups of 16.
 class PackedPoints {
 public:
     PackedPoints(const Points& fixed, std::span<const float> strengths, const Points& handles, const Features& features)
@@ -76,7 +77,7 @@ public:
             }
         }
         for (std::size_t p = 0; p < strengths.size(); ++p)
-            if (strengths[p] == 0) offsets_[p] = std::numeric_limits<float>::max();  // strength 0: at infinity
+            if (strengths[p] == 0) offsets_[p] = std::numeric_limits<float>::max();  // no effect at infinity
         rows = {rows_.data(),   squares_.data(),      quads_.data(),   pairs_.data(),
                 products_fit_.data(), quad_squares_.data(), offsets_.data(), count};
     }
@@ -104,7 +105,7 @@ private:
         const std::size_t group = j / group_size * (dimension_ / 4);
         for (std::size_t k = 0; k < dimension_; ++k) {
             const auto entry = static_cast<std::int32_t>(std::lround(row[k]));
-            require(entry >= -127 && entry <= 127, "bind: entries of bytes must lie within ±127");
+            require(entry >= -127 && entry <= 127, "bind: byte entries of points must lie in -127 … 127");
             square += entry * entry;
             sum += entry;
             if (k % 2 == 1 && std::abs(before) + std::abs(entry) > most_together) products_fit_[j] = 0;
@@ -113,7 +114,7 @@ private:
             put(quads_[quad * group_size + lane], entry & 0xff, k % 4 * 8);
             put(pairs_[(2 * quad + k % 2) * group_size + lane], entry & 0xffff, k % 4 / 2 * 16);
         }
-        quad_squares_[j] = square + 256 * sum;  // because the entries of vertices are stored with an offset of 128
+        quad_squares_[j] = square + 256 * sum;  // since the entries of vertices have an offset of 128
     }
 
     static void put(std::int32_t& word, std::int32_t bits, std::size_t shift)
@@ -141,7 +142,7 @@ std::vector<Power> powers_of(std::span<const float> locality)
     return powers;
 }
 
-// Reach, falloff and strength of handles and fixed points, if they differ from those of the paper.
+// Reach, falloff and strength of handles and fixed points, if they differ from the paper's.
 struct Shapes {
     std::vector<float> strengths;
     std::vector<Reach> reaches;
@@ -178,7 +179,7 @@ void check_points(const Points& points, const Features& features, const char* na
                                         std::to_string(vertex));
     require(points.rows.rows == 0 || points.rows.columns == features.dimension, width_message);
     require(points.offsets.empty() || points.offsets.size() == points.rows.rows,
-            "bind: every handle and fixed point needs an offset, or none");
+            "bind: offsets must be given for every point or for none");
     require(std::all_of(points.offsets.begin(), points.offsets.end(), [](float offset) { return offset >= 0; }),
             "bind: offsets of handles and fixed points must be at least 0");
     require_finite(points.rows, "bind", name);
@@ -220,7 +221,7 @@ BindRange range_of(const Kernels& kernels, Features::Layout layout)
     }
 }
 
-// Return whether results are written past the caches: large contiguous rows, or many columns aligned to cache lines.
+// Whether results bypass the caches: large contiguous rows, or many columns aligned to cache lines.
 bool can_stream(const StridedMatrix<float>& weights)
 {
     if (weights.rows * weights.columns * sizeof(float) < streamed_bytes) return false;
@@ -229,7 +230,7 @@ bool can_stream(const StridedMatrix<float>& weights)
            reinterpret_cast<std::uintptr_t>(weights.data) % 64 == 0;
 }
 
-// The kernels accept values that rounding may have produced, and report -0 although it is valid.
+// The kernels accept values slightly out of range, which rounding may produce, and report the valid value -0.
 void require_shares(const Matrix<const float>& geodesic)
 {
     const std::span<const float> all{geodesic.data, geodesic.rows * geodesic.columns};
@@ -255,8 +256,7 @@ void bind(const Features& features, const Points& handles, const Constraints& co
     const std::size_t handle_count = handles.handle_count(), fixed_count = fixed.count();
     require(weights.rows == features.vertex_count && weights.columns == handle_count,
             "bind: `weights` must be (V, H)");
-    require(weights.rows * weights.columns == 0 || weights.row_stride == 1 || weights.column_stride == 1,
-            "bind: `weights` must have contiguous rows or columns");
+    require(weights.contiguous(), "bind: `weights` must have contiguous rows or columns");
     require(locality.empty() || (locality.size() == handle_count && geodesic.rows == handle_count &&
                                  geodesic.columns == features.vertex_count),
             "bind: `geodesic` must be (H, V) and `locality` (H)");

@@ -9,11 +9,11 @@
 namespace dfd {
 namespace {
 
-constexpr std::size_t grain_points = 8 * field_points;  // less is not worth a thread
+constexpr std::size_t grain_points = 8 * field_points;  // for fewer, a thread costs more than its work
 
 std::size_t padded(std::size_t outputs) { return (outputs + field_group - 1) / field_group * field_group; }
 
-/// (outputs, inputs) to (groups, inputs, 8), the last group filled up with zeros.
+/// Rearranges (outputs, inputs) as (groups, inputs, 8), with zeros at the end of the last group.
 std::vector<float> grouped(Matrix<const float> weight)
 {
     std::vector<float> result(padded(weight.rows) * weight.columns);
@@ -24,12 +24,8 @@ std::vector<float> grouped(Matrix<const float> weight)
     return result;
 }
 
-std::vector<float> filled_up(std::span<const float> values)
-{
-    std::vector<float> result(padded(values.size()));
-    std::copy(values.begin(), values.end(), result.begin());
-    return result;
-}
+/// Views (outputs) as (outputs, 1).
+Matrix<const float> column(std::span<const float> values) { return {values.data(), values.size(), 1}; }
 
 }  // namespace
 
@@ -42,19 +38,20 @@ Field::Field(std::span<const Layer> layers, std::size_t octaves, std::array<doub
     for (const Layer& layer : layers) {
         const std::size_t outputs = layer.weight.rows;
         const bool last = &layer == &layers.back();
-        require(layer.weight.columns == inputs && outputs > 0, "Field: each layer must take what the one before gives");
+        require(layer.weight.columns == inputs && outputs > 0,
+                "Field: each layer must have as many inputs as the layer before has outputs");
         require(layer.bias.size() == outputs, "Field: `bias` must have an entry for every output");
         require(layer.gain.size() == (last ? 0 : outputs) && layer.shift.size() == layer.gain.size(),
                 "Field: every layer but the last must have a LayerNorm");
-        const auto keep = [this](std::vector<float> values) { return memory_.emplace_back(std::move(values)).data(); };
+        const auto keep = [this](Matrix<const float> values) { return memory_.emplace_back(grouped(values)).data(); };
         FieldLayer& kept = layers_.emplace_back();
         kept.inputs = inputs;
         kept.outputs = outputs;
-        kept.weights = keep(grouped(layer.weight));
-        kept.bias = keep(filled_up(layer.bias));
+        kept.weights = keep(layer.weight);
+        kept.bias = keep(column(layer.bias));
         if (!last) {
-            kept.gain = keep(filled_up(layer.gain));
-            kept.shift = keep(filled_up(layer.shift));
+            kept.gain = keep(column(layer.gain));
+            kept.shift = keep(column(layer.shift));
         }
         widest_ = std::max(widest_, padded(outputs));
         inputs = outputs;

@@ -15,23 +15,23 @@ struct Layer {
     Matrix<const float> weight;   // (outputs, inputs)
     std::span<const float> bias;  // (outputs)
     std::span<const float> gain;  // (outputs) of the LayerNorm; empty for the last layer
-    std::span<const float> shift; // (outputs) likewise
+    std::span<const float> shift; // (outputs) of the LayerNorm; empty for the last layer
 };
 
-/// The feature field Φ: a multilayer perceptron from points of space to unit features (paper, supplement L).
+/// The feature field Φ: a multilayer perceptron from points in space to unit features (paper, supplement L).
 ///
-/// The weights are rearranged once, when it is made; evaluating it changes nothing, so threads may share one.
+/// The constructor rearranges the weights. Evaluation changes nothing, so threads may share a field.
 class Field {
 public:
-    /// @param layers the hidden ones, then the last; the first takes 3 + 6 `octaves` inputs
-    /// @param octaves wavelengths of sines and cosines of the coordinates that follow them: π/2 · 2^k per unit
-    /// @param center, scale points p come in as (p - center) · scale
-    /// @throws std::invalid_argument if the shapes do not follow each other
+    /// @param layers the hidden layers, then the last layer; the first layer has 3 + 6 `octaves` inputs
+    /// @param octaves number of frequencies π/2 · 2^k per unit; their sines and cosines follow the coordinates
+    /// @param center, scale the network's coordinates of a point p are (p - center) · scale
+    /// @throws std::invalid_argument if the outputs of a layer do not match the inputs of the next layer
     Field(std::span<const Layer> layers, std::size_t octaves, std::array<double, 3> center, double scale);
 
     std::size_t dimension() const { return layers_.back().outputs; }
 
-    /// Unit features (N, D) of points (N, 3).
+    /// Writes the unit features (N, D) of points (N, 3).
     /// @throws std::invalid_argument if the shapes disagree
     void evaluate(Matrix<const double> points, Matrix<float> features, int threads, const Kernels& kernels) const;
 

@@ -13,8 +13,9 @@ namespace dfd {
 
 namespace {
 
-constexpr double near_from = 1.5, near_to = 3.0;  // in spacings: from where on samples tell, and alone
-constexpr std::size_t grain = 4096;               // vertices
+// Distances from the source in spacings: up to `near_from` only the mesh counts, beyond `near_to` only the samples.
+constexpr double near_from = 1.5, near_to = 3.0;
+constexpr std::size_t grain = 4096;  // vertices
 
 double smooth_step(double t)
 {
@@ -22,7 +23,7 @@ double smooth_step(double t)
     return t * t * (3 - 2 * t);
 }
 
-/// A pool of waves, reused by threads.
+/// A pool of waves that threads reuse.
 class Waves {
 public:
     explicit Waves(std::size_t vertex_count) : vertex_count_(vertex_count) {}
@@ -55,8 +56,8 @@ private:
 
 struct Geodesics::Impl {
     Surface mesh;
-    Samples samples;         // empty where every vertex is one
-    Surface sample_surface;  // likewise
+    Samples samples;         // empty if every vertex is a sample
+    Surface sample_surface;  // empty if every vertex is a sample
     std::vector<Around> around;
     double extent = 0;
     std::unique_ptr<Waves> mesh_waves, sample_waves;
@@ -65,9 +66,9 @@ struct Geodesics::Impl {
     const Surface& coarse() const { return all_samples() ? mesh : sample_surface; }
     Waves& coarse_waves() const { return all_samples() ? *mesh_waves : *sample_waves; }
 
-    /// What one source reaches: distances of all samples, and of the vertices near it.
+    /// The distances from one source to all samples and to the vertices near the source.
     struct Reached {
-        std::vector<float> far;  // of each sample, infinite where no way leads
+        std::vector<float> far;  // of each sample, infinite if it is not connected to the source
         std::vector<std::pair<std::int32_t, double>> near;
     };
 
@@ -99,7 +100,7 @@ struct Geodesics::Impl {
                 const std::int32_t owner = samples.owner[static_cast<std::size_t>(vertex)];
                 if (samples.vertices[static_cast<std::size_t>(owner)] == vertex) wave.offer(owner, distance);
             }
-            // where edges are long, the wave may not have come as far as to a sample: go on from what it has reached
+            // If edges are long, the front may not have reached a sample. It then continues from the reached vertices.
             for (const auto& [vertex, distance] : reached.near) {
                 const auto v = static_cast<std::size_t>(vertex);
                 wave.offer(samples.owner[v], distance + samples.to_owner[v]);
@@ -109,7 +110,8 @@ struct Geodesics::Impl {
         return reached;
     }
 
-    float carried(std::size_t vertex, const std::vector<float>& far) const
+    /// Returns the distance at a vertex, interpolated from those of the samples around it.
+    float interpolated(std::size_t vertex, const std::vector<float>& far) const
     {
         const Around& blend = around[vertex];
         float sum = 0;
@@ -124,9 +126,12 @@ struct Geodesics::Impl {
         parallel_ranges(out.size(), grain, threads, [&](std::size_t, std::size_t begin, std::size_t end) {
             for (std::size_t v = begin; v < end; ++v) {
                 const std::size_t sample = all_samples() ? v : static_cast<std::size_t>(samples.owner[v]);
-                if (!std::isfinite(reached.far[sample])) out[v] = separate;
-                else
-                    out[v] = std::clamp((all_samples() ? reached.far[v] : carried(v, reached.far)) * share, 0.0f, 1.0f);
+                if (!std::isfinite(reached.far[sample])) {
+                    out[v] = separate;
+                } else {
+                    const float distance = all_samples() ? reached.far[v] : interpolated(v, reached.far);
+                    out[v] = std::clamp(distance * share, 0.0f, 1.0f);
+                }
             }
         });
         for (const auto& [vertex, distance] : reached.near) {
@@ -138,7 +143,7 @@ struct Geodesics::Impl {
         }
     }
 
-    /// The largest distance that sweeps find, each from where the one before ended.
+    /// Returns the largest distance that sweeps find; each sweep starts at the farthest vertex of the previous one.
     double find_extent() const
     {
         constexpr int sweeps = 3;
@@ -199,7 +204,7 @@ void Geodesics::distances(std::span<const std::int64_t> sources, float separate,
         return source >= 0 && static_cast<std::size_t>(source) < vertex_count();
     };
     require(std::all_of(sources.begin(), sources.end(), inside), "geodesics: `sources` must be vertex indices");
-    // One source at a time shares its vertices among threads; of many, each thread takes some for itself.
+    // A single source splits its vertices among the threads. Several sources are split among the threads.
     const int beside = sources.size() > 1 ? threads : 1, within = sources.size() > 1 ? 1 : threads;
     parallel_ranges(sources.size(), 1, beside, [&](std::size_t, std::size_t begin, std::size_t end) {
         for (std::size_t h = begin; h < end; ++h)

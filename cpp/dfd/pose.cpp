@@ -12,7 +12,8 @@
 namespace dfd {
 namespace {
 
-constexpr std::size_t grain_weights = std::size_t{1} << 15;  // blended: less is not worth a thread
+// Blended weights per thread. For fewer, a thread takes longer to start than to do its work.
+constexpr std::size_t grain_weights = std::size_t{1} << 15;
 
 using Point = Vector3d;
 
@@ -27,7 +28,8 @@ Point sum(const Point& a, const Point& b) { return {a[0] + b[0], a[1] + b[1], a[
 
 Point difference(const Point& a, const Point& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
 
-/// A transform as what it adds to a point, change p + shift, which is 0 where it rests; and taken apart at its place.
+/// The displacement change p + shift by which a transform moves a point p, and the transform's polar decomposition
+/// about its place. The displacement is 0 for the identity.
 struct Displacement {
     Matrix3d change;  // of the linear part: A - I
     Point shift, place;
@@ -55,7 +57,7 @@ Matrix3d reflected(const Matrix3d& m, const Matrix3d& reflection)
     return result;
 }
 
-/// What R D R of Eq. (8) adds, for the reflection R across the plane.
+/// Returns the displacement of R D R in Eq. (8), for the reflection R across the plane.
 Displacement reflected(const Displacement& d, const Mirror& mirror)
 {
     const Point& normal = mirror.normal;
@@ -69,14 +71,15 @@ Displacement reflected(const Displacement& d, const Mirror& mirror)
     result.place = sum(product(reflection, d.place), across);
     const auto& [w, x, y, z] = d.polar.rotation;
     const Point axis = product(reflection, {x, y, z});
-    result.polar.rotation = {w, -axis[0], -axis[1], -axis[2]};  // a mirrored turn goes the other way round
+    result.polar.rotation = {w, -axis[0], -axis[1], -axis[2]};  // a mirrored rotation has the opposite direction
     const auto& [xx, yy, zz, yz, zx, xy] = d.polar.stretch;
     const Matrix3d stretch = reflected({xx, xy, zx, xy, yy, yz, zx, yz, zz}, reflection);
     result.polar.stretch = {stretch[0], stretch[4], stretch[8], stretch[5], stretch[2], stretch[1]};
     return result;
 }
 
-/// Rotations that blend turn the shorter way from where D_0 turns.
+/// Negates the rotation's quaternion if its dot product with that of D_0 is negative. The blend then takes the shorter
+/// way.
 void align(Displacement& d, const Displacement& rest)
 {
     double cosine = 0;
@@ -99,31 +102,21 @@ void append_affine(std::vector<double>& table, const Displacement& d, const Poin
     }
 }
 
-void append_quaternion(std::vector<double>& table, const Quaternion& q)
-{
-    table.push_back(q[0] - 1);
-    table.insert(table.end(), q.begin() + 1, q.end());
-}
-
-void append_stretch(std::vector<double>& table, const Symmetric3d& stretch)
-{
-    table.insert(table.end(), stretch.begin(), stretch.end());
-}
-
-/// The rigid motion that follows a stretch about the place, and that stretch, about `center`.
+/// Appends the rigid motion that follows a stretch about the place and, if `stretched`, this stretch, about `center`.
 void append_dual_quaternion(std::vector<double>& table, const Displacement& d, const Point& center, bool stretched)
 {
     const Quaternion& q = d.polar.rotation;
     const Point arm = difference(center, d.place);
     const Point t = sum(rotation_displacement(q, arm), sum(product(d.change, d.place), d.shift));
-    append_quaternion(table, q);
+    table.push_back(q[0] - 1);
+    table.insert(table.end(), q.begin() + 1, q.end());
     table.push_back(-0.5 * (t[0] * q[1] + t[1] * q[2] + t[2] * q[3]));
     for (std::size_t k = 0; k < 3; ++k) {
         const std::size_t a = (k + 1) % 3, b = (k + 2) % 3;
         table.push_back(0.5 * (q[0] * t[k] + t[a] * q[b + 1] - t[b] * q[a + 1]));
     }
     if (!stretched) return;
-    append_stretch(table, d.polar.stretch);
+    table.insert(table.end(), d.polar.stretch.begin(), d.polar.stretch.end());
     const auto& [xx, yy, zz, yz, zx, xy] = d.polar.stretch;
     const Point shift = product({xx, xy, zx, xy, yy, yz, zx, yz, zz}, arm);
     table.insert(table.end(), shift.begin(), shift.end());
@@ -135,8 +128,8 @@ void append(std::vector<double>& table, const Displacement& d, const Point& cent
     append_dual_quaternion(table, d, center, stretched);
 }
 
-/// The rows of a table (H, entries) such that weights times them are weights times `mixing` times the table: what is
-/// blended is linear in its entries.
+/// Multiplies a table (H, entries) by `mixing`. Weights times the result equal weights times `mixing` times the table,
+/// because blending is linear in the entries.
 void mix(std::vector<double>& table, const Motion& motion, std::size_t entries)
 {
     if (motion.mixing.empty() || table.empty()) return;
@@ -159,7 +152,7 @@ std::vector<T> narrowed(const std::vector<double>& numbers)
     return result;
 }
 
-/// Entries of what D_0 and the handles do, on either side of the mirror.
+/// The blended entries of D_0 and of the handles, on each side of the mirror.
 template <class T>
 struct Tables {
     std::vector<T> rest, positive, negative, shares;
@@ -208,23 +201,19 @@ bool same_shape(const Matrix<T>& matrix, std::size_t rows)
 template <class T>
 void check_shapes(const PoseArrays<T>& arrays, const Motion& motion)
 {
-    const std::size_t count = arrays.vertices.rows;
+    const std::size_t count = arrays.vertices.rows, handle_count = motion.transforms.size();
     require(same_shape(arrays.vertices, count) && same_shape(arrays.posed, count),
             "pose: `vertices` and `out` must be (V, 3)");
     require(arrays.base.data == nullptr || same_shape(arrays.base, count), "pose: `base` must be (V, 3)");
     require(arrays.normals.data == nullptr ||
                 (same_shape(arrays.normals, count) && same_shape(arrays.posed_normals, count)),
             "pose: `normals` must be (V, 3)");
-    require(arrays.weights.rows == count && arrays.weights.columns == motion.transforms.size(),
-            "pose: `weights` must be (V, H)");
-    require(arrays.weights.rows * arrays.weights.columns == 0 || arrays.weights.row_stride == 1 ||
-                arrays.weights.column_stride == 1,
-            "pose: `weights` must have contiguous rows or columns");
-    require(!motion.mirror || motion.mirror->positive.size() == motion.transforms.size(),
-            "pose: `symmetry` must know every handle's side");
-    const std::size_t handle_count = motion.transforms.size();
+    require(arrays.weights.rows == count && arrays.weights.columns == handle_count, "pose: `weights` must be (V, H)");
+    require(arrays.weights.contiguous(), "pose: `weights` must have contiguous rows or columns");
+    require(!motion.mirror || motion.mirror->positive.size() == handle_count,
+            "pose: `symmetry` must have a side for every handle");
     require(motion.blend == Blend::linear || motion.places.size() == handle_count,
-            "pose: `handles` must say where each handle stands");
+            "pose: `handles` must have the position of each handle");
     require(motion.blend == Blend::linear || arrays.base.data == nullptr, "pose: only a linear blend takes a `base`");
     require(motion.mixing.empty() || motion.mixing.size() == handle_count * handle_count,
             "pose: `mixing` must be (H, H)");

@@ -8,15 +8,15 @@
 
 namespace dfd {
 
-/// Number of the connected component (V) of each vertex, counted from 0 in the order of their first vertices.
+/// Returns the number of the connected component (V) of each vertex, from 0 in the order of their first vertices.
 ///
 /// @param faces (F, 3) vertex indices
-/// @param links (L, 2) vertex indices that are joined besides
+/// @param links (L, 2) pairs of further joined vertices
 /// @throws std::invalid_argument if an index is out of range
 std::vector<std::int32_t> components(std::size_t vertex_count, Matrix<const std::int32_t> faces,
                                      Matrix<const std::int32_t> links);
 
-/// Writes the longest side and the area of every face to `out` (F, 2), in units of `vertices` (V, 3) and their square.
+/// Writes the longest side and the area of every face to `out` (F, 2), in units of `vertices` (V, 3) and their squares.
 ///
 /// @throws std::invalid_argument if shapes disagree or an index is out of range
 void face_sizes(Matrix<const double> vertices, Matrix<const std::int32_t> faces, Matrix<double> out, int threads);

@@ -1,4 +1,4 @@
-"""Deep Feature Deformation weights in Blender: a vertex group for each selected vertex, of all that looks like it."""
+"""Deep Feature Deformation weights in Blender: vertex groups of all vertices that look like the selected ones."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ CLASSES = (*properties.CLASSES, *operators.CLASSES, *distill.CLASSES, *panel.CLA
 
 
 def register() -> None:
-    """Add the classes, and what they keep with each object."""
+    """Register the classes, and add the settings of each object."""
     for each in CLASSES:
         bpy.utils.register_class(each)
     bpy.types.Object.dfd = bpy.props.PointerProperty(type=properties.ObjectSettings)
 
 
 def unregister() -> None:
-    """Take it all away again; vertex groups stay."""
+    """Unregister the classes and remove the settings; vertex groups stay."""
     del bpy.types.Object.dfd
     for each in reversed(CLASSES):
         bpy.utils.unregister_class(each)

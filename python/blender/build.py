@@ -1,7 +1,7 @@
-"""Build the extension: its files, dfd's wheel and the wheels that it needs inside Blender, in one zip.
+"""Build the extension: one zip of its files, dfd's wheel and the wheels that it imports inside Blender.
 
-python python/blender/build.py FOLDER, with a folder that holds dfd's wheel; the zip goes there too. It serves the
-platform and the version of Python that it is built on: Blender 5.0 has Python 3.11.
+python python/blender/build.py FOLDER, where FOLDER contains dfd's wheel and receives the zip. The zip fits
+the platform and Python version of the build: Blender 5.0 has Python 3.11.
 """
 
 from __future__ import annotations
@@ -14,16 +14,19 @@ import zipfile
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-# What reads a field, binds and measures along the surface; NumPy is Blender's own.
+# Packages that reading a field, binding and geodesic distances import. Blender has NumPy.
 NEEDED = ("nanobind-backend", "pillow", "safetensors", "scipy", "threadpoolctl", "trimesh")
 MANIFEST = "blender_manifest.toml"
 
 
 def main(folder: Path) -> Path:
-    """Return the path of the zip; FileNotFoundError if the folder holds no wheel of dfd."""
+    """Build the zip and return its path.
+
+    Raises FileNotFoundError if the folder contains no wheel of dfd.
+    """
     wheels = sorted(folder.glob("dfd-*.whl"), key=lambda path: path.stat().st_mtime)
     if not wheels:
-        raise FileNotFoundError(f"{folder} holds no wheel of dfd: `make wheel` makes one")
+        raise FileNotFoundError(f"{folder} contains no wheel of dfd: build it with `make wheel`")
     with tempfile.TemporaryDirectory() as temporary:
         inside = Path(temporary) / "wheels"
         inside.mkdir()
@@ -47,7 +50,7 @@ def main(folder: Path) -> Path:
 
 
 def with_wheels(names: list[str]) -> str:
-    """The manifest, saying which wheels are beside it."""
+    """Return the manifest with the list of wheels."""
     listed = "".join(f'  "./wheels/{name}",\n' for name in names)
     top, tables = (HERE / MANIFEST).read_text().split("\n[", 1)
     return f"{top}wheels = [\n{listed}]\n\n[{tables}"

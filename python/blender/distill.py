@@ -1,4 +1,4 @@
-"""A field for a mesh that has none: dfd's command works in a process of its own, as Blender has no torch."""
+"""Distillation of a field by the command `dfd distill` in another process, because Blender has no torch."""
 
 from __future__ import annotations
 
@@ -12,22 +12,24 @@ import bpy
 from .operators import OfMesh
 from .vertex_groups import object_mode
 
-SECONDS = 0.5  # between looks at whether it is done
+SECONDS = 0.5  # between checks whether the process has ended
 
 
 class DFD_OT_distill(OfMesh, bpy.types.Operator):  # noqa: N801
-    """Let dfd look at the mesh and write its field; Escape stops it"""
+    """Distill a field of the mesh and write it to a file; Escape stops it"""
 
     bl_idname = "dfd.distill"
     bl_label = "Distill a Field"
 
     output: bpy.props.StringProperty(
-        name="Field", description="The file to write; beside the .blend file if left out", subtype="FILE_PATH"
+        name="Field",
+        description="The file to write; if empty, a file in the folder of the .blend file",
+        subtype="FILE_PATH",
     )
     options: bpy.props.StringProperty(name="Options", description="Further options of dfd distill")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Start it; without a window to wait in, wait here."""
+        """Start the process; in background mode, wait for it."""
         self._of_name = context.object.name
         self._path = Path(bpy.path.abspath(self.output)) if self.output else _beside_blend(context.object)
         self._folder = tempfile.TemporaryDirectory(prefix="dfd-")
@@ -44,9 +46,7 @@ class DFD_OT_distill(OfMesh, bpy.types.Operator):  # noqa: N801
             )
         except (OSError, RuntimeError) as error:
             self._close()
-            self.report(
-                {"ERROR"}, f"dfd distill did not start: {error}. Say where it is in the extension's preferences"
-            )
+            self.report({"ERROR"}, f"dfd distill did not start: {error}. Set its path in the extension's preferences")
             return {"CANCELLED"}
         if bpy.app.background:
             self._process.wait()
@@ -57,7 +57,7 @@ class DFD_OT_distill(OfMesh, bpy.types.Operator):  # noqa: N801
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Look whether it is done."""
+        """Finish if the process has ended, or stop it on Escape."""
         stopped = event.type == "ESC"
         if stopped:
             self._process.terminate()
@@ -72,13 +72,13 @@ class DFD_OT_distill(OfMesh, bpy.types.Operator):  # noqa: N801
         return self._finish()
 
     def _finish(self) -> set[str]:
-        """Take up the field that was written, or say why there is none."""
+        """Set the object's field to the written file, or report the error."""
         self._said.seek(0)
         said = self._said.read().decode(errors="replace").strip()
         failed = self._process.returncode != 0
         self._close()
         if failed:
-            self.report({"ERROR"}, f"dfd distill failed: {said.splitlines()[-1] if said else 'it said nothing'}")
+            self.report({"ERROR"}, f"dfd distill failed: {said.splitlines()[-1] if said else 'no output'}")
             return {"CANCELLED"}
         of = bpy.data.objects.get(self._of_name)
         if of is not None:
@@ -92,8 +92,8 @@ class DFD_OT_distill(OfMesh, bpy.types.Operator):  # noqa: N801
 
 
 def export(of: bpy.types.Object, path: Path) -> None:
-    """Write the mesh alone, with its materials, in the object's own coordinates."""
-    # A copy that stands at the origin and has no modifiers.
+    """Write the mesh and its materials to `path`, in the object's own coordinates."""
+    # A copy at the origin without modifiers.
     collection, alone = bpy.data.collections.new("dfd"), bpy.data.objects.new("dfd", of.data)
     bpy.context.scene.collection.children.link(collection)
     collection.objects.link(alone)

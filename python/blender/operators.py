@@ -1,4 +1,4 @@
-"""What the panel's buttons do."""
+"""Operators of the panel's buttons."""
 
 from __future__ import annotations
 
@@ -7,25 +7,25 @@ import numpy as np
 
 from .vertex_groups import cut, object_mode, weigh
 
-MOST_AT_ONCE = 64  # vertex groups that one click may make
+MOST_AT_ONCE = 64  # vertex groups of one click
 
 
 class OfMesh:
-    """What needs a mesh."""
+    """Base of operators and panels that need a mesh."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Whether there is a mesh to work on."""
+        """Return whether the active object is a mesh."""
         return context.object is not None and context.object.type == "MESH"
 
 
 class Step(OfMesh):
-    """What changes a mesh at once: its `work` says what it has done, or raises ValueError or OSError."""
+    """Base of operators that change a mesh: `work` returns a report, or raises ValueError or OSError."""
 
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Do it, or say why not."""
+        """Call `work` in object mode, and report its result or error."""
         try:
             with object_mode(context.object):
                 told = self.work(context.object)
@@ -37,13 +37,13 @@ class Step(OfMesh):
 
 
 class DFD_OT_weigh(Step, bpy.types.Operator):  # noqa: N801
-    """Make a vertex group for each selected vertex, of all that looks like it"""
+    """Make a vertex group for each selected vertex, of all vertices that look like it"""
 
     bl_idname = "dfd.weigh"
     bl_label = "Weigh Selected Vertices"
 
     def work(self, of: bpy.types.Object) -> str:
-        """Add the handles, and weigh."""
+        """Add a handle for each selected vertex and write its vertex group."""
         chosen = _selected(of)
         for vertex in chosen:
             handle = of.dfd.handles.add()
@@ -59,13 +59,13 @@ class DFD_OT_weigh(Step, bpy.types.Operator):  # noqa: N801
 
 
 class DFD_OT_parts(Step, bpy.types.Operator):  # noqa: N801
-    """Make a vertex group for each part: what looks alike and would move as one"""
+    """Make a vertex group for each part of the shape"""
 
     bl_idname = "dfd.parts"
     bl_label = "Vertex Groups from Parts"
 
     def work(self, of: bpy.types.Object) -> str:
-        """Cut, and write the groups."""
+        """Cut the shape into parts and write their vertex groups."""
         return f"{cut(of)} parts"
 
 
@@ -78,10 +78,10 @@ class DFD_OT_remove(Step, bpy.types.Operator):  # noqa: N801
     index: bpy.props.IntProperty(min=0)
 
     def work(self, of: bpy.types.Object) -> str:
-        """Remove both."""
+        """Remove the handle and its vertex group."""
         if self.index >= len(of.dfd.handles):
             raise ValueError(f"There is no handle {self.index}")
-        return f"{_remove(of, self.index)} is removed"
+        return f"Removed {_remove(of, self.index)}"
 
 
 def _selected(of: bpy.types.Object) -> list[int]:
@@ -89,7 +89,7 @@ def _selected(of: bpy.types.Object) -> list[int]:
     of.data.vertices.foreach_get("select", chosen)
     indices: list[int] = np.flatnonzero(chosen).tolist()
     if not indices:
-        raise ValueError("Select one vertex or more")
+        raise ValueError("Select at least one vertex")
     if len(indices) > MOST_AT_ONCE:
         raise ValueError(f"Select at most {MOST_AT_ONCE} vertices: each gets a group of its own, got {len(indices)}")
     return indices

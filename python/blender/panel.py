@@ -20,10 +20,10 @@ class DFD_PT_weights(OfMesh, bpy.types.Panel):  # noqa: N801
     bl_category = "dfd"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw it from top to bottom in the order of work."""
+        """Draw the controls in the order of use."""
         layout, settings = self.layout, context.object.dfd
         layout.use_property_split = True
-        layout.use_property_decorate = False  # weights follow a slider once, and not from frame to frame
+        layout.use_property_decorate = False  # weights change with the slider only, and cannot be animated
         layout.prop(settings, "field")
         if settings.field:
             layout.prop(settings, "axes")

@@ -1,4 +1,4 @@
-"""What is kept with an object: its field, and the handles that its vertex groups came of."""
+"""Settings of an object: its field, and the handles of its vertex groups."""
 
 from __future__ import annotations
 
@@ -12,19 +12,16 @@ from dfd.editing.presets import PARTLESS_REACH, PRESETS
 
 from .vertex_groups import refresh
 
-PRESET_ITEMS = [
-    ("default", "Default", "What measurements and pictures say is better"),
-    ("paper", "Paper", "The paper's equations to the letter"),
-]
+PRESET_ITEMS = [("default", "Default", "The defaults of dfd"), ("paper", "Paper", "The paper's equations exactly")]
 AXES = [
-    ("AUTO", "Whichever fits", "As the object's or as glTF's, by the box of the field's shape"),
-    ("SAME", "The object's own", "The field has the coordinates of the mesh as Blender shows them"),
-    ("Y_UP", "Y up, as glTF", "Blender turned the file by a quarter when it was imported"),
+    ("AUTO", "Best fit", "The object's or glTF's axes, by the bounding box of the field's shape"),
+    ("SAME", "The object's own", "The field has the mesh's coordinates in Blender"),
+    ("Y_UP", "Y up, as glTF", "Blender rotated the file by 90 degrees during import"),
 ]
 
 
 def _again(handle: HandleSettings, context: bpy.types.Context) -> None:
-    """A slider moved: the handle's vertex group follows, and is the one that weight painting shows."""
+    """Update the handle's vertex group after a change, and show this group in weight painting."""
     refresh(handle.id_data, handle)
     group = handle.id_data.vertex_groups.get(handle.name)
     if group is not None:
@@ -32,19 +29,19 @@ def _again(handle: HandleSettings, context: bpy.types.Context) -> None:
 
 
 def _another(settings: ObjectSettings, context: bpy.types.Context) -> None:
-    """Another field, or other axes: every group follows."""
+    """Update every vertex group after a change of the field or the axes."""
     for handle in settings.handles:
         refresh(settings.id_data, handle)
 
 
 def _preset(settings: ObjectSettings, context: bpy.types.Context) -> None:
-    """Another preset: every handle has its reach and falloff, and every group follows."""
+    """Set the controls of every handle to the preset's values, which updates every vertex group."""
     for handle in settings.handles:
         settings.start(handle)
 
 
 PROPERTIES: dict[str, Any] = {}  # of the controls that change weights
-WORDS: dict[str, tuple[str, str]] = {}  # the control and the word for which a switch among them stands
+WORDS: dict[str, tuple[str, str]] = {}  # switch: its control, and the word that it sets
 for name, (kind, said) in about(Controls).items():
     default, how = getattr(Controls, name), {"name": said.called(name), "description": said.text, "update": _again}
     if said.affects != "weights":
@@ -71,10 +68,10 @@ class HandleSettings(bpy.types.PropertyGroup):
     """One handle with its controls; its `name` is that of its vertex group."""
 
     vertex: bpy.props.IntProperty(name="Vertex", min=0)
-    note: bpy.props.StringProperty(description="What went wrong with the last change")
+    note: bpy.props.StringProperty(description="Error of the last change")
 
     def controls(self) -> dict[str, Any]:
-        """The controls as a session takes them, without those that are none by themselves and still are."""
+        """Return the controls in a session's form, without empty ones whose default is None."""
         given = {name: getattr(self, name) for name in PROPERTIES if name not in WORDS}
         given |= {control: word for switch, (control, word) in WORDS.items() if getattr(self, switch)}
         return {name: value for name, value in given.items() if value or getattr(Controls, name) is not None}
@@ -84,19 +81,19 @@ HandleSettings.__annotations__.update(PROPERTIES)
 
 
 class ObjectSettings(bpy.types.PropertyGroup):
-    """What dfd knows of an object."""
+    """The settings of an object."""
 
     field: bpy.props.StringProperty(
         name="Field", description="A .field.safetensors of this shape", subtype="FILE_PATH", update=_another
     )
     axes: bpy.props.EnumProperty(name="Axes", items=AXES, default="AUTO", update=_another)
     preset: bpy.props.EnumProperty(
-        name="Preset", description="What handles begin with", items=PRESET_ITEMS, default="default", update=_preset
+        name="Preset", description="Initial controls of handles", items=PRESET_ITEMS, default="default", update=_preset
     )
     handles: bpy.props.CollectionProperty(type=HandleSettings)
 
     def start(self, handle: HandleSettings) -> None:
-        """Give a handle the preset's controls."""
+        """Set the controls of a handle to the preset's values."""
         for name, value in PRESETS[self.preset].handle.items():
             for switch, (control, word) in WORDS.items():
                 if control == name:
@@ -106,15 +103,15 @@ class ObjectSettings(bpy.types.PropertyGroup):
 
 
 class Preferences(bpy.types.AddonPreferences):
-    """Where dfd's command is: distilling needs the whole package, which Blender has not."""
+    """The path of the command `dfd`: distillation needs torch, which Blender does not have."""
 
     bl_idname = __package__
     command: bpy.props.StringProperty(
-        name="dfd command", description="What starts dfd distill", default="dfd", subtype="FILE_PATH"
+        name="dfd command", description="The command that runs dfd distill", default="dfd", subtype="FILE_PATH"
     )
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Show it."""
+        """Draw the preferences."""
         self.layout.prop(self, "command")
 
 

@@ -1,4 +1,4 @@
-"""Vertex groups, as a mesh, its field and a handle's settings make them."""
+"""Vertex groups from a mesh, its field and a handle's settings."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ import numpy as np
 
 from .shapes import Shape
 
-_kept: dict[int, tuple[object, Shape]] = {}  # what it is made of and the shape, by the object's number in this session
+_kept: dict[int, tuple[object, Shape]] = {}  # by `session_uid` of the object: the inputs of the shape, and the shape
 
 
 def forget() -> None:
-    """Let go of every shape."""
+    """Remove every shape from the cache."""
     _kept.clear()
 
 
 def refresh(of: bpy.types.Object, handle: bpy.types.PropertyGroup) -> None:
-    """Weigh anew by the handle's settings; what goes wrong is left in its `note`, as a slider has nobody to tell."""
+    """Write the handle's vertex group again; an error goes to its `note`, because a slider cannot report one."""
     try:
         with object_mode(of):
             weigh(of, handle)
@@ -32,7 +32,7 @@ def refresh(of: bpy.types.Object, handle: bpy.types.PropertyGroup) -> None:
 
 @contextmanager
 def object_mode(of: bpy.types.Object) -> Iterator[None]:
-    """Leave edit mode for a moment: only then are vertex groups Python's to write, and selections to read."""
+    """Switch to object mode, in which Python can write vertex groups and read selections."""
     mode = of.mode
     if mode != "OBJECT":
         bpy.ops.object.mode_set(mode="OBJECT")
@@ -57,7 +57,7 @@ def weigh(of: bpy.types.Object, handle: bpy.types.PropertyGroup) -> None:
 
 
 def cut(of: bpy.types.Object) -> int:
-    """Write a vertex group for each part of the shape, in object mode; return how many there are.
+    """Write a vertex group for each part of the shape, in object mode, and return the number of parts.
 
     Raises ValueError if there is no field, or it is not of this shape. Raises OSError if it cannot be read.
     """
@@ -71,7 +71,7 @@ def cut(of: bpy.types.Object) -> int:
 
 
 def _shape_of(of: bpy.types.Object) -> Shape:
-    """The shape of the object as its mesh and its field are now."""
+    """Return the shape of the object's present mesh and field, from the cache if neither has changed."""
     if not of.dfd.field:
         raise ValueError("Choose a field, or distill one")
     path = Path(bpy.path.abspath(of.dfd.field))
@@ -81,7 +81,7 @@ def _shape_of(of: bpy.types.Object) -> Shape:
     mesh.calc_loop_triangles()
     triangles = np.empty((len(mesh.loop_triangles), 3), np.int32)
     mesh.loop_triangles.foreach_get("vertices", triangles.ravel())
-    changed = path.stat().st_mtime_ns  # a field that is not there says so here
+    changed = path.stat().st_mtime_ns  # raises OSError if the field does not exist
     made_of = (path, changed, of.dfd.axes, len(triangles), zlib.crc32(vertices), zlib.crc32(triangles))
     before, shape = _kept.get(of.session_uid, (None, None))
     if shape is None or before != made_of:

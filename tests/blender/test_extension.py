@@ -208,7 +208,7 @@ def test_what_is_missing_is_said_and_nothing_is_left(ball, field_file, tmp_path)
         bpy.ops.dfd.weigh()
     ball.dfd.axes, ball.dfd.field = "SAME", str(field_file)
     ball.data.vertices[5].select = False
-    with pytest.raises(RuntimeError, match="Select one vertex or more"):
+    with pytest.raises(RuntimeError, match="Select at least one vertex"):
         bpy.ops.dfd.weigh()
     for vertex in ball.data.vertices:
         vertex.co *= 100
@@ -256,6 +256,6 @@ def test_a_command_that_is_not_there_or_fails_is_told(ball, tmp_path):
     with pytest.raises(RuntimeError, match="did not start"):
         bpy.ops.dfd.distill(output=str(tmp_path / "x.field.safetensors"))
     preferences.command = shutil.which("false")
-    with pytest.raises(RuntimeError, match="it said nothing"):
+    with pytest.raises(RuntimeError, match="no output"):
         bpy.ops.dfd.distill(output=str(tmp_path / "x.field.safetensors"))
     assert not list(tmp_path.iterdir())

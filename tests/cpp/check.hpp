@@ -1,6 +1,6 @@
 #pragma once
 
-// What a test of the core needs: named cases that run in order, checks that go on after a failure, and an exit code.
+// Tools of the core's tests: named cases that run in order, checks that continue after a failure, and an exit code.
 
 #include <cmath>
 #include <cstdio>

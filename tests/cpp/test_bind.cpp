@@ -47,7 +47,7 @@ struct Problem {
     }
 };
 
-// Rows of whole numbers within ±127, stored as bytes.
+// Rows of integers within ±127, stored as bytes.
 struct Bytes {
     std::vector<float> entries;
     std::size_t dimension, count;
@@ -70,7 +70,7 @@ struct Bytes {
         }
     }
 
-    // Weights of the first rows as handles, once they are as they should be.
+    // Checks the weights with the first rows as handles, and returns them.
     std::vector<float> checked(std::size_t handles, const std::string& name) const
     {
         std::vector<float> weights(count * handles);
@@ -143,7 +143,7 @@ CASE("large results leave past the caches the same, wherever they start")
     }
 END
 
-CASE("bytes: whole numbers, hence the same bits on every processor")
+CASE("bytes: integers, hence the same bits on every processor")
     constexpr std::size_t count = 77, dimension = 12, handles = 19;
     std::mt19937 random(3);
     std::vector<float> entries(count * dimension);
@@ -151,7 +151,7 @@ CASE("bytes: whole numbers, hence the same bits on every processor")
     const Bytes bytes(entries, dimension, 0.002f);
     for (const std::string& name : dfd::instruction_sets()) {
         const std::vector<float> weights = bytes.checked(handles, name);
-        std::uint32_t checksum = 0;  // with the root rounded as IEEE 754 has it, nothing is left to the processor
+        std::uint32_t checksum = 0;  // IEEE 754 defines every bit, with the correctly rounded root
         for (const float weight : weights) checksum = 31 * checksum + std::bit_cast<std::uint32_t>(weight);
         CHECK_NEAR(checksum, 3884994554u, 0);
     }

@@ -90,8 +90,8 @@ CASE("distances and lengths that are none are refused or harmless")
                                {weights.data(), count, 1}, 1, dfd::kernels()),
                      "`geodesic` must lie in [0, 1]");
     }
-    std::vector<std::uint8_t> bytes(16 * 8, 255);  // a squared length of -1, as no `compact` stores
-    bytes[16 * 4 + 3] = 127;                       // and the largest
+    std::vector<std::uint8_t> bytes(16 * 8, 255);  // an invalid squared length of -1
+    bytes[16 * 4 + 3] = 127;                       // and the largest one
     const dfd::Features made{dfd::Features::Layout::bytes, bytes.data(), 16, 4, 0.1f};
     for (const std::string& name : dfd::instruction_sets()) {
         dfd::bind(made, {.vertices = points}, {.fixed = {.vertices = points}}, {weights.data(), 16, 1}, 1,

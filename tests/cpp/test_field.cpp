@@ -13,7 +13,7 @@ constexpr std::size_t octaves = 2, inputs = 3 + 6 * octaves;
 const std::array<double, 3> center{1, -2, 0.5};
 constexpr double scale = 0.25;
 
-/// Two hidden layers and the last, of widths that fill no whole group.
+/// Two hidden layers and the last layer, whose widths are no multiples of a group.
 struct Network {
     std::vector<std::size_t> widths;
     std::vector<std::vector<float>> numbers;
@@ -35,7 +35,7 @@ struct Network {
         }
     }
 
-    /// The same in double, sine by sine and layer by layer.
+    /// The same in double, with each sine and layer computed directly.
     std::vector<double> expected(const double* point) const
     {
         std::vector<double> values(inputs);

@@ -30,7 +30,7 @@ CASE("a poll that says so stops the work")
         bool stopped = false;
         constexpr std::size_t count = 10'000'000;
         const auto visit = [&](std::size_t worker, std::size_t begin, std::size_t end) {
-            // The others must not be through before the thread that asks has had its turn.
+            // The other threads must not finish before the polling thread has run its ranges.
             if (worker != 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
             visited += end - begin;
         };

@@ -8,7 +8,7 @@ namespace {
 
 using dfd::Matrix3d;
 
-// R S - I of what was taken apart.
+// Returns R S - I of a decomposition.
 Matrix3d composed(const dfd::Polar& polar)
 {
     const auto& [xx, yy, zz, yz, zx, xy] = polar.stretch;
@@ -56,7 +56,7 @@ CASE("the identity, and what only stretches, turns by nothing at all")
     }
 END
 
-CASE("what shrinks to a plane, a line or a point, and what is huge")
+CASE("maps onto a plane, a line or a point, and large maps")
     check_composed({-1, 0, 0, 0, 0, 0, 0, 0, 0});
     check_composed({-1, 0, 0, 0, -1, 0, 0, 0, 1});
     check_composed({-1, 0, 0, 0, -1, 0, 0, 0, -1});

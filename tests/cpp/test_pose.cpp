@@ -10,6 +10,15 @@
 namespace {
 
 constexpr dfd::Affine identity{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+constexpr std::array<dfd::Blend, 2> blends{dfd::Blend::linear, dfd::Blend::dual_quaternion};
+constexpr std::array<dfd::Overlap, 3> overlaps{dfd::Overlap::add, dfd::Overlap::paper, dfd::Overlap::normalize};
+
+// A scale by `along`, then a rotation by `angle` about the z axis through (x, y).
+dfd::Affine turn(double angle, double x, double y, double along = 1)
+{
+    const double c = along * std::cos(angle), s = along * std::sin(angle);
+    return {c, -s, 0, x - c * x + s * y, s, c, 0, y - s * x - c * y, 0, 0, along, 0};
+}
 
 template <class T>
 struct Scene {
@@ -23,31 +32,32 @@ struct Scene {
         std::mt19937 random(static_cast<unsigned>(v + 97 * h));
         std::uniform_real_distribution<double> uniform(-1, 1);
         for (std::size_t k = 0; k < 3 * v; ++k) vertices.push_back(static_cast<T>(uniform(random)));
-        for (std::size_t k = 0; k < v * h; ++k) weights.push_back(static_cast<float>(std::abs(uniform(random)) * 2 / double(h)));
+        for (std::size_t k = 0; k < v * h; ++k)
+            weights.push_back(static_cast<float>(std::abs(uniform(random)) * 2 / double(h)));
         for (std::size_t k = 0; k < h; ++k) {
             transforms.push_back(identity);
             for (double& entry : transforms.back()) entry += 0.3 * uniform(random);
         }
     }
 
-    void pose(const dfd::Affine& rest = identity, int threads = 2, const dfd::Kernels& kernels = dfd::kernels())
+    void pose(const dfd::Motion& motion, const dfd::Kernels& kernels = dfd::kernels(), int threads = 2)
     {
         dfd::PoseArrays<T> arrays;
         arrays.vertices = {vertices.data(), vertex_count, 3};
         arrays.weights = {weights.data(), vertex_count, handles};
         arrays.posed = {posed.data(), vertex_count, 3};
-        dfd::pose<T>(arrays, {transforms, rest, {}, dfd::Overlap::paper}, threads, kernels);
+        dfd::pose<T>(arrays, motion, threads, kernels);
     }
 
     // Equation (1), entry by entry.
-    std::array<double, 3> expected(std::size_t i, const std::vector<dfd::Affine>& moves, const dfd::Affine& rest) const
+    std::array<double, 3> expected(std::size_t i, const dfd::Affine& rest) const
     {
         double remainder = 1;
         dfd::Affine blend{};
         for (std::size_t k = 0; k < handles; ++k) {
             remainder -= double(weights[i * handles + k]);
             for (std::size_t entry = 0; entry < 12; ++entry)
-                blend[entry] += double(weights[i * handles + k]) * moves[k][entry];
+                blend[entry] += double(weights[i * handles + k]) * transforms[k][entry];
         }
         for (std::size_t entry = 0; entry < 12; ++entry) blend[entry] += std::max(remainder, 0.0) * rest[entry];
         std::array<double, 3> result;
@@ -70,9 +80,9 @@ void blends_with_default()
         for (const std::size_t count : {1u, 15u, 16u, 17u, 300u}) {
             for (const std::string& name : dfd::instruction_sets()) {
                 Scene<T> scene(count, handles);
-                scene.pose(rest, 2, dfd::kernels(name));
+                scene.pose({scene.transforms, rest, {}, dfd::Overlap::paper}, dfd::kernels(name));
                 for (std::size_t i = 0; i < count; ++i) {
-                    const auto wanted = scene.expected(i, scene.transforms, rest);
+                    const auto wanted = scene.expected(i, rest);
                     for (std::size_t axis = 0; axis < 3; ++axis)
                         CHECK_NEAR(scene.posed[i * 3 + axis], wanted[axis], 5e-6);
                 }
@@ -90,10 +100,60 @@ END
 
 CASE("the same bits for every number of threads")
     Scene<float> scene(5000, 6);
-    scene.pose(identity, 1);
+    const dfd::Motion motion{scene.transforms, identity, {}, dfd::Overlap::paper};
+    scene.pose(motion, dfd::kernels(), 1);
     const std::vector<float> once = scene.posed;
     for (const int threads : {2, 3, 8}) {
-        scene.pose(identity, threads);
+        scene.pose(motion, dfd::kernels(), threads);
         CHECK(scene.posed == once);
+    }
+END
+
+CASE("identity transforms keep every bit, whatever the weights sum to")
+    const std::array<bool, 4> sides{true, false, true, false};
+    const std::vector<dfd::Affine> transforms(4, identity);
+    const std::vector<std::array<double, 3>> places(4, {0.1, 0.2, 0.3});
+    for (const std::string& name : dfd::instruction_sets()) {
+        for (const dfd::Blend blend : blends) {
+            for (const dfd::Overlap overlap : {dfd::Overlap::add, dfd::Overlap::normalize}) {
+                Scene<float> scene(333, 4);
+                dfd::Motion motion{transforms, identity, {}, overlap, blend, places, {}};
+                scene.pose(motion, dfd::kernels(name));
+                CHECK(scene.posed == scene.vertices);
+                motion.mirror = dfd::Mirror{{0.6, 0, 0.8}, 0.123, 0.4, sides};
+                scene.pose(motion, dfd::kernels(name));
+                CHECK(scene.posed == scene.vertices);
+            }
+        }
+    }
+END
+
+CASE("every instruction set and number of threads poses alike")
+    std::vector<dfd::Affine> transforms;
+    std::vector<std::array<double, 3>> places;
+    for (std::size_t k = 0; k < 5; ++k) {
+        transforms.push_back(turn(0.5 * double(k), 0.1 * double(k), 0.2, 1 + 0.1 * double(k)));
+        places.push_back({0.1 * double(k), 0.2, 0.5});
+    }
+    const std::array<bool, 5> sides{true, false, true, false, true};
+    const std::vector<double> mixing{2, -1, 0, 0, 0, -1, 2, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1};
+    for (const dfd::Blend blend : blends) {
+        for (const dfd::Overlap overlap : overlaps) {
+            const dfd::Mirror mirror{{1, 0, 0}, 0.1, 0.3, sides};
+            dfd::Motion motion{transforms, turn(0.2, 0, 0), mirror, overlap, blend, places, {}};
+            if (overlap == dfd::Overlap::add) motion.mixing = mixing;
+            Scene<float> scene(3000, 5);
+            scene.pose(motion, dfd::kernels("baseline"), 1);
+            const std::vector<float> wanted = scene.posed;
+            for (const std::string& name : dfd::instruction_sets()) {
+                scene.pose(motion, dfd::kernels(name), 1);
+                const std::vector<float> once = scene.posed;
+                std::size_t wrong = 0;
+                for (std::size_t k = 0; k < once.size(); ++k) wrong += std::abs(once[k] - wanted[k]) > 2e-5f;
+                CHECK(wrong == 0);
+                scene.pose(motion, dfd::kernels(name), 5);
+                CHECK(scene.posed == once);
+            }
+        }
     }
 END

@@ -1,1 +1,1 @@
-"""Made and damaged input for everything that reads what a stranger may have written (`make fuzz`)."""
+"""Made and damaged input for every reader of untrusted input (`make fuzz`)."""

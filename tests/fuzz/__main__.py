@@ -20,15 +20,15 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 CORPUS = ROOT / "tests/corpus"
 SLOWEST = 20.0  # seconds that one input may take
-LONGEST = 400.0  # seconds beyond its own that a target may take, to make what failed small
+LONGEST = 400.0  # further seconds of a target to minimize a failing input
 
 
 def main() -> int:
-    """Return how many targets failed."""
+    """Return the number of targets that failed."""
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz")
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--seed", type=int, default=None, help="the same inputs each time, as far as the time goes")
-    parser.add_argument("--input", type=Path, help=argparse.SUPPRESS)  # a child's: where its input lies
+    parser.add_argument("--input", type=Path, help=argparse.SUPPRESS)  # for child processes: path of the input
     parser.add_argument("targets", nargs="*")
     given = parser.parse_args()
     sys.path.insert(0, str(ROOT / "tests/python"))
@@ -50,7 +50,7 @@ def main() -> int:
 
 
 def survives(name: str, isa: str | None, seconds: float, seed: int) -> bool:
-    """Run one target in a process of its own; say whether it held, and keep what it died of."""
+    """Run one target in a child process, return whether it passed, and keep an input that ended the process."""
     print(name if isa is None else f"{name} with {isa}", end=": ", flush=True)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, name)
@@ -67,7 +67,7 @@ def survives(name: str, isa: str | None, seconds: float, seed: int) -> bool:
 
 
 def keep(name: str, content: bytes) -> Path:
-    """Write an input that fails to where the tests find it."""
+    """Write a failing input to the tests' corpus and return its path."""
     CORPUS.mkdir(exist_ok=True)
     stem, ending = name.split(".")
     kept = CORPUS / f"{stem}-{hashlib.sha256(content).hexdigest()[:12]}.{ending}"
@@ -76,7 +76,7 @@ def keep(name: str, content: bytes) -> Path:
 
 
 def fuzz(name: str, seconds: float, seed: int, path: Path) -> bool:
-    """Run one target for `seconds`, each input at `path`; say what came of it and whether it held."""
+    """Run one target for `seconds`, with each input at `path`; print the result and return whether it passed."""
     import hypothesis
     from hypothesis import HealthCheck, Phase, given, settings
 

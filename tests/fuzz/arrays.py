@@ -42,7 +42,7 @@ LAYOUTS: dict[str, Callable[[np.ndarray], Any]] = {
     "list": lambda array: array.tolist(),
     "nothing": lambda array: None,
 }
-# What each gives back must be finite.
+# The result of each call must be finite.
 CALLS: dict[str, Callable[..., Any]] = {
     "mesh": lambda a, b, c: dfd.Mesh(a, b).vertices,
     "bind": lambda a, b, c: dfd.bind(a, b),
@@ -64,7 +64,7 @@ CALLS: dict[str, Callable[..., Any]] = {
 
 
 def moved(field: dfd.VertexField, at: Any, by: Any) -> np.ndarray:
-    """The cube, a handle at `at` moved and another place fixed."""
+    """Return the cube posed with a moved handle and a fixed point at `at`."""
     session = dfd.Deformer(MESH, field)
     session.add(at, translation=by)
     session.fix(at)
@@ -72,14 +72,14 @@ def moved(field: dfd.VertexField, at: Any, by: Any) -> np.ndarray:
 
 
 def turned(**given: Any) -> np.ndarray:
-    """The cube, a handle at its first vertex and all that is `given` of it."""
+    """Return the cube posed with a handle at its first vertex, whose controls are `given`."""
     session = dfd.Deformer(MESH, FIELD)
     session.add(0, **{name: value for name, value in given.items() if value is not None})
     return session.vertices
 
 
 def whole_shape(mesh: dfd.Mesh, at: Any) -> list[float]:
-    """What is computed of a whole shape, and of places on it."""
+    """Return values computed from a whole shape, and at points on it."""
     field = field_of(mesh)
     distances = dfd.Geodesics(mesh).distances(at)
     planes = [number for plane in dfd.symmetry_planes(field, mesh) for number in plane.normal]
@@ -88,14 +88,14 @@ def whole_shape(mesh: dfd.Mesh, at: Any) -> list[float]:
 
 
 def array_input() -> st.SearchStrategy[bytes]:
-    """What `call_with_arrays` calls, and with what."""
+    """Draw a call and its arrays for `call_with_arrays`."""
     array = st.tuples(*map(st.sampled_from, (SHAPES, DTYPES, list(FILLS), list(LAYOUTS))))
     drawn = st.tuples(st.sampled_from(list(CALLS)), st.integers(0, 2**31), array, array, array)
     return drawn.map(lambda case: json.dumps(case).encode())
 
 
 def call_with_arrays(path: Path) -> None:
-    """The call refuses its arrays, or gives finite numbers, and leaves them alone."""
+    """Check that the call raises or returns finite numbers, and does not change its arrays."""
     name, seed, *described = json.loads(path.read_bytes())
     random = np.random.default_rng(seed)
     arrays = []
@@ -112,7 +112,7 @@ def call_with_arrays(path: Path) -> None:
 
 
 def kernel_input() -> st.SearchStrategy[bytes]:
-    """What `run_kernels` makes arrays of: sizes, a seed and the scale of the numbers."""
+    """Draw the sizes, the seed and the scale of the arrays for `run_kernels`."""
     numbers = {
         "vertices": st.integers(1, 70),
         "dimension": st.integers(1, 40),
@@ -127,7 +127,7 @@ def kernel_input() -> st.SearchStrategy[bytes]:
 
 
 def run_kernels(path: Path) -> None:
-    """Bind and pose agree with their twins, stay within what they promise, and leave their inputs alone."""
+    """Check that bind and pose agree with their twins, keep their bounds, and do not change their inputs."""
     case = json.loads(path.read_bytes())
     random = np.random.default_rng(case["seed"])
     count, handle_count = case["vertices"], min(case["handles"], case["vertices"])

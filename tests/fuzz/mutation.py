@@ -1,4 +1,4 @@
-"""Damage done to good files: bytes of any, values of JSON."""
+"""Damage to valid files: to the bytes of any file, and to the values of JSON."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LETTERS = b'0123456789-./ \n\tvfe#\\{}[]":,\xff\x00'
 
 @st.composite
 def damaged_bytes(draw: st.DrawFn, good: bytes) -> bytes:
-    """`good` with up to six bytes changed, runs taken out, put in or repeated."""
+    """Draw `good` with up to six changed bytes, or removed, inserted or repeated runs of bytes."""
     data = bytearray(good)
     for _ in range(draw(st.integers(1, 6))):
         place = draw(st.integers(0, max(len(data) - 1, 0)))
@@ -39,7 +39,7 @@ def damaged_bytes(draw: st.DrawFn, good: bytes) -> bytes:
 
 @st.composite
 def damaged_json(draw: st.DrawFn, good: Any) -> Any:
-    """`good` with up to three of its values exchanged, taken out or repeated."""
+    """Draw `good` with up to three of its values replaced, removed or repeated."""
     document = json.loads(json.dumps(good))
     for _ in range(draw(st.integers(1, 3))):
         node = document

@@ -1,4 +1,4 @@
-"""What a page may ask of a session: requests one after the other, some of them damaged."""
+"""Requests of a page to a session, in sequence and partly damaged."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ ASKED: list[dict[str, Any]] = [  # all but those that start processes or open sa
 
 
 def page_input() -> st.SearchStrategy[bytes]:
-    """A list of requests, which begins with a handle."""
+    """Draw a list of requests that begins with a handle."""
     first = [{"type": "add", "at": 0}, {"type": "move", "handle": 1, "transform": {"translation": [0, 0.1, 0]}}]
     one = st.sampled_from(ASKED)
     damaged = st.one_of(one, one.flatmap(damaged_json))
@@ -70,7 +70,7 @@ def page_input() -> st.SearchStrategy[bytes]:
 
 
 def ask_all(path: Path) -> None:
-    """Each request is answered once, without an internal error, and the shape stays finite."""
+    """Check that each request is answered once, without an internal error, and that vertices stay finite."""
     sent: list[dict[str, Any]] = []
 
     def send(message: str | bytes) -> None:

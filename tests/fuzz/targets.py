@@ -1,6 +1,6 @@
-"""What is fuzzed: each target reads one input as a user's program would, and says what must hold of what comes back.
+"""The targets of fuzzing: each reads one input as a user's program would, and checks the result.
 
-A refusal is a ValueError or an OSError of one line, that quotes no more of the input than a person reads.
+Invalid input must raise ValueError or OSError with a short message of one line.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ Target = tuple[Bytes, Callable[[Path], None]]
 
 
 def run(check: Callable[[Path], None], path: Path) -> None:
-    """Let `check` read `path`, and hold what it raises to the promise."""
+    """Let `check` read `path`, and check the messages of the errors that it raises."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
@@ -60,7 +60,7 @@ def run(check: Callable[[Path], None], path: Path) -> None:
 
 
 def load_mesh(path: Path) -> None:
-    """A mesh that loads is sound, and moved it can be saved and loaded again."""
+    """Check that a mesh that loads is valid, and that a moved copy can be saved and loaded."""
     mesh = dfd.load(path)
     assert np.isfinite(mesh.vertices).all()
     assert 0 <= mesh.faces.min() <= mesh.faces.max() < len(mesh.vertices)
@@ -74,14 +74,14 @@ def load_mesh(path: Path) -> None:
 
 
 def load_field(path: Path) -> None:
-    """A field that loads gives finite unit rows."""
+    """Check that a field that loads returns finite unit rows."""
     field = Field.load(path)
     rows = field(field.center + np.array([[0.0, 0, 0], [0.5, -1, 1]]) / field.scale)
     assert np.isfinite(rows).all()
 
 
 def load_edit(path: Path) -> None:
-    """An edit that is read can be written, and read again as the same."""
+    """Check that an edit that is read can be written, and is equal when read again."""
     mesh = Mesh(CORNERS, CUBE)
     edit = read_edit(path, mesh)
     with tempfile.TemporaryDirectory() as folder:
@@ -91,7 +91,7 @@ def load_edit(path: Path) -> None:
 
 
 def apply_edit(path: Path) -> None:
-    """An edit that is read poses a shape that stays finite, and every form of export loads again."""
+    """Check that an edit that is read gives finite vertices, and that every form of export loads again."""
     session = dfd.Deformer.load(path, SHAPE, FIELD)
     assert np.isfinite(session.vertices).all()
     assert "\n" not in str(session.report().warning or "")
@@ -103,7 +103,7 @@ def apply_edit(path: Path) -> None:
 
 
 def export_mesh(path: Path) -> None:
-    """Whatever loads is refused by an export, or written so that it loads again."""
+    """Check that every export of a mesh raises, or writes a file that loads again."""
     mesh = dfd.load(path)
     if len(mesh.vertices) > 1000 or not 1e-3 < mesh.diagonal < 1e3:
         return
@@ -122,7 +122,7 @@ def export_mesh(path: Path) -> None:
 
 
 def load_poses(path: Path) -> None:
-    """Key poses that are read are finite and in order, and posed with an edit give finite vertices."""
+    """Check that key poses that are read are finite and in order, and give finite vertices with an edit."""
     moments = read_key_poses(path)
     seconds = [moment.seconds for moment in moments]
     assert np.isfinite(seconds).all()
@@ -134,13 +134,13 @@ def load_poses(path: Path) -> None:
 
 
 def compressed(folder: Path) -> list[bytes]:
-    """A GLB file for each decoder that is installed."""
+    """Return a GLB file for each decoder that is installed."""
     made = {"DracoPy": lambda: draco_cube().glb(), "meshopt": lambda: packed_glb(meshopt_cube())}
     return [make() for package, make in made.items() if importlib.util.find_spec(package)]
 
 
 def seeds() -> Mapping[str, list[bytes]]:
-    """Good files, by ending."""
+    """Return valid files by file extension."""
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         found = {".glb": [textured_quad(folder).glb(), scene_of_three(folder).read_bytes()]}
@@ -168,13 +168,13 @@ def seeds() -> Mapping[str, list[bytes]]:
 
 
 def damaged_glb(good: bytes) -> Bytes:
-    """A GLB file whose JSON is damaged and whose chunks fit."""
+    """Draw a GLB file with damaged JSON and correct chunk sizes."""
     text, data = glb.split(good)
     return damaged_json(json.loads(text)).map(lambda header: glb.join(to_bytes(header), data or b""))
 
 
 def damaged_data(good: bytes) -> Bytes:
-    """A GLB file whose JSON is whole, and whose data, what decoders read, is damaged."""
+    """Draw a GLB file with valid JSON and damaged binary data, which decoders read."""
     text, data = glb.split(good)
     longer = damaged_bytes(data or b"").map(lambda found: found[: len(data or b"")].ljust(len(data or b""), b"\0"))
     return longer.map(lambda found: glb.join(text, found))

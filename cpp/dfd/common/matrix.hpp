@@ -5,7 +5,7 @@
 
 namespace dfd {
 
-/// A dense row-major matrix that someone else owns.
+/// A view of a dense row-major matrix; the caller owns the memory.
 template <class T>
 struct Matrix {
     T* data = nullptr;
@@ -16,14 +16,14 @@ struct Matrix {
     bool empty() const { return rows == 0 || columns == 0; }
 };
 
-/// A matrix whose rows or whose columns are contiguous, for weights: one more handle is one more column.
+/// A view of a matrix with contiguous rows or contiguous columns, for weights. A further handle adds a column.
 template <class T>
 struct StridedMatrix {
     T* data = nullptr;
     std::size_t rows = 0;
     std::size_t columns = 0;
-    std::size_t row_stride = 0;     // from an entry to the one below
-    std::size_t column_stride = 0;  // from an entry to the one beside; one of the strides is 1
+    std::size_t row_stride = 0;     // from an entry to the next entry of its column
+    std::size_t column_stride = 0;  // from an entry to the next entry of its row; one of the strides is 1
 
     StridedMatrix() = default;
     StridedMatrix(T* first, std::size_t r, std::size_t c) : StridedMatrix(first, r, c, c, 1) {}
@@ -32,6 +32,7 @@ struct StridedMatrix {
     {
     }
 
+    bool contiguous() const { return rows == 0 || columns == 0 || row_stride == 1 || column_stride == 1; }
     T& operator()(std::size_t row, std::size_t column) const { return data[row * row_stride + column * column_stride]; }
 };
 

@@ -15,7 +15,7 @@
 
 namespace dfd {
 
-/// Starts `count` threads, or as many as the system has room for, that call copies of `run` with 1, 2, …; it must not
+/// Starts `count` threads, or fewer if the system refuses more. They call copies of `run` with 1, 2, …. `run` must not
 /// throw.
 template <class Run>
 std::vector<std::thread> start_threads(std::size_t count, const Run& run)
@@ -30,15 +30,16 @@ std::vector<std::thread> start_threads(std::size_t count, const Run& run)
 }
 
 #ifdef DFD_OPENMP
-/// As many of `workers` threads as can be had, this one among them. OpenMP ends the process where it cannot start one of
-/// a team, so a team larger than any that this thread had before is first tried with threads that are ended again.
+/// Returns the number of threads that can run, at most `workers`, including the calling thread. OpenMP ends the process
+/// if it cannot start a thread of a team. The function therefore first starts and ends the threads by which a team exceeds
+/// all earlier teams of the calling thread.
 inline std::size_t available_workers(std::size_t workers)
 {
     static thread_local std::size_t had = 1;
     if (workers <= had) return workers;
     std::atomic<bool> tried = false;
     std::vector<std::thread> others =
-        start_threads(workers - had, [&](std::size_t) { tried.wait(false); });  // all of them at the same time
+        start_threads(workers - had, [&](std::size_t) { tried.wait(false); });  // all at the same time
     tried = true;
     tried.notify_all();
     for (std::thread& other : others) other.join();
@@ -46,9 +47,9 @@ inline std::size_t available_workers(std::size_t workers)
 }
 #endif
 
-/// Calls `work(worker, task)` for each task of 0 … `count` on an OpenMP team of `workers` threads, this one being worker
-/// 0; the team may be smaller than was asked for. `work` must not throw. Built without OpenMP, threads are started for
-/// the call.
+/// Calls `work(worker, task)` for each task of 0 … `count` on an OpenMP team of `workers` threads. The calling thread
+/// is worker 0. The team may be smaller than `workers`. `work` must not throw. A build without OpenMP starts threads for
+/// each call.
 template <class Work>
 void parallel_for(std::size_t count, std::size_t workers, const Work& work)
 {
@@ -70,10 +71,10 @@ void parallel_for(std::size_t count, std::size_t workers, const Work& work)
 #endif
 }
 
-/// Calls `work(worker, begin, end)` until ranges have covered 0 … `count`, on workers numbered below `threads`. Ranges
-/// are multiples of `grain` but the last, and several for each worker, so that one that is held up delays little, nor
-/// is any so long that `poll` would not be asked for a while.
-/// `work` must not throw. One thread makes no use of OpenMP at all, so that it is safe in a forked child.
+/// Calls `work(worker, begin, end)` for ranges that cover 0 … `count`, on workers numbered below `threads`. There are
+/// at most `count` / `grain` workers. The length of each range but the last is a multiple of 16. There are several ranges
+/// per worker, so that a slow worker delays the result little. Their length is bounded, so that `poll` is called often.
+/// `work` must not throw. A call on one thread does not use OpenMP, and so is safe in a forked child.
 /// @throws Stopped if `poll` returned true
 template <class Work>
 void parallel_ranges(std::size_t count, std::size_t grain, int threads, const Work& work, const Poll& poll = {})
@@ -100,7 +101,7 @@ void parallel_ranges(std::size_t count, std::size_t grain, int threads, const Wo
     if (stopped) throw Stopped();
 }
 
-/// The size of the OpenMP team that runs a loop on `threads` threads; 0 where none does, as on a single thread.
+/// Returns the size of the OpenMP team that runs a loop on `threads` threads; 0 without a team, as on one thread.
 inline int team_size(int threads)
 {
     std::atomic<int> size = 0;

@@ -7,7 +7,7 @@
 namespace dfd {
 namespace {
 
-constexpr double rounding = 1e-12;  // of a stretch: less is none
+constexpr double rounding = 1e-12;  // a smaller stretch counts as 0
 
 double dot(const Vector3d& a, const Vector3d& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
@@ -31,14 +31,14 @@ struct Svd {
     Vector3d sizes;
 };
 
-/// What is left of `direction` beside `axis`.
+/// Returns the component of `direction` that is perpendicular to `axis`.
 Vector3d beside(const Vector3d& direction, const Vector3d& axis)
 {
     return combined(1, direction, -dot(direction, axis), axis);
 }
 
-/// Columns of U where A shrinks to nothing: those of V, as far as the others leave them, so that R stays near the
-/// identity.
+/// Sets the columns of U whose singular value is 0: columns of V, made perpendicular to the other columns of U. This
+/// keeps R near the identity.
 void complete(Svd& svd, double largest)
 {
     std::array<bool, 3> known;
@@ -63,7 +63,7 @@ void complete(Svd& svd, double largest)
     if (determinant(svd.v) < 0) svd.u[j] = combined(-1, svd.u[j], 0, svd.u[j]);
 }
 
-/// By one-sided Jacobi rotations, which leave what is a stretch along the axes already as it is.
+/// Returns the decomposition by one-sided Jacobi rotations, which do not change a stretch along the axes.
 Svd singular_values(const Matrix3d& change)
 {
     Columns a, v{Vector3d{1, 0, 0}, Vector3d{0, 1, 0}, Vector3d{0, 0, 1}};
@@ -72,7 +72,7 @@ Svd singular_values(const Matrix3d& change)
     for (std::size_t row = 0; row < 3; ++row)
         for (std::size_t column = 0; column < 3; ++column)
             a[column][row] = (change[row * 3 + column] + (row == column ? 1.0 : 0.0)) / unit;
-    constexpr int sweeps = 30;  // far more than three columns take
+    constexpr int sweeps = 30;  // far more than three columns need
     for (int sweep = 0; sweep < sweeps; ++sweep) {
         bool turned = false;
         for (const auto& [p, q] : {std::pair<std::size_t, std::size_t>{0, 1}, {0, 2}, {1, 2}}) {
@@ -102,7 +102,7 @@ Svd singular_values(const Matrix3d& change)
     return result;
 }
 
-/// The quaternion of R = U Vᵀ by its largest part (Shepperd, Quaternion from Rotation Matrix, 1978).
+/// Returns the quaternion of R = U Vᵀ, from its largest component (Shepperd, Quaternion from Rotation Matrix, 1978).
 Quaternion quaternion_of(const Columns& u, const Columns& v)
 {
     const auto r = [&](std::size_t row, std::size_t column) {
@@ -130,7 +130,7 @@ Polar polar_decomposition(const Matrix3d& change)
     if (std::all_of(change.begin(), change.end(), [](double entry) { return entry == 0; })) return {{1, 0, 0, 0}, {}};
     Svd svd = singular_values(change);
     if (determinant(svd.u) * determinant(svd.v) < 0) {
-        Vector3d agreement;  // of R's columns with the axes: their sum is R's trace
+        Vector3d agreement;  // dot products of the columns of U and V, whose sum is R's trace
         for (std::size_t j = 0; j < 3; ++j) agreement[j] = dot(svd.u[j], svd.v[j]);
         const double trace = agreement[0] + agreement[1] + agreement[2];
         const auto least = std::min_element(agreement.begin(), agreement.end());

@@ -15,11 +15,11 @@ struct Polar {
     Symmetric3d stretch;  // S - I
 };
 
-/// The polar decomposition of I + `change`, with R a proper rotation: of a map that mirrors, S mirrors along the axis,
-/// or along all three, that leaves R nearest to the identity.
+/// Returns the polar decomposition of I + `change`, with a proper rotation R. If the map mirrors, S mirrors along one
+/// axis or all three; the choice makes R nearest to the identity.
 Polar polar_decomposition(const Matrix3d& change);
 
-/// R p - p for a unit quaternion, exactly 0 where it does not turn.
+/// Returns R p - p for a unit quaternion; exactly 0 for the identity.
 Vector3d rotation_displacement(const Quaternion& rotation, const Vector3d& point);
 
 }  // namespace dfd

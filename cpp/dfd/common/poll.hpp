@@ -5,10 +5,10 @@
 
 namespace dfd {
 
-/// Asked now and then by the thread that called, while it works; true stops the work.
+/// A function that the calling thread calls repeatedly during its work; the result true stops the work.
 using Poll = std::function<bool()>;
 
-/// Thrown by a call that its `Poll` has stopped; its result is unfinished.
+/// Thrown by a call that its `Poll` stops; the call's result is unfinished.
 struct Stopped : std::exception {
     const char* what() const noexcept override { return "stopped"; }
 };

@@ -15,17 +15,18 @@ struct FreeAligned {
     void operator()(void* memory) const { ::operator delete(memory, alignment); }
 };
 
-/// Memory aligned for the widest vectors, its contents not yet set.
+/// Uninitialized memory with the alignment of the widest vectors.
 using AlignedMemory = std::unique_ptr<void, FreeAligned>;
 
-/// Takes memory. Much of it lies in large pages where the system has them: the first touch of small ones, each cleared
-/// and looked up by itself, costs more than a kernel.
+/// Allocates memory, in large pages if `bytes` is large and the system has them. The system clears and maps each page
+/// at its first access; for small pages, this takes longer than a kernel.
 inline AlignedMemory take_memory(std::size_t bytes)
 {
     constexpr std::size_t line = 64, large_page = std::size_t{1} << 21;
     const bool large = bytes >= 2 * large_page;
     const std::size_t alignment = large ? large_page : line;
-    const std::size_t size = (bytes + alignment - 1) / alignment * alignment;  // whole pages: the last one counts too
+    // Whole pages, so that the last page can be large.
+    const std::size_t size = (bytes + alignment - 1) / alignment * alignment;
     const FreeAligned free{std::align_val_t{alignment}};
     AlignedMemory memory(::operator new(size, free.alignment), free);
 #ifdef __linux__
@@ -34,7 +35,7 @@ inline AlignedMemory take_memory(std::size_t bytes)
     return memory;
 }
 
-/// One piece of memory for each worker, taken before they start.
+/// Memory for each worker, allocated before the workers start.
 class Scratch {
 public:
     Scratch(int workers, std::size_t floats)

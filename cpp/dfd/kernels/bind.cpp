@@ -22,7 +22,7 @@ constexpr std::size_t tile = 2;
 #endif
 static_assert(group_size % tile == 0);
 
-// Squared distances to `wanted` points from `first` on. It may compute one more, since groups are padded with zeros.
+// Computes squared distances to `wanted` points from `first` on, and possibly to one more: groups are zero-padded.
 template <std::size_t Count, class Panel>
 DFD_INLINE void measure(const Panel& panel, const PackedRows& points, std::size_t first, std::size_t wanted,
                         Block* squares)
@@ -38,7 +38,7 @@ struct Place {
     std::size_t begin, count;
 };
 
-// Write the weights of a block for one handle to its column.
+// Writes the weights of a block for one handle to its column.
 DFD_INLINE void put_column(const BindJob& job, std::size_t handle, const Place& place, const Block& weights)
 {
     float* column = job.weights + handle * job.column_stride + place.begin;
@@ -54,7 +54,7 @@ DFD_INLINE void put_column(const BindJob& job, std::size_t handle, const Place& 
     }
 }
 
-// Writes contiguous rows past the caches. Entries that do not fill a cache line wait for the next block.
+// Writes contiguous rows without the caches. Entries that do not fill a cache line wait for the next block.
 class LineStream {
 public:
     LineStream(float* to, float* buffer)
@@ -87,11 +87,11 @@ public:
     void finish() const { copy(buffer_ + skip_, pending_ - skip_, line_ + skip_); }
 
 private:
-    std::size_t skip_, pending_;  // entries of the line that another range has, and that are filled
+    std::size_t skip_, pending_;  // entries of the line that belong to another range; filled entries
     float *line_, *buffer_;
 };
 
-// Write the weights (H, 16) of a block to the rows of its vertices.
+// Writes the weights (H, 16) of a block to the rows of its vertices.
 DFD_INLINE void put_rows(const BindJob& job, const Place& place, const float* weights, LineStream& lines)
 {
     float* rows = job.weights + place.begin * job.row_stride;
@@ -125,7 +125,7 @@ struct Faults {
     }
 };
 
-// Equation (7): the weights of one handle times (1 - g)^power for its distances g.
+// Equation (7): multiplies the weights of one handle by (1 - g)^power for its distances g.
 DFD_INLINE void narrow(const BindJob& job, std::size_t handle, const Place& place, Block& weights, Faults& faults)
 {
     const float* distances = job.geodesic + handle * job.vertex_count + place.begin;
@@ -150,7 +150,7 @@ DFD_INLINE void narrow(const BindJob& job, std::size_t handle, const Place& plac
     }
 }
 
-// Write the weights of one handle to its column, or to the scratch memory of rows.
+// Writes the weights of one handle to its column, or to scratch memory if rows are contiguous.
 template <bool Columns>
 DFD_INLINE void put(const BindJob& job, std::size_t handle, const Place& place, const Block& weights, float* scratch)
 {

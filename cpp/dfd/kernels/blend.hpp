@@ -1,7 +1,7 @@
 #pragma once
 
-// What blended transforms do to a vertex and its normal. The entries of a transform are what it adds to the identity's,
-// so that what rests adds nothing, not by a bit.
+// Applies blended transforms to a vertex and its normal. The entries of a transform are its difference from the
+// identity, so that an identity adds exactly 0.
 
 #include "dfd/kernels/layout.hpp"
 
@@ -38,7 +38,7 @@ DFD_INLINE Vector3<T> scaled(const Vector3<T>& a, Vector<T> factor)
     return {a.x * factor, a.y * factor, a.z * factor};
 }
 
-// A normal of any length at length 1; a part squeezed flat keeps the normals that it had.
+// Returns a normal scaled to length 1. If its length is 0, as in a flattened part, it keeps the normal `before`.
 template <class T>
 DFD_INLINE Vector3<T> unit_normal(const Vector3<T>& n, const Vector3<T>& before)
 {
@@ -49,7 +49,7 @@ DFD_INLINE Vector3<T> unit_normal(const Vector3<T>& n, const Vector3<T>& before)
             select(flat, before.z, n.z * scale)};
 }
 
-// Three rows (linear | translation), less the identity's.
+// Three rows (linear | translation) minus those of the identity.
 template <class T>
 struct AffineSum {
     const Vector<T>* entry;
@@ -63,7 +63,7 @@ struct AffineSum {
         return {row(0), row(4), row(8)};
     }
 
-    // Normals turn by the cofactors of the linear part, whose rows are a, b and c; `one` is the identity's weight.
+    // Transforms a normal by the cofactors of the linear part (rows a, b, c). `one` is the weight of the identity.
     DFD_INLINE Vector3<T> turned(Vector<T> one, const Vector3<T>& normal) const
     {
         const Vector3<T> a{entry[0] + one, entry[1], entry[2]};
@@ -77,7 +77,7 @@ struct AffineSum {
     }
 };
 
-// A quaternion (w - 1, x, y, z) of any length, as the rotation that it stands for.
+// The rotation of a quaternion (w - 1, x, y, z) of any length.
 template <class T>
 struct RotationSum {
     Vector<T> scale, w;  // 1 / length, and the unit quaternion
@@ -87,14 +87,14 @@ struct RotationSum {
     {
         const Vector<T> real = entry[0] + T(1);
         const Vector3<T> imaginary{entry[1], entry[2], entry[3]};
-        // Opposite rotations may cancel; what is left of them then turns nothing.
+        // Opposite rotations may cancel; the rest then rotates nothing.
         constexpr T least = sizeof(T) == sizeof(float) ? T(1e-30f) : T(1e-200);
         scale = T(1) / sqrt(maximum(multiply_add(real, real, dot<T>(imaginary, imaginary)), splat(least)));
         w = real * scale;
         v = scaled<T>(imaginary, scale);
     }
 
-    // What it adds to p: R p - p.
+    // Returns R p - p.
     DFD_INLINE Vector3<T> displacement(const Vector3<T>& p) const
     {
         const Vector3<T> across = cross<T>(v, p);
@@ -104,7 +104,7 @@ struct RotationSum {
     }
 };
 
-// A symmetric matrix, less the identity: xx, yy, zz, yz, zx, xy.
+// A symmetric matrix minus the identity: xx, yy, zz, yz, zx, xy.
 template <class T>
 struct StretchSum {
     const Vector<T>* entry;
@@ -116,7 +116,7 @@ struct StretchSum {
                 multiply_add(entry[4], p.x, multiply_add(entry[3], p.y, entry[2] * p.z))};
     }
 
-    // The cofactors of the stretch times a normal.
+    // Returns the cofactors of the stretch times a normal.
     DFD_INLINE Vector3<T> turned(const Vector3<T>& n) const
     {
         const Vector<T> xx = entry[0] + T(1), yy = entry[1] + T(1), zz = entry[2] + T(1);

@@ -18,7 +18,7 @@ struct Block {
     Float part[parts];
 };
 
-// The sum of `size` terms in four strands, so that no addition waits for the one before.
+// Returns the sum of `size` terms in four partial sums, so that no addition waits for the previous one.
 template <class Add>
 DFD_INLINE Float sum_of(std::size_t size, const Add& add)
 {
@@ -34,8 +34,8 @@ DFD_INLINE Float sum_of(std::size_t size, const Add& add)
     return (a + b) + (c + d);
 }
 
-// Squared distances by |a|² + |b|² - 2 a·b at the speed of a matrix product. Where cancellation would cost digits
-// that a weight shows, they are taken again from the differences.
+// Squared distances by |a|² + |b|² - 2 a·b at the speed of a matrix product. If cancellation would change a weight
+// visibly, the squared distance is computed again from the differences.
 class FloatPanel {
 public:
     FloatPanel(const float* panel, std::size_t dimension) : panel_(panel), dimension_(dimension)
@@ -82,8 +82,8 @@ public:
             for (std::size_t part = 0; part < parts; ++part) {
                 const Float squares = square_.part[part] + splat(points.squares[first + j]);
                 Float square = multiply_add(splat(-2.0f), total[j][part], squares);
-                // An error of 2e-7 (|a|² + |b|²) in the square stays below 2e-6 in the distance above this bound;
-                // beyond a distance of 1 it is never seen.
+                // Above this bound, an error of 2e-7 (|a|² + |b|²) in the square is below 2e-6 in the distance.
+                // Beyond a distance of 1, the weight for a reach of 1 is 0.
                 const Float bound = minimum(0.005f * squares * squares, 1.0f + 1e-6f * squares);
                 const auto far = at_least(square, bound);
                 if (!all(far)) square = select(far, square, squared_difference(rows + j, part));
@@ -106,7 +106,7 @@ private:
     Block square_{};
 };
 
-// Squared distances of int8 entries: whole numbers, hence exact.
+// Squared distances of int8 entries, which are exact integers.
 class BytePanel {
 public:
     BytePanel(const std::uint8_t* panel, std::size_t dimension, float scale)
@@ -134,7 +134,7 @@ public:
         for (std::size_t j = 0; j < Count; ++j) {
             for (std::size_t part = 0; part < parts; ++part) {
                 const Int own = load<Int>(panel_ + (quads_ * block_size + part * width) * 4);
-                // Unsigned, so that squared lengths that are none wrap around.
+                // Unsigned, so that invalid squared lengths wrap around without undefined behavior.
                 const Bits square = (Bits)own + (Bits)splat(points.quad_squares[first + j]) - 2u * (Bits)sum[j][part];
                 out[j].part[part] = multiply_add(__builtin_convertvector((Int)square, Float), splat(scale_ * scale_),
                                           splat(points.offsets[first + j]));

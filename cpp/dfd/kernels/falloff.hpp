@@ -7,7 +7,7 @@
 namespace dfd {
 namespace {
 
-// 2^x for x <= 0 by its series about the nearest whole number, exact at 0.
+// 2^x for x <= 0 by its series about the nearest integer, exact at 0.
 DFD_INLINE Float exp2_of(Float x)
 {
     x = maximum(x, splat(-126.0f));
@@ -46,7 +46,7 @@ DFD_INLINE Float power_of(Float x, float power)
     return select(at_least(splat(0.0f), x), splat(0.0f), positive);
 }
 
-// What is left of 1 at x = 1 - distance / reach in [0, 1]: 0 at 0, 1 at 1, and never less at more.
+// Returns the weight at x = 1 - distance / reach in [0, 1]: 0 at 0, 1 at 1, and nondecreasing.
 DFD_INLINE Float fall_off(Float x, Falloff falloff)
 {
     switch (falloff) {

@@ -1,4 +1,4 @@
-// Unit features of points: a small network, evaluated for 48 points at a time so that its activations stay in the cache.
+// Unit features of points by a small network. It processes 48 points together, so that activations stay in the cache.
 
 #include "dfd/kernels/layout.hpp"
 
@@ -7,7 +7,7 @@
 namespace dfd {
 namespace {
 
-// Outputs and vectors of points that are summed together: as many sums as there are registers for.
+// Outputs and vectors of points that are summed together, as many as fit into registers.
 #if defined(__AVX512F__)
 constexpr std::size_t tile_outputs = 8, tile_vectors = 3;
 #elif defined(__AVX2__)
@@ -18,18 +18,18 @@ constexpr std::size_t tile_outputs = 2, tile_vectors = 4;
 constexpr std::size_t tile_points = tile_vectors * lanes<float>;
 static_assert(field_points % tile_points == 0 && field_group % tile_outputs == 0);
 
-// Activations are (neurons, 48): floats from one neuron's to the next one's.
+// Activations are (neurons, 48). This is the number of floats from one neuron to the next.
 constexpr std::size_t row = field_points;
 
-// Coordinates, and sines and cosines of each octave: (3 + 6 octaves, 48). An octave's angles are twice those of the
-// one before, so each follows from it; in double, so that none of the error shows.
+// Writes the coordinates, and sines and cosines of each octave: (3 + 6 octaves, 48). The angles of an octave are twice
+// those of the previous one, from which its values are computed. In double, the accumulated error is negligible.
 void enter(const FieldJob& job, std::size_t begin, std::size_t count, float* out)
 {
     constexpr double quarter_turn = 1.5707963267948966;
     for (std::size_t point = 0; point < field_points; ++point) {
         const double* position = job.points + 3 * (begin + (point < count ? point : count - 1));
         for (std::size_t axis = 0; axis < 3; ++axis) {
-            // Rounded to float first: the network was fitted to sines of such coordinates.
+            // Rounded to float, because the network was fitted to the sines of float coordinates.
             const float x = static_cast<float>((position[axis] - job.center[axis]) * job.scale);
             out[axis * row + point] = x;
             double sine = 0, cosine = 1;
@@ -48,7 +48,7 @@ void enter(const FieldJob& job, std::size_t begin, std::size_t count, float* out
     }
 }
 
-// Some outputs of a linear map for some of the points, (outputs, 48).
+// Computes some outputs (outputs, 48) of a linear map for some of the points.
 template <bool Rectified>
 DFD_INLINE void multiply(const float* weights, const float* bias, std::size_t inputs, const float* in, float* out)
 {
@@ -72,7 +72,7 @@ DFD_INLINE void multiply(const float* weights, const float* bias, std::size_t in
     for (std::size_t o = 0; o < tile_outputs; ++o)
 #pragma GCC unroll 4
         for (std::size_t v = 0; v < tile_vectors; ++v)
-            // In this order of operands NaN stays NaN.
+            // This order of operands propagates NaN.
             store(out + o * row + v * lanes<float>, Rectified ? maximum(Float{}, sums[o][v]) : sums[o][v]);
 }
 
@@ -88,7 +88,7 @@ void linear(const FieldLayer& layer, const float* in, float* out)
     }
 }
 
-// (x - mean) / sqrt(variance + 1e-5) · gain + shift over the neurons of each point.
+// LayerNorm: (x - mean) / sqrt(variance + 1e-5) · gain + shift over the neurons of each point.
 void normalize_layer(const FieldLayer& layer, float* values)
 {
     const Float share = splat(1.0f / static_cast<float>(layer.outputs));
@@ -108,7 +108,7 @@ void normalize_layer(const FieldLayer& layer, float* values)
     }
 }
 
-// To unit length, and from (D, 48) to rows (48, D).
+// Normalizes features to unit length, and writes (D, 48) as rows (48, D).
 void leave(const FieldLayer& layer, float* values, float* features, std::size_t count)
 {
     for (std::size_t point = 0; point < field_points; point += lanes<float>) {
@@ -123,7 +123,7 @@ void leave(const FieldLayer& layer, float* values, float* features, std::size_t 
             store(place, load<Float>(place) * factor);
         }
     }
-    constexpr std::size_t columns = 32;  // turned together
+    constexpr std::size_t columns = 32;  // transposed together
     float turned[columns * block_size];
     for (std::size_t point = 0; point < count; point += block_size) {
         const std::size_t here = count - point < block_size ? count - point : block_size;

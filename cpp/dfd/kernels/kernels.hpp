@@ -1,17 +1,17 @@
 #pragma once
 
-// What the drivers hand to the kernels. Each kernel source is compiled once per instruction set, so these are plain
-// structs: an inline function shared between the variants could be linked in with the wrong instructions.
+// Arguments of the kernels. They are plain structs, because each kernel source is compiled once per instruction set.
+// For an inline function that variants share, the linker could choose the wrong instructions.
 
 #include <cstddef>
 #include <cstdint>
 
 namespace dfd {
 
-/// Vertices that a kernel takes together, one per lane; shares of work are multiples of it.
+/// Vertices that a kernel processes together, one per lane. Ranges of vertices begin at multiples of it.
 constexpr std::size_t block_size = 16;
 
-/// Handles that lie together in memory, whatever their number: the rest of the last group is zero.
+/// Handles of a group, consecutive in memory. The last group is padded with zeros.
 constexpr std::size_t group_size = 16;
 
 /// How a weight falls from 1 at the handle to 0 at its reach, by x = 1 - distance / reach; named as in Blender.
@@ -24,14 +24,14 @@ enum class Falloff : std::int32_t {
     constant,  // 1
 };
 
-/// What becomes of weights whose sum passes 1.
+/// The treatment of weights whose sum exceeds 1.
 enum class Overlap : std::int32_t {
     add,        // displacements add
-    paper,      // Eq. (1) to the letter: the vertex is scaled by the sum
+    paper,      // Eq. (1) exactly: the vertex is scaled by the sum
     normalize,  // the weights are divided by their sum
 };
 
-/// What of the transforms is blended.
+/// The representation of transforms that is blended.
 enum class Blend : std::int32_t {
     linear,           // their matrices, Eq. (1)
     dual_quaternion,  // their rigid parts as dual quaternions, and their stretches
@@ -49,16 +49,16 @@ struct PackedRows {
     std::size_t count = 0;
 };
 
-/// What rounding may have added to the largest geodesic distance.
+/// Largest amount by which rounding may raise a geodesic distance above 1.
 constexpr float geodesic_slack = 1e-5f;
 
-/// How the power of Eq. (7) is taken.
+/// The exponent of Eq. (7).
 struct Power {
     float exponent;
-    std::int32_t products;  // multiplications that take it, or -1 where it is not whole and small
+    std::int32_t products;  // number of multiplications, or -1 for exponents that are not small integers
 };
 
-/// How far a handle reaches in feature space.
+/// The reach of a handle in feature space.
 struct Reach {
     float inverse;  // 1 / reach
     Falloff falloff;
@@ -71,33 +71,33 @@ struct BindJob {
     float scale = 1;                          // of an int8 entry
     PackedRows points;                        // the fixed points, then the members of each handle
     std::size_t fixed_count = 0, handle_count = 0;
-    bool shaped = false;                      // whether the three below hold anything but ones
+    bool shaped = false;                      // whether an entry of the next three differs from the default
     const float* strengths = nullptr;         // (fixed_count) in (0, 1]
     const Reach* reaches = nullptr;           // (H)
-    const std::uint32_t* members = nullptr;   // (H) how many points a handle has
+    const std::uint32_t* members = nullptr;   // (H) number of points of each handle
     const float* geodesic = nullptr;          // (H, V) or null
     const Power* powers = nullptr;            // (H)
     float* weights = nullptr;                 // entry (i, j) at i * row_stride + j * column_stride; one stride is 1
     std::size_t row_stride = 0, column_stride = 0;
-    bool stream = false;                      // write past the caches
+    bool stream = false;                      // whether writes bypass the caches
 };
 
-/// What went wrong in a range, if anything.
+/// Bits for invalid input in a range.
 enum Fault : unsigned { no_fault = 0, features_suspect = 1, geodesic_suspect = 2 };
 
 /// Binds the vertices [begin, end), where `begin` is a multiple of `block_size`; `scratch` is aligned to 64 bytes.
 using BindRange = unsigned (*)(const BindJob& job, std::size_t begin, std::size_t end, float* scratch);
 
-/// Floats of scratch that a range needs.
+/// Number of floats of scratch memory for a range.
 constexpr std::size_t bind_scratch(std::size_t dimension, std::size_t handle_count)
 {
     return block_size * (dimension + 2 * handle_count + 1);
 }
 
-/// Numbers of a handle that are blended, each as what it adds to the identity's: with no weight they are 0.
+/// Number of blended entries of a handle. Each entry is the difference from the identity's.
 ///
-/// All begin with D_k - I as three rows (linear | translation), but for dual quaternions, which begin with
-/// (w - 1, x, y, z) and the dual part, and then stretch by six entries (xx, yy, zz, yz, zx, xy) and a translation.
+/// Linear: D_k - I as three rows (linear | translation). Dual quaternions: (w - 1, x, y, z) and the dual part, then
+/// if `stretched` six entries (xx, yy, zz, yz, zx, xy) and a translation of the stretch.
 constexpr std::size_t entries_of(Blend blend, bool stretched)
 {
     return blend == Blend::linear ? 12 : stretched ? 17 : 8;
@@ -116,28 +116,28 @@ struct PoseJob {
     const T* positive = nullptr;       // (H, entries_of) about `center`, on the positive side
     const T* negative = nullptr;       // the same on the other side of the mirror, or null
     const T* rest = nullptr;           // (entries_of) of D_0, or null for the identity
-    const T* shares = nullptr;         // (H) what a weight counts for in what is left to D_0, or null for 1
+    const T* shares = nullptr;         // (H) factor of each weight in the sum whose remainder D_0 gets, or null for 1
     T center[3] = {};
     T normal[3] = {};                  // of the mirror
     T height = 0;                      // of `center` above the mirror
     T steepness = 0;                   // 1 / (2 band), or 0 for a step
-    const T* base = nullptr;           // (V, 3) what the displacements are added to, or null for the vertices
+    const T* base = nullptr;           // (V, 3) added to the displacements, or null for the vertices
     const T* normals = nullptr;        // (V, 3) or null
     T* posed_normals = nullptr;
     T* posed = nullptr;                // (V, 3)
 };
 
-/// Poses the vertices [begin, end) and says whether every result is finite.
+/// Poses the vertices [begin, end) and returns whether every result is finite.
 template <class T>
 using PoseRange = bool (*)(const PoseJob<T>& job, std::size_t begin, std::size_t end, float* scratch);
 
 constexpr std::size_t pose_scratch(std::size_t handle_count) { return block_size * (handle_count + group_size); }
 
-/// Points of a field that are evaluated together, and outputs of a layer whose weights lie side by side.
+/// Points that a field evaluates together, and outputs of a layer whose weights are consecutive.
 constexpr std::size_t field_points = 48, field_group = 8;
 
 struct FieldLayer {
-    const float* weights = nullptr;  // (groups, inputs, 8), outputs of the last group filled up with zeros
+    const float* weights = nullptr;  // (groups, inputs, 8), the last group padded with zeros
     const float* bias = nullptr;     // (8 groups)
     const float* gain = nullptr;     // (8 groups) of the LayerNorm, or null for the last layer
     const float* shift = nullptr;
@@ -151,7 +151,7 @@ struct FieldJob {
     std::size_t octaves = 0;
     const FieldLayer* layers = nullptr;
     std::size_t layer_count = 0;
-    std::size_t widest = 0;          // most neurons of a layer, filled up to whole groups
+    std::size_t widest = 0;          // largest number of outputs of a layer, in whole groups
     float* features = nullptr;       // (N, D)
 };
 

@@ -1,6 +1,6 @@
 #pragma once
 
-// From rows in memory to lanes of vectors, and back: rows of any width, and points (N, 3).
+// Moves rows in memory to lanes of vectors, and back: rows of any width, and points (N, 3).
 
 #include "dfd/kernels/simd.hpp"
 
@@ -19,7 +19,7 @@ DFD_INLINE V shuffle(V a, V b)
     }(std::make_index_sequence<size>());
 }
 
-// Rows become columns: each round of interleaving takes the next bit of the row's number to the lane's.
+// Transposes rows to columns. Each round of interleaving moves one bit of the row's index to the lane's index.
 DFD_INLINE void transpose(Float (&v)[lanes<float>])
 {
     constexpr std::size_t size = lanes<float>;
@@ -27,7 +27,7 @@ DFD_INLINE void transpose(Float (&v)[lanes<float>])
     for (std::size_t round = 1; round < size; round *= 2) {
         Float next[size];
 #pragma GCC unroll 8
-        for (std::size_t i = 0; i < size / 2; ++i) {  // alternating entries of their first halves, and of their second
+        for (std::size_t i = 0; i < size / 2; ++i) {  // alternates entries of the first, then of the second halves
             next[2 * i] = shuffle<[](std::size_t k) { return k / 2 + k % 2 * size; }>(v[i], v[i + size / 2]);
             next[2 * i + 1] = shuffle<[](std::size_t k) { return (size + k) / 2 + k % 2 * size; }>(v[i], v[i + size / 2]);
         }
@@ -36,7 +36,7 @@ DFD_INLINE void transpose(Float (&v)[lanes<float>])
     }
 }
 
-// The first `count` entries, the others 0.
+// Loads the first `count` entries and sets the others to 0.
 DFD_INLINE Float load_part(const float* from, std::size_t count)
 {
 #if defined(__AVX512F__)
@@ -51,10 +51,10 @@ DFD_INLINE Float load_part(const float* from, std::size_t count)
 #endif
 }
 
-constexpr std::size_t line = 64 / sizeof(float);  // numbers of a line of the caches
-constexpr std::size_t few_columns = 4;  // picked one by one sooner than by a transposition of whole vectors
+constexpr std::size_t line = 64 / sizeof(float);  // floats of a cache line
+constexpr std::size_t few_columns = 4;  // up to this number, single loads are faster than a transposition of vectors
 
-// Sixteen rows of `columns` numbers, `stride` apart, to (columns, 16); rows from `count` on repeat the last one.
+// Writes 16 rows of `columns` numbers, `stride` apart, as (columns, 16). Rows from `count` on repeat the last row.
 DFD_INLINE void rows_to_lanes(const float* rows, std::size_t stride, std::size_t columns, std::size_t count, float* out)
 {
     constexpr std::size_t size = lanes<float>;
@@ -76,7 +76,7 @@ DFD_INLINE void rows_to_lanes(const float* rows, std::size_t stride, std::size_t
 #pragma GCC unroll 16
             for (std::size_t i = 0; i < size; ++i) {
                 const float* from = rows + (lane + i < count ? lane + i : count - 1) * stride + k;
-                // Sixteen rows are more streams than the machine follows by itself: the next block's, line by line.
+                // Sixteen rows are more streams than the hardware prefetches. This prefetches the next block.
                 if (k % line == 0) __builtin_prefetch(from + block_size * stride, 0, 2);
                 v[i] = some == size ? load<Float>(from) : load_part(from, some);
             }
@@ -94,7 +94,7 @@ DFD_INLINE void rows_to_lanes(const float* rows, std::size_t stride, std::size_t
 
 constexpr std::size_t quads = lanes<float> / 4;  // of a vector
 
-// Within every quad of four vectors, rows become columns.
+// Transposes every quad of four vectors.
 DFD_INLINE void transpose_quads(Float (&v)[4])
 {
     constexpr std::size_t size = lanes<float>;
@@ -122,7 +122,7 @@ DFD_INLINE QuadFloat quad(V v)
     else return __builtin_shufflevector(v, v, 4 * Index, 4 * Index + 1, 4 * Index + 2, 4 * Index + 3);
 }
 
-// The first `Count` entries of quad `Index` of each of four vectors, to a row each.
+// Writes the first `Count` entries of quad `Index` of each of four vectors to a row.
 template <std::size_t Count, std::size_t Index = 0>
 DFD_INLINE void store_quads(const Float (&v)[4], float* rows, std::size_t stride)
 {
@@ -134,7 +134,7 @@ DFD_INLINE void store_quads(const Float (&v)[4], float* rows, std::size_t stride
     if constexpr (Index + 1 < quads) store_quads<Count, Index + 1>(v, rows, stride);
 }
 
-// Up to four columns of 16 entries, side by side in memory, to 16 rows.
+// Writes up to four columns of 16 entries, consecutive in memory, to 16 rows.
 template <std::size_t Count>
 DFD_INLINE void columns_to_rows(const float* from, float* rows, std::size_t stride)
 {
@@ -147,7 +147,7 @@ DFD_INLINE void columns_to_rows(const float* from, float* rows, std::size_t stri
     }
 }
 
-// The way back: (columns, 16) to 16 rows. Narrow stores, but half the shuffles that whole vectors would need.
+// Writes (columns, 16) to 16 rows. The stores are narrow, but whole vectors would need twice as many shuffles.
 DFD_INLINE void lanes_to_rows(const float* from, std::size_t columns, float* rows, std::size_t stride)
 {
     std::size_t k = 0;
@@ -174,7 +174,7 @@ struct Interleaved {
     template <std::size_t Axis>
     static DFD_INLINE Vector<T> axis(Vector<T> a, Vector<T> b, Vector<T> c)
     {
-        // What lies before 2 W is in a or b.
+        // Numbers below 2 W are in a or b.
         constexpr auto from_ab = [](std::size_t i) { return 3 * i + Axis < 2 * size ? 3 * i + Axis : 0; };
         constexpr auto from_c = [](std::size_t i) { return 3 * i + Axis < 2 * size ? i : 3 * i + Axis - size; };
         return shuffle<from_c>(shuffle<from_ab>(a, b), c);

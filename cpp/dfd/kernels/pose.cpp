@@ -5,7 +5,7 @@
 namespace dfd {
 namespace {
 
-// Bytes between what is posed and what is prefetched, to read and to write: for one handle there is little else to do.
+// Bytes from the posed vertices to the prefetched ones. With one handle, memory limits the speed.
 constexpr std::size_t vertices_ahead = 1536, weights_ahead = 512;
 
 template <class T>
@@ -27,7 +27,7 @@ struct Weights {
     DFD_INLINE Vector<T> operator()(std::size_t k) const { return load_weights<T>(first + k * stride); }
 };
 
-// What the weights leave to D_0, and what they pass 1 by.
+// `remainder` is the weight of D_0, `excess` the amount by which the weights exceed 1.
 template <class T>
 struct Totals {
     Vector<T> remainder, excess;
@@ -45,12 +45,12 @@ DFD_INLINE Totals<T> totals(const PoseJob<T>& job, const Weights<T>& weights)
         for (std::size_t k = 0; k < job.handle_count; ++k) sum = multiply_add(weights(k), splat(job.shares[k]), sum);
     }
     const bool paper = job.overlap == Overlap::paper && job.blend == Blend::linear;
-    const bool normalize = job.overlap != Overlap::add && !paper;  // nothing but matrices can pass a sum of 1
+    const bool normalize = job.overlap != Overlap::add && !paper;  // only matrices can have weights whose sum exceeds 1
     return {maximum(one - sum, zero), paper ? maximum(sum - one, zero) : zero,
             normalize ? one / maximum(sum, one) : one};
 }
 
-// Sums of entries from First to Last: as many as registers hold.
+// Sums the entries from First to Last, as many as fit into registers.
 template <std::size_t First, std::size_t Last, class T, std::size_t Count>
 DFD_INLINE void accumulate(const PoseJob<T>& job, const T* table, const Weights<T>& weights, Vector<T> remainder,
                            Sums<T, Count>& sums)
@@ -80,7 +80,7 @@ DFD_INLINE Sums<T, Kind::count> blended(const PoseJob<T>& job, const T* table, c
     return sums;
 }
 
-// How much of each vertex belongs to the positive side: a step, or a smoothstep over the band.
+// Returns the share of the positive side at each vertex: a step, or a smoothstep over the band.
 template <class T>
 DFD_INLINE Vector<T> positive_share(const PoseJob<T>& job, const Vector3<T>& p)
 {
@@ -119,7 +119,7 @@ DFD_INLINE void pose_lanes(const PoseJob<T>& job, const Lanes<T>& at, const Weig
             sums = blended<Kind>(job, job.positive, weights, remainder);
         } else if (all(below)) {
             sums = blended<Kind>(job, job.negative, weights, remainder);
-        } else {  // what a lane gets is the same on every branch
+        } else {  // every branch gives a lane the same bits
             sums = blended<Kind>(job, job.negative, weights, remainder);
             const Sums<T, Kind::count> other = blended<Kind>(job, job.positive, weights, remainder);
             for (std::size_t e = 0; e < Kind::count; ++e) {
@@ -135,7 +135,7 @@ DFD_INLINE void pose_lanes(const PoseJob<T>& job, const Lanes<T>& at, const Weig
     Vector3<T> from = vertex;
     if (at.base != nullptr) {
         from = Interleaved<T>::read(at.base);
-    } else if (job.overlap == Overlap::paper) {  // Equation (1) scales a vertex whose weights pass 1
+    } else if (job.overlap == Overlap::paper) {  // Equation (1) scales a vertex whose weights exceed 1
         shift = {multiply_add(excess, vertex.x, shift.x), multiply_add(excess, vertex.y, shift.y),
                  multiply_add(excess, vertex.z, shift.z)};
     }
@@ -168,11 +168,12 @@ DFD_INLINE void pose_block(const PoseJob<T>& job, const Lanes<T>& at, const Weig
     }
 }
 
-// One handle and nothing else: the displacement stays in registers, and the weight scales what it does.
+// Poses with one handle and no mirror, D_0 or normals. The transform stays in registers, and the weight scales the
+// displacement.
 template <class T>
 DFD_INLINE std::size_t pose_single(const PoseJob<T>& job, std::size_t begin, std::size_t end, Vector<T>& check)
 {
-    const PoseJob<T> own = job;  // which no store can touch
+    const PoseJob<T> own = job;  // a local copy, so that stores cannot alias it
     Vector<T> entry[12];
     for (std::size_t e = 0; e < 12; ++e) entry[e] = splat(own.positive[e]);
     const Vector<T> zero{}, one = zero + T(1);
@@ -215,7 +216,7 @@ DFD_INLINE std::size_t pose_single(const PoseJob<T>& job, std::size_t begin, std
 template <class Kind, class T>
 DFD_INLINE bool pose_blocks(const PoseJob<T>& shared_job, std::size_t begin, std::size_t end, float* scratch)
 {
-    const PoseJob<T> job = shared_job;  // which no store can touch
+    const PoseJob<T> job = shared_job;  // a local copy, so that stores cannot alias it
     Vector<T> check{};
     const bool columns = job.row_stride == 1;
     const bool single =
@@ -269,7 +270,7 @@ DFD_INLINE bool pose_blocks(const PoseJob<T>& shared_job, std::size_t begin, std
     return all(equal(check, check));
 }
 
-// What is blended is known to the compiler, which keeps its sums in registers.
+// The kind of blend is a template parameter, so that the compiler keeps the sums in registers.
 template <class T>
 DFD_INLINE bool pose_range(const PoseJob<T>& job, std::size_t begin, std::size_t end, float* scratch)
 {

@@ -1,7 +1,7 @@
 #pragma once
 
-// Vectors of one instruction set, as the kernels see them. Included once per variant, which DFD_VARIANT names.
-// Everything has internal linkage, so that no variant's instructions leak into another's.
+// The vector operations of one instruction set. Each variant of the kernels, named by DFD_VARIANT, includes this.
+// Everything has internal linkage, so that the linker cannot mix the instructions of two variants.
 
 #include <cstddef>
 #include <cstdint>
@@ -69,7 +69,7 @@ struct Quad {
     static DFD_INLINE Quad at(const std::int32_t* bytes, const std::int32_t*) { return {splat(*bytes)}; }
 };
 
-// The same where products of neighboring bytes could saturate their 16 bits: even and odd bytes apart.
+// The same with even and odd bytes apart, for products of neighboring bytes that could saturate their 16 bits.
 struct WideQuad {
     Int even, odd;
     static DFD_INLINE WideQuad at(const std::int32_t*, const std::int32_t* pairs)
@@ -78,15 +78,15 @@ struct WideQuad {
     }
 };
 
-// Copies what is less than a vector, or may be.
+// Copies any number of entries, for ranges that may be shorter than a vector.
 template <class T>
 DFD_INLINE void copy(const T* from, std::size_t count, T* to)
 {
     for (std::size_t k = 0; k < count; ++k) to[k] = from[k];
 }
 
-// Asks for `size` bytes that lie `ahead` of a place, whether or not they are still part of its array; to write there
-// a core must first take a line from memory as well.
+// Prefetches `size` bytes that lie `ahead` bytes after a place; they may lie beyond the end of its array. A write needs
+// a prefetch too, because a core first reads the cache line from memory.
 template <bool Write = false>
 DFD_INLINE void prefetch(const void* place, std::size_t ahead, std::size_t size)
 {
@@ -96,7 +96,7 @@ DFD_INLINE void prefetch(const void* place, std::size_t ahead, std::size_t size)
         __builtin_prefetch(reinterpret_cast<const void*>(first + line), Write);
 }
 
-// What a comparison of two vectors gives: a mask register where the machine has them, else a vector.
+// A comparison of two vectors returns a mask register with AVX-512, else a vector.
 #if defined(__AVX512F__)
 
 DFD_INLINE __mmask16 at_least(Float a, Float b) { return _mm512_cmp_ps_mask((__m512)a, (__m512)b, _CMP_GE_OQ); }
@@ -160,7 +160,7 @@ DFD_INLINE Double multiply_add(Double a, Double b, Double c)
 }
 DFD_INLINE Float sqrt(Float a) { return (Float)_mm512_sqrt_ps((__m512)a); }
 DFD_INLINE Double sqrt(Double a) { return (Double)_mm512_sqrt_pd((__m512d)a); }
-// The same bits as `sqrt` from 2^-60 on, whatever the estimate within its bounds; below, something as small.
+// Equals `sqrt` to the bit from 2^-60 on, for every estimate within its error bound. Smaller values give 2^-30.
 DFD_INLINE Float sqrt_by_products(Float a)
 {
     const __m512 half = _mm512_set1_ps(0.5f);
@@ -217,15 +217,18 @@ DFD_INLINE Float from_halves(const std::uint16_t* from)
 {
     typedef std::uint16_t Halves __attribute__((vector_size(vector_bytes / 2)));
     const Int bits = __builtin_convertvector(load<Halves>(from), Int);
-    // The exponents differ by 112: one multiplication sets them right, for subnormal halves as well.
+    // The exponents differ by 112. One multiplication corrects them, also for subnormal halves.
     const Int magnitude = (bits & 0x7fff) << 13;
     return (Float)((Int)((Float)magnitude * splat(0x1p112f)) | ((bits & 0x8000) << 16));
 }
 
-#if defined(__x86_64__)
-
+#if !defined(__ARM_NEON)
 DFD_INLINE Float multiply_add(Float a, Float b, Float c) { return a * b + c; }
 DFD_INLINE Double multiply_add(Double a, Double b, Double c) { return a * b + c; }
+#endif
+
+#if defined(__x86_64__)
+
 DFD_INLINE Float sqrt(Float a) { return (Float)_mm_sqrt_ps((__m128)a); }
 DFD_INLINE Double sqrt(Double a) { return (Double)_mm_sqrt_pd((__m128d)a); }
 DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, const WideQuad& quad)
@@ -249,8 +252,6 @@ DFD_INLINE Double multiply_add(Double a, Double b, Double c)
 DFD_INLINE Float sqrt(Float a) { return (Float)vsqrtq_f32((float32x4_t)a); }
 DFD_INLINE Double sqrt(Double a) { return (Double)vsqrtq_f64((float64x2_t)a); }
 #else
-DFD_INLINE Float multiply_add(Float a, Float b, Float c) { return a * b + c; }
-DFD_INLINE Double multiply_add(Double a, Double b, Double c) { return a * b + c; }
 DFD_INLINE Float sqrt(Float a)
 {
     for (std::size_t lane = 0; lane < lanes<float>; ++lane) a[lane] = __builtin_sqrtf(a[lane]);

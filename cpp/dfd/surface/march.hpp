@@ -1,6 +1,6 @@
 #pragma once
 
-// A wave that runs over a surface from vertex to vertex in order of distance.
+// A front that propagates over a surface from vertex to vertex in order of distance (fast marching).
 
 #include <algorithm>
 #include <array>
@@ -48,8 +48,9 @@ struct Surface {
     }
 };
 
-/// Distance of a triangle's third corner from a source that the other two are `a` and `b` away from, were all of them
-/// in one plane and the source beyond the side between the two; `unreached` where the straight line misses that side.
+/// Returns the distance of a triangle's third corner from a source at distances `a` and `b` from the other two corners.
+/// The source lies in the triangle's plane, beyond the side between these two corners. The result is `unreached` if the
+/// straight line from the source misses this side.
 inline double across_triangle(double a, double b, double side, double to_a, double to_b)
 {
     if (!(side > 0)) return unreached;
@@ -65,7 +66,7 @@ inline double across_triangle(double a, double b, double side, double to_a, doub
     return std::sqrt(along * along + height * height);
 }
 
-/// What one wave has reached; made once for a surface, and clean again after `clear`.
+/// The distances that one front has reached; made once for a surface and reused after `clear`.
 class Wave {
 public:
     explicit Wave(std::size_t vertex_count) : distance_(vertex_count, unreached), passed_(vertex_count, 0) {}
@@ -73,7 +74,7 @@ public:
     double distance(std::int32_t vertex) const { return distance_[static_cast<std::size_t>(vertex)]; }
     bool passed(std::int32_t vertex) const { return passed_[static_cast<std::size_t>(vertex)] != 0; }
 
-    /// Sets a vertex's distance if it is less than what the vertex has.
+    /// Sets a vertex's distance if `distance` is less than the present one.
     void offer(std::int32_t vertex, double distance)
     {
         const auto v = static_cast<std::size_t>(vertex);
@@ -83,7 +84,7 @@ public:
         front_.emplace(distance, vertex);
     }
 
-    /// Runs on from what was offered. `bound(vertex)` is the distance from which on a vertex is of no interest;
+    /// Propagates from the offered vertices. The front stops before vertices at `bound(vertex)` or more.
     /// `visit(vertex, distance)` is called in order of distance.
     template <class Bound, class Visit>
     void run(const Surface& surface, const Bound& bound, const Visit& visit)

@@ -11,11 +11,11 @@ namespace dfd {
 
 namespace {
 
-constexpr double packing = 1.45;       // area of a sample's cell over its squared spacing, as measured
-constexpr double detour = 1.3;         // at most, of a way along fine edges that bends where cells meet
-constexpr double same_place = 1e-5;    // links no longer than this are surface, not gaps
-constexpr double support = 1.8;        // spacings within which samples count in a fit
-constexpr double off_plane = 1e-2;     // weight of a fit's slope against its values: keeps it flat where nothing tells
+constexpr double packing = 1.45;     // measured area of a sample's cell over its squared spacing
+constexpr double detour = 1.3;       // assumed longest path along edges between two samples, over the distance
+constexpr double same_place = 1e-5;  // links up to this length are surface, longer links are gaps
+constexpr double support = 1.8;      // radius in spacings within which samples count in a fit
+constexpr double off_plane = 1e-2;   // damping of a fit's slope, relative to the sum of `importance`
 
 using Point = std::array<double, 3>;
 
@@ -49,7 +49,8 @@ struct Edge {
     float length;
 };
 
-/// Sets up what leads from vertex to vertex, of `surface.triangles` and their lengths and of links both ways.
+/// Fills the triangles and links around each vertex, from `surface.triangles`, their lengths, and links in both
+/// directions.
 void connect(Surface& surface, std::size_t vertex_count, const std::vector<Edge>& links)
 {
     const auto corner = [&](std::size_t e) { return surface.triangles[e / 3][e % 3]; };
@@ -80,7 +81,7 @@ using Pair = std::pair<std::int32_t, std::int32_t>;
 struct Touching {  // two samples whose cells touch
     Pair pair;
     double length;
-    bool surface;  // not only across a gap
+    bool surface;  // false if they touch only across a gap
 };
 
 std::vector<Touching> touching_cells(const Surface& mesh, Matrix<const double> vertices, const Samples& samples)
@@ -116,8 +117,8 @@ std::vector<Touching> touching_cells(const Surface& mesh, Matrix<const double> v
     return found;
 }
 
-/// Weights by which values at `points` give the value at the origin of a function fitted to them: least squares for a
-/// linear function, each point counting by `importance` (n).
+/// Computes weights of the values at `points`. The weighted sum is the value at the origin of a linear function, fitted
+/// to the values by least squares with each point's `importance` (n).
 void fit_weights(std::span<const Point> points, std::span<const double> importance, std::span<float> weights)
 {
     // normal equations for the basis (1, x, y, z); the value at the origin is the first coefficient
@@ -168,7 +169,7 @@ Around fit_around(std::int32_t vertex, Matrix<const double> vertices, const Samp
     for (const std::int32_t sample : rings[static_cast<std::size_t>(owner)]) consider(sample);
     std::sort(candidates.begin(), candidates.end());
     const std::size_t count = std::min(candidates.size(), Around::count);
-    // where samples are sparse, as far as to the fourth
+    // sparse samples: the reach includes the fourth-nearest sample
     const double reach = std::max(support * samples.spacing, 1.1 * candidates[std::min<std::size_t>(count - 1, 3)].first);
     std::array<Point, Around::count> points;
     std::array<double, Around::count> importance;

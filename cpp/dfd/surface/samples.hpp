@@ -1,7 +1,7 @@
 #pragma once
 
-// Samples of a large surface: few vertices about equally far from each other, the surface that they make, and how the
-// other vertices take values from them.
+// Samples of a large surface: a few vertices at about equal spacing, the surface that joins them, and the interpolation
+// of their values at other vertices.
 
 #include "dfd/surface/march.hpp"
 #include "dfd/common/matrix.hpp"
@@ -13,15 +13,15 @@
 
 namespace dfd {
 
-/// Vertices at least `spacing` apart along the surface, and for every vertex the nearest of them.
+/// Vertices at least `spacing` apart along the surface, and the nearest of them for every vertex.
 struct Samples {
     std::vector<std::int32_t> vertices;  // (K)
-    std::vector<std::int32_t> owner;     // (V) the sample, as an index into `vertices`, in whose Voronoi cell it lies
-    std::vector<float> to_owner;         // (V) distance to it, at most `spacing`
+    std::vector<std::int32_t> owner;     // (V) index into `vertices` of the sample whose Voronoi cell holds the vertex
+    std::vector<float> to_owner;         // (V) distance to this sample, at most `spacing`
     double spacing = 0;
 };
 
-/// A vertex's value as a blend of samples'.
+/// The samples and weights that give the value of a vertex.
 struct Around {
     static constexpr std::size_t count = 8;
     std::array<std::int32_t, count> samples;
@@ -30,16 +30,16 @@ struct Around {
 
 Surface surface_of(Matrix<const double> vertices, Matrix<const std::int32_t> faces, Matrix<const std::int32_t> links);
 
-/// About `count` samples, more where edges are long.
+/// Returns about `count` samples, or more if edges are long.
 Samples take_samples(const Surface& mesh, Matrix<const double> vertices, std::size_t count);
 
-/// Triangles and links between samples whose Voronoi cells touch; `rings` gets the neighbors of each sample that are
-/// not beyond a gap.
+/// Returns triangles and links between samples whose Voronoi cells touch. `rings` receives the neighbors of each
+/// sample, without neighbors across a gap.
 Surface voronoi_surface(const Surface& mesh, Matrix<const double> vertices, const Samples& samples,
                         std::vector<std::vector<std::int32_t>>& rings);
 
-/// For every vertex (V) the weights of the samples around it that give back linear functions of space: moving least
-/// squares.
+/// Returns for every vertex (V) the weights of the samples around it, by moving least squares. The weights reproduce
+/// linear functions of position.
 std::vector<Around> linear_fits(Matrix<const double> vertices, const Samples& samples,
                                 const std::vector<std::vector<std::int32_t>>& rings, int threads);
 
