@@ -13,6 +13,7 @@ from typer.cli import get_docs_for_click
 
 import dfd
 from dfd.cli import app as commands
+from dfd.editing.controls import CONTROLS
 
 MARK = re.compile(r"^<!-- generated (\w+) -->$", re.MULTILINE)
 Schema = dict[str, Any]
@@ -40,6 +41,12 @@ def edit_file() -> str:
     """Return the definitions of the edit file, its own fields first."""
     schema = dfd.edit_schema()
     return _object("Edit", schema) + "".join(_object(*each) for each in schema.get("$defs", {}).items())
+
+
+def controls() -> str:
+    """Return each control of a handle with its description."""
+    rows = [f"| `{name}` | {about.text} |" for name, about in CONTROLS.items()]
+    return "\n".join(["| control | what it does |", "|---|---|", *rows]) + "\n"
 
 
 def distill_settings() -> str:
