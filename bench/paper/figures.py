@@ -49,7 +49,7 @@ FLIPPED, OFF = "faces flipped by DFD, %", "handle off its target, % of the diago
 
 # What the paper says, what is measured, the rule, and its bound.
 FIGURES: dict[str, Figure] = {
-    "fig1": Figure("a plane of symmetry a shape", PLANE, column("plane %", preset=OURS), 100),
+    "fig1": Figure("a plane of symmetry per shape", PLANE, column("plane %", preset=OURS), 100),
     "fig2": Figure("plausible, no number", FLIPPED, column("flipped %", preset=OURS), most=1),
     "fig3": Figure("targets reached", OFF, column("off %", preset=OURS), most=0.1),
     "fig4": Figure(
@@ -76,7 +76,7 @@ FIGURES: dict[str, Figure] = {
         1.5,
     ),
     "fig14": Figure("moves related parts alone", ANGLE, ratio("angle °", DFD, PEERS), most=1),
-    "fig15": Figure("the others fail", "faces that the others fold, a shape", column("flipped faces", **FAILING), 1),
+    "fig15": Figure("the others fail", "faces that the others fold, per shape", column("flipped faces", **FAILING), 1),
     "fig16": Figure("as smooth as biharmonic", ANGLE, ratio("angle °", DFD, COORDINATES), most=1),
     "fig17": Figure("no tears", "gap, % of the motion", column("gap %", preset=OURS), most=5),
     "fig18": Figure("T is constant", "largest over smallest T", column("T s", spread, preset=OURS), most=2),
