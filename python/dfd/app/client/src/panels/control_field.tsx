@@ -49,7 +49,7 @@ export function ControlField({ name, handle }: ControlProps) {
       {name === "reach" && (
         <Segmented
           label="Reach by"
-          hint="To the border of the part, or as far as the number says"
+          hint="Up to the border of the part, or up to a feature distance"
           value={handle.reach_by}
           options={[...choices, "number"]}
           onChange={(word) => set(word === "number" ? handle.reach : word)}

@@ -130,7 +130,7 @@ export function motionFields(now: Transform, step: number, set: (part: Partial<T
         key="scale"
         label="Scale"
         of={of}
-        hint="How many times as large, along x, y and z"
+        hint="Factors along x, y and z"
         value={now.scale}
         step={0.05}
         onChange={(scale) => scale.every((factor) => factor !== 0) && set({ scale })}
@@ -143,7 +143,7 @@ const PIVOTS: Record<PivotAt, string> = {
   base: "base of the part",
   middle: "middle of the part",
   hinge: "hinge of the part",
-  point: "where it is held",
+  point: "the handle",
   plane: "on the mirror plane",
 };
 
@@ -154,10 +154,10 @@ function PivotChoice({ handle, axis }: { readonly handle: HandleState; readonly 
   return (
     <Select
       label="Turns about"
-      hint="The base of a limb, the middle of a head, or what is chosen"
+      hint="The base of a limb, the middle of other parts, or a chosen point"
       value={value}
       options={["auto", ...known, ...(value === "as set" ? [value] : [])]}
-      named={{ auto: "what is found", ...PIVOTS }}
+      named={{ auto: "automatic pivot", ...PIVOTS }}
       onChange={(name) =>
         send({ type: "move", handle: handle.handle, transform: { pivot: name as PivotAt | "auto" }, settle: true })
       }
@@ -171,7 +171,7 @@ interface BendProps {
   readonly set: (part: Partial<Transform>) => void;
 }
 
-const JOINTS = { spread: "all along", auto: "at its joint", here: "where it is held" };
+const JOINTS = { spread: "over its length", auto: "at its joint", here: "at the handle" };
 
 /** Angles of bend and twist of the part. */
 function Bend({ handle, transform: { bend, twist, joint }, set }: BendProps) {

@@ -59,7 +59,7 @@ function BrushPanel() {
           <Button
             text="Limit"
             disabled={!painted}
-            title={`${handleName(selected)} is to act nowhere else`}
+            title={`Limit ${handleName(selected)} to this region`}
             onPress={use((mask) => send({ type: "change", handle: selected.handle, controls: { mask } }))}
           />
         )}
@@ -85,7 +85,7 @@ function FixedPanel({ fixed }: { readonly fixed: readonly FixedState[] }) {
               <Slider
                 label="Strength"
                 of={` of ${name}`}
-                hint="How much of what looks like it is held in place"
+                hint="How firmly similar surface stays in place"
                 value={place.strength}
                 range={[0, 1, 0.05]}
                 text={percent(place.strength)}
@@ -107,12 +107,7 @@ function DefaultPanel({ known }: { readonly known: StateMessage }) {
   const now = { ...REST, ...known.default };
   const set = (part: Partial<Transform>) => setDefault({ ...now, ...part });
   const reset = (
-    <IconButton
-      icon="reset"
-      label="Leave it where it is"
-      disabled={known.default === null}
-      onPress={() => setDefault(REST)}
-    />
+    <IconButton icon="reset" label="Reset" disabled={known.default === null} onPress={() => setDefault(REST)} />
   );
   return (
     <Panel title="The rest of the shape" action={reset}>

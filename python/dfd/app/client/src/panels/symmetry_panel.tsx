@@ -19,7 +19,7 @@ export function SymmetryPanel({ known: { symmetry: used, planes: found } }: { re
     <Panel title="Symmetry">
       <Segmented
         label="Mirror plane"
-        hint="What a handle does on one side, its mirror image does on the other"
+        hint="Mirror every handle on the other side of the plane"
         value={shown ?? "None"}
         options={[...planes.keys()]}
         onChange={(name) => send({ type: "set_symmetry", plane: planes.get(name) ?? null })}
