@@ -1,4 +1,4 @@
-"""Fields with random weights: nothing that anybody distilled, but networks all the same."""
+"""Fields with random weights: not distilled, but real networks."""
 
 from __future__ import annotations
 

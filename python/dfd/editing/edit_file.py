@@ -207,7 +207,7 @@ def _parsed(path: str | os.PathLike[str]) -> Any:
     try:
         text = Path(path).read_text(encoding="utf-8-sig")  # some editors start a file with a byte order mark
     except UnicodeDecodeError as error:
-        raise ValueError(f"{name}: an edit must be UTF-8 text, but byte {error.start} is none") from None
+        raise ValueError(f"{name}: an edit must be UTF-8 text, but byte {error.start} is not") from None
     except OSError as error:
         raise OSError(error.errno, f"{name}: the edit could not be read: {error.strerror}") from error
     try:
@@ -392,7 +392,7 @@ class _Places:
             raise ArgumentError(
                 "mesh.bounds",
                 f"must be those of this mesh, {now.round(4).tolist()}, got {was.round(4).tolist()}: the edit is one of "
-                "another shape; dfd.editing.transfer carries it over, other_shape=True takes it all the same",
+                "another shape; dfd.editing.transfer transfers it, other_shape=True accepts it anyway",
             )
 
     def warn_of_lost(self, name: str) -> None:
@@ -401,7 +401,7 @@ class _Places:
         if made is not None and made.hash != self.mesh.content_hash and self.lost:
             warnings.warn(
                 f"{name}: the edit was made on a mesh of {made.vertices} vertices, and this one has "
-                f"{len(self.mesh.vertices)}: {self.lost} of its vertices or sets of them are taken by position",
+                f"{len(self.mesh.vertices)}: {self.lost} of its vertices or sets of vertices are found by position",
                 UserWarning,
                 stacklevel=4,
             )

@@ -74,7 +74,7 @@ def check_compatible(field: KnownShape, mesh: Mesh, *, allowed_by: str = "") -> 
         f"and this mesh has one of {np.max(mesh.extents):.4g} around {_point(np.mean(mesh.bounds, axis=0))}"
     )
     remedy = "bring the mesh to that shape's units, axes and position, or distill a field from it"
-    known_better = f"; {allowed_by} takes it all the same" if allowed_by else ""
+    known_better = f"; {allowed_by} accepts it anyway" if allowed_by else ""
     if outside or not 1 / LARGEST_RATIO <= ratio <= LARGEST_RATIO:
         raise ArgumentError(
             "field", f"must belong to this mesh, but it was distilled from {sizes}: {remedy}{known_better}"

@@ -37,7 +37,7 @@ def test_a_field_of_another_shape_is_refused(mesh, field, features, stranger):
         "Deformer: `field` must belong to this mesh, but it was distilled from a shape with a longest side of 0.9897 "
         f"around (0, 0.526, -0.007948), and this mesh has one of {max(other.extents):.4g} around "
     )
-    remedy = r"\(.*\): bring the mesh to that shape's units.*; other_shape=True takes it all the same$"
+    remedy = r"\(.*\): bring the mesh to that shape's units.*; other_shape=True accepts it anyway$"
     with pytest.raises(ValueError, match=re.escape(message) + remedy):
         dfd.Deformer(other, field)
     dfd.Deformer(other, field, other_shape=True)
@@ -75,7 +75,7 @@ def test_a_mesh_that_reaches_far_out_of_the_field_s_box_is_told_so(mesh, field):
 def test_a_field_in_a_file_is_refused_for_another_shape_unless_it_is_wanted(mesh, field, tmp_path):
     field.save(tmp_path / "field.safetensors")
     other = moved(mesh, 100)
-    with pytest.raises(ValueError, match=r"Field.load: `field` must belong .*; other_shape=True takes it all the same"):
+    with pytest.raises(ValueError, match=r"Field.load: `field` must belong .*; other_shape=True accepts it anyway"):
         dfd.Field.load(tmp_path / "field.safetensors", mesh=other)
     loaded = dfd.Field.load(tmp_path / "field.safetensors", mesh=other, other_shape=True)
     np.testing.assert_array_equal(loaded(mesh.vertices), field(mesh.vertices))
@@ -86,9 +86,9 @@ def test_an_edit_of_another_shape_is_taken_where_it_is_wanted(mesh, field, tmp_p
     session.add(5, translation=(0, 0.1, 0))
     session.save(tmp_path / "edit.json")
     other = moved(mesh, 3)
-    with pytest.raises(ValueError, match="one of another shape; .* other_shape=True takes it all the same"):
+    with pytest.raises(ValueError, match="one of another shape; .* other_shape=True accepts it anyway"):
         dfd.Deformer.load(tmp_path / "edit.json", other, made_field(16, center=other.bounds.mean(0), scale=0.7))
-    with pytest.warns(UserWarning, match="1 of its vertices or sets of them are taken by position"):
+    with pytest.warns(UserWarning, match="1 of its vertices or sets of vertices are found by position"):
         taken = dfd.Deformer.load(tmp_path / "edit.json", other, field, other_shape=True)
     np.testing.assert_array_equal(taken.handles[0].place.position, mesh.vertices[5])
 
@@ -136,7 +136,7 @@ def test_a_field_refuses_another_shape_of_the_same_size(mesh, known, sample):
         (vertices - box.mean(axis=0)) / np.ptp(box, axis=0).max() * 2 / known.scale + known.center, faces
     )
     with pytest.raises(
-        ValueError, match=r"was distilled from another shape: .*; other_shape=True takes it all the same"
+        ValueError, match=r"was distilled from another shape: .*; other_shape=True accepts it anyway"
     ):
         dfd.Deformer(stranger, known)
     dfd.Deformer(stranger, known, other_shape=True)

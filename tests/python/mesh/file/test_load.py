@@ -90,7 +90,7 @@ PLY = "ply\nformat ascii 1.0\nelement vertex {n}\nproperty float x\nproperty flo
         ("one.obj", "v 0 0 0\nf 1 1 1\n", "at least 3 distinct vertices, got 1"),
         ("nan.obj", obj_cube().replace("v 0 0 0", "v 0 nan 0"), "must hold finite coordinates, got nan at vertex 0"),
         ("zero.obj", obj_cube() + "f 0 1 2\n", "a face names vertex 0, but the first is 1"),
-        ("word.obj", obj_cube() + "f 1 two 3\n", "line 21: the corner 'two' of a face is none"),
+        ("word.obj", obj_cube() + "f 1 two 3\n", "line 21: the corner 'two' of a face must consist of whole numbers"),
         ("short.obj", obj_cube() + "v 1 0\n", "vertex 8 of its 'v' lines has 2 numbers, and 3 are needed"),
         ("cube.xyz", obj_cube(), "must end in .obj, .ply, .stl, .off, .glb, .gltf"),
         ("edge.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n2 0 1\n", "face 0 has '2' corners, and 3 are needed"),

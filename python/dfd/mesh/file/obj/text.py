@@ -216,7 +216,7 @@ def _corners(faces: Tokens, counted: tuple[Int64, Int64, Int64]) -> Int64:
         places = np.flatnonzero(np.frombuffer(faces.text, np.uint8) == ord("/"))
         slashes = np.searchsorted(places, faces.ends) - np.searchsorted(places, faces.starts)
     if (slashes > 2).any():
-        raise _bad_face(faces, int(np.argmax(slashes > 2)), "is none")
+        raise _bad_face(faces, int(np.argmax(slashes > 2)), "has more than two slashes")
     plain = faces.text.replace(b"//", b"/0/")
     if (np.frombuffer(faces.text, np.uint8)[faces.ends - 1] == ord("/")).any():  # `1/` and `1/2/`
         plain = b"\n".join(
@@ -227,7 +227,7 @@ def _corners(faces: Tokens, counted: tuple[Int64, Int64, Int64]) -> Int64:
     if numbers is None:
         spans = zip(faces.starts.tolist(), faces.ends.tolist(), strict=True)
         wrong = (i for i, (start, end) in enumerate(spans) if not _CORNER.fullmatch(faces.text, start, end))
-        raise _bad_face(faces, next(wrong, 0), "is none")
+        raise _bad_face(faces, next(wrong, 0), "must consist of whole numbers")
     first = np.cumsum(slashes + 1) - (slashes + 1)
     corners = np.full((len(first), 3), -1, np.int64)
     line = np.repeat(faces.lines, faces.counts)
