@@ -165,7 +165,7 @@ def test_on_another_resolution_handles_stay_where_they_were(edit, mesh, document
 def test_an_edit_of_another_shape_is_refused(document):
     stranger = grid(33)
     stranger = Mesh(stranger.vertices * [1, 1, 2], stranger.faces)
-    with pytest.raises(ValueError, match=r"`mesh.bounds` must be those of this mesh.*transfer carries it over"):
+    with pytest.raises(ValueError, match=r"`mesh.bounds` must be those of this mesh.*transfer transfers it"):
         from_document(document, stranger)
 
 
