@@ -1,4 +1,4 @@
-"""What several test files set up alike, each of it made once in a run, whichever process asks for it first."""
+"""Fixtures of several test files. Each is made once in a run, by the first process that needs it."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ import dfd
 from dfd import Field, Mesh
 from dfd.samples import Sample
 
-# A machine that does something else besides is no reason to fail.
+# Tests must not fail on a busy machine.
 settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("any machine")
 
 
 @pytest.fixture(autouse=True, scope="session")
 def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Nothing of the user's cache is read or written, in children neither."""
+    """Use a temporary cache in place of the user's, also in child processes."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("DFD_CACHE", str(tmp_path_factory.mktemp("cache")))
         yield
@@ -44,7 +44,7 @@ def _own_thread_count() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def one_thread() -> Iterator[None]:
-    """One thread for torch: networks as small as those of the tests only wait for one another's threads."""
+    """Use one thread for torch, because the small networks of the tests would only wait for other threads."""
     threads, own = torch.get_num_threads(), dfd.get_num_threads()
     torch.set_num_threads(1)
     dfd.set_num_threads(1)
@@ -55,7 +55,7 @@ def one_thread() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def made_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
-    """A folder by its name, which `make` fills in one process of the run; no test writes into it."""
+    """Return a function that returns a folder by name; `make` fills it once in a run. Tests must not write into it."""
     shared = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         shared = shared.parent
@@ -75,8 +75,8 @@ def made_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
 
 @pytest.fixture(scope="session")
 def tiny_encoder(made_once: Callable[..., Path]) -> Path:
-    """The folder of a vision network that encodes a picture in a millisecond."""
-    from tiny_encoder import save_tiny_encoder  # with transformers, which takes seconds
+    """Return the folder of a vision network that encodes a picture in a millisecond."""
+    from tiny_encoder import save_tiny_encoder  # imports transformers, which takes seconds
 
     return made_once("tiny_encoder", save_tiny_encoder)
 
@@ -98,7 +98,7 @@ def mesh(chair_mesh: Mesh) -> Mesh:
 
 @pytest.fixture(scope="session")
 def field(mesh: Mesh) -> Field:
-    """A field of the chair that has learnt nothing."""
+    """Return a field of the chair with random weights."""
     return field_of(mesh, seed=1)
 
 
@@ -113,7 +113,7 @@ def quadruped_sample() -> Sample:
 
 
 def read_only(sample: Sample) -> Sample:
-    """Let no test change what the others see; a mesh takes care of itself."""
+    """Make the arrays of a sample read-only; those of its mesh already are."""
     for labels in (sample.labels, sample.instances):
         labels.flags.writeable = False
     return sample

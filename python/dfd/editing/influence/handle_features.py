@@ -1,4 +1,4 @@
-"""What `dfd.bind` is told about places: vertices, or rows of features where one of them is no vertex."""
+"""Convert places to the arguments of `dfd.bind`: vertices, or rows of features if a place is no vertex."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-# As many vertices as `compact` would judge by: up to there it takes longer than it saves.
+# Largest number of vertices whose features are kept in full. It is the sample of `compact`, which saves no time below
+# it.
 MOST_EXACT = 16_384
-# A region weighs by so many of its members, those whose features differ most, chosen among so many.
+# A region is represented by at most 32 members with different features, which are chosen among at most 2,048.
 MOST_REPRESENTATIVES, MOST_CANDIDATES = 32, 2048
 
 Indices = Int64
@@ -31,7 +32,7 @@ class HandleFeatures:
     """The features of one mesh's vertices, in full or compact, and of points and regions among them."""
 
     def __init__(self, mesh: Mesh, field: Field, features: Any = None) -> None:
-        """Keep (V, D) `features`, or ask the field when they are first needed.
+        """Store `features` (V, D), or evaluate the field when they are first needed.
 
         Raises ValueError if `features` is not finite or not one row of the field's width per vertex.
         """
@@ -39,19 +40,19 @@ class HandleFeatures:
         self._field = field
         self._on_mesh = FieldOnMesh(field, mesh)
         self._features = None if features is None else _checked(features, (len(mesh.vertices), field.dimension))
-        self.full = False  # whether those of the field are kept in full for any number of vertices
+        self.full = False  # whether the field's features are kept in full for any number of vertices
         self._members: dict[Region, Indices] = {}
         self._representatives: dict[Region, Indices] = {}
 
     @property
     def features(self) -> Float32 | CompactFeatures:
-        """(V, D) features of the vertices: in full up to 16,384 vertices or if `full`, else compact, or as given."""
+        """Return the features (V, D): as given, or in full up to 16,384 vertices and if `full`, or else compact."""
         self.prepare()
         assert self._features is not None
         return self._features
 
     def prepare(self, progress: Callable[[int], object] | None = None) -> None:
-        """Ask the field for the features, unless they are there; `progress` hears how many further rows are done."""
+        """Evaluate the features unless they exist; `progress` is called with the number of further rows."""
         if self._features is not None:
             return
         if len(self._mesh.vertices) > MOST_EXACT and not self.full:
@@ -62,13 +63,13 @@ class HandleFeatures:
                 progress(len(self._features))
 
     def members_of(self, region: Region) -> Indices:
-        """(N,) the vertices of a region."""
+        """Return the vertices (N,) of a region."""
         if region not in self._members:
             self._members[region] = members(self._mesh, region)
         return self._members[region]
 
     def inside(self, region: Region, width: float) -> Float32:
-        """(V,) 1 in a region and 0 beyond it, falling smoothly over `width`, mesh units."""
+        """Return (V,) 1 inside a region, falling smoothly to 0 over `width`, mesh units, outside it."""
         inside = np.zeros(len(self._mesh.vertices), np.float32)
         if width == 0.0:
             inside[self.members_of(region)] = 1.0
@@ -77,12 +78,12 @@ class HandleFeatures:
         return (left * left * (3.0 - 2.0 * left)).astype(np.float32)
 
     def members(self, place: Place) -> Indices:
-        """(N,) the vertices of a place that is a region."""
+        """Return the vertices (N,) of a place that is a region."""
         assert place.region is not None
         return self.members_of(place.region)
 
     def representatives(self, place: Place) -> Indices:
-        """(N ≤ 32,) those members of a region whose features differ most from one another."""
+        """Return the members (N ≤ 32,) of a region whose features differ most from each other."""
         assert place.region is not None
         if place.region not in self._representatives:
             chosen = self.members(place)
@@ -92,7 +93,7 @@ class HandleFeatures:
         return self._representatives[place.region]
 
     def vertices(self, place: Place) -> Indices:
-        """(N,) the vertices that stand for a place: itself, the nearest one, or the representatives of a region."""
+        """Return the vertices (N,) for a place: its vertex, the nearest vertex, or the representatives of a region."""
         if place.region is not None:
             return self.representatives(place)
         if place.vertex is not None:
@@ -100,21 +101,21 @@ class HandleFeatures:
         return np.array([np.linalg.norm(self._mesh.vertices - np.asarray(place.position), axis=1).argmin()])
 
     def anchor(self, place: Place) -> int:
-        """The vertex at a place: itself, the nearest one, or the member of a region nearest to its center."""
+        """Return one vertex for a place: its vertex, the nearest vertex, or the member nearest to a region's center."""
         if place.region is None:
             return int(self.vertices(place)[0])
         chosen = self.members(place)
         return int(chosen[np.linalg.norm(self._mesh.vertices[chosen] - np.asarray(place.position), axis=1).argmin()])
 
     def holds(self, place: Place, other: Place) -> bool:
-        """Whether `place` is a region to which all of `other` belongs."""
+        """Return whether `place` is a region that contains all vertices of `other`."""
         if place.region is None or (other.vertex is None and other.region is None):
             return False
         inner = np.array([other.vertex]) if other.region is None else self.members(other)
         return bool(np.isin(inner, self.members(place)).all())
 
     def points(self, places: Sequence[Place]) -> Any:
-        """What `bind` takes for places: (N,) vertices, (N, D) features where one is no vertex, or a list of regions."""
+        """Return places for `bind`: vertices (N,), features (N, D) if one is no vertex, or a list if one is a region."""
         if any(place.region is not None for place in places):
             known = (self._known(place) for place in places)
             return [
@@ -124,13 +125,13 @@ class HandleFeatures:
         return vertices if (vertices >= 0).all() else self.of(places)
 
     def _known(self, place: Place) -> Indices:
-        """(N,) the vertices of a place, −1 for a point of space."""
+        """Return the vertices (N,) of a place; −1 for a point in space."""
         if place.region is not None:
             return self.representatives(place)
         return np.array([-1 if place.vertex is None else place.vertex])
 
     def of(self, places: Sequence[Place]) -> Float32:
-        """(N, D) features of places, several for a region."""
+        """Return the features (N, D) of places; a region has several rows."""
         vertices = np.concatenate([np.zeros(0, np.int64), *map(self._known, places)])
         known = vertices >= 0
         rows = np.empty((len(vertices), self._field.dimension), np.float32)
@@ -141,7 +142,7 @@ class HandleFeatures:
         return rows
 
     def of_vertices(self, vertices: Indices) -> Float32:
-        """(N, D) features of vertices (N,); a few are asked of the field while those of all are not there."""
+        """Return the features (N, D) of vertices (N,); evaluate the field if `features` do not exist yet."""
         if self._features is None:
             return self._on_mesh.rows(vertices)
         if isinstance(self._features, CompactFeatures):
@@ -150,7 +151,7 @@ class HandleFeatures:
 
 
 def _farthest_apart(rows: Float32, most: int) -> Indices:
-    """(N ≤ most,) indices of `rows`, each the farthest from those before it, until all that is left is the same."""
+    """Return indices (N ≤ most,) of `rows`, each farthest from the previous ones, until all others are duplicates."""
     chosen = [0]
     nearest = np.linalg.norm(rows - rows[0], axis=1)
     while len(chosen) < most and nearest.max() > 0:
