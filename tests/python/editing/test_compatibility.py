@@ -135,9 +135,7 @@ def test_a_field_refuses_another_shape_of_the_same_size(mesh, known, sample):
     stranger = dfd.Mesh(
         (vertices - box.mean(axis=0)) / np.ptp(box, axis=0).max() * 2 / known.scale + known.center, faces
     )
-    with pytest.raises(
-        ValueError, match=r"was distilled from another shape: .*; other_shape=True accepts it anyway"
-    ):
+    with pytest.raises(ValueError, match=r"was distilled from another shape: .*; other_shape=True accepts it anyway"):
         dfd.Deformer(stranger, known)
     dfd.Deformer(stranger, known, other_shape=True)
 

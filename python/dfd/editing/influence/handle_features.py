@@ -115,7 +115,7 @@ class HandleFeatures:
         return bool(np.isin(inner, self.members(place)).all())
 
     def points(self, places: Sequence[Place]) -> Any:
-        """Return places for `bind`: vertices (N,), features (N, D) if one is no vertex, or a list if one is a region."""
+        """Return places for `bind`: vertices (N,), features (N, D) if one is no vertex, or a list with regions."""
         if any(place.region is not None for place in places):
             known = (self._known(place) for place in places)
             return [

@@ -46,7 +46,7 @@ class Ball:
         return f"the ball of radius {self.radius:g} around {_point(self.center)}"
 
     def inside(self, mesh: Mesh) -> Mask:
-        """(V,) which vertices lie in it."""
+        """Return which vertices (V,) lie inside."""
         return np.linalg.norm(mesh.vertices - np.asarray(self.center), axis=1) <= self.radius
 
 
@@ -69,7 +69,7 @@ class Box:
         return f"the box from {_point(self.low)} to {_point(self.high)}"
 
     def inside(self, mesh: Mesh) -> Mask:
-        """(V,) which vertices lie in it."""
+        """Return which vertices (V,) lie inside."""
         low, high = np.asarray(self.low), np.asarray(self.high)
         return np.all((mesh.vertices >= low) & (mesh.vertices <= high), axis=1)
 
@@ -96,7 +96,7 @@ class HalfSpace:
         return f"the side {_point(self.normal)} · p ≥ {self.offset:g}"
 
     def inside(self, mesh: Mesh) -> Mask:
-        """(V,) which vertices lie in it."""
+        """Return which vertices (V,) lie inside."""
         return mesh.vertices @ np.asarray(self.normal) >= self.offset
 
 
@@ -123,7 +123,7 @@ class Part(Named):
         return f"part:{self.name}"
 
     def inside(self, mesh: Mesh) -> Mask:
-        """(V,) which vertices belong to it."""
+        """Return which vertices (V,) belong to it."""
         return _mask(mesh, mesh.part_vertices(self.name))
 
 
@@ -138,7 +138,7 @@ class Group(Named):
         return f"group:{self.name}"
 
     def inside(self, mesh: Mesh) -> Mask:
-        """(V,) which vertices belong to it."""
+        """Return which vertices (V,) belong to it."""
         return _mask(mesh, mesh.group_vertices(self.name))
 
 
@@ -198,7 +198,7 @@ class VertexSet:
         return f"a set of {count} {'vertex' if count == 1 else 'vertices'}"
 
     def inside(self, mesh: Mesh) -> Mask:
-        """(V,) which vertices belong to it."""
+        """Return which vertices (V,) belong to it."""
         if self.lies_on(mesh):
             return _mask(mesh, self.indices)
         from scipy.spatial import cKDTree  # slow to import, and not needed for the help of the command line
