@@ -82,7 +82,7 @@ PHRASES = {"dfd.editing.transfer": "`dfd deform --made-on`", "other_shape=True":
 
 
 def _in_options(function: str | None, said: str, parameters: Sequence[Any]) -> str:
-    """What a Python function says of its arguments, by the options of the command that passed them on."""
+    """Return the message of a Python function with the names of command-line options in place of its arguments."""
     known = {each.name: each.opts[0] if each.opts[0].startswith("-") else each.metavar for each in parameters}
 
     def option(name: str) -> str:

@@ -92,7 +92,7 @@ class Mesh:
 
     @cached_property
     def bounds(self) -> Float64:
-        """(2, 3) smallest and largest coordinates, without the vertices of a file that no face uses."""
+        """Return the smallest and largest coordinates (2, 3), without unused vertices of a file."""
         places = self.vertices
         if self.scene is not None:  # in a mesh of arrays, unused vertices count too
             used = np.zeros(len(self.vertices), bool)
@@ -102,7 +102,7 @@ class Mesh:
 
     @cached_property
     def extents(self) -> Float64:
-        """(3,) lengths of the sides of the box around the mesh."""
+        """Return the lengths (3,) of the sides of the box around the mesh."""
         return _frozen(self.bounds[1] - self.bounds[0])
 
     @cached_property
@@ -181,7 +181,7 @@ class Mesh:
 
     @cached_property
     def normals(self) -> Float32:
-        """(V, 3) smooth unit normals, with faces weighted by area; zero at vertices without a face of nonzero area."""
+        """Return smooth unit normals (V, 3), means over faces weighted by area; zero at vertices without such a face."""
         return _frozen(smooth_normals(self.vertices, self.faces)[self.representative])
 
     @cached_property

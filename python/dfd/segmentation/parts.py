@@ -52,7 +52,7 @@ class Part:
 
     @property
     def vertices(self) -> Int64:
-        """(N,) the vertices of the part, ascending."""
+        """Return the vertices (N,) of the part, ascending."""
         return np.flatnonzero(self.mask)
 
 

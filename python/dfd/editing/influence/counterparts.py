@@ -81,7 +81,7 @@ class Column(NamedTuple):
 
     @property
     def image(self) -> Float64 | None:
-        """(3, 4) the isometry from the handle's own component, if they are mirror images."""
+        """Return the isometry (3, 4) from the handle's own component, or None if they are no mirror images."""
         return None if self.counterpart is None else self.counterpart.image
 
     def vertex(self, anchor: int) -> int:
@@ -179,7 +179,7 @@ class CounterpartFinder:
 
     @property
     def samples(self) -> tuple[Int64, Float64]:
-        """(N,) vertices that sample the surface, and how many vertices each represents."""
+        """Return vertices (N,) that sample the surface, and the number (N,) of vertices that each represents."""
         nodes = self._nodes
         return np.asarray(nodes.members[nodes.starts], np.int64), np.asarray(nodes.ends - nodes.starts, np.float64)
 
@@ -313,7 +313,7 @@ class _Box:
 
 
 def shortest_turn(one: Float64, other: Float64) -> Float64:
-    """(3, 3) the rotation by the smallest angle of `one` (3,) onto `other` (3,), both of length 1."""
+    """Return the smallest rotation (3, 3) from `one` (3,) to `other` (3,), both of length 1."""
     across = np.cross(one, other)
     sine, cosine = float(np.linalg.norm(across)), float(one @ other)
     if sine < 1e-9:

@@ -48,7 +48,7 @@ class GltfDocument(GltfPatch):
         self._unpacked: set[int] = set()
 
     def rows(self, primitive: Primitive) -> Int64:
-        """(rows,) the mesh's vertex that each row of a primitive is at, -1 where no face uses it."""
+        """Return the mesh's vertex (rows,) of each row of a primitive; -1 for a row without a face."""
         return self.vertex[primitive.rows]
 
     def parts(self) -> Iterator[tuple[int, list[Primitive]]]:
@@ -112,7 +112,7 @@ class GltfDocument(GltfPatch):
 
 
 def _rows_written(mesh: Mesh) -> Int64:
-    """(R,) the mesh's vertex that each row of its scene is at, as `as_gltf` writes them."""
+    """Return the mesh's vertex (R,) of each row of its scene, in the order of `as_gltf`."""
     if mesh.scene is None:
         return np.arange(len(mesh.vertices))
     vertex = mesh.scene.vertex.astype(np.int64)

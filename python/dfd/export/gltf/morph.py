@@ -30,7 +30,7 @@ class MorphTargets:
     weights: Float64  # (M, T) weights of the targets, in the edit and then at each key pose
 
     def shown(self, moment: int, rig: Rig) -> Float64:
-        """(V, 3) the shape at a moment: rest positions plus the weighted displacements."""
+        """Return the shape (V, 3) at a moment: resting positions plus weighted displacements."""
         rest = rig.mesh.vertices
         result = (rest - rig.origin).astype(np.float32) + rig.origin
         for weight, shape in zip(self.weights[moment], self.shapes, strict=True):

@@ -36,7 +36,7 @@ class AssetFolder:
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), shortened(name))
 
     def has(self, name: str) -> bool:
-        """Whether `read` would find a file of that name."""
+        """Return whether `read` would find a file with this name."""
         try:
             self.read(name)
         except (ValueError, OSError):

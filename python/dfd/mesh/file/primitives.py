@@ -86,7 +86,7 @@ class Primitive(MeshInstance):
 
     @property
     def mirrored(self) -> bool:
-        """Whether the transform reverses orientation; with a skin, whether most rows' transforms do."""
+        """Return whether the transform reverses orientation; with a skin, whether the transforms of most rows do."""
         with np.errstate(over="ignore", invalid="ignore"):
             return bool(np.mean(np.linalg.det(self.transform[..., :3, :3]) < 0) > 0.5)
 

@@ -55,7 +55,7 @@ class SceneFile:
 
     @property
     def faces(self) -> Int32:
-        """(F, 3) corners as vertices of the mesh."""
+        """Return the corners (F, 3) of faces as vertices of the mesh."""
         return self.vertex[self.corner_faces]
 
     @classmethod

@@ -58,7 +58,7 @@ def encode(source: GltfData, moved: Sequence[MovedPrimitive], *, binary: bool) -
 
 
 def keeps_origin(source: GltfData, each: MovedPrimitive) -> bool:
-    """Whether the node of a primitive has a skin or morph targets: then it cannot be moved to another origin."""
+    """Return whether the node of a primitive has a skin or morph targets, so that its origin must stay."""
     node, mesh, _ = each.primitive.source
     primitives = source.header["meshes"][mesh]["primitives"]
     return "skin" in source.header["nodes"][node] or any("targets" in each for each in primitives)

@@ -34,11 +34,11 @@ class Tokens:
     shifts: Int64  # (L,) offset from positions in `text` to those in the file
 
     def spans(self) -> Int64:
-        """(W, 2) where in the file each word begins and ends."""
+        """Return the start and end (W, 2) of each word in the file."""
         return np.stack([self.starts, self.ends], axis=1) + np.repeat(self.shifts, self.counts)[:, None]
 
     def first(self) -> Int64:
-        """(L,) number of each line's first word."""
+        """Return the number (L,) of each line's first word."""
         return np.cumsum(self.counts) - self.counts
 
 
