@@ -181,7 +181,7 @@ class Mesh:
 
     @cached_property
     def normals(self) -> Float32:
-        """Return smooth unit normals (V, 3), means over faces weighted by area; zero at vertices without such a face."""
+        """Return smooth unit normals (V, 3), means over faces weighted by area; zero at vertices without any."""
         return _frozen(smooth_normals(self.vertices, self.faces)[self.representative])
 
     @cached_property
