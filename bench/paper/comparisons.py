@@ -169,7 +169,7 @@ def fig8(context: Context) -> Page:
 
 
 def fig9(context: Context, most: tuple[int, int] = (1, 3)) -> Page:
-    """Layouts like those of DeepMetaHandles by every method; DFD has the control point that goes farthest."""
+    """Layouts like those of DeepMetaHandles by every method; DFD uses the control point that moves farthest alone."""
     return _compared(context, stretched(context, most), DENSE_TEXT, ball=0.0)
 
 
@@ -179,12 +179,12 @@ def fig16(context: Context) -> Page:
 
 
 def fig14(context: Context, ball: float = BALL) -> Page:
-    """One handle by every method, others with the neighbors of their constraints."""
+    """One handle by every method; the others also constrain the neighbors of their constraints."""
     return _compared(context, pulls(context, (2, 10)), ball=ball)
 
 
 def fig15(context: Context) -> Page:
-    """One handle by every method, others without neighbors."""
+    """One handle by every method; the others constrain no neighbors."""
     return fig14(context, 0.0)
 
 

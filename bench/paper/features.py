@@ -73,7 +73,7 @@ FOLLOWS = 0.5
 
 
 def fig4(context: Context) -> Page:
-    """Training pixels, and fields of the shape and of a copy with 1 % of its faces, from rendering to weights."""
+    """Training pixels; fields of the shape and of a copy with 1 % of its faces; seconds of all steps."""
     rows: list[Row] = []
     drawn: list[Pictures] = []
     for given, _ in context.cases(DISTILLED, (1, 2)):

@@ -70,7 +70,7 @@ FIGURES: dict[str, Figure] = {
         "similar weights", "correlation of the others with the first", column("correlation", preset=OURS), 0.7
     ),
     "fig13": Figure(
-        "much worse weights",
+        "vertices give much worse weights",
         "distance from the fine copy's weights, vertices over pixels",
         ratio("off", VERTICES, PIXELS),
         1.5,
@@ -79,7 +79,7 @@ FIGURES: dict[str, Figure] = {
     "fig15": Figure("the others fail", "faces that the others fold, per shape", column("flipped faces", **FAILING), 1),
     "fig16": Figure("as smooth as biharmonic", ANGLE, ratio("angle °", DFD, COORDINATES), most=1),
     "fig17": Figure("no tears", "gap, % of the motion", column("gap %", preset=OURS), most=5),
-    "fig18": Figure("T is constant", "largest over smallest T", column("T s", spread, preset=OURS), most=2),
+    "fig18": Figure("constant training time T", "largest over smallest T", column("T s", spread, preset=OURS), most=2),
     "fig19": Figure("the same weights", "mean difference of weights", column("mean difference", preset=OURS), most=0.1),
     "fig20": Figure(
         "the same parts",

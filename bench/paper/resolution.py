@@ -280,7 +280,7 @@ def _ticks(context: Context, case: Case, name: str, sizes: Sequence[Shape]) -> l
 
 
 def table3(context: Context) -> Page:
-    """Seconds to bind 1, 10 and 100 new handles, beside OptCtrlPoints in the same nodes."""
+    """Seconds to bind 1, 10 and 100 new handles, beside OptCtrlPoints on the same nodes of tetrahedra."""
     repeats, patience = context.of((3, 50)), context.of(PATIENCE)
     rows: list[Row] = []
 
