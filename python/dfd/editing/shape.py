@@ -55,7 +55,7 @@ class PosedShape:
             how = self._arguments(edit, columns)
             self._drag = Drag(self._weights.bent(edit), weights, moving=moving, **how)
             self._moving = {handle: [column for column in columns if column.handle == handle] for handle in moved}
-        matrices = [self._matrix(edit, column) for columns in self._moving.values() for column in columns]
+        matrices = [_matrix(edit, column) for columns in self._moving.values() for column in columns]
         return self._drag.pose(matrices)
 
     def _whole(self, edit: Edit) -> Float64:
@@ -71,19 +71,18 @@ class PosedShape:
 
     def _arguments(self, edit: Edit, columns: tuple[Column, ...]) -> dict[str, Any]:
         """Return the arguments of `pose` and `Drag` for `edit`, besides vertices and weights."""
-        positions = [column.position(edit.handles[column.handle]) for column in columns]
         return {
-            "transforms": np.reshape([self._matrix(edit, column) for column in columns], (-1, 3, 4)),
+            "transforms": np.reshape([_matrix(edit, column) for column in columns], (-1, 3, 4)),
             "default": None if edit.default is None else edit.default.matrix(box_center(self._mesh)),
             "symmetry": edit.symmetry,
-            "handles": np.reshape(positions, (-1, 3)),
+            "handles": np.reshape([column.counterpart.position for column in columns], (-1, 3)),
             "overlap": edit.rules.overlap,
             "blend": edit.blending,
         }
 
-    def _matrix(self, edit: Edit, column: Column) -> Float64:
-        handle = edit.handles[column.handle]
-        return handle.matrix if column.counterpart is None else column.matrix(handle)
+
+def _matrix(edit: Edit, column: Column) -> Float64:
+    return column.matrix(edit.handles[column.handle])
 
 
 def _moved(before: Edit, after: Edit) -> list[int] | None:

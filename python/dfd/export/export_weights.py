@@ -64,7 +64,7 @@ def _arrays(session: Deformer) -> dict[str, np.ndarray[Any, Any]]:
         "faces": session.mesh.faces.copy(),
         "weights": np.ascontiguousarray(weights, np.float32),
         "transforms": np.array([column.matrix(handle) for column, handle in zip(columns, held, strict=True)]),
-        "handles": np.array([column.position(handle) for column, handle in zip(columns, held, strict=True)]),
+        "handles": np.array([column.counterpart.position for column in columns]),
         "handle_ids": np.array([handle.id for handle in held], np.int64),
         "default": np.ascontiguousarray(default),
     }

@@ -112,7 +112,7 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
             frame = _frame(moves[handle.id])
             joints.append(Joint(named, handle.id, handle.place.position, np.asarray(handle.pivot), frame, image))
             of_column.append(number)
-            mirrored.append(mirror ^ _stands_below(edit, column, handle))
+            mirrored.append(mirror ^ _stands_below(edit, column))
     sides = np.array(mirrored, bool)
     return Rig(
         session.mesh,
@@ -139,20 +139,18 @@ def _frame(transforms: Sequence[Transform]) -> Float64:
 
 def _carry(column: Column, handle: Handle) -> Float64:
     """Return the rigid Φ (4, 4) from a handle to one of its counterparts."""
-    carry = np.eye(4)
-    if column.counterpart is not None:
-        carry[:3, :3] = column.counterpart.frame
-        there = np.asarray(handle.place.position)
-        carry[:3, 3] = np.asarray(column.counterpart.position) - column.counterpart.frame @ there
+    carry, own = np.eye(4), column.counterpart
+    carry[:3, :3] = own.frame
+    carry[:3, 3] = np.asarray(own.position) - own.frame @ np.asarray(handle.place.position)
     return carry
 
 
-def _stands_below(edit: Edit, column: Column, handle: Handle) -> bool:
+def _stands_below(edit: Edit, column: Column) -> bool:
     """Return whether a column's position is on the negative side of the plane."""
     plane = edit.symmetry
     if plane is None:
         return False
-    return float(np.asarray(column.position(handle)) @ np.asarray(plane.normal)) < plane.offset
+    return float(np.asarray(column.counterpart.position) @ np.asarray(plane.normal)) < plane.offset
 
 
 def _side(plane: SymmetryPlane, points: Float64) -> Float64:

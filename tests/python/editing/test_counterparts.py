@@ -9,8 +9,9 @@ import pytest
 
 from dfd import Mesh, SymmetryPlane
 from dfd.editing.influence import counterparts
-from dfd.editing.influence.counterparts import CounterpartFinder
+from dfd.editing.influence.counterparts import find_counterparts
 from dfd.geometry import coarse
+from dfd.geometry.coarse import nodes_of
 from dfd.posing.transforms import affine
 from dfd.segmentation.parts import Grip
 
@@ -57,7 +58,7 @@ def find(
     mesh: Mesh, weights: np.ndarray, vertex: int, component: np.ndarray | None, *planes: SymmetryPlane
 ) -> tuple[counterparts.Counterpart, ...]:
     grip = None if component is None else part(component)
-    return CounterpartFinder(mesh).find(weights, vertex, mesh.vertices[vertex], grip, planes)[0]
+    return find_counterparts(mesh, weights, vertex, mesh.vertices[vertex], grip, planes)[0]
 
 
 def share(mesh: Mesh, one: counterparts.Counterpart) -> np.ndarray:
@@ -79,14 +80,14 @@ def test_every_component_of_a_part_is_one_counterpart():
     weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, -0.5, 0.5, 0.9) + hill(mesh, 0.5, 0, 0.02)
     pieces = np.where(mesh.vertices[:, 0] < -0.2, 1, np.where(mesh.vertices[:, 0] > 0.2, 0, -1))
     held = Grip(np.ones(len(pieces), np.float32), np.ones(len(pieces), np.float32), pieces)
-    finder, vertex = CounterpartFinder(mesh), vertex_at(mesh, -0.5, -0.5)
-    own, other = finder.find(weights, vertex, mesh.vertices[vertex], held)[0]
+    vertex = vertex_at(mesh, -0.5, -0.5)
+    own, other = find_counterparts(mesh, weights, vertex, mesh.vertices[vertex], held)[0]
     np.testing.assert_array_equal(share(mesh, own)[pieces == 1], 1)
     np.testing.assert_array_equal(share(mesh, other)[pieces == 0], 1)
     np.testing.assert_allclose(other.position, (0.5, 0, 0), atol=1e-12)
     np.testing.assert_allclose(share(mesh, own) + share(mesh, other), 1, atol=1e-6)
     vertex = vertex_at(mesh, -0.1, 0.3)
-    beside, _ = finder.find(weights, vertex, mesh.vertices[vertex], held)[0]
+    beside, _ = find_counterparts(mesh, weights, vertex, mesh.vertices[vertex], held)[0]
     np.testing.assert_array_equal(
         share(mesh, beside)[pieces == 1], 1, err_msg="held on the border, it is of the nearest component"
     )
@@ -125,7 +126,7 @@ def test_shares_add_up_to_one_and_each_has_its_counterpart_to_itself():
     whole = np.ones(len(component), np.float32)
     vertex = vertex_at(mesh, -0.5, 0)
     weights = hill(mesh, -0.5, 0, 1) + hill(mesh, 0.5, 0, 0.9)
-    found = CounterpartFinder(mesh).find(weights, vertex, mesh.vertices[vertex], Grip(whole, whole, component))[0]
+    found = find_counterparts(mesh, weights, vertex, mesh.vertices[vertex], Grip(whole, whole, component))[0]
     shares = np.stack([share(mesh, each) for each in found])
     np.testing.assert_allclose(shares.sum(axis=0), 1, atol=1e-6)
     assert shares.min() >= 0
@@ -139,7 +140,7 @@ def test_weights_that_do_not_end_with_the_part_are_shared_beyond_it():
     grip = part(around(mesh, (-0.5, 0), (0.5, 0)))
     beyond = grip.component < 0
     for everywhere in (False, True):
-        found, _ = CounterpartFinder(mesh).find(weights, vertex, mesh.vertices[vertex], grip, everywhere=everywhere)
+        found, _ = find_counterparts(mesh, weights, vertex, mesh.vertices[vertex], grip, everywhere=everywhere)
         total = sum(share(mesh, each) for each in found)
         np.testing.assert_allclose(total[~beyond], 1, atol=1e-6)
         np.testing.assert_allclose(total[beyond], float(everywhere), atol=1e-6)
@@ -151,7 +152,7 @@ def test_shares_pass_smoothly_from_one_counterpart_to_the_next():
     whole = np.ones(len(component), np.float32)
     vertex = vertex_at(mesh, -0.5, 0)
     grip = Grip(whole, whole, component)
-    own, _ = CounterpartFinder(mesh).find(hill(mesh, -0.5, 0, 1), vertex, mesh.vertices[vertex], grip)[0]
+    own, _ = find_counterparts(mesh, hill(mesh, -0.5, 0, 1), vertex, mesh.vertices[vertex], grip)[0]
     along = share(mesh, own).reshape(SIDE, SIDE)
     assert np.abs(np.diff(along, axis=0)).max() < 0.2
     assert np.abs(np.diff(along, axis=1)).max() < 0.2
@@ -203,14 +204,14 @@ def test_a_fine_mesh_is_gathered_into_nodes_and_has_the_same_counterparts():
     component = around(mesh, (-0.5, -0.5), (0.5, -0.5), (0.5, 0.5))
 
     def found() -> tuple[counterparts.Counterpart, ...]:
-        finder = CounterpartFinder(mesh)
-        of_node = component[finder._nodes.members[finder._nodes.starts]]
+        nodes = nodes_of(mesh)
+        of_node = component[nodes.members[nodes.starts]]
         grip = Grip(np.ones(len(component), np.float32), np.ones(len(of_node), np.float32), of_node)
-        return finder.find(weights, vertex, mesh.vertices[vertex], grip)[0]
+        return find_counterparts(mesh, weights, vertex, mesh.vertices[vertex], grip)[0]
 
     exact = found()
     with mock.patch.object(coarse, "MOST_NODES", 1000), mock.patch.object(coarse, "CELLS", 20):
-        assert len(CounterpartFinder(mesh)._nodes.center) < 500
+        assert len(nodes_of(mesh).center) < 500
         gathered = found()
     assert [each.vertex for each in gathered] == [each.vertex for each in exact]
     np.testing.assert_allclose(sum(share(mesh, each) for each in gathered), 1, atol=1e-5)
@@ -232,9 +233,9 @@ def test_of_thousands_of_components_those_most_alike_are_counterparts():
     mesh = Mesh(vertices, np.arange(36_000).reshape(-1, 3))
     weights = np.repeat(generator.uniform(0.1, 0.9, 12_000), 3).astype(np.float32)
     weights[:3] = 1
-    nodes = CounterpartFinder(mesh)._nodes
+    nodes = nodes_of(mesh)
     component = np.arange(len(nodes.center))
     grip = Grip(np.ones(len(vertices), np.float32), np.ones(len(component), np.float32), component)
-    found, _ = CounterpartFinder(mesh).find(weights, 0, mesh.vertices[0], grip)
+    found, _ = find_counterparts(mesh, weights, 0, mesh.vertices[0], grip)
     assert len(found) == counterparts.MOST_COUNTERPARTS
     assert np.array_equal(found[0].position, mesh.vertices[0])

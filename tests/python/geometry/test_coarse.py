@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from sheet import grid
 
 import dfd
-from dfd.editing.influence.counterparts import CounterpartFinder
+from dfd.editing.influence.counterparts import find_counterparts
 from dfd.geometry import coarse
 from dfd.geometry.coarse import Nodes
 from dfd.geometry.surface_graph import surface_graph
@@ -47,10 +47,9 @@ def test_many_counterparts_on_a_fine_mesh_take_no_column_each():
     mesh = grid(300)
     x, z = mesh.vertices[:, 0], mesh.vertices[:, 2]
     weights = (np.abs(np.sin(8 * np.pi * x) * np.sin(8 * np.pi * z)) ** 2).astype(np.float32)
-    finder = CounterpartFinder(mesh)
-    finder.prepare()
     vertex = int(weights.argmax())
     nodes = coarse.nodes_of(mesh)
+    _ = nodes.tree
     on_hill = weights[nodes.members[nodes.starts]] > 0.5
     component = np.full(len(on_hill), -1)
     component[on_hill] = connected_components(nodes.graph[on_hill][:, on_hill], directed=False)[1]
@@ -58,12 +57,12 @@ def test_many_counterparts_on_a_fine_mesh_take_no_column_each():
     grip = Grip(whole, np.ones(len(component), np.float32), component)
     tracemalloc.start()
     try:
-        found, _ = finder.find(weights, vertex, mesh.vertices[vertex], grip)
+        found, _ = find_counterparts(mesh, weights, vertex, mesh.vertices[vertex], grip)
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
     assert len(found) == 64
     assert peak < 64 * len(mesh.vertices) * 4
     shares = [each.share.dense(len(mesh.vertices)) for each in found]
-    assert found[5].share_at(found[5].vertex) == shares[5][found[5].vertex]
+    assert found[5].share.at(found[5].vertex) == shares[5][found[5].vertex]
     np.testing.assert_allclose(sum(shares), 1, atol=1e-5)

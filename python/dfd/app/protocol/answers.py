@@ -50,7 +50,7 @@ class ColumnState(Model):
     """A column of weights: of a whole handle, or of one counterpart."""
 
     column: int  # its number; equal numbers mean equal data
-    frame: Frame | None  # rows of the matrix that rotates or reflects the handle's motion
+    frame: Frame  # rows of the matrix that rotates or reflects the handle's motion
     position: Vector  # position of the handle or the counterpart
 
 

@@ -12,7 +12,6 @@ from dfd.app.protocol.answers import ColumnState
 from dfd.app.protocol.binary_messages import ColumnsMessage, HeatMessage, pack
 from dfd.common.linear_algebra import Float32
 from dfd.editing.presets import PARTLESS_REACH, PRESETS
-from dfd.posing.transforms import vector
 from dfd.weights.bind import bind
 
 if TYPE_CHECKING:
@@ -47,14 +46,14 @@ class Columns:
         before, self._known, new = self._known, {}, []
         self._of_handle = [() for _ in deformer.handles]
         for values, column in zip(packed, columns, strict=True):
-            key, handle = sha256(values.tobytes()).digest(), deformer.handles[column.handle]
+            key = sha256(values.tobytes()).digest()
             if key not in before and key not in self._known:
                 self._count += 1
                 new.append(values)
             number = self._known.setdefault(key, before.get(key, self._count))
-            frame: Any = None if column.counterpart is None else tuple(map(tuple, column.counterpart.frame.tolist()))
-            position = vector("position", column.position(handle))
-            self._of_handle[column.handle] += (ColumnState(column=number, frame=frame, position=position),)
+            own = column.counterpart
+            frame: Any = tuple(map(tuple, own.frame.tolist()))
+            self._of_handle[column.handle] += (ColumnState(column=number, frame=frame, position=own.position),)
         if not new:
             return None
         numbers = tuple(range(self._count - len(new) + 1, self._count + 1))

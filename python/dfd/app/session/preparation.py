@@ -16,7 +16,6 @@ from dfd.app.session.distill_process import DistillProcess
 
 if TYPE_CHECKING:
     from dfd.common.preset import Preset
-    from dfd.editing.influence.counterparts import CounterpartFinder
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
     from dfd.segmentation.parts import Parts
@@ -33,7 +32,7 @@ class SharedShape:
     making: threading.Lock = field(default_factory=threading.Lock)
     features: Any = None
     planes: dict[Preset, list[SymmetryPlane]] = field(default_factory=dict)
-    found: tuple[CounterpartFinder, Parts] | None = None
+    parts: Parts | None = None
 
 
 _SHARED: WeakValueDictionary[str, SharedShape] = WeakValueDictionary()  # by the content of mesh and field
@@ -172,12 +171,12 @@ class Preparation:
                 shared.features = rows.features
             deformer = Deformer(mesh, field, preset=self._options.preset, features=shared.features)
             self._tell("field_ready", deformer, path, origin, messages)
-            if shared.found is None:
+            if shared.parts is None:
                 for preset, defaults in PRESETS.items():
                     shared.planes[preset] = symmetry_planes(
                         field, mesh, candidates=defaults.candidates, threshold=defaults.threshold
                     )
-            shared.found = deformer.bound.grips.prepare(shared.planes["default"], shared.found)
+            shared.parts = deformer.bound.grips.prepare(shared.planes["default"], shared.parts)
         self._tell("field_prepared", shared.planes)
 
     def _counted(self, field: Field) -> Callable[[int], None]:

@@ -100,14 +100,6 @@ class FeatureWeights:
         _, distances, power = self.locality(edit, handle)
         return np.ones(len(vertices)) if distances is None else (1.0 - distances[vertices].astype(np.float64)) ** power
 
-    def gain(self, edit: Edit, handle: Handle) -> float:
-        """Return the factor of a handle's weights by which the handle arrives despite fixed points."""
-        if not edit.fixed or not edit.rules.reach_targets:
-            return 1.0
-        vertex = handle.place.vertex
-        left = self.left(edit, handle) if vertex is None else 1.0 - float(self.held(edit)[vertex])
-        return 1.0 / left if left >= LEAST_LEFT else 1.0
-
     def left(self, edit: Edit, handle: Handle) -> float:
         """Return the weight, in [0, 1], that the fixed points of `edit` leave `handle` at the handle itself (Eq. 6)."""
         held = 0.0

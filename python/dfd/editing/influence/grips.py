@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from dfd.common.linear_algebra import Float32
-from dfd.editing.influence.counterparts import Counterpart, CounterpartFinder
+from dfd.editing.influence.counterparts import Held, find_counterparts
 from dfd.editing.influence.recent import Recent
+from dfd.geometry.coarse import nodes_of
 from dfd.symmetry.search import symmetry_planes
 from dfd.weights.bind import bind
 
@@ -21,36 +22,26 @@ if TYPE_CHECKING:
     from dfd.symmetry.plane import SymmetryPlane
 
 
-class Held(NamedTuple):
-    """The part and the counterparts at a place."""
-
-    counterparts: tuple[Counterpart, ...]  # the place's own first, then the most alike first
-    part: Float32 | None  # (V,) 1 on the part, equal on mirror images, falling to 0; None without a part
-
-
 class Grips:
     """Find parts and counterparts at places of one mesh, and keep those of the last places."""
 
     def __init__(self, mesh: Mesh, field: Field, rows: HandleFeatures) -> None:
         self._mesh, self._field, self._rows = mesh, field, rows
-        self.finder = CounterpartFinder(mesh)
         self._parts: Recent[Grip | None] = Recent(32)  # hovering asks for many
         self._held: Recent[Held] = Recent(16)
 
-    def prepare(
-        self, planes: Sequence[SymmetryPlane], found: tuple[CounterpartFinder, Parts] | None = None
-    ) -> tuple[CounterpartFinder, Parts]:
+    def prepare(self, planes: Sequence[SymmetryPlane], parts: Parts | None = None) -> Parts:
         """Compute and return all data that does not depend on a place. It takes seconds for a million faces.
 
-        `planes` are the result of `symmetry_planes`. The method may run on another thread. `found` is the result of
+        `planes` are the result of `symmetry_planes`. The method may run on another thread. `parts` is the result of
         this method in another session of the same mesh and field, which is then reused.
         """
-        if found is None:
-            found = self.finder, self.parts
-            for each in found:
-                each.prepare()
-        self._planes, (self.finder, self.parts) = list(planes), found
-        return found
+        if parts is None:
+            parts = self.parts
+            parts.prepare()
+            _ = nodes_of(self._mesh).tree
+        self._planes, self.parts = list(planes), parts
+        return parts
 
     @cached_property
     def parts(self) -> Parts:
@@ -79,7 +70,7 @@ class Grips:
             looks: Float32 = bind(rows.features, rows.points([place]))[:, 0]
             planes = [] if grip is None else self._planes if plane is None else [plane]
             where = rows.anchor(place), place.position
-            return Held(*self.finder.find(looks, *where, grip, planes, everywhere=everywhere))
+            return find_counterparts(self._mesh, looks, *where, grip, planes, everywhere=everywhere)
 
         return self._held.get((place, everywhere, plane), find)
 

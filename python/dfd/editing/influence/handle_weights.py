@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from dfd.editing.influence.grips import Grips
 from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.influence.held_parts import HeldPart, HeldParts
 from dfd.editing.influence.recent import Recent
-from dfd.geometry.coarse import Share
+from dfd.geometry.coarse import Share, nodes_of
 
 if TYPE_CHECKING:
     from dfd.field.field import Field
@@ -26,14 +25,6 @@ if TYPE_CHECKING:
 
 LEAST_COUNTED = 0.35  # counterparts below this share of the handle's peak weight are not counted
 LEAST_LEVELED = 0.1  # `equalize` leaves counterparts alone that have less than this share of the handle's own weight
-
-
-class Portion(NamedTuple):
-    """A portion of a handle's weights: that of one counterpart, or of all of them."""
-
-    counterpart: Counterpart | None
-    gain: float  # the weights are the handle's times the counterpart's share times this gain
-    weights: Share
 
 
 class HandleWeights:
@@ -70,7 +61,7 @@ class HandleWeights:
         """Return (V, C) weights, one or more columns per handle, and the handle and counterpart of each column."""
         weights, keys = self.by_features.of(edit)
         if not any(_told_apart(handle, edit) for handle in edit.handles):
-            return weights, tuple(Column(i, None) for i in range(len(edit.handles)))
+            return weights, tuple(Column(i, self._own(handle)) for i, handle in enumerate(edit.handles))
         handles = [(key, *_chosen(handle)) for key, handle in zip(keys, edit.handles, strict=True)]
         key = (edit.fixed, edit.preset, edit.symmetry, tuple(handles), self.allocating(edit))
         return self._made.get(key, lambda: self._columns(edit, weights))
@@ -80,14 +71,14 @@ class HandleWeights:
         columns: list[Column] = []
         for i, handle in enumerate(edit.handles):
             found = self._portions(edit, handle, weights[:, i])
-            if found[0].counterpart is not None and _apart(handle):
-                columns += [Column(i, one, gain) for one, gain, _ in found]
-                portions += [part for _, _, part in found]
+            if _apart(handle):
+                columns += [Column(i, one) for one, _ in found]
+                portions += [portion for _, portion in found]
             else:
-                columns.append(Column(i, None))
-                portions.append(_sum([part for _, _, part in found], len(weights)))
+                columns.append(Column(i, self._own(handle)))
+                portions.append(_sum([portion for _, portion in found], len(weights)))
         if self.allocating(edit):
-            portions, columns = self._allocated(edit, weights, portions, columns)
+            portions, columns = self._allocated(edit, portions, columns)
         made = np.zeros((len(columns), len(weights)), np.float32)
         for column, (vertices, values) in zip(made, portions, strict=True):
             column[vertices] = values
@@ -122,17 +113,6 @@ class HandleWeights:
         found = self._counterparts(edit, handle)
         return list(zip(found, self._switches(handle, found), strict=True))
 
-    def counterpart_share(self, edit: Edit, handle: Handle) -> Float32:
-        """Return (V,) the share of a handle's weight on counterparts that move with it; gains can make it exceed 1."""
-        number = next(i for i, each in enumerate(edit.handles) if each.id == handle.id)
-        total = np.zeros(len(self.mesh.vertices), np.float32)
-        for counterpart, gain, _ in self._portions(edit, handle, self.by_features.of(edit)[0][:, number]):
-            if counterpart is None or counterpart.share is None:
-                total += np.float32(gain)
-            else:
-                total[counterpart.share.vertices] += np.float32(gain) * counterpart.share.values
-        return total
-
     def counterpart_counts(self, edit: Edit) -> list[int]:
         """Return (H,) the number of counterparts of each handle whose peak weight is at least `LEAST_COUNTED`."""
         weights, columns = self.columns(edit)
@@ -147,14 +127,13 @@ class HandleWeights:
         moving = [i for i, handle in enumerate(edit.handles) if not handle.transform.rests and _apart(handle)]
         return tuple(moving) if len(moving) > 1 and edit.rules.overlap == "add" else ()
 
-    def _allocated(
-        self, edit: Edit, weights: Float32, portions: list[Share], columns: list[Column]
-    ) -> tuple[list[Share], list[Column]]:
+    def _allocated(self, edit: Edit, portions: list[Share], columns: list[Column]) -> tuple[list[Share], list[Column]]:
         """Return `portions` (C) and `columns` after each component was given to one of the moving handles."""
         moving = self.allocating(edit)
         among = [i for i, column in enumerate(columns) if column.handle in moving]
-        samples, sizes = self.grips.finder.samples
-        on_samples = np.stack([portions[i].dense(len(weights))[samples] for i in among])
+        nodes = nodes_of(self.mesh)
+        samples, sizes = nodes.members[nodes.starts], (nodes.ends - nodes.starts).astype(np.float64)
+        on_samples = np.stack([portions[i].dense(len(self.mesh.vertices))[samples] for i in among])
         held = (on_samples >= HELD * on_samples.max(axis=1, keepdims=True)) & (on_samples > 0)
         same, nested = carriers_of(held, sizes)
         kept = following([columns[i].handle for i in among], same)
@@ -167,13 +146,8 @@ class HandleWeights:
         order = [i for i, column in enumerate(columns) if i in kept or column.handle not in moving]
         portions, columns = list(portions), list(columns)
         for k, i in enumerate(kept):
-            column, (vertices, values) = columns[i], result[k]
-            if column.counterpart is not None and result[k] is not portions[i]:
-                whole = weights[vertices, column.handle] * np.float32(column.gain)
-                share = np.divide(values, whole, out=np.zeros_like(whole), where=whole > 0)
-                column = column._replace(counterpart=replace(column.counterpart, share=Share(vertices, share)))
             carriers = tuple(order.index(kept[j]) for j in np.flatnonzero(nested[k]))
-            columns[i], portions[i] = column._replace(carriers=carriers), result[k]
+            columns[i], portions[i] = columns[i]._replace(carriers=carriers), result[k]
         return [portions[i] for i in order], [columns[i] for i in order]
 
     def _counterparts(self, edit: Edit, handle: Handle) -> tuple[Counterpart, ...]:
@@ -189,26 +163,30 @@ class HandleWeights:
         on = [True] * len(counterparts)
         for place in handle.controls.excluded_counterparts:
             here = self.rows.anchor(place)
-            shares = [one.share_at(here) for one in counterparts]
+            shares = [1.0 if one.share is None else one.share.at(here) for one in counterparts]
             if not any(shares):
                 shares = [-math.dist(one.position, self.mesh.vertices[here]) for one in counterparts]
             most = int(np.argmax(shares))
             on[most] = most == 0
         return on
 
-    def _portions(self, edit: Edit, handle: Handle, weights: Float32) -> list[Portion]:
-        """Return the portions of a handle's weights (V,) that move: all, or its counterparts that are on."""
+    def _own(self, handle: Handle) -> Counterpart:
+        """Return a handle's own counterpart for a column that all of its counterparts share."""
+        return Counterpart(self.rows.anchor(handle.place), handle.place.position, np.eye(3))
+
+    def _portions(self, edit: Edit, handle: Handle, weights: Float32) -> list[tuple[Counterpart, Share]]:
+        """Return the counterparts of a handle that move, and the portion of its weights (V,) that each has."""
         if not _told_apart(handle, edit):
-            return [_portion(None, weights)]
+            return [(self._own(handle), _portion(None, weights))]
         counterparts = self._counterparts(edit, handle)
         if handle.controls.counterparts == "only":
-            return [_portion(counterparts[0], weights)]
-        found = [_portion(one, weights) for one in counterparts]
+            return [(counterparts[0], _portion(counterparts[0].share, weights))]
+        portions = [_portion(one.share, weights) for one in counterparts]
         if edit.rules.equalize:
             near = self.by_features.near(edit, handle, np.array([one.vertex for one in counterparts]))
-            found = _leveled(weights, found, near)
+            portions = _leveled(weights, counterparts, portions, near)
         on = self._switches(handle, counterparts)
-        return [portion for portion, is_on in zip(found, on, strict=True) if is_on]
+        return [(one, portion) for one, portion, is_on in zip(counterparts, portions, on, strict=True) if is_on]
 
 
 def _chosen(handle: Handle) -> tuple[Hashable, ...]:
@@ -226,13 +204,12 @@ def _told_apart(handle: Handle, edit: Edit) -> bool:
     return _apart(handle) or edit.rules.equalize or handle.controls.excluded_counterparts != ()
 
 
-def _portion(counterpart: Counterpart | None, weights: Float32) -> Portion:
-    """Return the portion of a counterpart of the weights (V,) of a handle."""
-    if counterpart is None or counterpart.share is None:
+def _portion(share: Share | None, weights: Float32) -> Share:
+    """Return the portion of weights (V,) of a handle that a counterpart with `share` has."""
+    if share is None:
         some = np.flatnonzero(weights)
-        return Portion(counterpart, 1.0, Share(some, weights[some]))
-    vertices, values = counterpart.share
-    return Portion(counterpart, 1.0, Share(vertices, weights[vertices] * values))
+        return Share(some, weights[some])
+    return Share(share.vertices, weights[share.vertices] * share.values)
 
 
 def _sum(portions: Sequence[Share], count: int) -> Share:
@@ -246,33 +223,25 @@ def _sum(portions: Sequence[Share], count: int) -> Share:
     return Share(some, np.minimum(total[some], np.float32(1.0)))
 
 
-def _leveled(weights: Float32, portions: Sequence[Portion], near: Float64) -> list[Portion]:
+def _leveled(
+    weights: Float32, counterparts: Sequence[Counterpart], portions: Sequence[Share], near: Float64
+) -> list[Share]:
     """Return portions with gains that raise their weights to the handle's own, apart from their falloff `near` (N,).
 
     Gains compensate for less similar features and not for distance, since locality is meant to exclude what is far.
-    Where the sum between two counterparts would exceed the maximum of `weights`, their shares are reduced.
+    Where the sum between two counterparts would exceed the maximum of `weights`, their portions are reduced.
     """
     found = []
     own = 0.0
     total = np.zeros(len(weights), np.float32)
-    for (one, _, (vertices, values)), part in zip(portions, near, strict=True):
-        assert one is not None
+    for one, (vertices, values), part in zip(counterparts, portions, near, strict=True):
         top = float(weights[one.vertex]) / part if part > 0 else 0.0
         own = own or top
         alike = one.weight >= LEAST_ALIKE and top >= LEAST_LEVELED * own > 0
-        gain = own / top if alike else 1.0
-        found.append(Portion(one, gain, Share(vertices, values * np.float32(gain))))
-        total[vertices] += found[-1].weights.values
+        found.append(Share(vertices, values * np.float32(own / top if alike else 1.0)))
+        total[vertices] += found[-1].values
     most = weights.max(initial=0.0)
     if (total <= most).all():
         return found
     less = np.divide(most, total, out=np.ones_like(total), where=total > most)
-    result = []
-    for one, gain, (vertices, values) in found:
-        assert one is not None
-        if one.share is None:
-            share = Share(vertices, less[vertices])
-        else:
-            share = Share(one.share.vertices, one.share.values * less[one.share.vertices])
-        result.append(Portion(replace(one, share=share), gain, Share(vertices, values * less[vertices])))
-    return result
+    return [Share(vertices, values * less[vertices]) for vertices, values in found]

@@ -7,15 +7,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, unit
-from dfd.editing.influence.counterparts import Column, shortest_turn
+from dfd.editing.influence.counterparts import Column
 from dfd.editing.influence.recent import Recent
 from dfd.geometry.part_axis import PartAxes, PartAxis
 from dfd.posing.bend import Sections, bend_maps
-from dfd.posing.transforms import PivotAt, Vector, vector
+from dfd.posing.transforms import PivotAt, Vector, frame_of_normal, vector
 
 if TYPE_CHECKING:
     from dfd.editing.edit import Edit, Handle
@@ -89,7 +90,7 @@ class HeldParts:
         # Counterparts may share one part, as fingers share a hand: parts come from the sum of all counterparts.
         whole = np.sum([weights for weights, _ in columns], axis=0)
         pieces: list[tuple[PartAxis, Column, float]] = []
-        images = {column: image for _, column in columns if (image := column.image) is not None}
+        images = {column: image for _, column in columns if (image := column.counterpart.image) is not None}
         for axis in self._axes.of(whole >= HELD * whole.max()) if whole.any() else []:
             inside = axis.vertices
             most = int(np.argmax([weights[inside].sum() for weights, _ in columns]))
@@ -118,18 +119,20 @@ class HeldParts:
         self, piece: tuple[PartAxis, Column, float], own: PartAxis, handle: Handle, plane: SymmetryPlane | None
     ) -> HeldPart:
         axis, column, amount = piece
-        frame = np.eye(3) if column.counterpart is None else column.counterpart.frame
-        flat, across = np.eye(3), False
+        counterpart, flat, across = column.counterpart, np.eye(3), False
+        frame = counterpart.frame
         if plane is not None:
             sides = plane.signed_distance(self._mesh.vertices[axis.vertices])
             less = float((sides < 0).mean())
             if ACROSS < less < 1 - ACROSS:
                 # Across the plane only a rotation about its normal is symmetric.
                 across, flat = True, np.outer(plane.normal, plane.normal)
-            elif (less > 0.5) != (float(plane.signed_distance([column.position(handle)])[0]) < 0):
+            elif (less > 0.5) != (float(plane.signed_distance([counterpart.position])[0]) < 0):
                 frame = plane.reflection[:3, :3] @ frame
         handedness = float(np.sign(np.linalg.det(frame)))
-        turn = np.eye(3) if axis is own or column.image is not None else _turn(frame @ own.direction, axis.direction)
+        turn = (
+            np.eye(3) if axis is own or counterpart.image is not None else _turn(frame @ own.direction, axis.direction)
+        )
         carry = flat @ turn @ (handedness * frame)  # a rotation vector is mirrored as a pseudovector
         return HeldPart(axis, amount, carry, handedness, Sections(axis.vertices, axis.parameter), across)
 
@@ -137,12 +140,26 @@ class HeldParts:
 def _turn(one: Float64, other: Float64) -> Float64:
     """Return (3, 3) a rotation of `one` onto `other`. It keeps y up unless one of them is nearly upright."""
     if max(abs(one @ UP), abs(other @ UP)) > UPRIGHT:
-        return shortest_turn(one, other)
+        return _shortest_turn(one, other)
     frames = []
     for direction in (one, other):
         across = unit(np.cross(direction, UP)[None])[0]
         frames.append(np.stack([direction, across, np.cross(direction, across)], axis=1))
     return frames[1] @ frames[0].T
+
+
+def _shortest_turn(one: Float64, other: Float64) -> Float64:
+    """Return the smallest rotation (3, 3) from `one` (3,) to `other` (3,), both of length 1."""
+    across = np.cross(one, other)
+    sine, cosine = float(np.linalg.norm(across)), float(one @ other)
+    if sine < 1e-9:
+        # Opposite directions: turn about y, made perpendicular, so that upright parts stay upright.
+        across = np.asarray(frame_of_normal(one)[0]) if abs(one[1]) > 0.9 else np.array([0.0, 1.0, 0.0])
+        across = across - (across @ one) * one
+        sine, length = 0.0, float(np.linalg.norm(across))
+    else:
+        length = sine
+    return Rotation.from_rotvec(across / length * np.arctan2(sine, cosine)).as_matrix()
 
 
 def bend_vector(part: HeldPart, angle: float, towards: Any = None) -> Vector:

@@ -23,7 +23,6 @@ import { present, type State } from "../store/state";
 export function columnMatrix(handle: Placed, { frame, position }: ColumnState): Matrix4 {
   const { transform, position: held } = handle;
   const matrix = matrixOf(transform, held);
-  if (frame === null) return matrix;
   const back = basisOf(frame);
   const turn = back.clone().transpose();
   const pivot = transform.pivot ?? held;
