@@ -40,11 +40,9 @@ class Rules:
     blend: Literal["auto", "linear"] = "auto"
     # reach_targets: whether handles get back the weight that fixed points take from them at their own places (Eq. 6)
     reach_targets: bool = True
-    # mirrored_locality: whether distances of Eq. 7 also start at the handle's mirror image. bridges: whether they cross
-    # small gaps between components. sampled_distances: whether samples represent a large mesh.
-    mirrored_locality: bool = True
-    bridges: bool = True
-    sampled_distances: bool = True
+    # exact_distances: whether distances of Eq. 7 start at the handle only, stay on its component, use all vertices.
+    # Otherwise they also start at the handle's mirror image, cross small gaps, and use 6,000 samples.
+    exact_distances: bool = False
     # band: half width of the blend band at a mirror plane, relative to the longest side of the box (Eq. 8)
     band: float = DEFAULT_BAND
     # candidates, threshold: candidates of symmetry "auto", as in `dfd.symmetry_planes`
@@ -69,9 +67,7 @@ PRESETS: dict[Preset, Rules] = {
         overlap="paper",
         blend="linear",
         reach_targets=False,
-        mirrored_locality=False,
-        bridges=False,
-        sampled_distances=False,
+        exact_distances=True,
         band=0.0,
         candidates="axes",
         threshold=0.1,

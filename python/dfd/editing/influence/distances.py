@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,20 +19,13 @@ if TYPE_CHECKING:
 Indices = Int64
 
 
-class Measured(NamedTuple):
-    """The settings of distances: arguments of `Geodesics` with the same names."""
-
-    bridges: bool
-    sampled: bool
-
-
 class Distances:
     """Rows of distances on one mesh. A row is kept while a handle needs it."""
 
     def __init__(self, mesh: Mesh) -> None:
         self._mesh = mesh
-        self._geodesics: dict[Measured, Geodesics] = {}  # built at the first use
-        self._rows: dict[tuple[Measured, int], Float32] = {}  # rows (V,) by their source
+        self._geodesics: dict[bool, Geodesics] = {}  # by whether they are exact, built at the first use
+        self._rows: dict[tuple[bool, int], Float32] = {}  # rows (V,) by their source
         self._found: dict[Vector, int] = {}  # nearest vertices, because every frame of a drag needs the same ones
 
     def sources(self, own: Indices, place: Place, symmetry: SymmetryPlane | None) -> tuple[int, ...]:
@@ -47,30 +40,31 @@ class Distances:
                 sources[self._nearest((x, y, z))] = None
         return tuple(sources)
 
-    def falloff(self, sources: tuple[int, ...], controls: Controls, measured: Measured) -> tuple[Float32 | None, float]:
+    def falloff(self, sources: tuple[int, ...], controls: Controls, exact: bool) -> tuple[Float32 | None, float]:
         """Return distances G (1, V) in [0, 1] and λ of the falloff (1 − G)^λ of `controls`; (None, 0) without one.
 
+        `exact` distances neither cross gaps between components nor use samples of a large mesh, as in the paper.
         With a radius r, G is min((d / r)², 1) and λ is 2. The falloff (1 − (d / r)²)² has slope 0 at the handle and at
         r, and is 0 beyond r.
         """
         if not sources:
             return None, 0.0
         if controls.radius is None:
-            return self._nearest_of(sources, measured)[None], controls.locality
-        in_radii = np.float32(self.geodesics(measured).extent / controls.radius)
-        reached = np.minimum(self._nearest_of(sources, measured) * in_radii, np.float32(1.0))
+            return self._nearest_of(sources, exact)[None], controls.locality
+        in_radii = np.float32(self.geodesics(exact).extent / controls.radius)
+        reached = np.minimum(self._nearest_of(sources, exact) * in_radii, np.float32(1.0))
         return np.square(reached)[None], 2.0
 
     def keep(self, sources: set[int]) -> None:
         """Delete the rows of all other sources, to free memory."""
         self._rows = {key: row for key, row in self._rows.items() if key[1] in sources}
 
-    def _nearest_of(self, sources: tuple[int, ...], measured: Measured) -> Float32:
+    def _nearest_of(self, sources: tuple[int, ...], exact: bool) -> Float32:
         """Return the distance (V,) in [0, 1] from the nearest of `sources`."""
         for source in sources:
-            if (measured, source) not in self._rows:
-                self._rows[measured, source] = self.geodesics(measured).distances([source])[0]
-        nearest, *others = (self._rows[measured, source] for source in sources)
+            if (exact, source) not in self._rows:
+                self._rows[exact, source] = self.geodesics(exact).distances([source])[0]
+        nearest, *others = (self._rows[exact, source] for source in sources)
         for other in others:
             nearest = np.minimum(nearest, other)
         return nearest
@@ -80,10 +74,10 @@ class Distances:
             self._found[point] = int(np.linalg.norm(self._mesh.vertices - np.asarray(point), axis=1).argmin())
         return self._found[point]
 
-    def geodesics(self, measured: Measured) -> Geodesics:
+    def geodesics(self, exact: bool) -> Geodesics:
         """Return the object that measures distances over the surface."""
-        if measured not in self._geodesics:
+        if exact not in self._geodesics:
             from dfd.geometry.geodesics import Geodesics  # slow to build, and needed only for locality
 
-            self._geodesics[measured] = Geodesics(self._mesh, **measured._asdict())
-        return self._geodesics[measured]
+            self._geodesics[exact] = Geodesics(self._mesh, bridges=not exact, sampled=not exact)
+        return self._geodesics[exact]

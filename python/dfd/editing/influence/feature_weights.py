@@ -10,7 +10,7 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Fixed, Handle
-from dfd.editing.influence.distances import Distances, Measured
+from dfd.editing.influence.distances import Distances
 from dfd.editing.points import Place
 from dfd.editing.presets import LARGEST, PARTLESS_REACH
 from dfd.weights.bind import bind
@@ -33,7 +33,7 @@ class Key(NamedTuple):
     place: Place
     controls: Controls  # the controls that change the column
     sources: tuple[int, ...]  # the vertices where geodesic distances start; empty without locality
-    measured: Measured  # how these distances are measured
+    exact: bool  # whether these distances are exact
 
 
 class FeatureWeights:
@@ -92,7 +92,7 @@ class FeatureWeights:
     def locality(self, edit: Edit, handle: Handle) -> tuple[tuple[int, ...], Float32 | None, float]:
         """Return where geodesic distances of a handle start, (V,) distances in [0, 1] or None, and λ of Eq. 7."""
         key = self._key(handle, edit)
-        distances, power = self._distances.falloff(key.sources, key.controls, key.measured)
+        distances, power = self._distances.falloff(key.sources, key.controls, key.exact)
         return key.sources, None if distances is None else distances[0], power
 
     def near(self, edit: Edit, handle: Handle, vertices: Int64) -> Float64:
@@ -127,10 +127,10 @@ class FeatureWeights:
     def _key(self, handle: Handle, edit: Edit) -> Key:
         controls = handle.controls.of_column
         near = controls.locality > 0 or controls.radius is not None
-        plane = edit.symmetry if edit.rules.mirrored_locality else None
+        exact = edit.rules.exact_distances
+        plane = None if exact else edit.symmetry
         sources = self._distances.sources(self._rows.vertices(handle.place), handle.place, plane) if near else ()
-        measured = Measured(edit.rules.bridges and near, edit.rules.sampled_distances or not near)
-        return Key(handle.place, controls, sources, measured)
+        return Key(handle.place, controls, sources, exact and near)
 
     def _bind(self, key: Key, column: Float32) -> None:
         """Write the weights (V,) of a handle to `column` (Eq. 4 to 7)."""
@@ -140,7 +140,7 @@ class FeatureWeights:
         # soft IoU on 17 rigs and 0.014 on 13 labelled meshes.
         of_part = PARTLESS_REACH if part is None else LARGEST
         reach = of_part if controls.reach == "part" else controls.reach
-        geodesic, locality = self._distances.falloff(key.sources, controls, key.measured)
+        geodesic, locality = self._distances.falloff(key.sources, controls, key.exact)
         bind(
             self._rows.features,
             self._rows.points([place]),
