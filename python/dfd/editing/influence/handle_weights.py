@@ -15,9 +15,10 @@ from dfd.editing.influence.counterparts import LEAST_ALIKE, Column, Counterpart
 from dfd.editing.influence.feature_weights import FeatureWeights
 from dfd.editing.influence.grips import Grips
 from dfd.editing.influence.handle_features import HandleFeatures
-from dfd.editing.influence.held_parts import HeldPart, HeldParts
+from dfd.editing.influence.held_parts import HeldPart, bent, held_parts
 from dfd.editing.influence.recent import Recent
 from dfd.geometry.coarse import Share, nodes_of
+from dfd.geometry.part_axis import PartAxes
 
 if TYPE_CHECKING:
     from dfd.field.field import Field
@@ -54,7 +55,8 @@ class HandleWeights:
         self.rows = HandleFeatures(mesh, field, features)
         self.grips = Grips(mesh, field, self.rows)
         self.by_features = FeatureWeights(mesh, self.rows, self.grips)
-        self._held_parts = HeldParts(mesh)
+        self._axes = PartAxes(mesh)
+        self._held_parts: Recent[list[HeldPart]] = Recent(64)
         self._made: Recent[tuple[Float32, tuple[Column, ...]]] = Recent(1)
 
     def columns(self, edit: Edit) -> tuple[Float32, tuple[Column, ...]]:
@@ -101,12 +103,13 @@ class HandleWeights:
         own_key = self.by_features.of(edit)[1][number], *_chosen(handle)
         key = (own_key, edit.fixed, edit.preset, edit.symmetry, others, moving)
         own = [(weights[:, i], column) for i, column in enumerate(columns) if column.handle == number]
-        return self._held_parts.of(key, handle, self.rows.anchor(handle.place), own, edit.symmetry)
+        anchor = self.rows.anchor(handle.place)
+        return self._held_parts.get(key, lambda: held_parts(self.mesh, self._axes, anchor, own, edit.symmetry))
 
     def bent(self, edit: Edit) -> Float64:
         """Return (V, 3) the resting vertices after the bends and twists of the handles of `edit`."""
         bending = {i: self.held_parts(edit, handle) for i, handle in enumerate(edit.handles) if handle.transform.bends}
-        return self._held_parts.bent(edit, bending) if bending else self.mesh.vertices
+        return bent(self.mesh, edit, bending) if bending else self.mesh.vertices
 
     def counterparts(self, edit: Edit, handle: Handle) -> list[tuple[Counterpart, bool]]:
         """Return the counterparts of a handle, its own first, and whether each moves with the handle."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,6 @@ from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, unit
 from dfd.editing.influence.counterparts import Column
-from dfd.editing.influence.recent import Recent
 from dfd.geometry.part_axis import PartAxes, PartAxis
 from dfd.posing.bend import Sections, bend_maps
 from dfd.posing.transforms import PivotAt, Vector, frame_of_normal, vector
@@ -53,88 +52,68 @@ class HeldPart:
         self.sections.move(points, bend_maps(self.axis.nodes, self.axis.radius, turn, twist, transform.joint))
 
 
-class HeldParts:
-    """Find the parts that handles of one mesh hold, and keep them as long as their inputs do not change."""
+def held_parts(
+    mesh: Mesh, axes: PartAxes, anchor: int, columns: Sequence[tuple[Float32, Column]], plane: SymmetryPlane | None
+) -> list[HeldPart]:
+    """Return the parts that a handle holds, its own part first.
 
-    def __init__(self, mesh: Mesh) -> None:
-        self._mesh = mesh
-        self._axes = PartAxes(mesh)
-        self._found: Recent[list[HeldPart]] = Recent(64)
+    Parameters
+    ----------
+    axes
+        Finds the axes of parts of `mesh`.
+    anchor
+        The vertex that stands for the handle.
+    columns
+        (V,) the weights of each counterpart, the handle's own first, with its column.
+    plane
+        The plane of the edit's symmetry. Handles act mirrored across it.
+    """
+    # Counterparts may share one part, as fingers share a hand: parts come from the sum of all counterparts.
+    whole = np.sum([weights for weights, _ in columns], axis=0)
+    pieces: list[tuple[PartAxis, Column, float]] = []
+    images = {column: image for _, column in columns if (image := column.counterpart.image) is not None}
+    for axis in axes.of(whole >= HELD * whole.max()) if whole.any() else []:
+        inside = axis.vertices
+        most = int(np.argmax([weights[inside].sum() for weights, _ in columns]))
+        pieces.append((axis, columns[0 if anchor in inside else most][1], min(float(whole[inside].max()), 1.0)))
+    own = next((i for i, (axis, *_) in enumerate(pieces) if anchor in axis.vertices), 0)
+    others = [*pieces[:own], *pieces[own + 1 :]]
+    if pieces and images:
+        others = [piece for piece in others if piece[1] is not pieces[own][1] and piece[1] not in images]
+        held = pieces[own][0], pieces[own][2]
+        others += [(axes.image(held[0], image), column, held[1]) for column, image in images.items()]
+    pieces = [*pieces[own : own + 1], *others]
+    return [_part(mesh, piece, pieces[0][0], plane) for piece in pieces]
 
-    def of(
-        self,
-        key: Hashable,
-        handle: Handle,
-        anchor: int,
-        columns: Sequence[tuple[Float32, Column]],
-        plane: SymmetryPlane | None,
-    ) -> list[HeldPart]:
-        """Return the parts that a handle holds, its own part first.
 
-        Parameters
-        ----------
-        key
-            The cache key: all inputs that change the parts.
-        handle, anchor
-            The handle, and the vertex that stands for it.
-        columns
-            (V,) the weights of each counterpart, the handle's own first, with its column.
-        plane
-            The plane of the edit's symmetry. Handles act mirrored across it.
-        """
-        return self._found.get(key, lambda: self._find(handle, anchor, columns, plane))
+def bent(mesh: Mesh, edit: Edit, parts: dict[int, list[HeldPart]]) -> Float64:
+    """Return (V, 3) the vertices of `mesh`, bent and twisted by the handles of `edit` that have `parts`.
 
-    def _find(
-        self, handle: Handle, anchor: int, columns: Sequence[tuple[Float32, Column]], plane: SymmetryPlane | None
-    ) -> list[HeldPart]:
-        # Counterparts may share one part, as fingers share a hand: parts come from the sum of all counterparts.
-        whole = np.sum([weights for weights, _ in columns], axis=0)
-        pieces: list[tuple[PartAxis, Column, float]] = []
-        images = {column: image for _, column in columns if (image := column.counterpart.image) is not None}
-        for axis in self._axes.of(whole >= HELD * whole.max()) if whole.any() else []:
-            inside = axis.vertices
-            most = int(np.argmax([weights[inside].sum() for weights, _ in columns]))
-            pieces.append((axis, columns[0 if anchor in inside else most][1], min(float(whole[inside].max()), 1.0)))
-        own = next((i for i, (axis, *_) in enumerate(pieces) if anchor in axis.vertices), 0)
-        others = [*pieces[:own], *pieces[own + 1 :]]
-        if pieces and images:
-            others = [piece for piece in others if piece[1] is not pieces[own][1] and piece[1] not in images]
-            held = pieces[own][0], pieces[own][2]
-            others += [(self._axes.image(held[0], image), column, held[1]) for column, image in images.items()]
-        pieces = [*pieces[own : own + 1], *others]
-        return [self._part(piece, pieces[0][0], handle, plane) for piece in pieces]
+    Smaller parts bend first, so that a thigh also moves its bent shin.
+    """
+    bending = [(part, edit.handles[i].transform) for i, of_handle in parts.items() for part in of_handle]
+    points = np.array(mesh.vertices, np.float64)
+    for part, transform in sorted(bending, key=lambda each: len(each[0].axis.vertices)):
+        part.bend(points, transform)
+    return points
 
-    def bent(self, edit: Edit, parts: dict[int, list[HeldPart]]) -> Float64:
-        """Return (V, 3) the resting vertices, bent and twisted by the handles of `edit` that have `parts`.
 
-        Smaller parts bend first, so that a thigh also moves its bent shin.
-        """
-        bending = [(part, edit.handles[i].transform) for i, of_handle in parts.items() for part in of_handle]
-        points = np.array(self._mesh.vertices, np.float64)
-        for part, transform in sorted(bending, key=lambda each: len(each[0].axis.vertices)):
-            part.bend(points, transform)
-        return points
-
-    def _part(
-        self, piece: tuple[PartAxis, Column, float], own: PartAxis, handle: Handle, plane: SymmetryPlane | None
-    ) -> HeldPart:
-        axis, column, amount = piece
-        counterpart, flat, across = column.counterpart, np.eye(3), False
-        frame = counterpart.frame
-        if plane is not None:
-            sides = plane.signed_distance(self._mesh.vertices[axis.vertices])
-            less = float((sides < 0).mean())
-            if ACROSS < less < 1 - ACROSS:
-                # Across the plane only a rotation about its normal is symmetric.
-                across, flat = True, np.outer(plane.normal, plane.normal)
-            elif (less > 0.5) != (float(plane.signed_distance([counterpart.position])[0]) < 0):
-                frame = plane.reflection[:3, :3] @ frame
-        handedness = float(np.sign(np.linalg.det(frame)))
-        turn = (
-            np.eye(3) if axis is own or counterpart.image is not None else _turn(frame @ own.direction, axis.direction)
-        )
-        carry = flat @ turn @ (handedness * frame)  # a rotation vector is mirrored as a pseudovector
-        return HeldPart(axis, amount, carry, handedness, Sections(axis.vertices, axis.parameter), across)
+def _part(mesh: Mesh, piece: tuple[PartAxis, Column, float], own: PartAxis, plane: SymmetryPlane | None) -> HeldPart:
+    axis, column, amount = piece
+    counterpart, flat, across = column.counterpart, np.eye(3), False
+    frame = counterpart.frame
+    if plane is not None:
+        sides = plane.signed_distance(mesh.vertices[axis.vertices])
+        less = float((sides < 0).mean())
+        if ACROSS < less < 1 - ACROSS:
+            # Across the plane only a rotation about its normal is symmetric.
+            across, flat = True, np.outer(plane.normal, plane.normal)
+        elif (less > 0.5) != (float(plane.signed_distance([counterpart.position])[0]) < 0):
+            frame = plane.reflection[:3, :3] @ frame
+    handedness = float(np.sign(np.linalg.det(frame)))
+    turn = np.eye(3) if axis is own or counterpart.image is not None else _turn(frame @ own.direction, axis.direction)
+    carry = flat @ turn @ (handedness * frame)  # a rotation vector is mirrored as a pseudovector
+    return HeldPart(axis, amount, carry, handedness, Sections(axis.vertices, axis.parameter), across)
 
 
 def _turn(one: Float64, other: Float64) -> Float64:
