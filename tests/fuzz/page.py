@@ -92,4 +92,4 @@ def ask_all(path: Path) -> None:
             assert np.isfinite(deformer.vertices).all(), asked
             session.guarded(0, session.run_deferred)
             assert not any("Internal error" in str(message.get("message")) for message in sent), asked
-        session.end()
+        session.close_shape()

@@ -37,24 +37,12 @@ HEADERS = {
 
 @dataclass(frozen=True)
 class Rules:
-    """The settings of `Guard`.
+    """The settings of `Guard`."""
 
-    Attributes
-    ----------
-    host
-        The address at which the server listens.
-    token
-        The secret in the address that `dfd app` prints.
-    cookie
-        The cookie's name, different for each port of this machine.
-    frame_ancestors
-        Origins whose pages may show this one in a frame.
-    """
-
-    host: str = "127.0.0.1"
-    token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
-    cookie: str = "dfd"
-    frame_ancestors: Collection[str] = ()
+    host: str = "127.0.0.1"  # the address at which the server listens
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(24))  # in the address that `dfd app` prints
+    cookie: str = "dfd"  # name of the cookie, different for each port of this machine
+    frame_ancestors: Collection[str] = ()  # origins whose pages may show this one in a frame
 
     def knows_host(self, name: str) -> bool:
         """Return whether `name` (without a port) is a host name of this server.
