@@ -51,8 +51,7 @@ class SessionOptions(Opening):
 
     def distill_arguments(self) -> dict[str, Any]:
         """Return the keywords for `dfd.distill` and `find_distilled`."""
-        preset = {} if self.preset == "default" else {"preset": self.preset}
-        return {"encoder": self.encoder, **preset, **self.distill}
+        return {"encoder": self.encoder, "preset": self.preset, **self.distill}
 
 
 def check_sample(name: str) -> str:

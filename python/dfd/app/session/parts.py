@@ -13,7 +13,7 @@ from dfd.editing.influence.regions import VertexSet, members
 from dfd.geometry.coarse import nodes_of
 
 if TYPE_CHECKING:
-    from dfd.app.protocol.parts import PartChange
+    from dfd.app.protocol.messages import PartChange
     from dfd.editing.deformer import Deformer
     from dfd.editing.edit import Handle
     from dfd.segmentation.parts import Level

@@ -95,7 +95,7 @@ class Preparation:
         now = time.monotonic()
         if stage != stage_before or done == total or now - then >= INTERVAL:
             self._told = stage, now
-            self._tell(self._session.field_progress, task, stage, done, total, left)
+            self._tell(self._session.tell_progress, task, stage, done, total, left)
 
     def find(self) -> None:
         """Search the cache for a field of the shape, and open it; distill it if there is none."""
@@ -163,8 +163,8 @@ class Preparation:
             self._progress("prepare", "features", done, len(mesh.vertices))
 
         with recorded_warnings() as messages:
-            field = Field.load(path, mesh=mesh)
-            check_compatible(field, mesh)
+            field = Field.load(path)
+            check_compatible(field, mesh, allowed_by="other_shape=True")
         assert field.source is not None
         key = f"{hash_arrays(mesh.vertices, mesh.faces)} {field.source.sha256}"
         self._shared = shared = _SHARED.setdefault(key, SharedShape())

@@ -101,11 +101,11 @@ def features(session: Session) -> ArrayAnswer:
 @request
 def suggest(session: Session) -> messages.Answer:
     """Suggest places for handles: a vertex far inside each of the largest parts. Answer: `suggestions`."""
-    found: list[messages.Suggestion] = []
+    found = []
     for number, part in enumerate(session.deformer.bound.grips.parts.cut()[:MOST_SUGGESTED], start=1):
-        alike = f", {part.components} alike" if part.components > 1 else ""
+        name = f"Part {number}, {part.components} alike" if part.components > 1 else f"Part {number}"
         position = vector("position", session.deformer.mesh.vertices[part.vertex])
-        found.append(messages.Suggestion(vertex=part.vertex, position=position, name=f"Part {number}{alike}"))
+        found.append(messages.Suggestion(vertex=part.vertex, position=position, name=name))
     return messages.SuggestionsMessage(suggestions=tuple(found))
 
 
@@ -126,13 +126,12 @@ def axis(session: Session, handle: int) -> messages.Answer:
     held = edit.handle(handle)
     part = next(iter(session.deformer.bound.held_parts(edit, held)), None)
     pivots: tuple[PivotAt, ...] = ("point",)
-    auto = held.place.position
-    if part is None:
-        return messages.AxisMessage(handle=handle, pivots=pivots, auto=auto, base=None, tip=None)
-    pivots += ("base", "middle", "hinge") if edit.symmetry is None else ("base", "middle", "hinge", "plane")
-    if edit.rules.pivot == "auto":
-        auto = pivot_on(part, None, held, edit.symmetry)[0]
-    base, tip = (vector("axis", part.axis.nodes[end]) for end in (0, -1))
+    auto, base, tip = held.place.position, None, None
+    if part is not None:
+        pivots += ("base", "middle", "hinge") if edit.symmetry is None else ("base", "middle", "hinge", "plane")
+        if edit.rules.pivot == "auto":
+            auto = pivot_on(part, None, held, edit.symmetry)[0]
+        base, tip = (vector("axis", part.axis.nodes[end]) for end in (0, -1))
     return messages.AxisMessage(handle=handle, pivots=pivots, auto=auto, base=base, tip=tip)
 
 
@@ -142,8 +141,7 @@ def axis(session: Session, handle: int) -> messages.Answer:
 @request
 def add(session: Session, at: Place) -> None:
     """Add a handle."""
-    place = _known(session, at)
-    session.change(lambda deformer: deformer.add(place))
+    session.change(lambda deformer: deformer.add(_known(session, at)))
 
 
 @request
@@ -234,15 +232,13 @@ def remove(session: Session, handle: int) -> None:
 @request
 def fix(session: Session, at: Place) -> None:
     """Fix a point or region with everything similar to it."""
-    place = _known(session, at)
-    session.change(lambda deformer: deformer.fix(place))
+    session.change(lambda deformer: deformer.fix(_known(session, at)))
 
 
 @request
 def release(session: Session, index: Index) -> None:
     """Release the fixed place at `index` in `state`."""
-    place = _fixed(session, index).place
-    session.change(lambda deformer: deformer.release(place))
+    session.change(lambda deformer: deformer.release(_fixed(session, index).place))
 
 
 @request

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from dfd.symmetry.plane import SymmetryPlane
 
 NO_FIELD = messages.FieldState(status="none", origin=None)
+STATUS = {"distill": "distilling", "prepare": "preparing"}  # of the field, while a task runs
 # Error messages of the package start with the name of the function: `bind: …`.
 FUNCTION = re.compile(r"^\w+(\.\w+)?: ")
 
@@ -109,12 +110,12 @@ class Session:
     def _open_mesh(self, source: Source, *, find_field: bool) -> None:
         """Replace the open shape."""
         name = source.capitalize() if isinstance(source, str) else source.name
-        self._tell_progress("open", "read")
+        self.tell_progress("open", "read")
         try:
             mesh, warnings = read_shape(source)
             message, arrays = mesh_message(mesh, name=name, warnings=warnings)
         finally:
-            self._tell_progress("open", "done")
+            self.tell_progress("open", "done")
         self.close_shape()
         self.name, self.mesh, self._warnings = name, mesh, warnings
         self.send(message, **arrays)
@@ -172,18 +173,22 @@ class Session:
 
     # --- called by the background work
 
-    def field_progress(self, task: str, stage: str, done: int, total: int | None, seconds_left: float | None) -> None:
-        """Forward progress to the page."""
-        status = "distilling" if task == "distill" else "preparing"
-        if self.field.status != status:
+    def tell_progress(
+        self, task: Any, stage: str, done: int = 0, total: int | None = None, seconds_left: float | None = None
+    ) -> None:
+        """Send the progress of a task, which ends with the stage "done", "cancelled" or "failed"."""
+        ended, status = stage in ("done", "cancelled", "failed"), STATUS.get(task, self.field.status)
+        if not ended and self.field.status != status:
             self._tell_field(status)
-        self._tell_progress(task, stage, done, total, seconds_left)
+        message = messages.ProgressMessage(task=task, stage=stage, done=done, total=total, seconds_left=seconds_left)
+        self._progress = None if ended else message
+        self.send(message)
 
     def field_ready(self, deformer: Deformer, origin: str, warnings: list[Warning]) -> None:
         """Start editing: the field is ready."""
         self.editing = Editing(deformer)
         self.field = messages.FieldState(status="ready", origin=origin)
-        self._tell_progress("prepare", "done")
+        self.tell_progress("prepare", "done")
         for warning in warnings:
             self.fail(0, warning)
         pending_edit, self._pending_edit = self._pending_edit, None
@@ -206,7 +211,7 @@ class Session:
 
     def field_ended(self, task: str, error: Exception | None) -> None:
         """Report that the work ended without a field, by an error or a stop; an existing field stays in use."""
-        self._tell_progress(task, "cancelled" if error is None else "failed")
+        self.tell_progress(task, "cancelled" if error is None else "failed")
         if error is not None:
             self.fail(0, error)
         self._tell_field("none" if self.editing is None else "ready")
@@ -311,10 +316,3 @@ class Session:
     def _tell_field(self, status: str) -> None:
         self.field = self.field.model_copy(update={"status": status})
         self.tell_state()
-
-    def _tell_progress(
-        self, task: Any, stage: str, done: int = 0, total: int | None = None, seconds_left: float | None = None
-    ) -> None:
-        message = messages.ProgressMessage(task=task, stage=stage, done=done, total=total, seconds_left=seconds_left)
-        self._progress = None if stage in ("done", "failed", "cancelled") else message
-        self.send(message)

@@ -14,7 +14,6 @@ from dfd.app.protocol import messages
 from dfd.app.session.parts import ShapeParts
 from dfd.common.linear_algebra import Float32
 from dfd.common.preset import Preset
-from dfd.editing.controls import CONTROLS
 from dfd.editing.edit import band_on, box_center
 from dfd.editing.influence.regions import Region, members
 from dfd.posing.transforms import vector
@@ -26,8 +25,6 @@ if TYPE_CHECKING:
 
 UINT16_MAX = 65535  # number of steps of a quantized weight
 LARGEST = 1e30  # largest number of a transform, because shaders multiply it by coordinates in 32-bit floats
-# Fields of a handle's transform that the state has under the same name; the state's `pivot` is a position instead.
-MOTION = (*(name for name in messages.Transform.model_fields if name != "pivot"), "pivot_at")
 
 ColumnStates = tuple[messages.ColumnState, ...]
 
@@ -91,29 +88,23 @@ class Editing:
         )
 
     def _handle(self, handle: Handle, columns: ColumnStates) -> messages.HandleState:
-        transform, controls = handle.transform, handle.controls
+        place, transform, controls = handle.place, handle.transform, handle.controls
         off = (place.vertex for place in controls.excluded_counterparts)
-        values = {
-            **{name: getattr(transform, name) for name in MOTION},
-            **{name: getattr(controls, name) for name in CONTROLS},
+        values = vars(handle) | vars(place) | vars(transform) | vars(controls)
+        values |= {
+            "handle": handle.id,
+            "pivot": handle.pivot,
+            "pivot_set": transform.pivot is not None,
             "reach": self.deformer.bound.by_features.reach(handle),
+            "reach_by": controls.reach if isinstance(controls.reach, str) else "number",
             "excluded_counterparts": tuple(vertex for vertex in off if vertex is not None),
             "mask": self._size(controls.mask),
+            "mask_part": self.parts.limits(handle),
+            "region": self._size(place.region),
+            "columns": columns,
+            "moved": not transform.rests,
         }
-        return messages.HandleState(
-            handle=handle.id,
-            name=handle.name,
-            vertex=handle.place.vertex,
-            position=handle.place.position,
-            pivot=handle.pivot,
-            pivot_set=transform.pivot is not None,
-            reach_by=controls.reach if isinstance(controls.reach, str) else "number",
-            mask_part=self.parts.limits(handle),
-            region=self._size(handle.place.region),
-            columns=columns,
-            moved=not transform.rests,
-            **values,
-        )
+        return messages.HandleState(**{name: values[name] for name in messages.HandleState.model_fields})
 
     def _size(self, region: Region | None) -> int:
         return 0 if region is None else len(members(self.deformer.mesh, region))

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from dfd.app.protocol.messages import Group, MaterialEntry, MeshMessage
 from dfd.common.linear_algebra import Bool, Float64, Int32, UInt8
 from dfd.editing.edit import box_center
 from dfd.mesh.appearance import Material
+from dfd.mesh.file.images import as_image
 from dfd.mesh.mesh import Mesh
 
 LONGEST_TEXTURE = 4096  # texels along a side, supported by every graphics card
@@ -103,12 +103,8 @@ def _material_runs(material_of: Int32) -> tuple[Group, ...]:
 
 def _encode_texture(texture: UInt8) -> tuple[bytes, str]:
     """Return a texture (rows, columns, 4) as a JPEG or PNG file, and its media type."""
-    image = Image.fromarray(texture)
-    if max(image.size) > LONGEST_TEXTURE:
-        image.thumbnail((LONGEST_TEXTURE, LONGEST_TEXTURE))
-    stream = io.BytesIO()
-    if (texture[..., 3] == 255).all():
-        image.convert("RGB").save(stream, "JPEG", quality=JPEG_QUALITY, subsampling=0)
-        return stream.getvalue(), "image/jpeg"
-    image.save(stream, "PNG", compress_level=1)
-    return stream.getvalue(), "image/png"
+    image, stream = as_image(texture), io.BytesIO()
+    image.thumbnail((LONGEST_TEXTURE, LONGEST_TEXTURE))  # only shrinks
+    kind = "jpeg" if image.mode == "RGB" else "png"
+    image.save(stream, kind, quality=JPEG_QUALITY, subsampling=0, compress_level=1)
+    return stream.getvalue(), f"image/{kind}"

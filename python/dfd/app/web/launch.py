@@ -10,7 +10,6 @@ import tempfile
 import threading
 import webbrowser
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -51,8 +50,10 @@ class RunningApp:
         except OSError as error:
             reason = (error.strerror or "").partition(" (while")[0]  # without repeating the address
             raise OSError(error.errno, f"cannot listen at {host}:{port}: {reason}") from None
-        self.host, self.port = host, int(self._socket.getsockname()[1])
+        self.port = int(self._socket.getsockname()[1])
         self.rules = Rules(host=host, cookie=f"dfd-{self.port}", frame_ancestors=frame_ancestors)
+        known = socket.gethostname() if host in ("0.0.0.0", "::") else f"[{host}]" if ":" in host else host
+        self.url = f"http://{known}:{self.port}/?token={self.rules.token}"
         self._root = tempfile.TemporaryDirectory(prefix="dfd-app-", ignore_cleanup_errors=True)
         self.sessions = Sessions(Path(self._root.name), options, deformer, upload_bytes)
         config = uvicorn.Config(
@@ -67,14 +68,6 @@ class RunningApp:
         )
         self.server = uvicorn.Server(config)
         self._thread = threading.Thread(target=self.run, name="dfd-app", daemon=True)
-
-    @property
-    def url(self) -> str:
-        """Return the address with its token."""
-        host = f"[{self.host}]" if ":" in self.host else self.host
-        if self.host in ("0.0.0.0", "::"):
-            host = socket.gethostname()
-        return f"http://{host}:{self.port}/?token={self.rules.token}"
 
     def redirecting_file(self) -> Path:
         """Write a page that only this user can read, and that redirects to `url`; return its path.
@@ -143,17 +136,11 @@ def serve(options: SessionOptions, *, host: str, port: int | None, browser: bool
         timer.cancel()
 
 
-@dataclass(frozen=True, repr=False)
 class Frame:
-    """The page in a cell of a notebook, of `height` pixels."""
+    """The page in a cell of a notebook, of `height` pixels; `url` is its address, for another tab."""
 
-    app: RunningApp
-    height: int
-
-    @property
-    def url(self) -> str:
-        """Return the page's address, for another tab."""
-        return self.app.url
+    def __init__(self, app: RunningApp, height: int) -> None:
+        self.app, self.url, self._height = app, app.url, height
 
     def __repr__(self) -> str:
         """Return the address, for places that do not show HTML."""
@@ -164,7 +151,7 @@ class Frame:
         # frame must use the host name of the notebook.
         address, name = html.escape(self.url), f"dfd-{self.app.port}"
         return (
-            f'<iframe id="{name}" src="{address}" width="100%" height="{self.height}" style="border:0"></iframe>'
+            f'<iframe id="{name}" src="{address}" width="100%" height="{self._height}" style="border:0"></iframe>'
             f'<script>{{const frame = document.getElementById("{name}"), host = location.hostname;'
             'if (host === "localhost") frame.src = frame.src.replace("127.0.0.1", host);}</script>'
             f'<a href="{address}" target="_blank">Open in a tab</a>'

@@ -39,17 +39,6 @@ UPLOAD_BYTES = 1 << 30  # largest total size of an upload, unpacked
 MOST_UNATTENDED = 8  # number of sessions without a page; above it, the session that was left first ends
 
 
-class PageFiles(StaticFiles):
-    """The built page."""
-
-    def file_response(self, full_path: object, *rest: object, **options: object) -> Response:
-        """Return a file; browsers may cache files whose names contain a hash of the content."""
-        response: Response = super().file_response(full_path, *rest, **options)  # type: ignore[arg-type]
-        if "assets" in Path(str(full_path)).parts:
-            response.headers["Cache-Control"] = "public, max-age=31536000, immutable"
-        return response
-
-
 def create(sessions: Sessions, rules: Rules, *, static: Path) -> Starlette:
     """Return the application for `sessions`, guarded by `rules`, with the built page in the folder `static`."""
 
@@ -65,7 +54,7 @@ def create(sessions: Sessions, rules: Rules, *, static: Path) -> Starlette:
             WebSocketRoute("/ws", sessions.socket),
             Route("/upload", sessions.upload, methods=["POST"]),
             Route("/download/{session}/{number}", sessions.download, methods=["GET"]),
-            Mount("/", PageFiles(directory=static, html=True, check_dir=False)),
+            Mount("/", StaticFiles(directory=static, html=True, check_dir=False)),
         ],
         middleware=[Middleware(Guard, rules=rules)],
         lifespan=lifespan,
