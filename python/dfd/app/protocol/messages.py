@@ -58,9 +58,6 @@ def with_controls(kinds: dict[str, Any], *, optional: bool) -> Callable[[type[Mo
     return lambda owner: create_model(owner.__name__, __base__=owner, __doc__=owner.__doc__, **fields)
 
 
-# --- in requests
-
-
 class Transform(Model):
     """Scale along `axes`, then rotation, then translation, about the pivot.
 
@@ -113,9 +110,6 @@ class KeyPose(Model):
 
 
 KeyPoses = Annotated[tuple[KeyPose, ...], Field(max_length=1000)]
-
-
-# --- of the server
 
 
 class Answer(Model):
@@ -306,9 +300,6 @@ class DownloadMessage(Answer):
     url: str
     name: str
     said: str = ""  # how the file differs from the page; empty if it does not
-
-
-# --- of the server, with arrays
 
 
 class MaterialEntry(Model):

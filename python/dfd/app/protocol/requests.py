@@ -23,10 +23,6 @@ class Request(Model):
     id: Annotated[int, Field(ge=1, le=LARGEST_NUMBER)]
     type: str
 
-    def call(self, session: Any) -> Any:
-        """Call the handler of the request, and return its result; raises the handler's errors."""
-        return HANDLERS[self.type](session, **{name: value for name, value in self if name not in ("id", "type")})
-
 
 class RequestError(ValueError):
     """A text is no valid request; `number` is its `id`, or 0 if it has none."""

@@ -5,17 +5,15 @@ from __future__ import annotations
 import re
 import zipfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from dfd.app.protocol import messages
+from dfd.editing.deformer import Deformer
 from dfd.editing.edit_file import write_edit
 from dfd.export.export_rig import export_rig
 from dfd.export.export_weights import export_weights
 from dfd.export.key_poses import KeyPose
 from dfd.posing.transforms import Transform
-
-if TYPE_CHECKING:
-    from dfd.editing.deformer import Deformer
 
 Kind = Literal["glb", "obj", "ply", "stl", "rig", "morph", "weights", "animation", "edit", "field"]
 ENDINGS = {  # of the names of files, by their kind; that of a mesh is "_edited.glb" and so on

@@ -9,20 +9,21 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
 from dfd.app.protocol import messages
 from dfd.app.protocol.messages import Controls, Index, PartChange, Place, PoseTransforms, Transform
-from dfd.app.protocol.requests import Request, request
+from dfd.app.protocol.requests import HANDLERS, Request, request
 from dfd.app.session import exports
 from dfd.app.session.session import Session
 from dfd.app.session.state import quantized
 from dfd.app.session.surface import Arrays, centered, packed_normals
 from dfd.common.linear_algebra import Float32
 from dfd.common.preset import Preset
+from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Fixed
 from dfd.editing.influence.held_parts import pivot_on
 from dfd.editing.points import place_on
@@ -32,9 +33,6 @@ from dfd.pictures.colors import feature_colors
 from dfd.posing.transforms import PivotAt, vector
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.bind import bind
-
-if TYPE_CHECKING:
-    from dfd.editing.deformer import Deformer
 
 NO_CONTROLS = Controls()
 MOST_SUGGESTED = 12  # number of suggested places; more markers would hide the shape
@@ -46,15 +44,13 @@ def answer(session: Session, message: Request) -> None:
     """Handle a request and send the answer; an exception becomes a `failure` message."""
 
     def work() -> None:
-        reply = message.call(session) or messages.DoneMessage()
+        fields = {name: value for name, value in message if name not in Request.model_fields}
+        reply = HANDLERS[message.type](session, **fields) or messages.DoneMessage()
         said, arrays = reply if isinstance(reply, tuple) else (reply, {})
         session.send(said.model_copy(update={"id": message.id}), **arrays)
 
     session.after = message.id
     session.guarded(message.id, work)
-
-
-# --- queries
 
 
 @request
@@ -133,9 +129,6 @@ def axis(session: Session, handle: int) -> messages.Answer:
             auto = pivot_on(part, None, held, edit.symmetry)[0]
         base, tip = (vector("axis", part.axis.nodes[end]) for end in (0, -1))
     return messages.AxisMessage(handle=handle, pivots=pivots, auto=auto, base=base, tip=tip)
-
-
-# --- handles
 
 
 @request
@@ -226,9 +219,6 @@ def remove(session: Session, handle: int) -> None:
     session.change(lambda deformer: deformer.remove(handle))
 
 
-# --- the whole shape
-
-
 @request
 def fix(session: Session, at: Place) -> None:
     """Fix a point or region with everything similar to it."""
@@ -302,9 +292,6 @@ def clear(session: Session) -> None:
     session.change(lambda deformer: deformer.apply(replace(deformer.edit, handles=(), fixed=())))
 
 
-# --- export
-
-
 @request
 def export(
     session: Session,
@@ -346,9 +333,6 @@ def _move_all(deformer: Any, transforms: PoseTransforms) -> None:
     at_rest = {"pivot": "point", "axes": "auto", "joint": "spread"}
     for each in transforms:
         deformer.move(**{name: at_rest[name] if part is None else part for name, part in each})
-
-
-# --- from messages to arguments of `Deformer`
 
 
 def _known(session: Session, value: Any) -> Any:

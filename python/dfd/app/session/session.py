@@ -7,7 +7,7 @@ import re
 import shutil
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,14 +18,12 @@ from dfd.app.protocol.requests import request
 from dfd.app.session.preparation import Preparation
 from dfd.app.session.state import Editing
 from dfd.app.session.surface import mesh_message
+from dfd.common.preset import Preset
+from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit, band_on
 from dfd.editing.edit_file import read_edit
-
-if TYPE_CHECKING:
-    from dfd.common.preset import Preset
-    from dfd.editing.deformer import Deformer
-    from dfd.mesh.mesh import Mesh
-    from dfd.symmetry.plane import SymmetryPlane
+from dfd.mesh.mesh import Mesh
+from dfd.symmetry.plane import SymmetryPlane
 
 NO_FIELD = messages.FieldState(status="none", origin=None)
 STATUS = {"distill": "distilling", "prepare": "preparing"}  # of the field, while a task runs
@@ -51,8 +49,7 @@ class Session:
         *,
         deformer: Deformer | None = None,
     ) -> None:
-        self.folder, self.options = folder, options
-        self._send, self.post = send, post
+        self.folder, self.options, self._send, self.post = folder, options, send, post
         self._preparation: Preparation | None = None
         self._progress: messages.ProgressMessage | None = None  # the last progress message, while its task runs
         self._warnings: list[str] = []  # warnings of reading the shape
@@ -70,8 +67,6 @@ class Session:
             self.mesh, self.editing = deformer.mesh, Editing(deformer)
             self.name = deformer.mesh.source.name if deformer.mesh.source else "mesh"
             self.field = messages.FieldState(status="ready", origin="file", parts=self.editing.parts.ways)
-
-    # --- opening
 
     def begin(self) -> None:
         """Open the files in the options, for the first page."""
@@ -171,8 +166,6 @@ class Session:
         if self._preparation is not None:
             self._preparation.cancel()
 
-    # --- called by the background work
-
     def tell_progress(
         self, task: Any, stage: str, done: int = 0, total: int | None = None, seconds_left: float | None = None
     ) -> None:
@@ -215,8 +208,6 @@ class Session:
         if error is not None:
             self.fail(0, error)
         self._tell_field("none" if self.editing is None else "ready")
-
-    # --- called for the page
 
     def attach(self) -> None:
         """Send the whole state to a page that has just connected."""
@@ -292,8 +283,6 @@ class Session:
             editing.unreported = False
             text = str(editing.deformer.report())
             self.send(messages.ReportMessage(text=text[:1].upper() + text[1:]))
-
-    # --- messages
 
     def send(self, message: messages.Answer, **arrays: NDArray[Any]) -> None:
         """Send a message, with arrays if there are any."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from hashlib import sha256
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +14,11 @@ from dfd.app.protocol import messages
 from dfd.app.session.parts import ShapeParts
 from dfd.common.linear_algebra import Float32
 from dfd.common.preset import Preset
-from dfd.editing.edit import band_on, box_center
+from dfd.editing.deformer import Deformer
+from dfd.editing.edit import Edit, Handle, band_on, box_center
 from dfd.editing.influence.regions import Region, members
 from dfd.posing.transforms import vector
-
-if TYPE_CHECKING:
-    from dfd.editing.deformer import Deformer
-    from dfd.editing.edit import Edit, Handle
-    from dfd.symmetry.plane import SymmetryPlane
+from dfd.symmetry.plane import SymmetryPlane
 
 UINT16_MAX = 65535  # number of steps of a quantized weight
 LARGEST = 1e30  # largest number of a transform, because shaders multiply it by coordinates in 32-bit floats

@@ -11,16 +11,13 @@ import threading
 import webbrowser
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import uvicorn
 
 from dfd.app.options import SessionOptions
 from dfd.app.web.safety import Rules, loopback
 from dfd.app.web.server import MESSAGE_BYTES, STATIC, UPLOAD_BYTES, Sessions, create
-
-if TYPE_CHECKING:
-    from dfd.editing.deformer import Deformer
+from dfd.editing.deformer import Deformer
 
 DEFAULT_PORT = 8765
 

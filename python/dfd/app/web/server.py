@@ -6,10 +6,8 @@ import asyncio
 import contextlib
 import secrets
 import shutil
-import threading
 from collections.abc import AsyncIterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from starlette.applications import Starlette
 from starlette.background import BackgroundTask
@@ -29,9 +27,7 @@ from dfd.app.protocol.messages import FailureMessage, SessionMessage
 from dfd.app.web.safety import Guard, Rules
 from dfd.app.web.tab import Outbox, Tab
 from dfd.app.web.uploads import FORMATS, MOST_FILES, receive
-
-if TYPE_CHECKING:
-    from dfd.editing.deformer import Deformer
+from dfd.editing.deformer import Deformer
 
 STATIC = Path(__file__).parents[1] / "static"
 MESSAGE_BYTES = 1 << 20  # largest message of a page
@@ -44,8 +40,6 @@ def create(sessions: Sessions, rules: Rules, *, static: Path) -> Starlette:
 
     @contextlib.asynccontextmanager
     async def lifespan(app: Starlette) -> AsyncIterator[None]:
-        # Importing torch takes seconds, so it begins before the first request.
-        threading.Thread(target=lambda: __import__("dfd.editing.deformer"), name="dfd-import", daemon=True).start()
         yield
         sessions.close()
 

@@ -10,15 +10,12 @@ import threading
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from dfd.app.options import SessionOptions
 from dfd.app.protocol.requests import RequestError, read_request
 from dfd.app.session.requests import answer
 from dfd.app.session.session import Session
-
-if TYPE_CHECKING:
-    from dfd.editing.deformer import Deformer
+from dfd.editing.deformer import Deformer
 
 OPENED_ELSEWHERE, SESSION_ENDED = 4001, 4002  # close codes of a WebSocket
 # Only the newest of these requests is answered, because the pointer or the shape has changed since older requests.
