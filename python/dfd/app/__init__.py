@@ -27,7 +27,7 @@ def show(deformer: Deformer, *, height: int = 640) -> Frame:
     launch.check_built()
     running = _SHOWN.get(id(deformer))
     if running is None:
-        running = launch.RunningApp(SessionOptions(), deformer=deformer, frame_ancestors=NOTEBOOK_ORIGINS)
+        running = launch.RunningApp(SessionOptions(deformer=deformer), frame_ancestors=NOTEBOOK_ORIGINS)
         running.start()
         _SHOWN[id(deformer)] = running
     return launch.Frame(running, height)

@@ -14,6 +14,7 @@ from dfd.common.preset import Preset
 from dfd.encoders.known import DEFAULT_ENCODER
 
 if TYPE_CHECKING:
+    from dfd.editing.deformer import Deformer
     from dfd.mesh.mesh import Mesh
 
 SAMPLES = ("quadruped", "chair", "robot")  # on the start page
@@ -48,6 +49,7 @@ class SessionOptions(Opening):
     preset: Preset = "default"  # of new sessions and of distillation
     encoder: str = DEFAULT_ENCODER  # name or folder
     distill: dict[str, Any] = dataclass_field(default_factory=dict)  # further keywords of `dfd.distill`
+    deformer: Deformer | None = None  # the editing session of a notebook, which all pages show
 
     def distill_arguments(self) -> dict[str, Any]:
         """Return the keywords for `dfd.distill` and `find_distilled`."""

@@ -89,7 +89,7 @@ def test_an_encoder_that_is_not_there_is_said(shape: Shape, static: Path, tmp_pa
 def test_a_process_that_is_killed_is_said(shape: Shape, tmp_path: Path) -> None:
     source, path = OpenedFile(name="c", path=shape.mesh), tmp_path / "field"
     with pytest.raises(ValueError, match="ended before it was done"):
-        preparation.distill_apart(source, SessionOptions(), path, lambda *_: None, lambda process: process.kill())
+        preparation.distill_apart(source, {}, path, lambda *_: None, lambda process: process.kill())
 
 
 @pytest.mark.processes

@@ -133,7 +133,7 @@ class Preparation:
                 if self._stopped.is_set():
                     raise ValueError("It was stopped while it waited")
             try:
-                distill_apart(self._source, self._options, path, tell, started)
+                distill_apart(self._source, self._options.distill_arguments(), path, tell, started)
             finally:
                 _DISTILLING.release()
                 self._process = None
@@ -197,20 +197,21 @@ def seconds_left(stage: str, done: int, total: int | None, elapsed: float) -> fl
 
 def distill_apart(
     source: Source,
-    options: SessionOptions,
+    settings: dict[str, Any],
     path: Path,
     tell: Callable[[str, int, int | None], object],
     started: Callable[[BaseProcess], object],
 ) -> None:
     """Distill a shape in its own process, which can be killed, and whose crash affects nothing else; save at `path`.
 
-    `tell` is called with a stage, items done and their total. `started` is called with the process.
+    `settings` are the keywords of `dfd.distill`. `tell` is called with a stage, items done and their total. `started`
+    is called with the process.
 
     Raises ValueError if the distillation failed or was stopped.
     """
     context = get_context("spawn")
     messages, theirs = context.Pipe(duplex=False)
-    process = context.Process(target=_distill, args=(source, options, path, theirs), daemon=True)
+    process = context.Process(target=_distill, args=(source, settings, path, theirs), daemon=True)
     process.start()
     theirs.close()  # so that the pipe closes when the process ends
     started(process)
@@ -249,7 +250,7 @@ class SentStages(Stages):
             yield advance
 
 
-def _distill(source: Source, options: SessionOptions, path: Path, pipe: Connection) -> None:
+def _distill(source: Source, settings: dict[str, Any], path: Path, pipe: Connection) -> None:
     """Save the field of a shape at `path`; send tuples of progress to `pipe`, then True or an error message."""
     from dfd.distillation.distill import distill
 
@@ -257,7 +258,7 @@ def _distill(source: Source, options: SessionOptions, path: Path, pipe: Connecti
     try:
         with stages.stage("read"):
             mesh, _ = read_shape(source)
-        distill(mesh, **options.distill_arguments(), progress=stages).save(path)
+        distill(mesh, **settings, progress=stages).save(path)
         pipe.send(True)
     except (OSError, ValueError, MemoryError) as error:
         pipe.send(f"Memory ran out: {error}" if isinstance(error, MemoryError) else str(error))

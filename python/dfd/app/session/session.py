@@ -33,21 +33,18 @@ FUNCTION = re.compile(r"^\w+(\.\w+)?: ")
 log = logging.getLogger("dfd.app")
 
 
+Work = Callable[[], None]
+
+
 class Session:
     """The session of one tab, with files in `folder`. All methods are called on one thread.
 
     `send` sends a text or binary message to the page, or drops it if no page is connected. `post` runs a function on
-    the session's thread, and may be called on any thread. `deformer` is an existing editing session of a notebook.
+    the session's thread, and may be called on any thread.
     """
 
     def __init__(
-        self,
-        folder: Path,
-        options: SessionOptions,
-        send: Callable[[str | bytes], None],
-        post: Callable[[Callable[[], None]], None],
-        *,
-        deformer: Deformer | None = None,
+        self, folder: Path, options: SessionOptions, send: Callable[[str | bytes], None], post: Callable[[Work], None]
     ) -> None:
         self.folder, self.options, self._send, self.post = folder, options, send, post
         self._preparation: Preparation | None = None
@@ -63,7 +60,7 @@ class Session:
         self.field = NO_FIELD
         self.poses: messages.KeyPoses = ()
         self.editing: Editing | None = None  # None without a field
-        if deformer is not None:
+        if (deformer := options.deformer) is not None:
             self.mesh, self.editing = deformer.mesh, Editing(deformer)
             self.name = deformer.mesh.source.name if deformer.mesh.source else "mesh"
             self.field = messages.FieldState(status="ready", origin="file", parts=self.editing.parts.ways)
@@ -223,7 +220,7 @@ class Session:
         if self._progress is not None:
             self.send(self._progress)
 
-    def guarded(self, number: int, work: Callable[[], None]) -> None:
+    def guarded(self, number: int, work: Work) -> None:
         """Call `work`; an exception is sent as the `failure` of request `number`."""
         try:
             work()

@@ -17,7 +17,6 @@ import uvicorn
 from dfd.app.options import SessionOptions
 from dfd.app.web.safety import Rules, loopback
 from dfd.app.web.server import MESSAGE_BYTES, STATIC, UPLOAD_BYTES, Sessions, create
-from dfd.editing.deformer import Deformer
 
 DEFAULT_PORT = 8765
 
@@ -25,7 +24,7 @@ DEFAULT_PORT = 8765
 class RunningApp:
     """A server on a thread of this process, until `stop`. Port 0 is any free port.
 
-    With `deformer`, all pages show this session. Pages of the origins `frame_ancestors` may show the app in a frame.
+    Pages of the origins `frame_ancestors` may show the app in a frame.
 
     Raises OSError if the port is taken, or the host is not an address of this machine.
     """
@@ -36,7 +35,6 @@ class RunningApp:
         *,
         host: str = "127.0.0.1",
         port: int = 0,
-        deformer: Deformer | None = None,
         frame_ancestors: tuple[str, ...] = (),
         upload_bytes: int = UPLOAD_BYTES,
         static: Path = STATIC,
@@ -52,7 +50,7 @@ class RunningApp:
         known = socket.gethostname() if host in ("0.0.0.0", "::") else f"[{host}]" if ":" in host else host
         self.url = f"http://{known}:{self.port}/?token={self.rules.token}"
         self._root = tempfile.TemporaryDirectory(prefix="dfd-app-", ignore_cleanup_errors=True)
-        self.sessions = Sessions(Path(self._root.name), options, deformer, upload_bytes)
+        self.sessions = Sessions(Path(self._root.name), options, upload_bytes)
         config = uvicorn.Config(
             create(self.sessions, self.rules, static=static),
             ws="websockets-sansio",

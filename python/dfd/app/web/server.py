@@ -27,7 +27,6 @@ from dfd.app.protocol.messages import FailureMessage, SessionMessage
 from dfd.app.web.safety import Guard, Rules
 from dfd.app.web.tab import Outbox, Tab
 from dfd.app.web.uploads import FORMATS, MOST_FILES, receive
-from dfd.editing.deformer import Deformer
 
 STATIC = Path(__file__).parents[1] / "static"
 MESSAGE_BYTES = 1 << 20  # largest message of a page
@@ -56,13 +55,10 @@ def create(sessions: Sessions, rules: Rules, *, static: Path) -> Starlette:
 
 
 class Sessions:
-    """All sessions of one server, with folders in `root`, and the routes to them.
+    """All sessions of one server, with folders in `root`, and the routes to them."""
 
-    With `deformer`, all pages show this editing session.
-    """
-
-    def __init__(self, root: Path, options: SessionOptions, deformer: Deformer | None, upload_bytes: int) -> None:
-        self._root, self._options, self._deformer, self._upload_bytes = root, options, deformer, upload_bytes
+    def __init__(self, root: Path, options: SessionOptions, upload_bytes: int) -> None:
+        self._root, self._options, self._upload_bytes = root, options, upload_bytes
         self._tabs: dict[str, Tab] = {}  # tabs by the names of their folders; the last one was left last
 
     def find(self, name: str | None) -> Tab | None:
@@ -73,13 +69,13 @@ class Sessions:
         """Return the session with a name, or a new session."""
         if (found := self.find(name)) is not None:
             return found
-        if self._deformer is not None and self._tabs:
+        if self._options.deformer is not None and self._tabs:
             return next(iter(self._tabs.values()))
         for tab in [each for each in self._tabs.values() if each.outbox is None][:-MOST_UNATTENDED]:
             self._tabs.pop(tab.folder.name).end()
         folder = self._root / secrets.token_hex(16)
         folder.mkdir()
-        self._tabs[folder.name] = tab = Tab(folder, self._options, self._deformer)
+        self._tabs[folder.name] = tab = Tab(folder, self._options)
         return tab
 
     def close(self) -> None:

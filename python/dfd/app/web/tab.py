@@ -15,7 +15,6 @@ from dfd.app.options import SessionOptions
 from dfd.app.protocol.requests import RequestError, read_request
 from dfd.app.session.requests import answer
 from dfd.app.session.session import Session
-from dfd.editing.deformer import Deformer
 
 OPENED_ELSEWHERE, SESSION_ENDED = 4001, 4002  # close codes of a WebSocket
 # Only the newest of these requests is answered, because the pointer or the shape has changed since older requests.
@@ -32,14 +31,14 @@ class Tab:
     event loop.
     """
 
-    def __init__(self, folder: Path, options: SessionOptions, deformer: Deformer | None) -> None:
+    def __init__(self, folder: Path, options: SessionOptions) -> None:
         self.folder = folder
         self.outbox: Outbox | None = None  # that of the page; None if no page shows the session
         self._events = asyncio.get_running_loop()
         self._begun = False
         self._inbox: queue.Queue[Callable[[], None] | None] = queue.Queue()
         self._newest: dict[str, int] = {}
-        self.session = Session(folder, options, self._send, self.call, deformer=deformer)
+        self.session = Session(folder, options, self._send, self.call)
         threading.Thread(target=self._run, name="dfd-session", daemon=True).start()
 
     def call(self, work: Callable[[], None]) -> None:
