@@ -82,12 +82,8 @@ class Preparation:
         self._dropped = True
         self.cancel()
 
-    def _tell(self, method: Callable[..., None], *arguments: Any) -> None:
-        def call() -> None:
-            if not self._dropped:
-                method(*arguments)
-
-        self._session.post(call)
+    def _tell(self, method: Callable[..., object], *arguments: Any) -> None:
+        self._session.post(lambda: None if self._dropped else method(*arguments))
 
     def _progress(self, task: str, stage: str, done: int, total: int | None, left: float | None = None) -> None:
         """Report progress, within a stage at most once per `INTERVAL` and at its end."""
