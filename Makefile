@@ -63,7 +63,7 @@ lint: $(VENV)/installed-test
 
 # The app's page is built, checked and tested once after each change; in a browser it is tested by pytest.
 CLIENT_SOURCES := $(shell find $(CLIENT) \( -name node_modules -o -name messages.ts \) -prune -o -type f -print)
-MESSAGES := $(wildcard python/dfd/app/protocol/*.py) python/dfd/app/session/requests.py python/dfd/editing/controls.py
+MESSAGES := $(wildcard python/dfd/app/protocol/*.py python/dfd/app/session/*.py) python/dfd/editing/controls.py
 PAGE := python/dfd/app/static/index.html
 ifneq ($(shell command -v npm),)
 client: build/client-checked

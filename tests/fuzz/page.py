@@ -78,7 +78,7 @@ def ask_all(path: Path) -> None:
 
     with tempfile.TemporaryDirectory() as folder:
         deformer = dfd.Deformer(SHAPE, field_of(SHAPE))
-        session = Session(Path(folder), SessionOptions(), send, lambda call: None, deformer=deformer)
+        session = Session(Path(folder), SessionOptions(deformer=deformer), send, lambda call: None)
         for number, asked in enumerate(json.loads(path.read_bytes()), start=1):
             sent.clear()
             try:
@@ -92,4 +92,4 @@ def ask_all(path: Path) -> None:
             assert np.isfinite(deformer.vertices).all(), asked
             session.guarded(0, session.run_deferred)
             assert not any("Internal error" in str(message.get("message")) for message in sent), asked
-        session.end()
+        session.close_shape()

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from dataclasses import field as dataclass_field
 from pathlib import Path
@@ -12,7 +14,11 @@ from dfd.common.preset import Preset
 from dfd.encoders.known import DEFAULT_ENCODER
 
 if TYPE_CHECKING:
+    from dfd.editing.deformer import Deformer
     from dfd.mesh.mesh import Mesh
+
+SAMPLES = ("quadruped", "chair", "robot")  # on the start page
+SAMPLE_FACES = 20_000
 
 
 @dataclass(frozen=True)
@@ -38,28 +44,16 @@ class Opening:
 
 @dataclass(frozen=True)
 class SessionOptions(Opening):
-    """The files that every new session opens, and its settings. Without a mesh, it opens the start page.
+    """The files that every new session opens, and its settings. Without a mesh, it opens the start page."""
 
-    Attributes
-    ----------
-    preset
-        The preset of new sessions and of distillation.
-    encoder, distill
-        The encoder's name or folder, and further keywords of `dfd.distill`.
-    """
-
-    preset: Preset = "default"
-    encoder: str = DEFAULT_ENCODER
-    distill: dict[str, Any] = dataclass_field(default_factory=dict)
+    preset: Preset = "default"  # of new sessions and of distillation
+    encoder: str = DEFAULT_ENCODER  # name or folder
+    distill: dict[str, Any] = dataclass_field(default_factory=dict)  # further keywords of `dfd.distill`
+    deformer: Deformer | None = None  # the editing session of a notebook, which all pages show
 
     def distill_arguments(self) -> dict[str, Any]:
         """Return the keywords for `dfd.distill` and `find_distilled`."""
-        preset = {} if self.preset == "default" else {"preset": self.preset}
-        return {"encoder": self.encoder, **preset, **self.distill}
-
-
-SAMPLES = ("quadruped", "chair", "robot")  # on the start page
-SAMPLE_FACES = 20_000
+        return {"encoder": self.encoder, "preset": self.preset, **self.distill}
 
 
 def check_sample(name: str) -> str:
@@ -67,6 +61,16 @@ def check_sample(name: str) -> str:
     if name not in SAMPLES:
         raise ValueError(f"There is no sample {name!r}; there are {', '.join(SAMPLES)}")
     return name
+
+
+@contextmanager
+def recorded_warnings() -> Iterator[list[UserWarning]]:
+    """Yield a list that holds the UserWarnings of the block once it has ended."""
+    messages: list[UserWarning] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        yield messages
+    messages += [each.message for each in caught if isinstance(each.message, UserWarning)]
 
 
 def read_shape(source: Source) -> tuple[Mesh, list[str]]:
@@ -80,8 +84,7 @@ def read_shape(source: Source) -> tuple[Mesh, list[str]]:
         return getattr(samples, check_sample(source))(SAMPLE_FACES).mesh, []
     from dfd.mesh.mesh import load
 
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
+    with recorded_warnings() as messages:
         mesh = load(source.path)
-    messages = [str(warning.message) for warning in caught if issubclass(warning.category, UserWarning)]
-    return mesh, [message.replace(str(source.path), source.name).removeprefix("load: ") for message in messages]
+    said = (str(message).replace(str(source.path), source.name) for message in messages)
+    return mesh, [text.removeprefix("load: ") for text in said]

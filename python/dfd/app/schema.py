@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import json
-from typing import Annotated, Any, Union
+from typing import Any
 
-from pydantic import Field, create_model
+from pydantic import create_model
 from pydantic.json_schema import models_json_schema
 
 import dfd.app.session.requests  # noqa: F401  # registers the requests
-from dfd.app.protocol.answers import Answer
-from dfd.app.protocol.parts import Model
-from dfd.app.protocol.requests import request_union
+from dfd.app.protocol.messages import Answer, Model
+from dfd.app.protocol.requests import MODELS, union_of
 
 
 def schema() -> dict[str, Any]:
-    """Return the schema: `Client` is any message of the page, `Server` any message of the server without arrays."""
-    answer: Any = Annotated[Union[tuple(Answer.__subclasses__())], Field(discriminator="type")]  # noqa: UP007
-    client = create_model("Client", __base__=Model, __doc__="Any request.", message=(request_union(), ...))
+    """Return the schema: `Client` is any message of the page, `Server` any message of the server."""
+    answer: Any = union_of(Answer.__subclasses__())
+    client = create_model("Client", __base__=Model, __doc__="Any request.", message=(union_of(MODELS), ...))
     server = create_model("Server", __base__=Model, __doc__="Any answer.", message=(answer, ...))
     _, definitions = models_json_schema([(client, "validation"), (server, "serialization")])
     return {

@@ -6,13 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from app_page import unpack
 from numpy.typing import NDArray
 
-from dfd.app.session.columns import heat_message, probed
-from dfd.app.session.state import NO_FIELD, Editing, state_message
+from dfd.app.session.requests import probed
+from dfd.app.session.session import NO_FIELD
+from dfd.app.session.state import Editing, quantized
 from dfd.editing.deformer import Deformer
-from dfd.editing.points import place_on
 
 
 class Client:
@@ -21,17 +20,12 @@ class Client:
     def __init__(self, deformer: Deformer) -> None:
         self.deformer, self.editing = deformer, Editing(deformer)
         self.weights: dict[int, NDArray[np.float64]] = {}
-        self.received = 0
 
     def listen(self) -> list[dict[str, Any]]:
         """The handles, once all columns have come."""
-        message = self.editing.columns.message()
-        self.received = 0
-        if message is not None:
-            header, arrays = unpack(message)
-            self.received = len(header["columns"])
-            self.weights |= dict(zip(header["columns"], arrays["values"] / 65535, strict=True))
-        handles = state_message(NO_FIELD, (), self.editing, after=0).model_dump()["handles"]
+        columns, new = self.editing.columns()
+        self.weights |= {number: values / 65535 for number, values in new.items()}
+        handles = self.editing.state(columns, field=NO_FIELD, poses=(), after=0).model_dump()["handles"]
         used = {column["column"] for handle in handles for column in handle["columns"]}
         self.weights = {number: self.weights[number] for number in used}
         return list(handles)
@@ -90,12 +84,11 @@ def test_columns_act_as_the_kernel_poses_them(client: Client, mode: Any, pivot: 
 
 def test_the_heat_of_a_probe_is_the_column_of_a_handle_there(client: Client) -> None:
     deformer = client.deformer
-    header, arrays = unpack(heat_message(probed(deformer, place_on(deformer.mesh, 3)), request=9, vertex=3))
-    assert (header["id"], header["vertex"]) == (9, 3)
+    heat = quantized(probed(deformer, 3))
     deformer.add(3)
     # The part itself: its far end follows less.
-    np.testing.assert_allclose(arrays["values"] / 65535, deformer.weights[:, 0], atol=0.2)
-    assert arrays["values"][3] == 65535
+    np.testing.assert_allclose(heat / 65535, deformer.weights[:, 0], atol=0.2)
+    assert heat[3] == 65535
 
 
 def test_the_heat_of_a_probe_is_of_distances_where_the_preset_has_a_number(client: Client) -> None:
@@ -103,4 +96,4 @@ def test_the_heat_of_a_probe_is_of_distances_where_the_preset_has_a_number(clien
     deformer.preset = "paper"
     deformer.fix(900)
     deformer.add(3)
-    np.testing.assert_allclose(probed(deformer, place_on(deformer.mesh, 3)).clip(0), deformer.weights[:, 0], atol=5e-5)
+    np.testing.assert_allclose(probed(deformer, 3).clip(0), deformer.weights[:, 0], atol=5e-5)

@@ -10,7 +10,6 @@ from app_page import Page, Shape
 
 from dfd.app.options import OpenedFile, SessionOptions
 from dfd.app.session import preparation
-from dfd.app.session.distill_process import DistillProcess
 from dfd.app.web.launch import RunningApp
 
 
@@ -88,10 +87,9 @@ def test_an_encoder_that_is_not_there_is_said(shape: Shape, static: Path, tmp_pa
 
 
 def test_a_process_that_is_killed_is_said(shape: Shape, tmp_path: Path) -> None:
-    process = DistillProcess(OpenedFile(name="c", path=shape.mesh), SessionOptions(), tmp_path / "field")
-    process.stop()
+    source, path = OpenedFile(name="c", path=shape.mesh), tmp_path / "field"
     with pytest.raises(ValueError, match="ended before it was done"):
-        process.run(lambda *_: None)
+        preparation.distill_apart(source, {}, path, lambda *_: None, lambda process: process.kill())
 
 
 @pytest.mark.processes

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import dfd
-from dfd.app.protocol.parts import KeyPose, PoseTransform
+from dfd.app.protocol.messages import KeyPose, PoseTransform
 from dfd.app.session.exports import Kind, export, file_stem
 from dfd.editing.deformer import Deformer
 
@@ -64,10 +64,10 @@ def test_key_poses_become_an_animation(deformer: Deformer, tmp_path: Path) -> No
         KeyPose(name="a", seconds=0, transforms=(raised(handle, 0.0), raised(99, 9.0))),
         KeyPose(name="b", seconds=2, transforms=(raised(handle, 0.5),)),
     ]
-    path, _ = export(deformer, "animation", "chair.glb", tmp_path, poses)
+    path, _ = export(deformer, "animation", "chair.glb", tmp_path, tuple(poses))
     header = header_of(path)
     inputs = {sampler["input"] for sampler in header["animations"][0]["samplers"]}
     assert [header["accessors"][each]["max"] for each in inputs] == [[2.0]]
     for wrong, message in ((poses[:1], "^Store at least two poses"), ([poses[0]] * 2, "one after the other in time")):
         with pytest.raises(ValueError, match=message):
-            export(deformer, "animation", "chair.glb", tmp_path, wrong)
+            export(deformer, "animation", "chair.glb", tmp_path, tuple(wrong))

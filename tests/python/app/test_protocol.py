@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
 
-from dfd.app.protocol.binary_messages import PositionsMessage, pack
+from dfd.app.protocol.messages import PositionsMessage, pack
 from dfd.app.protocol.requests import HANDLERS, RequestError, read_request
 from dfd.app.schema import schema
 

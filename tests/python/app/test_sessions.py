@@ -9,9 +9,9 @@ from app_page import Page
 
 from dfd.app.options import SessionOptions
 from dfd.app.session.session import Session
-from dfd.app.web import sessions
+from dfd.app.web import server
 from dfd.app.web.launch import RunningApp
-from dfd.app.web.sessions import OPENED_ELSEWHERE, SESSION_ENDED
+from dfd.app.web.tab import OPENED_ELSEWHERE, SESSION_ENDED
 
 
 def session_of(page: Page) -> Session:
@@ -25,7 +25,7 @@ def leave(page: Page) -> None:
     tab = page.app.sessions.find(page.session)
     assert tab is not None
     page.close()
-    while tab.attended:
+    while tab.outbox is not None:
         time.sleep(0.01)
 
 
@@ -65,7 +65,7 @@ def test_two_tabs_have_one_shape_and_each_its_own_edit(page: Page, new_page: Pag
 
 
 def test_of_the_sessions_that_no_page_shows_the_oldest_end(app: RunningApp, page: Page, monkeypatch: object) -> None:
-    monkeypatch.setattr(sessions, "MOST_UNATTENDED", 1)  # type: ignore[attr-defined]
+    monkeypatch.setattr(server, "MOST_UNATTENDED", 1)  # type: ignore[attr-defined]
     left = [Page(app) for _ in range(2)]
     for each in left:
         each.open()

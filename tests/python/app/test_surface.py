@@ -9,22 +9,22 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from app_page import unpack
 from PIL import Image
 
 import dfd
-from dfd.app.session.surface import center_of, mesh_message
+from dfd.app.session.surface import mesh_message
 from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.mesh import Mesh
 
 
 def sent(mesh: Mesh) -> tuple[dict[str, Any], dict[str, Any]]:
-    header, arrays = unpack(mesh_message(mesh, name="a mesh", warnings=["a warning"]))
+    message, arrays = mesh_message(mesh, name="a mesh", warnings=["a warning"])
+    header = message.model_dump(mode="json")
     assert header["type"] == "mesh"
     assert (header["name"], header["warnings"]) == ("a mesh", ["a warning"])
     assert (header["vertices"], header["faces"]) == (len(mesh.vertices), len(mesh.faces))
     assert len(arrays["positions"]) == len(arrays["vertex"]) == len(arrays["normals"])
-    corners = arrays["positions"][arrays["triangles"]].astype(np.float64) + center_of(mesh)
+    corners = arrays["positions"][arrays["triangles"]].astype(np.float64) + header["center"]
     np.testing.assert_allclose(corners, mesh.vertices[mesh.faces], atol=1e-6 * mesh.diagonal)
     np.testing.assert_array_equal(arrays["vertex"][arrays["triangles"]], mesh.faces)
     assert sum(group["count"] for group in header["groups"]) == len(mesh.faces)

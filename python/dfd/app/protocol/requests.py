@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from inspect import getdoc, signature
 from typing import Annotated, Any, Literal, TypeVar, Union, get_type_hints
 
 from pydantic import Field, TypeAdapter, ValidationError, create_model
 
-from dfd.app.protocol.parts import Model
+from dfd.app.protocol.messages import Model
 
 Handler = TypeVar("Handler", bound=Callable[..., Any])
 LARGEST_NUMBER = 2**53  # largest exact integer in JavaScript
@@ -33,7 +33,7 @@ class RequestError(ValueError):
 
 
 HANDLERS: dict[str, Callable[..., Any]] = {}
-MODELS: dict[str, type[Request]] = {}
+MODELS: list[type[Request]] = []
 
 
 def request(handler: Handler) -> Handler:
@@ -45,19 +45,19 @@ def request(handler: Handler) -> Handler:
     }
     fields["type"] = (Literal[name], ...)
     title = name.title().replace("_", "")
-    MODELS[name] = create_model(title, __base__=Request, __doc__=getdoc(handler), **fields)
+    MODELS.append(create_model(title, __base__=Request, __doc__=getdoc(handler), **fields))
     HANDLERS[name] = handler
     return handler
 
 
-def request_union() -> Any:
-    """Return the union of all request types."""
-    return Annotated[Union[tuple(MODELS.values())], Field(discriminator="type")]  # noqa: UP007
+def union_of(models: Iterable[type[Model]]) -> Any:
+    """Return the union of message types, which their `type` tells apart."""
+    return Annotated[Union[tuple(models)], Field(discriminator="type")]  # noqa: UP007
 
 
 @cache
 def _adapter() -> TypeAdapter[Any]:
-    return TypeAdapter(request_union())
+    return TypeAdapter(union_of(MODELS))
 
 
 def read_request(text: str) -> Request:
@@ -70,12 +70,6 @@ def read_request(text: str) -> Request:
         reason = re.sub(r"\s+", " ", str(first["msg"]))[:200]
         raise RequestError(_number_in(text), f"`{where}`: {reason}" if where else reason) from None
     return read
-
-
-def call(session: Any, message: Request) -> Any:
-    """Call the handler of `message`, and return its result; raises the handler's errors."""
-    names = type(message).model_fields.keys() - Request.model_fields.keys()
-    return HANDLERS[message.type](session, **{name: getattr(message, name) for name in names})
 
 
 def _number_in(text: str) -> int:

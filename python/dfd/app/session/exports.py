@@ -4,24 +4,30 @@ from __future__ import annotations
 
 import re
 import zipfile
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
-from dfd.app.protocol import parts
+from dfd.app.protocol import messages
+from dfd.editing.deformer import Deformer
 from dfd.editing.edit_file import write_edit
+from dfd.export.export_rig import export_rig
+from dfd.export.export_weights import export_weights
+from dfd.export.key_poses import KeyPose
 from dfd.posing.transforms import Transform
 
-if TYPE_CHECKING:
-    from dfd.editing.deformer import Deformer
-
 Kind = Literal["glb", "obj", "ply", "stl", "rig", "morph", "weights", "animation", "edit", "field"]
+ENDINGS = {  # of the names of files, by their kind; that of a mesh is "_edited.glb" and so on
+    "rig": "_rig.glb",
+    "morph": "_morph.glb",
+    "weights": "_weights.npz",
+    "animation": "_poses.glb",
+    "edit": "_edit.json",
+    "field": ".field.safetensors",
+}
 LONGEST_STEM = 80
 
 
-def export(
-    deformer: Deformer, kind: Kind, name: str, folder: Path, poses: Sequence[parts.KeyPose] = ()
-) -> tuple[Path, str]:
+def export(deformer: Deformer, kind: Kind, name: str, folder: Path, poses: messages.KeyPoses = ()) -> tuple[Path, str]:
     """Write a file of the format `kind` into `folder`; return its path, and how a rig differs from the page.
 
     `name` is the name of the shape, and `poses` are the key poses of the timeline.
@@ -29,29 +35,20 @@ def export(
     Raises ValueError if an animation has fewer than two poses, or two at the same time, or a rig has no handle. Raises
     OSError if the file cannot be written.
     """
-    stem = file_stem(name)
+    path, said = folder / f"{file_stem(name)}{ENDINGS.get(kind, f'_edited.{kind}')}", ""
     if kind == "edit":
-        path = folder / f"{stem}_edit.json"
         write_edit(path, deformer.edit, deformer.mesh)  # without paths of this machine
     elif kind == "field":
-        path = folder / f"{stem}.field.safetensors"
         deformer.field.save(path)
     elif kind == "animation":
-        path = folder / f"{stem}_poses.glb"
-        return path, _animation(deformer, path, poses)
+        said = _animation(deformer, path, poses)
     elif kind in ("rig", "morph"):
-        from dfd.export.export_rig import export_rig
-
-        path = folder / f"{stem}_{kind}.glb"
-        return path, str(export_rig(deformer, path, form="morph" if kind == "morph" else None))
+        said = str(export_rig(deformer, path, form="morph" if kind == "morph" else None))
     elif kind == "weights":
-        from dfd.export.export_weights import export_weights
-
-        path = folder / f"{stem}_weights.npz"
         export_weights(deformer, path)
     else:
-        path = _mesh(deformer, folder / f"{stem}_edited.{kind}")
-    return path, ""
+        path = _mesh(deformer, path)
+    return path, said
 
 
 def file_stem(name: str) -> str:
@@ -60,11 +57,8 @@ def file_stem(name: str) -> str:
     return re.sub(r"[^\w-]+", "_", stem)[:LONGEST_STEM].strip("_") or "mesh"
 
 
-def _animation(deformer: Deformer, path: Path, poses: Sequence[parts.KeyPose]) -> str:
+def _animation(deformer: Deformer, path: Path, poses: messages.KeyPoses) -> str:
     """Write an animation through the poses: as a skin, or as morph targets if a part bends or the mesh has a skin."""
-    from dfd.export.export_rig import export_rig
-    from dfd.export.key_poses import KeyPose
-
     if len(poses) < 2:
         raise ValueError("Store at least two poses on the timeline: the animation goes from one to the next")
     existing = {handle.id for handle in deformer.handles}

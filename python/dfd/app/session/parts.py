@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.app.protocol.messages import PartChange
+from dfd.editing.deformer import Deformer
+from dfd.editing.edit import Handle
 from dfd.editing.influence.recent import Recent
 from dfd.editing.influence.regions import VertexSet, members
 from dfd.geometry.coarse import nodes_of
-
-if TYPE_CHECKING:
-    from dfd.app.protocol.parts import PartChange
-    from dfd.editing.deformer import Deformer
-    from dfd.editing.edit import Handle
-    from dfd.segmentation.parts import Level
+from dfd.segmentation.parts import Level
 
 LEVELS: tuple[Level, ...] = ("smaller", "part", "larger")
 MOST_KEPT = 64  # number of parts in the cache; each is a set of vertices

@@ -4,25 +4,28 @@ from __future__ import annotations
 
 import threading
 import time
-import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from weakref import WeakValueDictionary
 
-from dfd.app.options import SessionOptions, Source
-from dfd.app.session.distill_process import DistillProcess
+from dfd.app.options import SessionOptions, Source, read_shape, recorded_warnings
+from dfd.common.progress import Stages
 
 if TYPE_CHECKING:
     from dfd.common.preset import Preset
-    from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
     from dfd.segmentation.parts import Parts
     from dfd.symmetry.plane import SymmetryPlane
 
 # Seconds of each stage of a distillation with the default settings on two cores, in order.
 USUAL_SECONDS = {"read": 0.5, "load": 5.0, "simplify": 1.0, "render": 1.0, "encode": 8.0, "smooth": 1.5, "fit": 4.0}
+INTERVAL = 0.1  # least seconds between two messages about one stage
 
 
 @dataclass
@@ -40,113 +43,105 @@ _DISTILLING = threading.Lock()  # held by the running distillation, because two 
 
 
 class Preparation:
-    """The background work for one shape, which is read from `source`; fields are saved in `folder`.
+    """The background work for the shape of a session, which is read from `source`.
 
-    Progress and results are passed to the methods `field_…` of `session`; `post` calls them on the session's thread.
+    Progress and results are passed to the methods `field_…` of the session, on the session's thread.
     """
 
-    def __init__(
-        self,
-        mesh: Mesh,
-        source: Source,
-        options: SessionOptions,
-        folder: Path,
-        session: Any,
-        post: Callable[[Callable[[], None]], None],
-    ) -> None:
-        self._mesh, self._source, self._options, self._folder = mesh, source, options, folder
-        self._session, self._post = session, post
+    def __init__(self, session: Any, mesh: Mesh, source: Source) -> None:
+        self._session, self._mesh, self._source = session, mesh, source
+        self._options: SessionOptions = session.options
         self._dropped = False
         self._stopped = threading.Event()
-        self._process: DistillProcess | None = None
+        self._process: BaseProcess | None = None
         self._shared: SharedShape | None = None
+        self._told: tuple[str, float] = "", 0.0  # the stage and the time of the last progress
 
-    def find(self) -> None:
-        """Search the cache for a field of the shape, and open it; distill it if there is none."""
-        self._start("prepare", self._find)
+    def start(self, task: str, work: Callable[..., None], *arguments: Any) -> None:
+        """Call `work`, one of the methods below, on another thread; the session learns if it fails."""
+        if task == "distill":
+            self._stopped.clear()
 
-    def open(self, path: Path, origin: str) -> None:
-        """Open the field in a file."""
-        self._start("prepare", lambda: self._prepare(path, origin))
+        def run() -> None:
+            try:
+                work(*arguments)
+            except Exception as error:
+                self._tell(self._session.field_ended, task, error)
 
-    def distill(self) -> None:
-        """Distill the field in another process."""
-        self._stopped.clear()
-        self._start("distill", self._distill)
+        threading.Thread(target=run, name=f"dfd-{task}", daemon=True).start()
 
     def cancel(self) -> None:
         """Stop a distillation."""
         self._stopped.set()
         if self._process is not None:
-            self._process.stop()
+            self._process.kill()
 
     def drop(self) -> None:
         """Stop a distillation, and report nothing more."""
         self._dropped = True
         self.cancel()
 
-    def _start(self, task: str, work: Callable[[], None]) -> None:
-        def run() -> None:
-            try:
-                work()
-            except Exception as error:
-                self._tell("field_ended", task, error)
+    def _tell(self, method: Callable[..., object], *arguments: Any) -> None:
+        self._session.post(lambda: None if self._dropped else method(*arguments))
 
-        threading.Thread(target=run, name=f"dfd-{task}", daemon=True).start()
+    def _progress(self, task: str, stage: str, done: int, total: int | None, left: float | None = None) -> None:
+        """Report progress, within a stage at most once per `INTERVAL` and at its end."""
+        stage_before, then = self._told
+        now = time.monotonic()
+        if stage != stage_before or done == total or now - then >= INTERVAL:
+            self._told = stage, now
+            self._tell(self._session.tell_progress, task, stage, done, total, left)
 
-    def _tell(self, name: str, *arguments: Any) -> None:
-        def call() -> None:
-            if not self._dropped:
-                getattr(self._session, name)(*arguments)
-
-        self._post(call)
-
-    def _find(self) -> None:
+    def find(self) -> None:
+        """Search the cache for a field of the shape, and open it; distill it if there is none."""
         from dfd.distillation.distill import find_distilled
         from dfd.distillation.settings import DistillSettings
 
         given = self._options.distill_arguments()
         encoder = given.pop("encoder")
         use_cache, device = given.pop("cache", True), given.pop("device", None)
-        settings, device_name = DistillSettings(**given), None if device is None else str(device)
-        found = find_distilled(self._mesh, encoder, settings, device=device_name) if use_cache else None
+        device, settings = None if device is None else str(device), DistillSettings(**given)
+        found = find_distilled(self._mesh, encoder, settings, device=device) if use_cache else None
         if found is None:
-            self._distill()
+            self.distill()
             return
-        path = self._folder / "cached.field.safetensors"
+        path = self._session.folder / "cached.field.safetensors"
         found.save(path)
-        self._prepare(path, "cache")
+        self.open(path, "cache")
 
-    def _distill(self) -> None:
-        path, begun = self._folder / "distilled.field.safetensors", time.monotonic()
+    def distill(self) -> None:
+        """Distill the field in another process, and open it."""
+        path, begun = self._session.folder / "distilled.field.safetensors", time.monotonic()
 
         def tell(stage: str, done: int, total: int | None) -> None:
-            left = seconds_left(stage, done, total, time.monotonic() - begun)
-            self._tell("field_progress", "distill", stage, done, total, left)
+            self._progress("distill", stage, done, total, seconds_left(stage, done, total, time.monotonic() - begun))
+
+        def started(process: BaseProcess) -> None:
+            self._process = process
+            if self._stopped.is_set():
+                process.kill()
 
         try:
-            while not _DISTILLING.acquire(timeout=0.1):
+            while not _DISTILLING.acquire(timeout=INTERVAL):
                 tell("wait", 0, None)
                 begun = time.monotonic()
                 if self._stopped.is_set():
                     raise ValueError("It was stopped while it waited")
             try:
-                self._process = DistillProcess(self._source, self._options, path)
-                if self._stopped.is_set():
-                    self._process.stop()
-                self._process.run(tell)
+                distill_apart(self._source, self._options.distill_arguments(), path, tell, started)
             finally:
                 _DISTILLING.release()
                 self._process = None
         except ValueError:
             if not self._stopped.is_set():
                 raise
-            self._tell("field_ended", "distill", None)
+            self._tell(self._session.field_ended, "distill", None)
         else:
-            self._prepare(path, "distilled")
+            self.open(path, "distilled")
 
-    def _prepare(self, path: Path, origin: str) -> None:
-        self._tell("field_progress", "prepare", "load", 0, None, None)
+    def open(self, path: Path, origin: str) -> None:
+        """Open the field in a file, and compute the data for the first handle."""
+        self._progress("prepare", "load", 0, None)
         from dfd.editing.deformer import Deformer
         from dfd.editing.influence.handle_features import HandleFeatures
         from dfd.editing.presets import PRESETS
@@ -155,42 +150,33 @@ class Preparation:
         from dfd.field.field import Field
         from dfd.symmetry.search import symmetry_planes
 
-        mesh = self._mesh
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always", UserWarning)
-            field = Field.load(path, mesh=mesh)
-            check_compatible(field, mesh)
-        messages = [str(each.message) for each in caught if issubclass(each.category, UserWarning)]
+        mesh, done = self._mesh, 0
+
+        def advance(vertices: int) -> None:
+            nonlocal done
+            done += vertices
+            self._progress("prepare", "features", done, len(mesh.vertices))
+
+        with recorded_warnings() as messages:
+            field = Field.load(path)
+            check_compatible(field, mesh, allowed_by="other_shape=True")
         assert field.source is not None
         key = f"{hash_arrays(mesh.vertices, mesh.faces)} {field.source.sha256}"
         self._shared = shared = _SHARED.setdefault(key, SharedShape())
         with shared.making:
             if shared.features is None:
                 rows = HandleFeatures(mesh, field)
-                rows.prepare(self._counted(field))
+                rows.prepare(advance)
                 shared.features = rows.features
             deformer = Deformer(mesh, field, preset=self._options.preset, features=shared.features)
-            self._tell("field_ready", deformer, path, origin, messages)
+            self._tell(self._session.field_ready, deformer, origin, messages)
             if shared.parts is None:
                 for preset, defaults in PRESETS.items():
                     shared.planes[preset] = symmetry_planes(
                         field, mesh, candidates=defaults.candidates, threshold=defaults.threshold
                     )
             shared.parts = deformer.bound.grips.prepare(shared.planes["default"], shared.parts)
-        self._tell("field_prepared", shared.planes)
-
-    def _counted(self, field: Field) -> Callable[[int], None]:
-        """Return a function that reports the progress of features; it is called with numbers of further vertices."""
-        count, done, reported = len(self._mesh.vertices), 0, 0.0
-
-        def advance(rows: int) -> None:
-            nonlocal done, reported
-            done += rows
-            if time.monotonic() - reported > 0.1:
-                reported = time.monotonic()
-                self._tell("field_progress", "prepare", "features", done, count, None)
-
-        return advance
+        self._tell(self._session.field_prepared, shared.planes)
 
 
 def seconds_left(stage: str, done: int, total: int | None, elapsed: float) -> float | None:
@@ -202,3 +188,72 @@ def seconds_left(stage: str, done: int, total: int | None, elapsed: float) -> fl
     spent += USUAL_SECONDS[stage] * done / total if total else 0.0
     left = sum(USUAL_SECONDS.values()) - spent
     return left * elapsed / spent if spent > 0.0 else left
+
+
+def distill_apart(
+    source: Source,
+    settings: dict[str, Any],
+    path: Path,
+    tell: Callable[[str, int, int | None], object],
+    started: Callable[[BaseProcess], object],
+) -> None:
+    """Distill a shape in its own process, which can be killed, and whose crash affects nothing else; save at `path`.
+
+    `settings` are the keywords of `dfd.distill`. `tell` is called with a stage, items done and their total. `started`
+    is called with the process.
+
+    Raises ValueError if the distillation failed or was stopped.
+    """
+    context = get_context("spawn")
+    messages, theirs = context.Pipe(duplex=False)
+    process = context.Process(target=_distill, args=(source, settings, path, theirs), daemon=True)
+    process.start()
+    theirs.close()  # so that the pipe closes when the process ends
+    started(process)
+    message: Any = None
+    with messages, suppress(EOFError, OSError):
+        while isinstance(message := messages.recv(), tuple):
+            tell(*message)
+    process.join()
+    if isinstance(message, str):
+        raise ValueError(message)
+    if message is not True:
+        code = process.exitcode or 0
+        lost = ", perhaps for lack of memory" if code < 0 else f" (exit code {code})"
+        raise ValueError(f"The distillation ended before it was done{lost}")
+
+
+class SentStages(Stages):
+    """Stages that send their progress through a pipe."""
+
+    def __init__(self, pipe: Connection) -> None:
+        super().__init__(show=False)
+        self._pipe = pipe
+
+    @contextmanager
+    def stage(self, name: str, total: int | None = None) -> Iterator[Any]:
+        """Time the block under `name`, and send its progress."""
+        done = 0
+        self._pipe.send((name, 0, total))
+
+        def advance(count: int = 1) -> None:
+            nonlocal done
+            done += count
+            self._pipe.send((name, done, total))
+
+        with super().stage(name, total):
+            yield advance
+
+
+def _distill(source: Source, settings: dict[str, Any], path: Path, pipe: Connection) -> None:
+    """Save the field of a shape at `path`; send tuples of progress to `pipe`, then True or an error message."""
+    from dfd.distillation.distill import distill
+
+    stages = SentStages(pipe)
+    try:
+        with stages.stage("read"):
+            mesh, _ = read_shape(source)
+        distill(mesh, **settings, progress=stages).save(path)
+        pipe.send(True)
+    except (OSError, ValueError, MemoryError) as error:
+        pipe.send(f"Memory ran out: {error}" if isinstance(error, MemoryError) else str(error))

@@ -6,161 +6,146 @@ import base64
 import binascii
 import secrets
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
-from dfd.app.options import Opening
-from dfd.app.protocol import answers
-from dfd.app.protocol.parts import (
-    Controls,
-    Index,
-    PartChange,
-    Place,
-    PoseTransform,
-    PoseTransforms,
-    Region,
-    Text,
-    Transform,
-)
-from dfd.app.protocol.requests import Request, call, request
+from dfd.app.protocol import messages
+from dfd.app.protocol.messages import Controls, Index, PartChange, Place, PoseTransforms, Transform
+from dfd.app.protocol.requests import HANDLERS, Request, request
 from dfd.app.session import exports
-from dfd.app.session.columns import heat_message, probed
 from dfd.app.session.session import Session
-from dfd.app.session.state import feature_colors_message, positions_message
+from dfd.app.session.state import quantized
+from dfd.app.session.surface import Arrays, centered, packed_normals
+from dfd.common.linear_algebra import Float32
 from dfd.common.preset import Preset
+from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Fixed
 from dfd.editing.influence.held_parts import pivot_on
 from dfd.editing.points import place_on
+from dfd.editing.presets import PARTLESS_REACH, PRESETS
+from dfd.mesh.normals import updated_normals
+from dfd.pictures.colors import feature_colors
 from dfd.posing.transforms import PivotAt, vector
 from dfd.symmetry.plane import SymmetryPlane
-
-if TYPE_CHECKING:
-    from dfd.editing.deformer import Deformer
+from dfd.weights.bind import bind
 
 NO_CONTROLS = Controls()
 MOST_SUGGESTED = 12  # number of suggested places; more markers would hide the shape
+
+ArrayAnswer = tuple[messages.Answer, Arrays]
 
 
 def answer(session: Session, message: Request) -> None:
     """Handle a request and send the answer; an exception becomes a `failure` message."""
 
     def work() -> None:
-        reply = call(session, message)
-        if isinstance(reply, bytes):
-            session.send(reply)
-        else:
-            session.send((reply or answers.DoneMessage()).model_copy(update={"id": message.id}))
+        fields = {name: value for name, value in message if name not in Request.model_fields}
+        reply = HANDLERS[message.type](session, **fields) or messages.DoneMessage()
+        said, arrays = reply if isinstance(reply, tuple) else (reply, {})
+        session.send(said.model_copy(update={"id": message.id}), **arrays)
 
     session.after = message.id
     session.guarded(message.id, work)
 
 
-# --- opening, distilling
-
-
 @request
-def open_sample(session: Session, name: Text) -> None:
-    """Open one of the samples that `session` lists."""
-    session.open(Opening(mesh=name))
-
-
-request(Session.close_mesh)
-request(Session.distill)
-request(Session.cancel)
-request(Session.set_poses)
-
-
-# --- queries
-
-
-@request
-def probe(session: Session, vertex: Index) -> bytes:
+def probe(session: Session, vertex: Index) -> ArrayAnswer:
     """Show about what a new handle at a vertex would hold. Only the newest request is answered. Answer: `heat`."""
-    deformer = session.require().deformer
-    place = place_on(deformer.mesh, vertex)
-    return heat_message(probed(deformer, place), request=session.after, vertex=vertex)
+    return _heat(probed(session.deformer, vertex), vertex)
+
+
+def probed(deformer: Deformer, vertex: int) -> Float32:
+    """Return approximate weights (V,) of a new handle at a vertex, without the falloff on its counterparts."""
+    rules, bound, place = PRESETS[deformer.preset], deformer.bound, place_on(deformer.mesh, vertex)
+    grip = bound.grips.grip(place) if rules.reach == "part" else None
+    if grip is None:
+        reach = PARTLESS_REACH if rules.reach == "part" else rules.reach
+        weights: Float32 = bind(deformer.features, bound.rows.points([place]), reach=reach, falloff=rules.falloff)[:, 0]
+    else:
+        weights = grip.weights
+    return weights - bound.by_features.held(deformer.edit) if deformer.fixed else weights
+
+
+def _heat(weights: Float32, vertex: int | None = None) -> ArrayAnswer:
+    return messages.HeatMessage(vertex=vertex), {"values": quantized(weights)}
 
 
 @request
-def compute(session: Session, transforms: PoseTransforms | None = None) -> bytes:
+def compute(session: Session, transforms: PoseTransforms | None = None) -> ArrayAnswer:
     """Pose the shape with `transforms` in place of the handles' own; null is the present edit.
 
     Answer: `positions`. Only the newest request is answered.
     """
-    with _posed_by(session, transforms):
-        return positions_message(session.require().deformer, request=session.after)
+    with _tried(session.deformer, transforms):
+        posed, mesh = session.deformer.vertices, session.deformer.mesh
+    normals = packed_normals(updated_normals(mesh.normals, mesh.vertices, posed, mesh.faces))
+    return messages.PositionsMessage(), {"positions": centered(mesh, posed), "normals": normals}
 
 
 @request
-def features(session: Session) -> bytes:
+def features(session: Session) -> ArrayAnswer:
     """Color the vertices by the principal directions of their features. Answer: `colors`."""
-    return feature_colors_message(session.require().deformer, request=session.after)
+    colors = np.rint(feature_colors(session.deformer.features) * 255).astype(np.uint8)
+    return messages.ColorsMessage(), {"colors": np.pad(colors, ((0, 0), (0, 1)), constant_values=255)}
 
 
 @request
-def suggest(session: Session) -> answers.Answer:
+def suggest(session: Session) -> messages.Answer:
     """Suggest places for handles: a vertex far inside each of the largest parts. Answer: `suggestions`."""
-    deformer = session.require().deformer
-    found: list[answers.Suggestion] = []
-    for number, part in enumerate(deformer.bound.grips.parts.cut()[:MOST_SUGGESTED], start=1):
-        alike = f", {part.components} alike" if part.components > 1 else ""
-        position = vector("position", deformer.mesh.vertices[part.vertex])
-        found.append(answers.Suggestion(vertex=part.vertex, position=position, name=f"Part {number}{alike}"))
-    return answers.SuggestionsMessage(suggestions=tuple(found))
+    found = []
+    for number, part in enumerate(session.deformer.bound.grips.parts.cut()[:MOST_SUGGESTED], start=1):
+        name = f"Part {number}, {part.components} alike" if part.components > 1 else f"Part {number}"
+        position = vector("position", session.deformer.mesh.vertices[part.vertex])
+        found.append(messages.Suggestion(vertex=part.vertex, position=position, name=name))
+    return messages.SuggestionsMessage(suggestions=tuple(found))
 
 
 @request
-def counterparts(session: Session, handle: int) -> answers.Answer:
+def counterparts(session: Session, handle: int) -> messages.Answer:
     """Find the counterparts of a handle, and whether each moves with it. Answer: `similar`."""
-    places = []
-    for counterpart, on in session.require().deformer.counterparts(handle):
-        position = vector("position", counterpart.position)
-        places.append(answers.SimilarPoint(vertex=int(counterpart.vertex), position=position, on=on))
-    return answers.SimilarMessage(handle=handle, places=tuple(places))
+    places = (
+        messages.SimilarPoint(vertex=int(each.vertex), position=vector("position", each.position), on=on)
+        for each, on in session.deformer.counterparts(handle)
+    )
+    return messages.SimilarMessage(handle=handle, places=tuple(places))
 
 
 @request
-def axis(session: Session, handle: int) -> answers.Answer:
+def axis(session: Session, handle: int) -> messages.Answer:
     """Find the possible pivots of a handle, and the axis along which its part bends. Answer: `axis`."""
-    deformer = session.require().deformer
-    edit = deformer.edit
+    edit = session.deformer.edit
     held = edit.handle(handle)
-    part = next(iter(deformer.bound.held_parts(edit, held)), None)
+    part = next(iter(session.deformer.bound.held_parts(edit, held)), None)
     pivots: tuple[PivotAt, ...] = ("point",)
-    auto = held.place.position
-    if part is None:
-        return answers.AxisMessage(handle=handle, pivots=pivots, auto=auto, base=None, tip=None)
-    pivots += ("base", "middle", "hinge") if edit.symmetry is None else ("base", "middle", "hinge", "plane")
-    if edit.rules.pivot == "auto":
-        auto = pivot_on(part, None, held, edit.symmetry)[0]
-    base, tip = (vector("axis", part.axis.nodes[end]) for end in (0, -1))
-    return answers.AxisMessage(handle=handle, pivots=pivots, auto=auto, base=base, tip=tip)
-
-
-# --- handles
+    auto, base, tip = held.place.position, None, None
+    if part is not None:
+        pivots += ("base", "middle", "hinge") if edit.symmetry is None else ("base", "middle", "hinge", "plane")
+        if edit.rules.pivot == "auto":
+            auto = pivot_on(part, None, held, edit.symmetry)[0]
+        base, tip = (vector("axis", part.axis.nodes[end]) for end in (0, -1))
+    return messages.AxisMessage(handle=handle, pivots=pivots, auto=auto, base=base, tip=tip)
 
 
 @request
 def add(session: Session, at: Place) -> None:
     """Add a handle."""
-    place = _known(session, at)
-    session.change(lambda deformer: deformer.add(place))
+    session.change(lambda deformer: deformer.add(_known(session, at)))
 
 
 @request
 def take_part(
     session: Session, handle: int, how: PartChange, vertex: Index | None = None, preview: bool = False
-) -> bytes | None:
+) -> ArrayAnswer | None:
     """Hold another part; "add" and "remove" need the `vertex` of a part. If the mask is the part, it changes as well.
 
     With `preview`, the edit stays unchanged, and the answer is `heat`: the weights that the handle would have.
     """
-    parts, deformer = session.require().parts, session.require().deformer
+    parts, deformer = session.require().parts, session.deformer
     held = deformer.edit.handle(handle)
     chosen = parts.taken(held, how, vertex)
     mask = chosen if parts.limits(held) else None
@@ -170,7 +155,7 @@ def take_part(
     with _tried(deformer):
         deformer.change(handle, at=chosen, mask=mask)
         weights = deformer.bound.following(deformer.edit)[:, deformer.handles.index(deformer.handle(handle))]
-        return heat_message(weights, request=session.after)
+        return _heat(weights)
 
 
 @request
@@ -189,8 +174,8 @@ def move(
     """
     parts, changed = transform.model_dump(exclude_none=True), _controls(session, controls)
     if merge and not (settle or changed):
-        session.require().deformer.move(handle, **parts, merge=True)
-        session.note_shown()
+        session.deformer.move(handle, **parts, merge=True)
+        session.require().shown = session.deformer.edit  # the page has drawn it already
         return
 
     def work(deformer: Any) -> None:
@@ -224,7 +209,7 @@ def change(session: Session, handle: int, controls: Controls, merge: bool = Fals
     """Set a handle's name or controls. With `merge`, the change joins the previous change of that handle."""
     given = _controls(session, controls)
     if isinstance(given.get("mask"), str) and given["mask"] == "part":
-        given["mask"] = session.require().parts.of(session.require().deformer.edit.handle(handle))
+        given["mask"] = session.require().parts.of(session.deformer.edit.handle(handle))
     session.change(lambda deformer: deformer.change(handle, **given), ("change", handle), merge=merge)
 
 
@@ -234,21 +219,16 @@ def remove(session: Session, handle: int) -> None:
     session.change(lambda deformer: deformer.remove(handle))
 
 
-# --- the whole shape
-
-
 @request
 def fix(session: Session, at: Place) -> None:
     """Fix a point or region with everything similar to it."""
-    place = _known(session, at)
-    session.change(lambda deformer: deformer.fix(place))
+    session.change(lambda deformer: deformer.fix(_known(session, at)))
 
 
 @request
 def release(session: Session, index: Index) -> None:
     """Release the fixed place at `index` in `state`."""
-    place = _fixed(session, index).place
-    session.change(lambda deformer: deformer.release(place))
+    session.change(lambda deformer: deformer.release(_fixed(session, index).place))
 
 
 @request
@@ -256,14 +236,13 @@ def change_fixed(
     session: Session, index: Index, strength: Annotated[float, Field(ge=0, le=1)], merge: bool = False
 ) -> None:
     """Set the strength of the fixed place at `index`. With `merge`, the change joins the previous one."""
-    fixed = session.require().deformer.fixed
-    changed = replace(_fixed(session, index), strength=strength)
-    after = (*fixed[:index], changed, *fixed[index + 1 :])
+    changed = _fixed(session, index)
+    after = tuple(replace(each, strength=strength) if each is changed else each for each in session.deformer.fixed)
     session.change(lambda deformer: deformer.apply(replace(deformer.edit, fixed=after)), ("fixed", index), merge=merge)
 
 
 def _fixed(session: Session, index: int) -> Fixed:
-    fixed = session.require().deformer.fixed
+    fixed = session.deformer.fixed
     if index >= len(fixed):
         raise ValueError(f"There is no fixed place {index}: there are {len(fixed)}")
     return fixed[index]
@@ -296,14 +275,14 @@ def set_default(session: Session, transform: Transform, merge: bool = False) -> 
 @request
 def undo(session: Session) -> None:
     """Undo the newest step."""
-    if session.require().deformer.undo():
+    if session.deformer.undo():
         session.tell_state()
 
 
 @request
 def redo(session: Session) -> None:
     """Redo the step that was undone last."""
-    if session.require().deformer.redo():
+    if session.deformer.redo():
         session.tell_state()
 
 
@@ -313,31 +292,28 @@ def clear(session: Session) -> None:
     session.change(lambda deformer: deformer.apply(replace(deformer.edit, handles=(), fixed=())))
 
 
-# --- export
-
-
 @request
 def export(
     session: Session,
     format: exports.Kind,  # noqa: A002
     transforms: PoseTransforms | None = None,
-) -> answers.Answer:
+) -> messages.Answer:
     """Export the shape as the page shows it, the edit or the field.
 
     `transforms` are those that the page shows in place of the edit's. "rig" is a GLB file with joints, "morph" one with
     morph targets, and "animation" one of the key poses. Answer: `download`.
     """
-    deformer, poses, number = session.require().deformer, session.poses, secrets.token_hex(16)
+    deformer, number = session.deformer, secrets.token_hex(16)
     folder = session.folder / number
     folder.mkdir()
     try:
-        with _posed_by(session, transforms):
-            path, said = exports.export(deformer, format, session.name, folder, poses)
+        with _tried(deformer, transforms):
+            path, said = exports.export(deformer, format, session.name, folder, session.poses)
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise
     session.exports[number] = path
-    return answers.DownloadMessage(url=f"download/{session.folder.name}/{number}", name=path.name, said=said)
+    return messages.DownloadMessage(url=f"download/{session.folder.name}/{number}", name=path.name, said=said)
 
 
 class _TakenBackError(Exception):
@@ -345,39 +321,25 @@ class _TakenBackError(Exception):
 
 
 @contextmanager
-def _posed_by(session: Session, transforms: Sequence[PoseTransform] | None) -> Iterator[None]:
-    """Give the handles these transforms inside the block, if any; restore the edit and its steps afterwards."""
-    if transforms is None:
-        yield
-        return
-    deformer = session.require().deformer
-    with _tried(deformer):
-        _move_all(deformer, transforms)
-        yield
-
-
-@contextmanager
-def _tried(deformer: Deformer) -> Iterator[None]:
-    """Discard all changes made inside the block."""
+def _tried(deformer: Deformer, transforms: PoseTransforms | None = None) -> Iterator[None]:
+    """Give the handles `transforms`, if any, inside the block; discard all changes made inside."""
     with suppress(_TakenBackError), deformer.step():
+        _move_all(deformer, transforms or ())
         yield
         raise _TakenBackError
 
 
-def _move_all(deformer: Any, transforms: Sequence[PoseTransform]) -> None:
+def _move_all(deformer: Any, transforms: PoseTransforms) -> None:
     at_rest = {"pivot": "point", "axes": "auto", "joint": "spread"}
     for each in transforms:
-        deformer.move(**{name: at_rest[name] if part is None else part for name, part in each.model_dump().items()})
-
-
-# --- from messages to arguments of `Deformer`
+        deformer.move(**{name: at_rest[name] if part is None else part for name, part in each})
 
 
 def _known(session: Session, value: Any) -> Any:
     """Return the vertices of a region, in order; return any other value unchanged."""
-    if not isinstance(value, Region):
+    if not isinstance(value, messages.Region):
         return value
-    count = len(session.require().deformer.mesh.vertices)
+    count = len(session.deformer.mesh.vertices)
     try:
         data = base64.b64decode(value.mask, validate=True)
     except binascii.Error:

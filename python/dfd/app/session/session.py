@@ -7,64 +7,63 @@ import re
 import shutil
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from dfd.app.options import OpenedFile, Opening, SessionOptions, Source, read_shape
-from dfd.app.protocol.answers import Answer, FailureMessage, FieldState, ProgressMessage, StartMessage
-from dfd.app.protocol.parts import KeyPoses
+from dfd.app.protocol import messages
+from dfd.app.protocol.requests import request
 from dfd.app.session.preparation import Preparation
-from dfd.app.session.state import NO_FIELD, Editing, check_drawable, report, state_message
+from dfd.app.session.state import Editing
 from dfd.app.session.surface import mesh_message
+from dfd.common.preset import Preset
+from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit, band_on
 from dfd.editing.edit_file import read_edit
+from dfd.mesh.mesh import Mesh
+from dfd.symmetry.plane import SymmetryPlane
 
-if TYPE_CHECKING:
-    from dfd.common.preset import Preset
-    from dfd.editing.deformer import Deformer
-    from dfd.mesh.mesh import Mesh
-    from dfd.symmetry.plane import SymmetryPlane
+NO_FIELD = messages.FieldState(status="none", origin=None)
+STATUS = {"distill": "distilling", "prepare": "preparing"}  # of the field, while a task runs
+# Error messages of the package start with the name of the function: `bind: …`.
+FUNCTION = re.compile(r"^\w+(\.\w+)?: ")
 
-Result = TypeVar("Result")
+log = logging.getLogger("dfd.app")
+
+
+Work = Callable[[], None]
 
 
 class Session:
     """The session of one tab, with files in `folder`. All methods are called on one thread.
 
     `send` sends a text or binary message to the page, or drops it if no page is connected. `post` runs a function on
-    the session's thread, and may be called on any thread. `deformer` is an existing editing session of a notebook.
+    the session's thread, and may be called on any thread.
     """
 
     def __init__(
-        self,
-        folder: Path,
-        options: SessionOptions,
-        send: Callable[[str | bytes], None],
-        post: Callable[[Callable[[], None]], None],
-        *,
-        deformer: Deformer | None = None,
+        self, folder: Path, options: SessionOptions, send: Callable[[str | bytes], None], post: Callable[[Work], None]
     ) -> None:
-        self.folder = folder
-        self.options = options
-        self._send, self._post = send, post
+        self.folder, self.options, self._send, self.post = folder, options, send, post
         self._preparation: Preparation | None = None
-        self._progress: ProgressMessage | None = None  # the last progress message, while its task runs
+        self._progress: messages.ProgressMessage | None = None  # the last progress message, while its task runs
         self._warnings: list[str] = []  # warnings of reading the shape
         self.after = 0  # the number of the newest request
         self._names: dict[str, str] = {}  # names of opened files that the user knows, by their paths
         self._uploads: list[Path] = []  # folders of the open shape's uploads
         self.exports: dict[str, Path] = {}  # files to download, by number
-        self._pending_edit: OpenedFile | None = None  # an edit that waits for the field
+        self._pending_edit: Path | None = None  # an edit that waits for the field
         self.name = "mesh"  # the name of the shape
         self.mesh: Mesh | None = None
         self.field = NO_FIELD
-        self.poses: KeyPoses = ()
+        self.poses: messages.KeyPoses = ()
         self.editing: Editing | None = None  # None without a field
-        if deformer is not None:
-            self.mesh = deformer.mesh
+        if (deformer := options.deformer) is not None:
+            self.mesh, self.editing = deformer.mesh, Editing(deformer)
             self.name = deformer.mesh.source.name if deformer.mesh.source else "mesh"
-            self.field_ready(deformer, None, "file", [])
-
-    # --- opening
+            self.field = messages.FieldState(status="ready", origin="file", parts=self.editing.parts.ways)
 
     def begin(self) -> None:
         """Open the files in the options, for the first page."""
@@ -79,13 +78,20 @@ class Session:
 
         Raises ValueError or OSError if a file cannot be read; the open shape then stays open.
         """
+        for file in (given.mesh, given.field, given.edit):
+            if isinstance(file, OpenedFile):
+                self._names[str(file.path)] = file.name
         try:
             if given.mesh is not None:
                 self._open_mesh(given.mesh, find_field=given.field is None)
             if given.field is not None:
-                self._open_field(given.field)
+                if self._preparation is None:
+                    raise ValueError("Open a mesh before its field")
+                self._preparation.cancel()
+                self._tell_field("preparing")
+                self._preparation.start("prepare", self._preparation.open, given.field.path, "file")
             if given.edit is not None:
-                self._open_edit(given.edit)
+                self._open_edit(given.edit.path)
         except BaseException:
             if given.folder is not None:
                 shutil.rmtree(given.folder, ignore_errors=True)
@@ -95,28 +101,33 @@ class Session:
 
     def _open_mesh(self, source: Source, *, find_field: bool) -> None:
         """Replace the open shape."""
-        name = source.capitalize() if isinstance(source, str) else self._named(source)
-        self._tell_progress("open", "read")
+        name = source.capitalize() if isinstance(source, str) else source.name
+        self.tell_progress("open", "read")
         try:
             mesh, warnings = read_shape(source)
-            message = mesh_message(mesh, name=name, warnings=warnings)
+            message, arrays = mesh_message(mesh, name=name, warnings=warnings)
         finally:
-            self._tell_progress("open", "done")
+            self.tell_progress("open", "done")
         self.close_shape()
         self.name, self.mesh, self._warnings = name, mesh, warnings
-        self._send(message)
-        self._preparation = Preparation(mesh, source, self.options, self.folder, self, self._post)
+        self.send(message, **arrays)
+        self._preparation = Preparation(self, mesh, source)
         if find_field:
             self._tell_field("preparing")
-            self._preparation.find()
+            self._preparation.start("prepare", self._preparation.find)
 
-    def _named(self, file: OpenedFile) -> str:
-        """Return the name of a file, which replaces its path in messages from now on."""
-        self._names[str(file.path)] = file.name
-        return file.name
+    def _open_edit(self, path: Path) -> None:
+        """Apply the edit in a file as one step, once the field is ready."""
+        if self.mesh is None:
+            raise ValueError("Open a mesh before its edit")
+        if self.editing is None:
+            self._pending_edit = path
+            return
+        read = read_edit(path, self.mesh)
+        self.change(lambda deformer: deformer.apply(read))
 
     def close_shape(self) -> None:
-        """Drop the shape and everything that belongs to it."""
+        """Stop background work, and drop the shape with everything that belongs to it."""
         if self._preparation is not None:
             self._preparation.drop()
         self._preparation = self._progress = self._pending_edit = None
@@ -125,31 +136,18 @@ class Session:
         while self._uploads:
             shutil.rmtree(self._uploads.pop(), ignore_errors=True)
 
+    @request
+    def open_sample(self, name: messages.Text) -> None:
+        """Open one of the samples that `session` lists."""
+        self.open(Opening(mesh=name))
+
+    @request
     def close_mesh(self) -> None:
         """Close the shape and show the start page; the edit is lost."""
         self.close_shape()
-        self.send(StartMessage())
+        self.send(messages.StartMessage())
 
-    def _open_field(self, field: OpenedFile) -> None:
-        """Load the field from a file."""
-        if self._preparation is None:
-            raise ValueError("Open a mesh before its field")
-        self._named(field)
-        self._preparation.cancel()
-        self._tell_field("preparing")
-        self._preparation.open(field.path, "file")
-
-    def _open_edit(self, edit: OpenedFile) -> None:
-        """Apply the edit in a file as one step, once the field is ready."""
-        if self.mesh is None:
-            raise ValueError("Open a mesh before its edit")
-        self._named(edit)
-        if self.editing is None:
-            self._pending_edit = edit
-            return
-        read = read_edit(edit.path, self.mesh)
-        self.change(lambda deformer: deformer.apply(read))
-
+    @request
     def distill(self) -> None:
         """Distill the shape's field in the background. Sends `progress`, then `state` and `columns`."""
         if self._preparation is None:
@@ -157,27 +155,30 @@ class Session:
         if self.field.status != "none":
             raise ValueError("The shape has a field, or one is being made")
         self._tell_field("distilling")
-        self._preparation.distill()
+        self._preparation.start("distill", self._preparation.distill)
 
+    @request
     def cancel(self) -> None:
         """Stop the distillation."""
         if self._preparation is not None:
             self._preparation.cancel()
 
-    # --- called by the background work
-
-    def field_progress(self, task: str, stage: str, done: int, total: int | None, seconds_left: float | None) -> None:
-        """Forward progress to the page."""
-        status = "distilling" if task == "distill" else "preparing"
-        if self.field.status != status:
+    def tell_progress(
+        self, task: Any, stage: str, done: int = 0, total: int | None = None, seconds_left: float | None = None
+    ) -> None:
+        """Send the progress of a task, which ends with the stage "done", "cancelled" or "failed"."""
+        ended, status = stage in ("done", "cancelled", "failed"), STATUS.get(task, self.field.status)
+        if not ended and self.field.status != status:
             self._tell_field(status)
-        self._tell_progress(task, stage, done, total, seconds_left)
+        message = messages.ProgressMessage(task=task, stage=stage, done=done, total=total, seconds_left=seconds_left)
+        self._progress = None if ended else message
+        self.send(message)
 
-    def field_ready(self, deformer: Deformer, path: Path | None, origin: str, warnings: list[str]) -> None:
+    def field_ready(self, deformer: Deformer, origin: str, warnings: list[Warning]) -> None:
         """Start editing: the field is ready."""
         self.editing = Editing(deformer)
-        self.field = FieldState(status="ready", origin=origin, parts=self.editing.parts.ways if path is None else ())
-        self._tell_progress("prepare", "done")
+        self.field = messages.FieldState(status="ready", origin=origin)
+        self.tell_progress("prepare", "done")
         for warning in warnings:
             self.fail(0, warning)
         pending_edit, self._pending_edit = self._pending_edit, None
@@ -200,36 +201,45 @@ class Session:
 
     def field_ended(self, task: str, error: Exception | None) -> None:
         """Report that the work ended without a field, by an error or a stop; an existing field stays in use."""
-        self._tell_progress(task, "cancelled" if error is None else "failed")
+        self.tell_progress(task, "cancelled" if error is None else "failed")
         if error is not None:
-            self.fail(0, sentence(error))
+            self.fail(0, error)
         self._tell_field("none" if self.editing is None else "ready")
-
-    # --- called for the page
 
     def attach(self) -> None:
         """Send the whole state to a page that has just connected."""
         if self.mesh is None:
-            self.send(StartMessage())
+            self.send(messages.StartMessage())
             return
-        self._send(mesh_message(self.mesh, name=self.name, warnings=self._warnings))
+        message, arrays = mesh_message(self.mesh, name=self.name, warnings=self._warnings)
+        self.send(message, **arrays)
         if self.editing is not None:
-            self.editing.columns.forget()
+            self.editing.sent = {}
         self.after = 0
         self.tell_state()
         if self._progress is not None:
             self.send(self._progress)
 
-    def guarded(self, number: int, work: Callable[[], None]) -> None:
+    def guarded(self, number: int, work: Work) -> None:
         """Call `work`; an exception is sent as the `failure` of request `number`."""
         try:
             work()
         except Exception as error:
-            self.fail(number, sentence(error))
+            self.fail(number, error)
 
-    def fail(self, number: int, why: str) -> None:
-        """Report that request `number` failed, without paths of this machine."""
-        self.send(FailureMessage(id=number, message=without_paths(why, self._names, self.folder)))
+    def fail(self, number: int, error: Exception) -> None:
+        """Report that request `number` failed, without paths of this machine; log unexpected exceptions."""
+        if isinstance(error, MemoryError) or "can't allocate memory" in str(error):  # torch raises a RuntimeError
+            why = "Memory ran out; nothing was changed. Take a smaller mesh, or close other programs"
+        elif isinstance(error, (ValueError, OSError, UserWarning)):
+            why = str(error)
+        else:
+            log.error("a request failed", exc_info=error)
+            why = f"Internal error: {type(error).__name__}: {error}"
+        for path, name in self._names.items():
+            why = why.replace(f"`path` {path}", name).replace(path, name)
+        why = FUNCTION.sub("", why.replace(f"{self.folder}/", ""))
+        self.send(messages.FailureMessage(id=number, message=why))
 
     def require(self) -> Editing:
         """Return the editing state; raises ValueError if no shape is open or it has no field yet."""
@@ -237,43 +247,23 @@ class Session:
             raise ValueError("Open a mesh first" if self.mesh is None else "The shape has no field yet: wait for it")
         return self.editing
 
-    def change(self, work: Callable[[Deformer], Result], topic: Hashable = None, *, merge: bool = False) -> Result:
+    @property
+    def deformer(self) -> Deformer:
+        """Return the editing session; raises ValueError as `require`."""
+        return self.require().deformer
+
+    def change(self, work: Callable[[Deformer], object], topic: Hashable = None, *, merge: bool = False) -> None:
         """Change the edit and send the result to the page; if anything fails, the edit is unchanged.
 
         With `merge`, the change joins the newest step if that has the same `topic`.
         """
-        deformer = self.require().deformer
-        with deformer.step(topic, merge=merge):
-            result = work(deformer)
-            check_drawable(deformer)
-            deformer.bound.columns(deformer.edit)  # raises an error here if the edit cannot be bound
+        with self.deformer.step(topic, merge=merge):
+            work(self.deformer)
+            self.require().check_drawable()
         self.tell_state()
-        return result
 
-    def note_shown(self) -> None:
-        """Record that the page has already drawn the present edit."""
-        editing = self.require()
-        editing.shown = editing.deformer.edit
-
-    # --- messages
-
-    def send(self, message: Answer | bytes) -> None:
-        """Send a message: a model, or a packed binary message."""
-        self._send(message if isinstance(message, bytes) else message.model_dump_json())
-
-    def tell_state(self) -> None:
-        """Send the missing columns, then the present state."""
-        if self.mesh is None:
-            return
-        editing = self.editing
-        if editing is not None:
-            editing.shown, editing.unreported = editing.deformer.edit, True
-            columns = editing.columns.message()
-            if columns is not None:
-                self._send(columns)
-        self.send(state_message(self.field, self.poses, editing, after=self.after))
-
-    def set_poses(self, poses: KeyPoses) -> None:
+    @request
+    def set_poses(self, poses: messages.KeyPoses) -> None:
         """Replace the key poses. They belong neither to the edit nor to undo."""
         self.require()
         self.poses = poses
@@ -288,45 +278,27 @@ class Session:
             self.tell_state()
         if editing.unreported:
             editing.unreported = False
-            self.send(report(editing.deformer))
+            text = str(editing.deformer.report())
+            self.send(messages.ReportMessage(text=text[:1].upper() + text[1:]))
 
-    def end(self) -> None:
-        """Stop background work."""
-        if self._preparation is not None:
-            self._preparation.drop()
+    def send(self, message: messages.Answer, **arrays: NDArray[Any]) -> None:
+        """Send a message, with arrays if there are any."""
+        self._send(messages.pack(message, **arrays) if arrays else message.model_dump_json())
+
+    def tell_state(self) -> None:
+        """Send the missing columns, then the present state."""
+        if self.mesh is None:
+            return
+        common: Any = {"field": self.field, "poses": self.poses, "after": self.after}
+        if self.editing is None:
+            self.send(messages.StateMessage(preset="default", **common))
+            return
+        self.editing.shown, self.editing.unreported = self.editing.deformer.edit, True
+        columns, new = self.editing.columns()
+        if new:
+            self.send(messages.ColumnsMessage(columns=tuple(new)), values=np.stack(list(new.values())))
+        self.send(self.editing.state(columns, **common))
 
     def _tell_field(self, status: str) -> None:
         self.field = self.field.model_copy(update={"status": status})
         self.tell_state()
-
-    def _tell_progress(
-        self, task: Any, stage: str, done: int = 0, total: int | None = None, seconds_left: float | None = None
-    ) -> None:
-        message = ProgressMessage(task=task, stage=stage, done=done, total=total, seconds_left=seconds_left)
-        self._progress = None if stage in ("done", "failed", "cancelled") else message
-        self.send(message)
-
-
-log = logging.getLogger("dfd.app")
-
-# Error messages of the package start with the name of the function: `bind: …`.
-_FUNCTION = re.compile(r"^\w+(\.\w+)?: ")
-
-NO_MEMORY = "Memory ran out; nothing was changed. Take a smaller mesh, or close other programs"
-
-
-def sentence(error: Exception) -> str:
-    """Return the error as a sentence for the user; log unexpected exceptions."""
-    if isinstance(error, MemoryError) or "can't allocate memory" in str(error):  # torch raises a RuntimeError
-        return NO_MEMORY
-    if isinstance(error, (ValueError, OSError)):
-        return str(error)
-    log.error("a request failed", exc_info=error)
-    return f"Internal error: {type(error).__name__}: {error}"
-
-
-def without_paths(why: str, names: Mapping[str, str], folder: Path) -> str:
-    """Return `why` with each path in `names` replaced by its name, and without the session's `folder`."""
-    for path, name in names.items():
-        why = why.replace(f"`path` {path}", name).replace(path, name)
-    return _FUNCTION.sub("", why.replace(f"{folder}/", ""))

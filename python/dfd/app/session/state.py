@@ -1,146 +1,126 @@
-"""Messages with the present state of a session."""
+"""The state of a shape with a field as the page shows it: its handles, and the columns of weights that pose it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from hashlib import sha256
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dfd.app.protocol import parts
-from dfd.app.protocol.answers import ColumnState, FieldState, FixedState, HandleState, ReportMessage, StateMessage
-from dfd.app.protocol.binary_messages import ColorsMessage, PositionsMessage, pack
-from dfd.app.protocol.parts import KeyPoses, PoseTransform
-from dfd.app.session.columns import Columns
+from dfd.app.protocol import messages
 from dfd.app.session.parts import ShapeParts
-from dfd.app.session.surface import center_of, packed_normals
+from dfd.common.linear_algebra import Float32
 from dfd.common.preset import Preset
-from dfd.editing.controls import CONTROLS
-from dfd.editing.edit import band_on, box_center
+from dfd.editing.deformer import Deformer
+from dfd.editing.edit import Edit, Handle, band_on, box_center
 from dfd.editing.influence.regions import Region, members
-from dfd.mesh.normals import updated_normals
-from dfd.pictures.colors import feature_colors
+from dfd.symmetry.plane import SymmetryPlane
 
-if TYPE_CHECKING:
-    from dfd.editing.deformer import Deformer
-    from dfd.editing.edit import Edit, Fixed, Handle
-    from dfd.mesh.mesh import Mesh
-    from dfd.posing.transforms import Transform
-    from dfd.symmetry.plane import SymmetryPlane
+UINT16_MAX = 65535  # number of steps of a quantized weight
+LARGEST = 1e30  # largest number of a transform, because shaders multiply it by coordinates in 32-bit floats
 
-# Fields of a handle's transform that the state has under the same name; the state's `pivot` is a position instead.
-MOTION = (*(name for name in parts.Transform.model_fields if name != "pivot"), "pivot_at")
-NO_FIELD = FieldState(status="none", origin=None)
+ColumnStates = tuple[messages.ColumnState, ...]
 
 
 class Editing:
-    """A shape with a field: its editing session, columns, parts and planes."""
+    """A shape with a field: its editing session, its parts and planes, and the columns that the page has."""
 
     def __init__(self, deformer: Deformer) -> None:
-        self.deformer, self.columns, self.parts = deformer, Columns(deformer), ShapeParts(deformer)
+        self.deformer, self.parts = deformer, ShapeParts(deformer)
         self.planes: Mapping[Preset, Sequence[SymmetryPlane]] = {}  # planes of symmetry, by preset
         self.shown: Edit | None = None  # the edit that the page shows
         self.unreported = False  # whether the report of the edit must still be sent
+        self.sent: dict[bytes, int] = {}  # the number of each column that the page has, by the hash of its values
+        self._count = 0  # number of columns that were ever sent
+
+    def columns(self) -> tuple[list[ColumnStates], dict[int, NDArray[np.uint16]]]:
+        """Return the columns of each handle, and the values (V,), by number, of those that the page has not received.
+
+        From now on, the page has exactly the columns of the present edit.
+        """
+        weights, columns = self.deformer.bound.columns(self.deformer.edit)
+        handles, before, new = self.deformer.handles, self.sent, {}
+        states: list[ColumnStates] = [() for _ in handles]
+        self.sent = {}
+        for values, column in zip(quantized(weights.T), columns, strict=True):
+            key = sha256(values.tobytes()).digest()
+            number = self.sent.get(key) or before.get(key)
+            if number is None:
+                self._count = number = self._count + 1
+                new[number] = values
+            self.sent[key] = number
+            frame: Any = tuple(map(tuple, column.counterpart.frame.tolist()))
+            state = messages.ColumnState(column=number, frame=frame, position=column.counterpart.position)
+            states[column.handle] += (state,)
+        return states, new
+
+    def state(self, columns: Sequence[ColumnStates], **common: Any) -> messages.StateMessage:
+        """Return the state with the columns of each handle; `common` are the fields of a shape without a field."""
+        deformer, mesh, default = self.deformer, self.deformer.mesh, self.deformer.default
+        motion: Any = {name: getattr(default, name, None) for name in ("translation", "rotation", "scale")}
+        pivot = box_center(mesh) if default is None or default.pivot is None else default.pivot
+        return messages.StateMessage(
+            handles=tuple(map(self._handle, deformer.handles, columns)),
+            fixed=tuple(
+                messages.FixedState(
+                    vertex=fixed.vertex,
+                    position=fixed.position,
+                    strength=fixed.strength,
+                    region=self._size(fixed.place.region),
+                )
+                for fixed in deformer.fixed
+            ),
+            symmetry=deformer.symmetry,
+            planes=tuple(
+                replace(plane, band=band_on(mesh, deformer.preset)) for plane in self.planes.get(deformer.preset, ())
+            ),
+            default=None if default is None else messages.PoseTransform(handle=0, pivot=pivot, **motion),
+            can_undo=deformer.can_undo,
+            can_redo=deformer.can_redo,
+            **{**common, "preset": deformer.preset},
+        )
+
+    def _handle(self, handle: Handle, columns: ColumnStates) -> messages.HandleState:
+        place, transform, controls = handle.place, handle.transform, handle.controls
+        off = (place.vertex for place in controls.excluded_counterparts)
+        values = vars(handle) | vars(place) | vars(transform) | vars(controls)
+        values |= {
+            "handle": handle.id,
+            "pivot": handle.pivot,
+            "pivot_set": transform.pivot is not None,
+            "reach": self.deformer.bound.by_features.reach(handle),
+            "reach_by": controls.reach if isinstance(controls.reach, str) else "number",
+            "excluded_counterparts": tuple(vertex for vertex in off if vertex is not None),
+            "mask": self._size(controls.mask),
+            "mask_part": self.parts.limits(handle),
+            "region": self._size(place.region),
+            "columns": columns,
+            "moved": not transform.rests,
+        }
+        return messages.HandleState(**{name: values[name] for name in messages.HandleState.model_fields})
+
+    def _size(self, region: Region | None) -> int:
+        return 0 if region is None else len(members(self.deformer.mesh, region))
+
+    def check_drawable(self) -> None:
+        """Raise ValueError if the page cannot draw the edit: if a number of a transform, in mesh units, exceeds 1e30.
+
+        Raises ValueError if the edit cannot be bound.
+        """
+        deformer = self.deformer
+        matrices = {f"handle {handle.id}": handle.matrix for handle in deformer.handles}
+        if deformer.default is not None:
+            matrices["the rest of the shape"] = deformer.default.matrix(box_center(deformer.mesh))
+        for name, matrix in matrices.items():
+            size = float(np.abs(matrix).max())
+            if size > LARGEST:
+                raise ValueError(f"The transform of {name} must stay below {LARGEST:g}, got {size:.3g}")
+        deformer.bound.columns(deformer.edit)
 
 
-def state_message(field: FieldState, poses: KeyPoses, editing: Editing | None, *, after: int) -> StateMessage:
-    """Return the state of a shape; `editing` is None without a field."""
-    if editing is None:
-        return StateMessage(preset="default", field=field, poses=poses, after=after)
-    deformer = editing.deformer
-    mesh, preset = deformer.mesh, deformer.preset
-    return StateMessage(
-        handles=tuple(
-            _handle(deformer, handle, editing.columns.of_handle(index), editing.parts)
-            for index, handle in enumerate(deformer.handles)
-        ),
-        fixed=tuple(_fixed(mesh, fixed) for fixed in deformer.fixed),
-        symmetry=deformer.symmetry,
-        planes=tuple(replace(plane, band=band_on(mesh, preset)) for plane in editing.planes.get(preset, ())),
-        default=None if deformer.default is None else _default(deformer.default, box_center(mesh)),
-        preset=preset,
-        can_undo=deformer.can_undo,
-        can_redo=deformer.can_redo,
-        field=field,
-        poses=poses,
-        after=after,
-    )
-
-
-def _handle(deformer: Deformer, handle: Handle, columns: tuple[ColumnState, ...], parts: ShapeParts) -> HandleState:
-    transform, controls = handle.transform, handle.controls
-    values = {
-        **{name: getattr(transform, name) for name in MOTION},
-        **{name: getattr(controls, name) for name in CONTROLS},
-        "reach": deformer.bound.by_features.reach(handle),
-        "excluded_counterparts": tuple(
-            place.vertex for place in controls.excluded_counterparts if place.vertex is not None
-        ),
-        "mask": _size(deformer.mesh, controls.mask),
-    }
-    return HandleState(
-        handle=handle.id,
-        name=handle.name,
-        vertex=handle.place.vertex,
-        position=handle.place.position,
-        pivot=handle.pivot,
-        pivot_set=transform.pivot is not None,
-        reach_by=controls.reach if isinstance(controls.reach, str) else "number",
-        mask_part=parts.limits(handle),
-        region=_size(deformer.mesh, handle.place.region),
-        columns=columns,
-        moved=not transform.rests,
-        **values,
-    )
-
-
-def _fixed(mesh: Mesh, fixed: Fixed) -> FixedState:
-    region = _size(mesh, fixed.place.region)
-    return FixedState(vertex=fixed.vertex, position=fixed.position, strength=fixed.strength, region=region)
-
-
-def _size(mesh: Mesh, region: Region | None) -> int:
-    return 0 if region is None else len(members(mesh, region))
-
-
-def _default(transform: Transform, center: tuple[float, float, float]) -> PoseTransform:
-    motion = {name: getattr(transform, name) for name in ("translation", "rotation", "scale")}
-    return PoseTransform(handle=0, pivot=center if transform.pivot is None else transform.pivot, **motion)
-
-
-def positions_message(deformer: Deformer, *, request: int) -> bytes:
-    """Return the answer to `compute`."""
-    posed, mesh = deformer.vertices, deformer.mesh
-    normals = updated_normals(mesh.normals, mesh.vertices, posed, mesh.faces)
-    positions = (posed - center_of(deformer.mesh)).astype(np.float32)
-    return pack(PositionsMessage(id=request), positions=positions, normals=packed_normals(normals))
-
-
-def feature_colors_message(deformer: Deformer, *, request: int) -> bytes:
-    """Return the answer to `features`, with the colors of `dfd.pictures`."""
-    features = deformer.features
-    colors = feature_colors(features)
-    packed = np.full((len(colors), 4), 255, np.uint8)
-    packed[:, :3] = np.rint(colors * 255)
-    return pack(ColorsMessage(id=request), colors=packed)
-
-
-LARGEST = 1e30  # largest number of a transform, because shaders multiply it by coordinates in 32-bit floats
-
-
-def check_drawable(deformer: Deformer) -> None:
-    """Raise ValueError if the page cannot draw a transform: if a number of it, in mesh units, exceeds 1e30."""
-    matrices = {f"handle {handle.id}": handle.matrix for handle in deformer.handles}
-    if deformer.default is not None:
-        matrices["the rest of the shape"] = deformer.default.matrix(box_center(deformer.mesh))
-    for name, matrix in matrices.items():
-        size = float(np.abs(matrix).max())
-        if size > LARGEST:
-            raise ValueError(f"The transform of {name} must stay below {LARGEST:g}, got {size:.3g}")
-
-
-def report(deformer: Deformer) -> ReportMessage:
-    """Return the report: how much moved, how far, and whether the handles reached their targets."""
-    text = str(deformer.report())
-    return ReportMessage(text=text[:1].upper() + text[1:])
+def quantized(weights: Float32) -> NDArray[np.uint16]:
+    """Return weights in [0, 1] quantized to 16 bits."""
+    return np.rint(weights * np.float32(UINT16_MAX)).clip(0, UINT16_MAX).astype(np.uint16)

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
-from dfd.app.protocol.binary_messages import Group, MaterialEntry, MeshMessage, pack
-from dfd.common.linear_algebra import Float64, Int32, UInt8
+from dfd.app.protocol.messages import Group, MaterialEntry, MeshMessage
+from dfd.common.linear_algebra import Bool, Float64, Int32, UInt8
+from dfd.editing.edit import box_center
 from dfd.mesh.appearance import Material
+from dfd.mesh.file.images import as_image
 from dfd.mesh.mesh import Mesh
-from dfd.posing.transforms import vector
 
 LONGEST_TEXTURE = 4096  # texels along a side, supported by every graphics card
 JPEG_QUALITY = 92
@@ -22,124 +22,89 @@ JPEG_QUALITY = 92
 Arrays = dict[str, NDArray[Any]]
 
 
-def center_of(mesh: Mesh) -> Float64:
-    """Return the center (3,) of the box, mesh units. Positions are sent relative to it, for precision in float32."""
-    return mesh.bounds[0] / 2 + mesh.bounds[1] / 2
-
-
-def mesh_message(mesh: Mesh, *, name: str, warnings: Sequence[str]) -> bytes:
-    """Return the message that shows `mesh`."""
-    rows, corner_faces = _rows(mesh)
-    textures, materials = _materials(mesh)
-    none = np.zeros(len(mesh.faces), np.int32)
-    message = MeshMessage(
-        name=name,
-        vertices=len(mesh.vertices),
-        faces=len(mesh.faces),
-        parts=len(mesh.parts),
-        center=vector("center", center_of(mesh)),
-        diagonal=mesh.diagonal,
-        groups=_material_runs(none if mesh.appearance is None else mesh.appearance.face_material),
-        materials=materials,
-        warnings=tuple(warnings),
-    )
-    return pack(message, **_row_arrays(mesh, rows), triangles=corner_faces.astype(np.uint32), **textures)
-
-
-def _row_arrays(mesh: Mesh, rows: Int32) -> Arrays:
-    """Return the arrays with one entry per row, by name."""
-    arrays: Arrays = {
-        "positions": (mesh.vertices[rows] - center_of(mesh)).astype(np.float32),
-        "vertex": rows.astype(np.uint32),
-        "normals": packed_normals(_row_normals(mesh, rows)),
-    }
-    appearance = mesh.appearance
+def mesh_message(mesh: Mesh, *, name: str, warnings: Sequence[str]) -> tuple[MeshMessage, Arrays]:
+    """Return the message that shows `mesh`, and its arrays."""
+    appearance, scene = mesh.appearance, mesh.scene
+    # The vertex (R,) of each row, -1 for rows without a face, which are left out; and the rows (F, 3) of corners.
     if appearance is not None:
-        used = _corners(mesh)[0] >= 0
-        if appearance.uv is not None:
-            arrays["uv"] = appearance.uv[used]
-        if appearance.colors is not None:
-            arrays["colors"] = np.rint(appearance.colors[used] * 255).astype(np.uint8)
-    return arrays
-
-
-def _materials(mesh: Mesh) -> tuple[Arrays, tuple[MaterialEntry, ...]]:
-    """Return the encoded textures as arrays, and the materials."""
-    appearance = mesh.appearance
-    arrays: Arrays = {}
-    materials: list[MaterialEntry] = []
-    for index, material in enumerate(appearance.materials if appearance is not None else (Material(),)):
+        vertex, corner_faces = appearance.corners, appearance.corner_faces
+    elif scene is not None:
+        vertex, corner_faces = scene.vertex, scene.corner_faces
+    else:
+        vertex, corner_faces = np.arange(len(mesh.vertices), dtype=np.int32), mesh.faces
+    used = vertex >= 0
+    rows, number = vertex[used], np.cumsum(used, dtype=np.uint32) - np.uint32(1)
+    arrays: Arrays = {
+        "positions": centered(mesh, mesh.vertices[rows]),
+        "vertex": rows.astype(np.uint32),
+        "normals": packed_normals(_row_normals(mesh, vertex, used)),
+        "triangles": number[corner_faces],
+    }
+    if appearance is not None and appearance.uv is not None:
+        arrays["uv"] = appearance.uv[used]
+    if appearance is not None and appearance.colors is not None:
+        arrays["colors"] = np.rint(appearance.colors[used] * 255).astype(np.uint8)
+    materials = []
+    for index, material in enumerate((Material(),) if appearance is None else appearance.materials):
         texture = media_type = None
-        if material.texture is not None and appearance is not None and appearance.uv is not None:
+        if material.texture is not None and "uv" in arrays:
             texture = f"texture{index}"
             data, media_type = _encode_texture(material.texture)
             arrays[texture] = np.frombuffer(data, np.uint8)
         looks = {name: getattr(material, name) for name in ("color", "wrap", "alpha_mode", "alpha_cutoff")}
         materials.append(MaterialEntry(texture=texture, media_type=media_type, **looks))
-    return arrays, tuple(materials)
+    message = MeshMessage(
+        name=name,
+        vertices=len(mesh.vertices),
+        faces=len(mesh.faces),
+        parts=len(mesh.parts),
+        center=box_center(mesh),
+        diagonal=mesh.diagonal,
+        groups=_material_runs(np.zeros(len(mesh.faces), np.int32) if appearance is None else appearance.face_material),
+        materials=tuple(materials),
+        warnings=tuple(warnings),
+    )
+    return message, arrays
+
+
+def centered(mesh: Mesh, positions: Float64) -> NDArray[np.float32]:
+    """Return positions (N, 3) relative to the center of the box, where float32 is precise."""
+    return (positions - box_center(mesh)).astype(np.float32)
 
 
 def packed_normals(normals: NDArray[np.floating[Any]]) -> NDArray[np.int16]:
     """Return unit normals (N, 3) as (N, 4) int16 in units of 1 / 32767; the fourth is 0, for alignment."""
-    packed = np.zeros((len(normals), 4), np.int16)
-    packed[:, :3] = np.rint(normals * 32767)
-    return packed
+    return np.pad(np.rint(normals * 32767).astype(np.int16), ((0, 0), (0, 1)))
 
 
-def _corners(mesh: Mesh) -> tuple[Int32, Int32]:
-    """Return the vertex (R,) of each row, -1 for rows without a face, and the rows (F, 3) of the faces' corners."""
-    if mesh.appearance is not None:
-        return mesh.appearance.corners, mesh.appearance.corner_faces
-    if mesh.scene is not None:
-        return mesh.scene.vertex, mesh.scene.corner_faces
-    return np.arange(len(mesh.vertices), dtype=np.int32), mesh.faces
-
-
-def _rows(mesh: Mesh) -> tuple[Int32, Int32]:
-    """Return the result of `_corners` without rows that have no face."""
-    vertex, corner_faces = _corners(mesh)
-    used = vertex >= 0
-    if used.all():
-        return vertex, corner_faces
-    number = np.cumsum(used, dtype=np.int32) - np.int32(1)
-    return vertex[used], number[corner_faces]
-
-
-def _row_normals(mesh: Mesh, rows: Int32) -> Float64:
-    """Return unit normals (R, 3): those of the file, which keep sharp edges, or else smooth normals."""
-    normals = mesh.normals[rows].astype(np.float64)
+def _row_normals(mesh: Mesh, vertex: Int32, used: Bool) -> Float64:
+    """Return unit normals of the used rows: those of the file, which keep sharp edges, or else smooth normals."""
+    normals = mesh.normals[vertex[used]].astype(np.float64)
     scene = mesh.scene
-    vertex, _ = _corners(mesh)
     if scene is None or len(vertex) != len(scene.vertex):  # face colors split rows
         return normals
-    all_normals = np.zeros((len(vertex), 3))
+    of_file = np.zeros((len(vertex), 3))
     for primitive in scene.primitives:
         if primitive.geometry.normals is not None:
-            all_normals[primitive.rows] = primitive.normals_to_scene(primitive.geometry.normals)
-    file_normals = all_normals[vertex >= 0]
+            of_file[primitive.rows] = primitive.normals_to_scene(primitive.geometry.normals)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        file_normals = file_normals / np.linalg.norm(file_normals, axis=1, keepdims=True)
-    return np.where(np.isfinite(file_normals).all(axis=1, keepdims=True), file_normals, normals)
+        of_file = of_file[used] / np.linalg.norm(of_file[used], axis=1, keepdims=True)
+    return np.where(np.isfinite(of_file).all(axis=1, keepdims=True), of_file, normals)
 
 
 def _material_runs(material_of: Int32) -> tuple[Group, ...]:
     """Return the runs of consecutive triangles with one material."""
     starts = np.flatnonzero(np.diff(material_of, prepend=-1)).tolist()
-    ends = [*starts[1:], len(material_of)]
     return tuple(
         Group(material=int(material_of[start]), start=start, count=end - start)
-        for start, end in zip(starts, ends, strict=True)
+        for start, end in zip(starts, [*starts[1:], len(material_of)], strict=True)
     )
 
 
 def _encode_texture(texture: UInt8) -> tuple[bytes, str]:
     """Return a texture (rows, columns, 4) as a JPEG or PNG file, and its media type."""
-    image = Image.fromarray(texture)
-    if max(image.size) > LONGEST_TEXTURE:
-        image.thumbnail((LONGEST_TEXTURE, LONGEST_TEXTURE))
-    stream = io.BytesIO()
-    if (texture[..., 3] == 255).all():
-        image.convert("RGB").save(stream, "JPEG", quality=JPEG_QUALITY, subsampling=0)
-        return stream.getvalue(), "image/jpeg"
-    image.save(stream, "PNG", compress_level=1)
-    return stream.getvalue(), "image/png"
+    image, stream = as_image(texture), io.BytesIO()
+    image.thumbnail((LONGEST_TEXTURE, LONGEST_TEXTURE))  # only shrinks
+    kind = "jpeg" if image.mode == "RGB" else "png"
+    image.save(stream, kind, quality=JPEG_QUALITY, subsampling=0, compress_level=1)
+    return stream.getvalue(), f"image/{kind}"

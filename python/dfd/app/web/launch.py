@@ -11,26 +11,20 @@ import threading
 import webbrowser
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import uvicorn
 
 from dfd.app.options import SessionOptions
 from dfd.app.web.safety import Rules, loopback
-from dfd.app.web.server import MESSAGE_BYTES, STATIC, UPLOAD_BYTES, create
-from dfd.app.web.sessions import Sessions
-
-if TYPE_CHECKING:
-    from dfd.editing.deformer import Deformer
+from dfd.app.web.server import MESSAGE_BYTES, STATIC, UPLOAD_BYTES, Sessions, create
 
 DEFAULT_PORT = 8765
-NOTEBOOK_ORIGINS = ("http://localhost:*", "http://127.0.0.1:*")  # origins of notebooks
 
 
 class RunningApp:
     """A server on a thread of this process, until `stop`. Port 0 is any free port.
 
-    With `deformer`, all pages show this session. Pages of the origins `frame_ancestors` may show the app in a frame.
+    Pages of the origins `frame_ancestors` may show the app in a frame.
 
     Raises OSError if the port is taken, or the host is not an address of this machine.
     """
@@ -41,18 +35,24 @@ class RunningApp:
         *,
         host: str = "127.0.0.1",
         port: int = 0,
-        deformer: Deformer | None = None,
         frame_ancestors: tuple[str, ...] = (),
         upload_bytes: int = UPLOAD_BYTES,
         static: Path = STATIC,
     ) -> None:
-        self._socket = _listen(host, port)
-        self.host, self.port = host, int(self._socket.getsockname()[1])
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        try:
+            self._socket = socket.create_server((host, port), family=family, backlog=128)
+        except OSError as error:
+            reason = (error.strerror or "").partition(" (while")[0]  # without repeating the address
+            raise OSError(error.errno, f"cannot listen at {host}:{port}: {reason}") from None
+        self.port = int(self._socket.getsockname()[1])
         self.rules = Rules(host=host, cookie=f"dfd-{self.port}", frame_ancestors=frame_ancestors)
+        known = socket.gethostname() if host in ("0.0.0.0", "::") else f"[{host}]" if ":" in host else host
+        self.url = f"http://{known}:{self.port}/?token={self.rules.token}"
         self._root = tempfile.TemporaryDirectory(prefix="dfd-app-", ignore_cleanup_errors=True)
-        self.sessions = Sessions(Path(self._root.name), options, deformer)
+        self.sessions = Sessions(Path(self._root.name), options, upload_bytes)
         config = uvicorn.Config(
-            create(self.sessions, self.rules, upload_bytes=upload_bytes, static=static),
+            create(self.sessions, self.rules, static=static),
             ws="websockets-sansio",
             ws_max_size=MESSAGE_BYTES,
             ws_per_message_deflate=False,  # compressing a mesh would block the event loop for seconds
@@ -62,15 +62,7 @@ class RunningApp:
             timeout_graceful_shutdown=5,
         )
         self.server = uvicorn.Server(config)
-        self._thread: threading.Thread | None = None
-
-    @property
-    def url(self) -> str:
-        """Return the address with its token."""
-        host = f"[{self.host}]" if ":" in self.host else self.host
-        if self.host in ("0.0.0.0", "::"):
-            host = socket.gethostname()
-        return f"http://{host}:{self.port}/?token={self.rules.token}"
+        self._thread = threading.Thread(target=self.run, name="dfd-app", daemon=True)
 
     def redirecting_file(self) -> Path:
         """Write a page that only this user can read, and that redirects to `url`; return its path.
@@ -95,7 +87,6 @@ class RunningApp:
 
     def start(self) -> None:
         """Serve on a thread; return once the server accepts requests."""
-        self._thread = threading.Thread(target=self.run, name="dfd-app", daemon=True)
         self._thread.start()
         while not self.server.started and self._thread.is_alive():
             self._thread.join(0.01)
@@ -103,17 +94,7 @@ class RunningApp:
     def stop(self) -> None:
         """End all sessions and the server."""
         self.server.should_exit = True
-        if self._thread is not None:
-            self._thread.join()
-
-
-def _listen(host: str, port: int) -> socket.socket:
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    try:
-        return socket.create_server((host, port), family=family, backlog=128)
-    except OSError as error:
-        reason = (error.strerror or "").partition(" (while")[0]  # without repeating the address
-        raise OSError(error.errno, f"cannot listen at {host}:{port}: {reason}") from None
+        self._thread.join()
 
 
 def check_built(static: Path = STATIC) -> None:
@@ -151,16 +132,10 @@ def serve(options: SessionOptions, *, host: str, port: int | None, browser: bool
 
 
 class Frame:
-    """The page in a cell of a notebook, of `height` pixels."""
+    """The page in a cell of a notebook, of `height` pixels; `url` is its address, for another tab."""
 
     def __init__(self, app: RunningApp, height: int) -> None:
-        self.app = app
-        self._height = height
-
-    @property
-    def url(self) -> str:
-        """Return the page's address, for another tab."""
-        return self.app.url
+        self.app, self.url, self._height = app, app.url, height
 
     def __repr__(self) -> str:
         """Return the address, for places that do not show HTML."""
@@ -169,35 +144,10 @@ class Frame:
     def _repr_html_(self) -> str:
         # Browsers treat localhost and 127.0.0.1 as two sites and send no cookies to a frame of another site, so the
         # frame must use the host name of the notebook.
-        address = html.escape(self.url)
-        name = f"dfd-{self.app.port}"
+        address, name = html.escape(self.url), f"dfd-{self.app.port}"
         return (
             f'<iframe id="{name}" src="{address}" width="100%" height="{self._height}" style="border:0"></iframe>'
             f'<script>{{const frame = document.getElementById("{name}"), host = location.hostname;'
             'if (host === "localhost") frame.src = frame.src.replace("127.0.0.1", host);}</script>'
             f'<a href="{address}" target="_blank">Open in a tab</a>'
         )
-
-
-def show(deformer: Deformer, *, height: int = 640) -> Frame:
-    """Show an editing session in a cell of a notebook, or at the address `Frame.url`; the page edits `deformer`.
-
-    Parameters
-    ----------
-    deformer
-        The session of the page and the notebook; change it in only one of them at a time.
-    height
-        Height of the frame, pixels.
-
-    Raises OSError if the page was not built.
-    """
-    check_built()
-    running = _SHOWN.get(id(deformer))
-    if running is None:
-        running = RunningApp(SessionOptions(), deformer=deformer, frame_ancestors=NOTEBOOK_ORIGINS)
-        running.start()
-        _SHOWN[id(deformer)] = running
-    return Frame(running, height)
-
-
-_SHOWN: dict[int, RunningApp] = {}

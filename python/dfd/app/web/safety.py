@@ -37,24 +37,12 @@ HEADERS = {
 
 @dataclass(frozen=True)
 class Rules:
-    """The settings of `Guard`.
+    """The settings of `Guard`."""
 
-    Attributes
-    ----------
-    host
-        The address at which the server listens.
-    token
-        The secret in the address that `dfd app` prints.
-    cookie
-        The cookie's name, different for each port of this machine.
-    frame_ancestors
-        Origins whose pages may show this one in a frame.
-    """
-
-    host: str = "127.0.0.1"
-    token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
-    cookie: str = "dfd"
-    frame_ancestors: Collection[str] = ()
+    host: str = "127.0.0.1"  # the address at which the server listens
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(24))  # in the address that `dfd app` prints
+    cookie: str = "dfd"  # name of the cookie, different for each port of this machine
+    frame_ancestors: Collection[str] = ()  # origins whose pages may show this one in a frame
 
     def knows_host(self, name: str) -> bool:
         """Return whether `name` (without a port) is a host name of this server.
@@ -73,13 +61,6 @@ class Rules:
         """Return whether a text is the token, in a time that does not depend on the text."""
         return hmac.compare_digest((given or "").encode(), self.token.encode())
 
-    @property
-    def headers(self) -> dict[str, str]:
-        """Return the headers of every response."""
-        if self.frame_ancestors:
-            return {**HEADERS, "Content-Security-Policy": f"{CONTENT}frame-ancestors {' '.join(self.frame_ancestors)}"}
-        return {**HEADERS, "Content-Security-Policy": f"{CONTENT}frame-ancestors 'none'", "X-Frame-Options": "DENY"}
-
 
 def loopback(host: str) -> bool:
     """Return whether only this machine can reach a server that listens at `host`."""
@@ -88,14 +69,27 @@ def loopback(host: str) -> bool:
 
 
 class Guard:
-    """Middleware that rejects requests by the rules, and adds security headers to all responses."""
+    """Middleware that rejects requests by the rules, and adds headers for security and caches to all responses."""
 
     def __init__(self, app: ASGIApp, rules: Rules) -> None:
-        self._app = app
-        self._rules = rules
+        self._app, self._rules = app, rules
+        ancestors = " ".join(rules.frame_ancestors) or "'none'"
+        self._headers = {**HEADERS, "Content-Security-Policy": f"{CONTENT}frame-ancestors {ancestors}"}
+        if not rules.frame_ancestors:
+            self._headers["X-Frame-Options"] = "DENY"
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on, or reject it."""
+
+        async def send_with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                headers.update(self._headers)
+                # The names of these files contain a hash of their content.
+                lasts = scope["path"].startswith("/assets/") and message["status"] in (200, 304)
+                headers["Cache-Control"] = "public, max-age=31536000, immutable" if lasts else "no-store"
+            await send(message)
+
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
@@ -104,7 +98,7 @@ class Guard:
         if refusal is None and not self._rules.knows_token(request.cookies.get(self._rules.cookie)):
             refusal = self._admit(request)
         if scope["type"] == "http":
-            await (refusal or self._app)(scope, receive, self._with_headers(send))
+            await (refusal or self._app)(scope, receive, send_with_headers)
         elif refusal is None:
             await self._app(scope, receive, send)
         else:
@@ -139,16 +133,6 @@ class Guard:
                 # A link from another site omits SameSite=strict cookies; a refresh from this page sends them.
                 return Response(status_code=200, headers={"Refresh": "0; url=/"})
         return PlainTextResponse("Open the address that dfd printed: it contains the token.", 403)
-
-    def _with_headers(self, send: Send) -> Send:
-        async def send_with_headers(message: Message) -> None:
-            if message["type"] == "http.response.start":
-                headers = MutableHeaders(scope=message)
-                headers.update(self._rules.headers)
-                headers.setdefault("Cache-Control", "no-store")
-            await send(message)
-
-        return send_with_headers
 
 
 def _address(name: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:

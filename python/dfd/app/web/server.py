@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import secrets
 import shutil
-import threading
 from collections.abc import AsyncIterator
 from pathlib import Path
 
@@ -22,64 +22,73 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from dfd.app.options import SAMPLES
-from dfd.app.protocol.answers import FailureMessage, SessionMessage
+from dfd.app.options import SAMPLES, SessionOptions
+from dfd.app.protocol.messages import FailureMessage, SessionMessage
 from dfd.app.web.safety import Guard, Rules
-from dfd.app.web.sessions import Outbox, Sessions
+from dfd.app.web.tab import Outbox, Tab
 from dfd.app.web.uploads import FORMATS, MOST_FILES, receive
 
 STATIC = Path(__file__).parents[1] / "static"
 MESSAGE_BYTES = 1 << 20  # largest message of a page
 UPLOAD_BYTES = 1 << 30  # largest total size of an upload, unpacked
+MOST_UNATTENDED = 8  # number of sessions without a page; above it, the session that was left first ends
 
 
-class PageFiles(StaticFiles):
-    """The built page."""
-
-    def file_response(self, full_path: object, *rest: object, **options: object) -> Response:
-        """Return a file; browsers may cache files whose names contain a hash of the content."""
-        response: Response = super().file_response(full_path, *rest, **options)  # type: ignore[arg-type]
-        if "assets" in Path(str(full_path)).parts:
-            response.headers["Cache-Control"] = "public, max-age=31536000, immutable"
-        return response
-
-
-def create(sessions: Sessions, rules: Rules, *, upload_bytes: int = UPLOAD_BYTES, static: Path = STATIC) -> Starlette:
-    """Return the application for `sessions`, guarded by `rules`."""
-    server = _Server(sessions, upload_bytes)
+def create(sessions: Sessions, rules: Rules, *, static: Path) -> Starlette:
+    """Return the application for `sessions`, guarded by `rules`, with the built page in the folder `static`."""
 
     @contextlib.asynccontextmanager
     async def lifespan(app: Starlette) -> AsyncIterator[None]:
-        # Importing torch takes seconds, so it begins before the first request.
-        threading.Thread(target=lambda: __import__("dfd.editing.deformer"), name="dfd-import", daemon=True).start()
         yield
         sessions.close()
 
     return Starlette(
         routes=[
-            WebSocketRoute("/ws", server.socket),
-            Route("/upload", server.upload, methods=["POST"]),
-            Route("/download/{session}/{number}", server.download, methods=["GET"]),
-            Mount("/", PageFiles(directory=static, html=True, check_dir=False)),
+            WebSocketRoute("/ws", sessions.socket),
+            Route("/upload", sessions.upload, methods=["POST"]),
+            Route("/download/{session}/{number}", sessions.download, methods=["GET"]),
+            Mount("/", StaticFiles(directory=static, html=True, check_dir=False)),
         ],
         middleware=[Middleware(Guard, rules=rules)],
         lifespan=lifespan,
     )
 
 
-class _Server:
-    """The routes to sessions."""
+class Sessions:
+    """All sessions of one server, with folders in `root`, and the routes to them."""
 
-    def __init__(self, sessions: Sessions, upload_bytes: int) -> None:
-        self._sessions = sessions
-        self._upload_bytes = upload_bytes
+    def __init__(self, root: Path, options: SessionOptions, upload_bytes: int) -> None:
+        self._root, self._options, self._upload_bytes = root, options, upload_bytes
+        self._tabs: dict[str, Tab] = {}  # tabs by the names of their folders; the last one was left last
+
+    def find(self, name: str | None) -> Tab | None:
+        """Return the session with a name, or None."""
+        return self._tabs.get(name or "")
+
+    def _open(self, name: str | None) -> Tab:
+        """Return the session with a name, or a new session."""
+        if (found := self.find(name)) is not None:
+            return found
+        if self._options.deformer is not None and self._tabs:
+            return next(iter(self._tabs.values()))
+        for tab in [each for each in self._tabs.values() if each.outbox is None][:-MOST_UNATTENDED]:
+            self._tabs.pop(tab.folder.name).end()
+        folder = self._root / secrets.token_hex(16)
+        folder.mkdir()
+        self._tabs[folder.name] = tab = Tab(folder, self._options)
+        return tab
+
+    def close(self) -> None:
+        """End all sessions."""
+        while self._tabs:
+            self._tabs.popitem()[1].end()
 
     async def socket(self, page: WebSocket) -> None:
         """Pass messages between a page and its session, or a new session, until the page disconnects."""
         await page.accept()
-        tab = self._sessions.open(page.query_params.get("session"))
-        outbox = tab.attach()
-        greeting = SessionMessage(session=tab.name, samples=SAMPLES, upload_bytes=self._upload_bytes, formats=FORMATS)
+        tab = self._open(page.query_params.get("session"))
+        name, outbox = tab.folder.name, tab.attach()
+        greeting = SessionMessage(session=name, samples=SAMPLES, upload_bytes=self._upload_bytes, formats=FORMATS)
         tab.tell(greeting.model_dump_json())
         sending = asyncio.create_task(_send_all(page, outbox))
         try:
@@ -90,11 +99,14 @@ class _Server:
                     tab.ask(message["text"])
         finally:
             sending.cancel()
-            self._sessions.leave(tab, outbox)
+            if tab.outbox is outbox:
+                tab.outbox = None
+            if self._tabs.pop(name, None) is not None:
+                self._tabs[name] = tab
 
     async def upload(self, request: Request) -> Response:
         """Receive files, and let the session open them. The page learns the result from its WebSocket."""
-        tab = self._sessions.find(request.query_params.get("session"))
+        tab = self.find(request.query_params.get("session"))
         if tab is None:
             return _refusal(404, "There is no such session: reload the page")
         length = request.headers.get("content-length", "")
@@ -120,16 +132,12 @@ class _Server:
 
     async def download(self, request: Request) -> Response:
         """Serve an exported file once."""
-        tab = self._sessions.find(request.path_params["session"])
+        tab = self.find(request.path_params["session"])
         path = None if tab is None else tab.session.exports.pop(request.path_params["number"], None)
         if path is None or not path.is_file():
             return _refusal(404, "There is no such file: it can be taken once")
-        return FileResponse(
-            path,
-            filename=path.name,
-            media_type="application/octet-stream",
-            background=BackgroundTask(shutil.rmtree, path.parent, ignore_errors=True),
-        )
+        delete = BackgroundTask(shutil.rmtree, path.parent, ignore_errors=True)
+        return FileResponse(path, filename=path.name, media_type="application/octet-stream", background=delete)
 
 
 async def _send_all(page: WebSocket, outbox: Outbox) -> None:

@@ -1,0 +1,376 @@
+"""The fields of messages, and all messages of the server."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, create_model
+from safetensors.numpy import save
+
+from dfd.common.described import about, words_of
+from dfd.common.preset import Preset
+from dfd.editing import controls
+from dfd.editing.edit import Edit
+from dfd.mesh.appearance import Wrap
+from dfd.posing.transforms import Frame, PivotAt, Vector
+from dfd.symmetry.plane import SymmetryPlane
+
+Index = Annotated[int, Field(ge=0)]
+Text = Annotated[str, Field(min_length=1, max_length=1000)]
+# How a handle changes its part: to the next size, with another part added or removed, or to a unit of the file.
+PartChange = Literal["smaller", "larger", "add", "remove", "scene_part", "material", "component"]
+
+
+class Model(BaseModel):
+    """The base of all messages, with strict checks: unknown keys, wrong types and numbers not finite are errors."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+class Region(Model):
+    """A set of vertices: `mask` has a bit per vertex, lowest bit first, in bytes encoded as base64."""
+
+    mask: Annotated[str, Field(min_length=4, pattern=r"^[A-Za-z0-9+/]+={0,2}$")]
+
+
+Place = Index | Region  # a vertex or a region
+
+# Controls whose type in messages differs from that in an edit: in requests (GIVEN), and in the state (SHOWN).
+GIVEN: dict[str, Any] = {
+    "radius": float | str,
+    "mask": Region | Literal["everywhere", "part"],
+    "excluded_counterparts": Annotated[tuple[Index, ...], Field(max_length=1000)],  # vertices
+}
+SHOWN: dict[str, Any] = {
+    "reach": float,  # the resulting number for "part"
+    "mask": int,  # number of vertices of the mask; 0 without a mask
+    "excluded_counterparts": tuple[int, ...],  # a vertex on each excluded counterpart
+}
+
+
+def with_controls(kinds: dict[str, Any], *, optional: bool) -> Callable[[type[Model]], type[Model]]:
+    """Add a field for each control to a model; its type is that in `kinds`, or else that of an edit."""
+    types = {name: kind for name, (kind, _) in about(controls.Controls).items()} | kinds
+    fields: Any = {name: (kind | None, None) if optional else (kind, ...) for name, kind in types.items()}
+    return lambda owner: create_model(owner.__name__, __base__=owner, __doc__=owner.__doc__, **fields)
+
+
+class Transform(Model):
+    """Scale along `axes`, then rotation, then translation, about the pivot.
+
+    Null keeps a value. `rotation` is a rotation vector in degrees. `axes` has one axis per row; "auto" is the mesh's
+    axes, and "normal" a frame whose third axis is the surface's normal at the handle. A pivot of "auto" is found when
+    the handle turns or scales. `bend` (a rotation vector or an upward angle) and `twist`, in degrees, are applied
+    first, along the axis of the held part, at the `joint` or over the whole length.
+    """
+
+    translation: Vector | None = None
+    rotation: Vector | None = None
+    scale: Vector | None = None
+    pivot: Vector | PivotAt | Literal["auto"] | None = None
+    axes: Frame | Literal["normal", "auto"] | None = None
+    bend: Vector | float | None = None
+    twist: float | None = None
+    joint: Annotated[float, Field(ge=0, le=1)] | Literal["spread", "auto", "here"] | None = None
+
+
+@with_controls(GIVEN, optional=True)
+class Controls(Model):
+    """Controls and name of a handle; null keeps a value."""
+
+    name: Text | None = None
+
+
+class PoseTransform(Model):
+    """The complete transform of a handle, with fields as in `Transform`."""
+
+    handle: Index
+    translation: Vector
+    rotation: Vector
+    scale: Vector
+    pivot: Vector | None = None
+    axes: Frame | None = None
+    bend: Vector = (0.0, 0.0, 0.0)
+    twist: float = 0.0
+    joint: float | None = None
+
+
+PoseTransforms = Annotated[tuple[PoseTransform, ...], Field(max_length=1000)]
+
+
+class KeyPose(Model):
+    """A stored pose on the timeline."""
+
+    name: Text
+    seconds: Annotated[float, Field(ge=0)]
+    transforms: PoseTransforms
+
+
+KeyPoses = Annotated[tuple[KeyPose, ...], Field(max_length=1000)]
+
+
+class Answer(Model):
+    """The base of all messages of the server: `id` is that of the answered request, or 0."""
+
+    id: int = 0
+
+
+class ControlEntry(Model):
+    """How a panel shows a control: as a slider, a choice or a switch."""
+
+    name: str
+    label: str
+    hint: str
+    kind: Literal["number", "length", "choice", "switch"]
+    choices: tuple[str, ...]  # words that are allowed as values
+    slider: Vector | None  # both ends and the step; for a length, as fractions of the shape's size
+
+
+def control_entries() -> tuple[ControlEntry, ...]:
+    """Return the entries of all controls in order, except those with places and regions."""
+    entries = []
+    for name, (kind, said) in {**about(controls.Controls), "preset": about(Edit)["preset"]}.items():
+        if said is None or said.repeated or name == "mask":
+            continue
+        kinds, label, choices = (kind, *get_args(kind)), said.called(name), words_of(kind)
+        shown: Any = "number" if float in kinds else "switch" if bool in kinds else "choice"
+        shown = "length" if said.unit == "length" else shown
+        entries.append(
+            ControlEntry(name=name, label=label, hint=said.text, kind=shown, choices=choices, slider=said.slider)
+        )
+    return tuple(entries)
+
+
+class SessionMessage(Answer):
+    """The first message: the name of the session, and the options of the server."""
+
+    type: Literal["session"] = "session"
+    session: str  # with this name, a tab reconnects to its session
+    samples: tuple[str, ...]
+    upload_bytes: int  # largest total size of an upload
+    formats: tuple[str, ...]  # file endings that `POST /upload` accepts
+    controls: tuple[ControlEntry, ...] = control_entries()
+
+
+class StartMessage(Answer):
+    """No mesh is open: show the start page."""
+
+    type: Literal["start"] = "start"
+
+
+class ColumnState(Model):
+    """A column of weights: of a whole handle, or of one counterpart."""
+
+    column: int  # its number; equal numbers mean equal data
+    frame: Frame  # rows of the matrix that rotates or reflects the handle's motion
+    position: Vector  # position of the handle or the counterpart
+
+
+@with_controls(SHOWN, optional=False)
+class HandleState(PoseTransform):
+    """A handle."""
+
+    name: str | None
+    vertex: int | None  # null for a point in space or a region
+    position: Vector  # its resting position
+    pivot: Vector  # center of rotation and scale
+    pivot_set: bool  # whether the pivot was given or found; otherwise it is `position`
+    pivot_at: PivotAt | None  # name of the pivot; null if it was given in numbers, or not at all
+    reach_by: Literal["number", "part"]  # how the reach was given; `reach` is the resulting number
+    mask_part: bool  # whether the mask is the handle's part
+    region: int  # number of vertices of its region; 0 for a point
+    columns: tuple[ColumnState, ...]
+    moved: bool  # whether its transform moves anything
+
+
+class FixedState(Model):
+    """A fixed place."""
+
+    vertex: int | None
+    position: Vector
+    strength: float
+    region: int
+
+
+class FieldState(Model):
+    """The status of the shape's field, and its origin."""
+
+    status: Literal["none", "distilling", "preparing", "ready"]
+    origin: str | None  # "file", "cache", "distilled"
+    parts: tuple[PartChange, ...] = ()  # ways to hold another part that this shape allows now
+
+
+class StateMessage(Answer):
+    """The whole present state, after every change."""
+
+    type: Literal["state"] = "state"
+    after: int  # the number of the newest request that it includes
+    handles: tuple[HandleState, ...] = ()
+    fixed: tuple[FixedState, ...] = ()
+    symmetry: SymmetryPlane | None = None
+    planes: tuple[SymmetryPlane, ...] = ()  # the planes of symmetry that were found
+    default: PoseTransform | None = None  # D₀ with its pivot, as handle 0
+    preset: Preset
+    can_undo: bool = False
+    can_redo: bool = False
+    field: FieldState
+    poses: tuple[KeyPose, ...]
+
+
+class DoneMessage(Answer):
+    """The request succeeded."""
+
+    type: Literal["done"] = "done"
+
+
+class FailureMessage(Answer):
+    """The request failed, and nothing changed; `message` is a sentence for people."""
+
+    type: Literal["failure"] = "failure"
+    message: str
+
+
+class ProgressMessage(Answer):
+    """The progress of background work."""
+
+    type: Literal["progress"] = "progress"
+    task: Literal["open", "distill", "prepare"]
+    stage: str  # as on the command line; a task ends with "done", "cancelled" or "failed"
+    done: int
+    total: int | None
+    seconds_left: float | None  # estimate for the whole task; null if unknown
+
+
+class ReportMessage(Answer):
+    """The effect of the edit, as a sentence."""
+
+    type: Literal["report"] = "report"
+    text: str
+
+
+class Suggestion(Model):
+    """A suggested place for a handle."""
+
+    vertex: int
+    position: Vector
+    name: str
+
+
+class SuggestionsMessage(Answer):
+    """Answer to `suggest`."""
+
+    type: Literal["suggestions"] = "suggestions"
+    suggestions: tuple[Suggestion, ...]
+
+
+class SimilarPoint(Model):
+    """A counterpart of a handle."""
+
+    vertex: int  # identifies it
+    position: Vector
+    on: bool  # whether it moves with the handle
+
+
+class SimilarMessage(Answer):
+    """Answer to `counterparts`: the handle's own place first, then the others in order of similarity."""
+
+    type: Literal["similar"] = "similar"
+    handle: int
+    places: tuple[SimilarPoint, ...]
+
+
+class AxisMessage(Answer):
+    """Answer to `axis`: the possible pivots of a handle, and the axis along which it bends."""
+
+    type: Literal["axis"] = "axis"
+    handle: int
+    pivots: tuple[PivotAt, ...]
+    auto: Vector  # the default pivot at rest, mesh units
+    base: Vector | None  # start of the part's axis; null if the held part has no axis
+    tip: Vector | None  # end of the axis
+
+
+class DownloadMessage(Answer):
+    """A file that can be downloaded once."""
+
+    type: Literal["download"] = "download"
+    url: str
+    name: str
+    said: str = ""  # how the file differs from the page; empty if it does not
+
+
+class MaterialEntry(Model):
+    """A material; colors are display-referred (sRGB)."""
+
+    color: tuple[float, float, float, float]
+    texture: str | None  # name of the array with the picture file
+    media_type: str | None
+    wrap: tuple[Wrap, Wrap]
+    alpha_mode: Literal["OPAQUE", "MASK", "BLEND"]
+    alpha_cutoff: float
+
+
+class Group(Model):
+    """Consecutive triangles of one material."""
+
+    material: int  # index into `materials`
+    start: int  # first triangle
+    count: int
+
+
+class MeshMessage(Answer):
+    """The resting shape. A row is a vertex of the file, which is split at seams; weights belong to vertices.
+
+    Arrays: `positions` float32 (R, 3), relative to `center`; `triangles` uint32 (F, 3), rows of the corners; `vertex`
+    uint32 (R,), the vertex of each row; `normals` int16 (R, 4), of length 32767, the fourth 0. If the file has them:
+    `uv` float32 (R, 2), v upwards; `colors` uint8 (R, 4), display-referred; and the picture files of textures.
+    """
+
+    type: Literal["mesh"] = "mesh"
+    name: str
+    vertices: int
+    faces: int
+    parts: int
+    center: Vector
+    diagonal: float
+    groups: tuple[Group, ...]
+    materials: tuple[MaterialEntry, ...]
+    warnings: tuple[str, ...]  # warnings of reading the file, as sentences
+
+
+class ColumnsMessage(Answer):
+    """Columns in `state` that the page lacks. The page may delete columns that are no longer in `state`.
+
+    Array: `values` uint16 (C, V), weights times 65535, one row for each number in `columns`.
+    """
+
+    type: Literal["columns"] = "columns"
+    columns: tuple[int, ...]
+
+
+class HeatMessage(Answer):
+    """Answer to `probe` and `take_part`: `values` uint16 (V,), weights times 65535."""
+
+    type: Literal["heat"] = "heat"
+    vertex: int | None
+
+
+class PositionsMessage(Answer):
+    """Answer to `compute`: `positions` float32 (V, 3), relative to the mesh's center, and `normals` int16 (V, 4)."""
+
+    type: Literal["positions"] = "positions"
+
+
+class ColorsMessage(Answer):
+    """Answer to `features`: `colors` uint8 (V, 4)."""
+
+    type: Literal["colors"] = "colors"
+
+
+def pack(message: Answer, **arrays: NDArray[Any]) -> bytes:
+    """Return a message with arrays as bytes; see `dfd.app.protocol`."""
+    whole = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
+    return save(whole, {"message": message.model_dump_json()})
