@@ -49,8 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(shape.name, file=sys.stderr)
         field = dfd.distill(shape.mesh, given.encoder, progress=False)
         # Constants are never chosen on rigs, and each rig is its own category.
-        known = isinstance(shape, labelled.LabelledShape)
-        category, kept_back = (shape.category, shape.kept_back) if known else (shape.name, True)
+        category, kept_back = getattr(shape, "category", shape.name), getattr(shape, "kept_back", True)
         rows.append((category, kept_back, shape.name, shape.judged(field)))
         write(path, (module.__doc__ or "").splitlines()[0], rows, module.LEGEND)
     print(f"{path}.md")

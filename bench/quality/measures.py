@@ -59,6 +59,16 @@ def mean_over_labels(labels: Labels, values: Any) -> float:
     return float(np.mean([np.asarray(values)[known & (labels == each)].mean() for each in np.unique(labels[known])]))
 
 
+def weights_of_each(session: dfd.Deformer, vertices: Handles) -> list[Float64]:
+    """Return the weights (V,) of each of `vertices` (H,) as the only handle of a session."""
+    found = []
+    for vertex in vertices.tolist():
+        held = session.add(vertex)
+        found.append(session.following[:, 0].astype(np.float64))
+        session.remove(held)
+    return found
+
+
 def soft_iou(areas: Float64, weights: NDArray[Any], truth: Bool) -> float:
     """Return Σ min(w, t) / Σ max(w, t) over vertices of `areas` (V,), for `weights` w (V,) and the mask `truth` t."""
     return float(areas @ np.minimum(weights, truth) / max(areas @ np.maximum(weights, truth), 1e-12))

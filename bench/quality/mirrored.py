@@ -70,11 +70,10 @@ class PairedShape:
             for given in (*MOTIONS.values(), {"translation": (0.0, PULL * pair.size, 0.0)}):
                 try:
                     session.move(held, **given)
+                    found.append(pair.error(session.vertices - session.mesh.vertices))
+                    session.undo()
                 except ValueError:  # the held part has no axis
                     found.append(np.inf)
-                    continue
-                found.append(pair.error(session.vertices - session.mesh.vertices))
-                session.undo()
         session.remove(held)
         return found
 
@@ -88,21 +87,13 @@ def paired_shapes(folder: Path, *, quick: bool = False) -> Iterator[PairedShape]
 
 def pairs_of(shape: RiggedShape) -> list[Pair]:
     """Return the pairs of joints with one name whose parts are mirror images at rest."""
-    by_name: dict[str, list[int]] = {}
-    for joint, name in enumerate(shape.joints):
-        by_name.setdefault(sides_as_one(name), []).append(joint)
-    found = []
-    vertices = shape.mesh.vertices
-    for one, other in (joints for joints in by_name.values() if len(joints) == 2):
-        sides = shape.subtree(one), shape.subtree(other)
-        own = np.flatnonzero(shape.of_vertex == one)
-        share = float(shape.areas @ sides[0])
-        if (
-            not len(own)
-            or not SMALLEST_JUDGED <= share <= LARGEST_JUDGED
-            or not sides[1].any()
-            or (sides[0] & sides[1]).any()
-        ):
+    found, vertices = [], shape.mesh.vertices
+    names = [*map(sides_as_one, shape.joints)]
+    for pair in (name for name in dict.fromkeys(names) if names.count(name) == 2):
+        one, other = (joint for joint, name in enumerate(names) if name == pair)
+        sides, own = (shape.subtree(one), shape.subtree(other)), np.flatnonzero(shape.of_vertex == one)
+        judged = SMALLEST_JUDGED <= shape.areas @ sides[0] <= LARGEST_JUDGED
+        if not (judged and len(own) and sides[1].any()) or (sides[0] & sides[1]).any():
             continue
         left, right = map(np.flatnonzero, sides)
         middles = [np.average(vertices[side], axis=0, weights=shape.areas[side] + 1e-12) for side in (left, right)]
