@@ -48,12 +48,12 @@ def characters(folder: Path) -> Iterator[Shape]:
             yield Shape(f"{name} without accessories, merged names", bare, labels[old], parts)
 
 
-def rigs(folder: Path, *, under: str = "rigs") -> Iterator[Shape]:
-    """Yield every skinned GLB in the folder `under` of `folder`, with the kinds of parts of animals and people.
+def rigs(folder: Path) -> Iterator[Shape]:
+    """Yield every skinned GLB in `folder`, with the kinds of parts of animals and people.
 
     Files with fewer than two kinds of parts are printed and left out.
     """
-    for name, mesh, names, joints in _skinned(folder / under):
+    for name, mesh, names, joints in _skinned(folder):
         labels, parts = label_vertices(names, joints, KINDS, FEWEST)
         if len(parts) > 1:
             yield Shape(name, mesh, labels, parts)

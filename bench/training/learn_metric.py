@@ -8,7 +8,7 @@ docs/learned.md names the sources of the package's metric.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +18,13 @@ import scipy.linalg
 import dfd
 from bench.quality import shapes
 from bench.quality.measures import draw_handles, handle_precision, mean_over_labels
-from bench.quality.shapes import Shape
-from bench.tables import to_markdown, write_text
+from bench.tables import to_markdown
 from bench.training.learn_kinds import learn_kinds
-from bench.training.sources import RESULTS, options_of
+from bench.training.sources import RESULTS, run
 from bench.training.vertex_features import THICKNESS, Lesson, cached_lesson
 from dfd.common.linear_algebra import Float32
 from dfd.distillation.metric import FOLDER, Metric
-from dfd.encoders.encode import Encoder, load_encoder
+from dfd.encoders.encode import Encoder
 from dfd.encoders.learned_file import encoder_identity
 
 REPORT, CACHE = RESULTS / "metric.md", RESULTS / "metric_features"
@@ -37,24 +36,18 @@ EACH, SEEDS = 8, 3  # handles of every part, and draws
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Distill, learn, judge and write."""
-    options = options_of(arguments, "learn_metric", __doc__, FOLDER)
-    encoder = load_encoder(options.encoder)
-    lessons = []
-    for shape in labelled_shapes(options.meshes, options.lessons):
+    """Learn, judge and write."""
+    run(arguments, __spec__.name, __doc__, FOLDER, REPORT, lessons_of, learn, report)
+
+
+def lessons_of(folder: Path, more: Path | None, encoder: Encoder) -> Iterator[Lesson]:
+    """Yield the lesson of every shape; characters have the merged names of their parts."""
+    found = [*shapes.rigs(folder / "rigs"), *shapes.rigs(folder / "upright"), *shapes.characters(folder)]
+    for under in ("rigs", "people") if more else ():
+        found += shapes.rigs(more / under)
+    for shape in found + shapes.made(FACES):
         print(shape.name, flush=True)
-        lessons.append(cached_lesson(CACHE, shape, encoder))
-    learn(lessons, encoder).save(options.output)
-    write_text(REPORT, report(lessons))
-    print(f"{options.output}\n{REPORT}")
-
-
-def labelled_shapes(folder: Path, lessons: Path | None) -> list[Shape]:
-    """Return every shape to learn from; characters have the merged names of their parts."""
-    found = [*shapes.rigs(folder), *shapes.rigs(folder, under="upright"), *shapes.characters(folder)]
-    for under in ("rigs", "people") if lessons else ():
-        found += shapes.rigs(lessons, under=under)
-    return found + shapes.made(FACES)
+        yield cached_lesson(CACHE, shape, encoder)
 
 
 def learn(lessons: Sequence[Lesson], encoder: Encoder) -> Metric:
@@ -98,8 +91,6 @@ def report(lessons: Sequence[Lesson]) -> str:
     gains: dict[str, float] = {}
     for family in dict.fromkeys(each.family for each in lessons):
         others = [each for each in lessons if each.family != family]
-        if not others:
-            continue
         metric = Metric(*discriminants(others), "", 0, learn_kinds(others))
         own = [each for each in lessons if each.family == family]
         for lesson in own:
