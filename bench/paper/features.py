@@ -122,13 +122,9 @@ def distilled(context: Context, shape: Shape, preset: Preset) -> tuple[dfd.Field
 
 def resampled(shape: Shape, count: int) -> Shape:
     """Return the shape with about `count` faces, simplified so that cutting faces into four gives that number."""
-    times = 0
-    while len(shape.mesh.faces) * 4**times < count:
-        times += 1
-    mesh = simplify(shape.mesh, count // 4**times)
-    for _ in range(times):
-        mesh = subdivided(mesh)
-    return Shape(shape.name, mesh)
+    if len(shape.mesh.faces) >= count:
+        return Shape(shape.name, simplify(shape.mesh, count))
+    return Shape(shape.name, subdivided(resampled(shape, count // 4).mesh))
 
 
 def _distinct_pixels(views: Views) -> int:
