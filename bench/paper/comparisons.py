@@ -230,15 +230,11 @@ def _compared(
 
 def measured(case: Case, moved: Float64) -> dict[str, Any]:
     """Return the columns of `LEGEND` for moved vertices (V, 3), and a note, which is empty unless they explode."""
-    found, diagonal = surface_metrics(case.shape.mesh, moved), case.shape.mesh.diagonal
+    diagonal = case.shape.mesh.diagonal
     size = float(np.linalg.norm(np.ptp(moved, axis=0))) / diagonal
     return {
         "handle off %": 100 * float(np.linalg.norm(moved[case.held[case.handle]] - case.target)) / diagonal,
-        "area %": 100 * found.area,
-        "angle °": found.angle,
-        "edge %": 100 * found.edge_length,
-        "volume %": None if found.volume is None else 100 * found.volume,
-        "flipped faces": found.flipped_faces,
+        **surface_metrics(case.shape.mesh, moved),
         "size": size,
         "note": f"explodes: {size:.3g} times as large" if size > EXPLODED else "",
     }

@@ -51,7 +51,7 @@ def fig2(context: Context) -> Page:
 
     def flipped(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> Row:
         mesh = subject.shape.mesh
-        return {"flipped %": 100 * surface_metrics(mesh, session.vertices).flipped_faces / len(mesh.faces)}
+        return {"flipped %": 100 * surface_metrics(mesh, session.vertices)["flipped faces"] / len(mesh.faces)}
 
     subjects = context.subjects(AFFINE, (3, 6), refined=True)
     return gallery(subjects, lambda subject: {"edit": subject.pull()}, flipped)

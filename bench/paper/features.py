@@ -162,7 +162,7 @@ def fig11(context: Context) -> Page:
     """One deformation with the features of several image encoders."""
 
     def angles(subject: Subject, each: dfd.Deformer, _: dfd.Deformer) -> Row:
-        return {"angle °": surface_metrics(subject.shape.mesh, each.vertices).angle}
+        return {"angle °": surface_metrics(subject.shape.mesh, each.vertices)["angle °"]}
 
     text = "Mean changes of angles over the surface; no fixed point, no regularization."
     return _encoded(context, "after", angles, text)
