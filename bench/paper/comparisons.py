@@ -1,7 +1,5 @@
 """Pages that compare methods: Fig. 8, 9, 14 to 16, 21 and 22."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any

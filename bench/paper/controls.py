@@ -1,7 +1,5 @@
 """Pages about edits (Fig. 1 to 3), symmetry (Fig. 5), fixed points (Fig. 6) and locality (Fig. 7)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

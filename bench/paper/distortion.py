@@ -1,7 +1,5 @@
 """Measure how a deformation distorts a surface, as in the paper's Fig. 22: area, angles, edges, volume, faces."""
 
-from __future__ import annotations
-
 import igl
 import numpy as np
 import trimesh

@@ -1,7 +1,5 @@
 """Draw, tabulate and write a page of the paper."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product

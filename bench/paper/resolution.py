@@ -1,7 +1,5 @@
 """Pages about times and about large or broken meshes: Fig. 10, 17 and 18, and Tables 1 and 3."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial

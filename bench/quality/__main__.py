@@ -3,8 +3,6 @@
 All numbers are means over the shapes of a category, and over the categories.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

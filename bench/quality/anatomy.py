@@ -4,8 +4,6 @@ A user with a handle at a joint may mean the subtree of the joint or of an ances
 front and hind limbs, or with all of its kind.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass

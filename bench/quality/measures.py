@@ -1,7 +1,5 @@
 """Measure weights against labelled parts."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Measure how exactly the other side mirrors a motion, judged by rigs with left and right joints."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tell kinds of parts from the names of joints, and families of shapes from the names of files."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 

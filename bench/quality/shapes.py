@@ -1,7 +1,5 @@
 """Shapes with labelled parts: samples, and rigs whose joints name the parts."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace

@@ -3,8 +3,6 @@
 Each call is timed in turn with the ceiling or library beside it. Ratios are of the best times.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator, Mapping
 from functools import partial

@@ -3,8 +3,6 @@
 A quadruped with its own field is subdivided to each size. Each size runs in its own process, to measure peak memory.
 """
 
-from __future__ import annotations
-
 import argparse
 import multiprocessing
 import os

@@ -1,7 +1,5 @@
 """Learn to tell kinds of parts from features, for the metric, from points of many labelled shapes."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 

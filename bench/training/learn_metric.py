@@ -5,8 +5,6 @@ adds a folder with rigs and people. A file keeps the features of each between ru
 docs/learned.md names the sources of the package's metric.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path

@@ -4,8 +4,6 @@ The shapes are those under CC0 in the folder DFD_MESHES, the samples of dfd, and
 stand +y up. Equal folders give equal files. docs/learned.md names the sources of the package's probe.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Find the models to learn from, all under CC0; docs/learned.md names their packs and makers."""
 
-from __future__ import annotations
-
 import argparse
 import os
 from collections import Counter

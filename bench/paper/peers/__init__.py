@@ -5,8 +5,6 @@ from their papers. All but ARAP and NeuralMLS work within tetrahedra. The networ
 not available.
 """
 
-from __future__ import annotations
-
 from bench.paper.peers.biharmonic import coordinates, opt_ctrl_points
 from bench.paper.peers.libigl_peers import arap, bounded
 from bench.paper.peers.neural_mls import neural_mls
