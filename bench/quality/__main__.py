@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         field = dfd.distill(shape.mesh, given.encoder, progress=False)
         # Constants are never chosen on rigs, and each rig is its own category.
         category, kept_back = getattr(shape, "category", shape.name), getattr(shape, "kept_back", True)
-        rows.append((category, kept_back, shape.name, shape.judged(field)))
+        rows.append((category, kept_back, shape.name, module.judged(shape, field)))
         write(path, (module.__doc__ or "").splitlines()[0], rows, module.LEGEND)
     print(f"{path}.md")
 

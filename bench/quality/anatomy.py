@@ -83,13 +83,6 @@ class RiggedShape:
                 found.append(generator.choice(own, min(HANDLES, len(own)), replace=False))
         return found
 
-    def judged(self, field: dfd.Field) -> dict[str, float]:
-        """Return every number of `LEGEND`, means over the joints."""
-        session = dfd.Deformer(self.mesh, field)
-        of_joints = [map(self.judge, each.tolist(), weights_of_each(session, each)) for each in self.handles()]
-        overlap, left = np.transpose([np.mean(list(each), axis=0) for each in of_joints])
-        return dict(zip(LEGEND, map(float, (overlap.mean(), left.mean(), (overlap >= HELD_WELL).mean())), strict=True))
-
     def _kin(self, joint: int) -> Iterator[list[int]]:
         """Yield the joint alone, with its other side, with front and hind limbs, and with all of its kind."""
         yield [joint]
@@ -111,6 +104,14 @@ def rigged_shapes(folder: Path, *, quick: bool = False) -> Iterator[RiggedShape]
         shape = read_rigged(path)
         if shape.handles():
             yield shape
+
+
+def judged(shape: RiggedShape, field: dfd.Field) -> dict[str, float]:
+    """Return every number of `LEGEND`, means over the joints."""
+    session = dfd.Deformer(shape.mesh, field)
+    of_joints = [map(shape.judge, each.tolist(), weights_of_each(session, each)) for each in shape.handles()]
+    overlap, left = np.transpose([np.mean(list(each), axis=0) for each in of_joints])
+    return dict(zip(LEGEND, map(float, (overlap.mean(), left.mean(), (overlap >= HELD_WELL).mean())), strict=True))
 
 
 def read_rigged(path: Path) -> RiggedShape:

@@ -35,26 +35,28 @@ class LabelledShape(Shape):
     category: str = ""  # such as "Ant"
     kept_back: bool = True  # whether it only judges; constants are chosen on the other half of each category
 
-    def judged(self, field: dfd.Field) -> dict[str, float]:
-        """Return every number of `LEGEND`, means over the handles of each label and over the labels."""
-        labels, features, areas = self.labels, field.features(self.mesh), measures.area_fractions(self.mesh)
-        handles = measures.draw_handles(labels, EACH)
-        truths = labels == labels[handles, None]  # (H, V)
-        apart = np.linalg.norm(self.mesh.vertices[:, None] - self.mesh.vertices[handles], axis=2)
-        rankings = {
-            "precision": dfd.bind(features, handles),
-            "Euclidean precision": 1 - apart / np.maximum(apart.max(axis=0), 1e-300),
-            "geodesic precision": 1 - dfd.Geodesics(self.mesh).distances(handles).T,
-        }
-        found = {name: measures.handle_precision(each, labels, handles) for name, each in rankings.items()}
-        parts = Parts(self.mesh, field.on(self.mesh).rows)
-        moved = {"part": [parts.part(handle).mask for handle in handles.tolist()]}
-        for name, preset in (("grip", "default"), ("paper's grip", "paper")):
-            session = dfd.Deformer(self.mesh, field, preset=preset, features=features)
-            moved[name] = measures.weights_of_each(session, handles)
-        for name, masks in moved.items():
-            found[name] = [measures.soft_iou(areas, *each) for each in zip(masks, truths, strict=True)]
-        return {name: measures.mean_over_labels(labels[handles], values) for name, values in found.items()}
+
+def judged(shape: LabelledShape, field: dfd.Field) -> dict[str, float]:
+    """Return every number of `LEGEND`, means over the handles of each label and over the labels."""
+    mesh, labels = shape.mesh, shape.labels
+    features, areas = field.features(mesh), measures.area_fractions(mesh)
+    handles = measures.draw_handles(labels, EACH)
+    truths = labels == labels[handles, None]  # (H, V)
+    apart = np.linalg.norm(mesh.vertices[:, None] - mesh.vertices[handles], axis=2)
+    rankings = {
+        "precision": dfd.bind(features, handles),
+        "Euclidean precision": 1 - apart / np.maximum(apart.max(axis=0), 1e-300),
+        "geodesic precision": 1 - dfd.Geodesics(mesh).distances(handles).T,
+    }
+    found = {name: measures.handle_precision(each, labels, handles) for name, each in rankings.items()}
+    parts = Parts(mesh, field.on(mesh).rows)
+    moved = {"part": [parts.part(handle).mask for handle in handles.tolist()]}
+    for name, preset in (("grip", "default"), ("paper's grip", "paper")):
+        session = dfd.Deformer(mesh, field, preset=preset, features=features)
+        moved[name] = measures.weights_of_each(session, handles)
+    for name, masks in moved.items():
+        found[name] = [measures.soft_iou(areas, *each) for each in zip(masks, truths, strict=True)]
+    return {name: measures.mean_over_labels(labels[handles], values) for name, values in found.items()}
 
 
 def labelled_shapes(folder: Path | None, *, quick: bool = False) -> Iterator[LabelledShape]:

@@ -43,44 +43,34 @@ class Pair:
         return float(np.sqrt(np.square(apart).mean())) / self.size
 
 
-@dataclass(frozen=True, eq=False)
-class PairedShape:
-    """A rigged shape with its pairs of joints."""
-
-    name: str
-    mesh: dfd.Mesh
-    pairs: list[Pair]
-
-    def judged(self, field: dfd.Field) -> dict[str, float]:
-        """Return every number of `LEGEND`; those of motions are NaN if no pair is apart."""
-        session = dfd.Deformer(self.mesh, field)
-        found = [self._errors(session, pair) for pair in self.pairs]
-        exact = [np.array(errors) <= EXACT for errors in found if errors]
-        shares = np.mean(exact, axis=0) if exact else np.full(len(LEGEND) - 1, np.nan)
-        return dict(zip(LEGEND, [len(exact) / len(found), *shares.tolist()], strict=True))
-
-    @staticmethod
-    def _errors(session: dfd.Deformer, pair: Pair) -> list[float]:
-        """Return the error of each motion of a handle on the left side; no error if it moves one component."""
-        held = session.add(pair.vertex)
-        found = []
-        if len(session.counterparts(held)) > 1:
-            for given in (*MOTIONS.values(), {"translation": (0.0, PULL * pair.size, 0.0)}):
-                try:
-                    session.move(held, **given)
-                    found.append(pair.error(session.vertices - session.mesh.vertices))
-                    session.undo()
-                except ValueError:  # the held part has no axis
-                    found.append(np.inf)
-        session.remove(held)
-        return found
-
-
-def paired_shapes(folder: Path, *, quick: bool = False) -> Iterator[PairedShape]:
+def paired_shapes(folder: Path, *, quick: bool = False) -> Iterator[RiggedShape]:
     """Read the skinned GLB files of a folder that have pairs of joints; `quick` reads the first two files."""
-    for shape in rigged_shapes(folder, quick=quick):
-        if pairs := pairs_of(shape):
-            yield PairedShape(shape.name, shape.mesh, pairs)
+    return (shape for shape in rigged_shapes(folder, quick=quick) if pairs_of(shape))
+
+
+def judged(shape: RiggedShape, field: dfd.Field) -> dict[str, float]:
+    """Return every number of `LEGEND`; those of motions are NaN if no pair is apart."""
+    session = dfd.Deformer(shape.mesh, field)
+    found = [_errors(session, pair) for pair in pairs_of(shape)]
+    exact = [np.array(errors) <= EXACT for errors in found if errors]
+    shares = np.mean(exact, axis=0) if exact else np.full(len(LEGEND) - 1, np.nan)
+    return dict(zip(LEGEND, [len(exact) / len(found), *shares.tolist()], strict=True))
+
+
+def _errors(session: dfd.Deformer, pair: Pair) -> list[float]:
+    """Return the error of each motion of a handle on the left side; no error if it moves one component."""
+    held = session.add(pair.vertex)
+    found = []
+    if len(session.counterparts(held)) > 1:
+        for given in (*MOTIONS.values(), {"translation": (0.0, PULL * pair.size, 0.0)}):
+            try:
+                session.move(held, **given)
+                found.append(pair.error(session.vertices - session.mesh.vertices))
+                session.undo()
+            except ValueError:  # the held part has no axis
+                found.append(np.inf)
+    session.remove(held)
+    return found
 
 
 def pairs_of(shape: RiggedShape) -> list[Pair]:
