@@ -1,7 +1,5 @@
 """Write tables of numbers and words, as CSV and as Markdown; None is an empty cell."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,5 @@
 """`python -m bench.paper NAME`: one figure or table of the paper, as a page of pictures and numbers."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 import warnings

@@ -1,10 +1,7 @@
 """Pages that compare methods: Fig. 8, 9, 14 to 16, 21 and 22."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -32,6 +29,7 @@ DENSE_TEXT = (
     "choice lengthen the legs."
 )
 
+PRESET_OF: dict[str, Preset] = {NAMES[preset]: preset for preset in PRESETS}
 BALL = 0.01  # of the longest side, the radius around a point in which the paper constrains other methods
 COMPARED = ("ARAP", "biharmonic", "BBW", "NeuralMLS")  # OptCtrlPoints has the weights of biharmonic coordinates
 EXPLODED = 3.0  # times the shape's diagonal, above which a result is not drawn
@@ -58,7 +56,7 @@ class Case:
     @property
     def fixed(self) -> Int64:
         """Return the vertices that stay."""
-        return self.held[len(self.held) if self.dense else 1 :]
+        return self.held[:0] if self.dense else self.held[1:]
 
     @property
     def target(self) -> Float64:
@@ -66,9 +64,9 @@ class Case:
         return self.held_to[[self.handle]]
 
 
-def pulls(context: Context, most: tuple[int, int]) -> list[Case]:
-    """Return the available meshes, each with a pull of our choice."""
-    return [case_of(shape.refined(), pull) for shape, pull in context.cases(PULLS, most)]
+def pulls(context: Context, most: tuple[int, int]) -> Iterator[Case]:
+    """Yield the available meshes, each with a pull of our choice."""
+    return (case_of(shape.refined(), pull) for shape, pull in context.cases(PULLS, most))
 
 
 def case_of(shape: Shape, pull: BoxHandle) -> Case:
@@ -81,37 +79,33 @@ def case_of(shape: Shape, pull: BoxHandle) -> Case:
     return Case(shape, held, held_to)
 
 
-def stretched(context: Context, most: tuple[int, int]) -> list[Case]:
-    """Return the available meshes, each with fifty control points and a stretch of our choice."""
-    return [_stretched(shape.refined()) for shape, _ in context.cases(STRETCHED, most)]
-
-
-def _stretched(shape: Shape) -> Case:
-    mesh = shape.mesh
-    corners = np.unique(mesh.faces)
-    held = corners[farthest(mesh.vertices[corners], CONTROL_POINTS)].astype(np.int64)
-    low, height = mesh.bounds[0][1], mesh.extents[1]
-    below = np.maximum(LIFTED - (mesh.vertices[held, 1] - low) / height, 0) / LIFTED
-    held_to = mesh.vertices[held] - below[:, None] * np.array([0, STRETCH * height, 0])
-    return Case(shape, held, held_to, int(below.argmax()), dense=True)
+def stretched(context: Context, most: tuple[int, int]) -> Iterator[Case]:
+    """Yield the available meshes, each with fifty control points and a stretch of our choice."""
+    for shape in (given.refined() for given, _ in context.cases(STRETCHED, most)):
+        mesh = shape.mesh
+        corners = np.unique(mesh.faces)
+        held = corners[farthest(mesh.vertices[corners], CONTROL_POINTS)].astype(np.int64)
+        low, height = mesh.bounds[0][1], mesh.extents[1]
+        below = np.maximum(LIFTED - (mesh.vertices[held, 1] - low) / height, 0) / LIFTED
+        held_to = mesh.vertices[held] - below[:, None] * np.array([0, STRETCH * height, 0])
+        yield Case(shape, held, held_to, int(below.argmax()), dense=True)
 
 
 def farthest(points: Float64, count: int) -> Int64:
     """Return rows of `points` (N, 3), each as far as possible from those before; the first has the smallest x."""
-    chosen = [int(points[:, 0].argmin())]
-    distance = np.linalg.norm(points - points[chosen[0]], axis=1)
+    chosen, distance = [points[:, 0].argmin()], np.full(len(points), np.inf)
     while len(chosen) < min(count, len(points)):
-        chosen.append(int(distance.argmax()))
         distance = np.minimum(distance, np.linalg.norm(points - points[chosen[-1]], axis=1))
+        chosen.append(distance.argmax())
     return np.array(chosen, np.int64)
 
 
 def pulled(context: Context, case: Case, preset: Preset, *, all_handles: bool = False) -> dfd.Deformer:
     """Return a session in which the handle, with `all_handles` every held vertex, is at its target."""
-    rows = range(len(case.held)) if all_handles else [case.handle]
-    offsets = case.held_to - case.shape.mesh.vertices[case.held]
+    rows = slice(None) if all_handles else [case.handle]
+    held, offsets = case.held[rows], (case.held_to - case.shape.mesh.vertices[case.held])[rows]
     subject = Subject(case.shape, None, preset, context.field(case.shape, preset))
-    return subject.session({"at": int(case.held[row]), "translation": offsets[row]} for row in rows)
+    return subject.session({"at": int(at), "translation": by} for at, by in zip(held, offsets, strict=True))
 
 
 def deform(name: str, case: Case, ball: float) -> Float64:
@@ -140,13 +134,12 @@ def drawn(context: Context, case: Case, results: Mapping[str, Float64 | str], *,
     where = aim(mesh, source, case.target, *(each for each in results.values() if not isinstance(each, str)))
     held = mesh.vertices[case.held if case.dense else case.fixed]
     found = [(picture(mesh, fixed=held, handles=source, **where), "source")]
-    presets = {NAMES[preset]: preset for preset in PRESETS} if weights else {}
     for method, moved in results.items():
         if isinstance(moved, str):
             found.append((np.full_like(found[0][0], 255), f"{method}: {moved}"))
             continue
-        if method in presets:
-            follows = pulled(context, case, presets[method]).following.max(axis=1)
+        if weights and method in PRESET_OF:
+            follows = pulled(context, case, PRESET_OF[method]).following.max(axis=1)
             found.append((picture(mesh, weights=follows, handles=source, **where), f"{method}: weights"))
         found.append((silhouettes(mesh, moved, case.target, where), method))
     return case.shape.name, found
@@ -201,7 +194,7 @@ def fig21(context: Context) -> Page:
 
 def _compared(
     context: Context,
-    cases: list[Case],
+    cases: Iterable[Case],
     text: str = "",
     *,
     ball: float = BALL,
@@ -216,23 +209,18 @@ def _compared(
     rows: list[Row] = []
     for case in cases:
         context.say(case.shape.name)
-        methods: dict[str, Callable[[], Float64]] = {
-            NAMES[preset]: lambda case=case, preset=preset: (
-                pulled(context, case, preset, all_handles=all_handles).vertices
-            )
-            for preset in PRESETS
-        }
-        if not all_handles:
-            methods |= {peer: partial(deform, peer, case, ball) for peer in COMPARED}
         results: dict[str, Float64 | str] = {}  # the moved vertices (V, 3), or the reason of the failure
-        for method, move in methods.items():
+        for method in (*PRESET_OF, *(() if all_handles else COMPARED)):
             row = {"shape": case.shape.name, "method": method}
             try:
-                results[method] = moved = move()
+                if preset := PRESET_OF.get(method):
+                    moved = pulled(context, case, preset, all_handles=all_handles).vertices
+                else:
+                    moved = deform(method, case, ball)
                 row |= measured(case, moved)
             except (PeerError, ValueError, OSError, MemoryError) as error:
                 row["note"] = " ".join(str(error).split()) or type(error).__name__
-            results[method] = row.get("note") or results[method]
+            results[method] = row["note"] or moved
             rows.append(row)
         pictures.append(drawn(context, case, results, weights=weights))
     return Page(f"{text}\n\n{LEGEND}".lstrip(), pictures, rows)
@@ -240,16 +228,11 @@ def _compared(
 
 def measured(case: Case, moved: Float64) -> dict[str, Any]:
     """Return the columns of `LEGEND` for moved vertices (V, 3), and a note, which is empty unless they explode."""
-    found, diagonal = surface_metrics(case.shape.mesh, moved), case.shape.mesh.diagonal
+    diagonal = case.shape.mesh.diagonal
     size = float(np.linalg.norm(np.ptp(moved, axis=0))) / diagonal
-    missing = float(np.linalg.norm(moved[case.held[case.handle]] - case.target)) / diagonal
     return {
-        "handle off %": 100 * missing,
-        "area %": 100 * found.area,
-        "angle °": found.angle,
-        "edge %": 100 * found.edge_length,
-        "volume %": None if found.volume is None else 100 * found.volume,
-        "flipped faces": found.flipped_faces,
+        "handle off %": 100 * float(np.linalg.norm(moved[case.held[case.handle]] - case.target)) / diagonal,
+        **surface_metrics(case.shape.mesh, moved),
         "size": size,
         "note": f"explodes: {size:.3g} times as large" if size > EXPLODED else "",
     }

@@ -1,7 +1,5 @@
 """Pages about edits (Fig. 1 to 3), symmetry (Fig. 5), fixed points (Fig. 6) and locality (Fig. 7)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -51,7 +49,7 @@ def fig2(context: Context) -> Page:
 
     def flipped(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> Row:
         mesh = subject.shape.mesh
-        return {"flipped %": 100 * surface_metrics(mesh, session.vertices).flipped_faces / len(mesh.faces)}
+        return {"flipped %": 100 * surface_metrics(mesh, session.vertices)["flipped faces"] / len(mesh.faces)}
 
     subjects = context.subjects(AFFINE, (3, 6), refined=True)
     return gallery(subjects, lambda subject: {"edit": subject.pull()}, flipped)

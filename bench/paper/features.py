@@ -1,7 +1,5 @@
 """Pages about features: distillation (Fig. 4, 13), encoders (Fig. 11, 12), and other shapes (Fig. 19, 20)."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -122,13 +120,9 @@ def distilled(context: Context, shape: Shape, preset: Preset) -> tuple[dfd.Field
 
 def resampled(shape: Shape, count: int) -> Shape:
     """Return the shape with about `count` faces, simplified so that cutting faces into four gives that number."""
-    times = 0
-    while len(shape.mesh.faces) * 4**times < count:
-        times += 1
-    mesh = simplify(shape.mesh, count // 4**times)
-    for _ in range(times):
-        mesh = subdivided(mesh)
-    return Shape(shape.name, mesh)
+    if len(shape.mesh.faces) >= count:
+        return Shape(shape.name, simplify(shape.mesh, count))
+    return Shape(shape.name, subdivided(resampled(shape, count // 4).mesh))
 
 
 def _distinct_pixels(views: Views) -> int:
@@ -166,7 +160,7 @@ def fig11(context: Context) -> Page:
     """One deformation with the features of several image encoders."""
 
     def angles(subject: Subject, each: dfd.Deformer, _: dfd.Deformer) -> Row:
-        return {"angle °": surface_metrics(subject.shape.mesh, each.vertices).angle}
+        return {"angle °": surface_metrics(subject.shape.mesh, each.vertices)["angle °"]}
 
     text = "Mean changes of angles over the surface; no fixed point, no regularization."
     return _encoded(context, "after", angles, text)

@@ -3,8 +3,6 @@
 Where the paper has no number, the bound is ours, the least that its words need.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

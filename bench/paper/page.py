@@ -1,7 +1,5 @@
 """Draw, tabulate and write a page of the paper."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -9,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 import dfd
 from bench.paper.subjects import NAMES, Context, Subject
@@ -40,7 +37,7 @@ class Page:
     text: str
     pictures: Sequence[Pictures] = ()
     rows: Sequence[Row] = ()
-    image: Image.Image | None = None  # such as a plot
+    plot: Any = None  # a figure of matplotlib
 
 
 def gallery(
@@ -127,11 +124,12 @@ def write(make: Callable[[Context], Page], figure: Figure, name: str, folder: Pa
         "",
         page.text,
     ]
-    sheet = contact_sheet(page.pictures, cell=RESOLUTION) if page.pictures else None
-    for image, stem in ((sheet, name), (page.image, f"{name}_plot")):
-        if image is not None:
-            save_png(folder / f"{stem}.png", image)
-            lines += ["", f"![{title}]({stem}.png)"]
+    if page.pictures:
+        save_png(folder / f"{name}.png", contact_sheet(page.pictures, cell=RESOLUTION))
+    elif page.plot:
+        page.plot.savefig(folder / f"{name}.png", dpi=100)
+    if page.pictures or page.plot:
+        lines += ["", f"![{title}]({name}.png)"]
     columns = dict.fromkeys(key for row in sorted(page.rows, key=len, reverse=True) for key in row)
     cells = [[row.get(key) for key in columns] for row in page.rows]
     write_text(folder / f"{name}.csv", to_csv(columns, cells))

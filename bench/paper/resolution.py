@@ -1,11 +1,8 @@
 """Pages about times and about large or broken meshes: Fig. 10, 17 and 18, and Tables 1 and 3."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
-from io import BytesIO
 from itertools import product
 from typing import Any
 
@@ -13,7 +10,6 @@ import igl
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
-from PIL import Image
 from scipy.spatial import KDTree
 from trimesh.graph import connected_component_labels
 
@@ -25,7 +21,7 @@ from bench.paper.peers import PEERS
 from bench.paper.peers.peer import Job, PeerError, run, tetrahedra
 from bench.paper.subjects import NAMES, PRESETS, BoxHandle, Context, Shape, Subject, pulls_of
 from bench.speed.measure import together
-from dfd.common.linear_algebra import Float32, Int64
+from dfd.common.linear_algebra import Bool, Float32, Int64
 from dfd.common.preset import Preset
 from dfd.geometry.topology import face_components, face_sides, first_at_place, inspect
 
@@ -70,13 +66,13 @@ def fig10(context: Context) -> Page:
                 rows.append({**start, "method": NAMES[preset], **_dfd_seconds(context, shape, preset)})
             for name in list(able):
                 context.say(f"{shape.name}, {len(shape.mesh.faces):,} faces, {name}")
+                row: dict[str, Any] = {**start, "method": name}
                 try:
-                    seconds = _peer_seconds(shape.mesh, name, context.of(PATIENCE))
+                    row |= _peer_seconds(shape.mesh, name, context.of(PATIENCE))
                 except PeerError as error:
                     able.remove(name)  # more faces would fail, too
-                    rows.append({**start, "method": name, "note": str(error)})
-                else:
-                    rows.append({**start, "method": name, **seconds})
+                    row["note"] = str(error)
+                rows.append(row)
     text = (
         "Preprocess: `dfd.distill` without loading the encoder; for biharmonic coordinates, tetrahedra by fTetWild of "
         "all faces, and their energy. Bind: the field's forward pass and the weights of one handle; for other "
@@ -85,7 +81,7 @@ def fig10(context: Context) -> Page:
         f"{context.of(PATIENCE):g} s for their tetrahedra and as many for the rest. The paper's plot has no numbers; "
         "its text says that biharmonic coordinates fail above 10⁵ faces. APAP is not available."
     )
-    return Page(text, rows=rows, image=plot(rows))
+    return Page(text, rows=rows, plot=plot(rows))
 
 
 def _dfd_seconds(context: Context, shape: Shape, preset: Preset) -> dict[str, float]:
@@ -112,25 +108,21 @@ def _peer_seconds(mesh: dfd.Mesh, name: str, patience: float) -> dict[str, float
     return found | ({"preprocess s": taken["tetrahedra"] + taken["prepare"]} if "tetrahedra" in taken else {})
 
 
-def plot(rows: Sequence[Row]) -> Image.Image:
+def plot(rows: Sequence[Row]) -> Any:
     """Draw seconds over faces, both logarithmic: a panel for each phase, a line for each method's mean over shapes."""
     from matplotlib.figure import Figure  # needed by this page alone
 
     figure = Figure(figsize=(13, 4), layout="constrained")
-    panels = figure.subplots(1, len(PHASES))
-    for panel, phase in zip(panels, PHASES, strict=True):
+    for panel, phase in zip(figure.subplots(1, len(PHASES)), PHASES, strict=True):
         for method in dict.fromkeys(row["method"] for row in rows):
-            taken: dict[int, list[float]] = {}
-            for row in rows:
-                if row["method"] == method and phase in row:
-                    taken.setdefault(row["faces"], []).append(row[phase])
-            panel.plot(sorted(taken), [np.mean(taken[faces]) for faces in sorted(taken)], "o-", label=method)
-        panel.set(xscale="log", yscale="log", title=phase, xlabel="faces", ylabel="seconds")
+            own = [row for row in rows if row["method"] == method and phase in row]
+            faces = sorted({row["faces"] for row in own})
+            means = [np.mean([row[phase] for row in own if row["faces"] == count]) for count in faces]
+            panel.loglog(faces, means, "o-", label=method)
+        panel.set(title=phase, xlabel="faces", ylabel="seconds")
         panel.grid(visible=True, which="both", alpha=0.25)
-    panels[-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-    stream = BytesIO()
-    figure.savefig(stream, format="png", dpi=100)
-    return Image.open(stream).convert("RGB")
+    panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
 
 
 def defects(mesh: dfd.Mesh) -> tuple[int, int, Int64]:
@@ -237,14 +229,14 @@ def table1(context: Context) -> Page:
         case = case_of(shape.refined(), FOOT)
         for name, paper in TICKS.items():
             context.say(f"{shape.name}, {name}")
+            row: dict[str, Any] = {"shape": shape.name, "method": name}
             try:
                 ticks = _ticks(context, case, name, sizes)
+                row |= {each: "✓" if tick else "✗" for each, tick in zip(PROPERTIES, ticks, strict=True)}
+                row["as in the paper, %"] = 100 * float(np.mean(ticks == (np.array([*paper]) == "x")))
             except PeerError as error:
-                rows.append({"shape": shape.name, "method": name, "note": str(error)})
-                continue
-            agree = 100 * float(np.mean([mine == (tick == "x") for mine, tick in zip(ticks, paper, strict=True)]))
-            shown = {each: "✓" if tick else "✗" for each, tick in zip(PROPERTIES, ticks, strict=True)}
-            rows.append({"shape": shape.name, "method": name, **shown, "as in the paper, %": agree})
+                row["note"] = str(error)
+            rows.append(row)
     text = (
         f"Global: all feet go at least {FOLLOWED:g} of the way of the pulled one, the flank less than half of "
         f"theirs. Local: the flank goes less than {FOLLOWED / 2:g} of it, with λ = 8 for DFD. Size: {MORE} times the "
@@ -254,7 +246,7 @@ def table1(context: Context) -> Page:
     return Page(text, rows=rows)
 
 
-def _ticks(context: Context, case: Case, name: str, sizes: Sequence[Shape]) -> list[bool]:
+def _ticks(context: Context, case: Case, name: str, sizes: Sequence[Shape]) -> Bool:
     shape, at, own = case.shape, int(case.held[0]), name == "DFD"
     feet, flank = [each for each in map(shape.at, FEET) if each != at], shape.at((0.5, 0.5, 1.0))
     if own:
@@ -270,13 +262,11 @@ def _ticks(context: Context, case: Case, name: str, sizes: Sequence[Shape]) -> l
         _dfd_seconds(context, size, "paper") if own else _peer_seconds(size.mesh, name, context.of(PATIENCE))
         for size in sizes
     ]
-    for each in taken:
-        # A further handle costs DFD one binding; the others bind their whole set again.
-        each["new s"] = each.get("rebind s", each["bind s"])
-    fine, coarse = (each.get("preprocess s", 0.0) + each["new s"] for each in taken[::-1])
+    # A further handle costs DFD one binding; the others bind their whole set again.
+    new = [each.get("rebind s", each["bind s"]) for each in taken]
+    coarse, fine = (each.get("preprocess s", 0.0) + seconds for each, seconds in zip(taken, new, strict=True))
     alike = wide[feet].min() >= FOLLOWED and wide[flank] < wide[feet].min() / 2
-    ticks = (alike, local[flank] < FOLLOWED / 2, fine < MORE / 2 * coarse, taken[1]["new s"] < FRAME)
-    return [bool(tick) for tick in ticks]
+    return np.array([alike, local[flank] < FOLLOWED / 2, fine < MORE / 2 * coarse, new[1] < FRAME])
 
 
 def table3(context: Context) -> Page:

@@ -3,8 +3,6 @@
 All numbers are means over the shapes of a category, and over the categories.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys
@@ -49,9 +47,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(shape.name, file=sys.stderr)
         field = dfd.distill(shape.mesh, given.encoder, progress=False)
         # Constants are never chosen on rigs, and each rig is its own category.
-        known = isinstance(shape, labelled.LabelledShape)
-        category, kept_back = (shape.category, shape.kept_back) if known else (shape.name, True)
-        rows.append((category, kept_back, shape.name, shape.judged(field)))
+        category, kept_back = getattr(shape, "category", shape.name), getattr(shape, "kept_back", True)
+        rows.append((category, kept_back, shape.name, module.judged(shape, field)))
         write(path, (module.__doc__ or "").splitlines()[0], rows, module.LEGEND)
     print(f"{path}.md")
 

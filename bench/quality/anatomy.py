@@ -4,8 +4,6 @@ A user with a handle at a joint may mean the subtree of the joint or of an ances
 front and hind limbs, or with all of its kind.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,13 +11,13 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order
 
 import dfd
-from bench.quality.measures import area_fractions, soft_iou
-from bench.quality.parts import kind_of_part, strongest_joints
+from bench.quality.measures import area_fractions, soft_iou, weights_of_each
+from bench.quality.parts import kind_of_part
+from bench.quality.shapes import strongest_joints
 from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.geometry.topology import face_sides
 from dfd.mesh.file.gltf.header import objects, parents
@@ -69,12 +67,11 @@ class RiggedShape:
                 yield [self.joints[each] for each in kin], np.any([self.subtree(each) for each in kin], axis=0)
             joint = int(self.parent[joint])
 
-    def judge(self, vertex: int, weights: NDArray[np.floating]) -> tuple[float, float]:
+    def judge(self, vertex: int, weights: Float64) -> tuple[float, float]:
         """Return the best soft IoU of weights (V,) with a set that a user may mean, and the fraction left behind."""
-        joint, values = int(self.of_vertex[vertex]), weights.astype(np.float64)
-        own = self.subtree(joint)
-        best = max((soft_iou(self.areas, values, meant) for _, meant in self.meant(vertex)), default=0.0)
-        return best, 1.0 - float(self.areas[own] @ values[own] / self.areas[own].sum())
+        own = self.subtree(int(self.of_vertex[vertex]))
+        best = max((soft_iou(self.areas, weights, meant) for _, meant in self.meant(vertex)), default=0.0)
+        return best, 1.0 - float(self.areas[own] @ weights[own] / self.areas[own].sum())
 
     def handles(self) -> list[Int64]:
         """Return up to three vertices of each judged joint, at random."""
@@ -85,20 +82,6 @@ class RiggedShape:
             if len(own) and SMALLEST_JUDGED <= self.areas @ self.subtree(joint) <= LARGEST_JUDGED:
                 found.append(generator.choice(own, min(HANDLES, len(own)), replace=False))
         return found
-
-    def judged(self, field: dfd.Field) -> dict[str, float]:
-        """Return every number of `LEGEND`, means over the joints."""
-        session = dfd.Deformer(self.mesh, field)
-        rows = []
-        for handles in self.handles():
-            found = []
-            for vertex in handles.tolist():
-                held = session.add(vertex)
-                found.append(self.judge(vertex, session.following[:, 0]))
-                session.remove(held)
-            rows.append(np.mean(found, axis=0))
-        overlap, left = np.transpose(rows)
-        return dict(zip(LEGEND, map(float, (overlap.mean(), left.mean(), (overlap >= HELD_WELL).mean())), strict=True))
 
     def _kin(self, joint: int) -> Iterator[list[int]]:
         """Yield the joint alone, with its other side, with front and hind limbs, and with all of its kind."""
@@ -119,16 +102,22 @@ def rigged_shapes(folder: Path, *, quick: bool = False) -> Iterator[RiggedShape]
         raise ValueError(f"anatomy: there is no GLB file in {folder}")
     for path in paths[: 2 if quick else None]:
         shape = read_rigged(path)
-        if shape is not None and shape.handles():
+        if shape.handles():
             yield shape
 
 
-def read_rigged(path: Path) -> RiggedShape | None:
-    """Read one file; None if no vertex follows a joint."""
+def judged(shape: RiggedShape, field: dfd.Field) -> dict[str, float]:
+    """Return every number of `LEGEND`, means over the joints."""
+    session = dfd.Deformer(shape.mesh, field)
+    of_joints = [map(shape.judge, each.tolist(), weights_of_each(session, each)) for each in shape.handles()]
+    overlap, left = np.transpose([np.mean(list(each), axis=0) for each in of_joints])
+    return dict(zip(LEGEND, map(float, (overlap.mean(), left.mean(), (overlap >= HELD_WELL).mean())), strict=True))
+
+
+def read_rigged(path: Path) -> RiggedShape:
+    """Read one file."""
     mesh = dfd.load(path)
     joints, of_vertex = strongest_joints(mesh)
-    if (of_vertex < 0).all():
-        return None
     parent = _tree(mesh, joints)
     shape = RiggedShape(path.stem, mesh, area_fractions(mesh), joints, parent, of_vertex)
     for joint, name in enumerate(joints):

@@ -5,20 +5,16 @@ Constants may be chosen on the first half of each category; the second half judg
 is of Kalogerakis, Hertzmann and Singh, "Learning 3D Mesh Segmentation and Labeling", 2010.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 import dfd
-from bench.quality.measures import Handles, area_fractions, draw_handles, handle_precision, mean_over_labels, soft_iou
+from bench.quality import measures
 from bench.quality.shapes import Shape, made
-from dfd.common.linear_algebra import Float32, Float64, Int64
+from dfd.common.linear_algebra import Int64
 from dfd.geometry.topology import face_areas
 from dfd.segmentation.parts import Parts
 
@@ -39,42 +35,28 @@ class LabelledShape(Shape):
     category: str = ""  # such as "Ant"
     kept_back: bool = True  # whether it only judges; constants are chosen on the other half of each category
 
-    def judged(self, field: dfd.Field) -> dict[str, float]:
-        """Return every number of `LEGEND`, means over the handles of each label and over the labels."""
-        labels, features, areas = self.labels, field.features(self.mesh), area_fractions(self.mesh)
-        handles = draw_handles(labels, EACH)
-        truths = [labels == labels[handle] for handle in handles]
-        methods: dict[str, Callable[[Int64], NDArray[np.floating]]] = {
-            "precision": partial(dfd.bind, features),
-            "Euclidean precision": partial(euclidean, self.mesh.vertices),
-            "geodesic precision": partial(geodesic, dfd.Geodesics(self.mesh)),
-        }
-        found: dict[str, list[float]] = {
-            name: handle_precision(method(handles), labels, handles).tolist() for name, method in methods.items()
-        }
-        parts = Parts(self.mesh, field.on(self.mesh).rows)
-        masks = [parts.part(handle).mask for handle in handles.tolist()]
-        found["part"] = [soft_iou(areas, *each) for each in zip(masks, truths, strict=True)]
-        sessions = {"grip": dfd.Deformer(self.mesh, field, features=features)}
-        sessions["paper's grip"] = dfd.Deformer(self.mesh, field, preset="paper", features=features)
-        for name, session in sessions.items():
-            found[name] = []
-            for handle, truth in zip(handles.tolist(), truths, strict=True):
-                held = session.add(handle)
-                found[name].append(soft_iou(areas, session.following[:, 0].astype(np.float64), truth))
-                session.remove(held)
-        return {name: mean_over_labels(labels[handles], values) for name, values in found.items()}
 
-
-def euclidean(vertices: NDArray[np.floating], handles: Handles) -> Float64:
-    """Return 1 − Euclidean distance over that of the farthest vertex, (V, H)."""
-    distance = np.linalg.norm(vertices[:, None] - vertices[handles], axis=2)
-    return 1 - distance / np.maximum(distance.max(axis=0), 1e-300)
-
-
-def geodesic(geodesics: dfd.Geodesics, handles: Handles) -> Float32:
-    """Return 1 − distance along the surface over that of the farthest vertex, (V, H)."""
-    return 1 - geodesics.distances(handles).T
+def judged(shape: LabelledShape, field: dfd.Field) -> dict[str, float]:
+    """Return every number of `LEGEND`, means over the handles of each label and over the labels."""
+    mesh, labels = shape.mesh, shape.labels
+    features, areas = field.features(mesh), measures.area_fractions(mesh)
+    handles = measures.draw_handles(labels, EACH)
+    truths = labels == labels[handles, None]  # (H, V)
+    apart = np.linalg.norm(mesh.vertices[:, None] - mesh.vertices[handles], axis=2)
+    rankings = {
+        "precision": dfd.bind(features, handles),
+        "Euclidean precision": 1 - apart / np.maximum(apart.max(axis=0), 1e-300),
+        "geodesic precision": 1 - dfd.Geodesics(mesh).distances(handles).T,
+    }
+    found = {name: measures.handle_precision(each, labels, handles) for name, each in rankings.items()}
+    parts = Parts(mesh, field.on(mesh).rows)
+    moved = {"part": [parts.part(handle).mask for handle in handles.tolist()]}
+    for name, preset in (("grip", "default"), ("paper's grip", "paper")):
+        session = dfd.Deformer(mesh, field, preset=preset, features=features)
+        moved[name] = measures.weights_of_each(session, handles)
+    for name, masks in moved.items():
+        found[name] = [measures.soft_iou(areas, *each) for each in zip(masks, truths, strict=True)]
+    return {name: measures.mean_over_labels(labels[handles], values) for name, values in found.items()}
 
 
 def labelled_shapes(folder: Path | None, *, quick: bool = False) -> Iterator[LabelledShape]:

@@ -1,7 +1,5 @@
 """Measure weights against labelled parts."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -57,6 +55,16 @@ def mean_over_labels(labels: Labels, values: Any) -> float:
     """Return the mean over the labels of the means of `values` (H,) over each of `labels` (H,), without NaN."""
     known = ~np.isnan(values)
     return float(np.mean([np.asarray(values)[known & (labels == each)].mean() for each in np.unique(labels[known])]))
+
+
+def weights_of_each(session: dfd.Deformer, vertices: Handles) -> list[Float64]:
+    """Return the weights (V,) of each of `vertices` (H,) as the only handle of a session."""
+    found = []
+    for vertex in vertices.tolist():
+        held = session.add(vertex)
+        found.append(session.following[:, 0].astype(np.float64))
+        session.remove(held)
+    return found
 
 
 def soft_iou(areas: Float64, weights: NDArray[Any], truth: Bool) -> float:

@@ -1,7 +1,5 @@
 """Measure how exactly the other side mirrors a motion, judged by rigs with left and right joints."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,64 +43,45 @@ class Pair:
         return float(np.sqrt(np.square(apart).mean())) / self.size
 
 
-@dataclass(frozen=True, eq=False)
-class PairedShape:
-    """A rigged shape with its pairs of joints."""
+def paired_shapes(folder: Path, *, quick: bool = False) -> Iterator[RiggedShape]:
+    """Read the skinned GLB files of a folder that have pairs of joints; `quick` reads the first two files."""
+    return (shape for shape in rigged_shapes(folder, quick=quick) if pairs_of(shape))
 
-    name: str
-    mesh: dfd.Mesh
-    pairs: list[Pair]
 
-    def judged(self, field: dfd.Field) -> dict[str, float]:
-        """Return every number of `LEGEND`; those of motions are NaN if no pair is apart."""
-        session = dfd.Deformer(self.mesh, field)
-        found = [self._errors(session, pair) for pair in self.pairs]
-        exact = [np.array(errors) <= EXACT for errors in found if errors]
-        shares = np.mean(exact, axis=0) if exact else np.full(len(LEGEND) - 1, np.nan)
-        return dict(zip(LEGEND, [len(exact) / len(found), *shares.tolist()], strict=True))
+def judged(shape: RiggedShape, field: dfd.Field) -> dict[str, float]:
+    """Return every number of `LEGEND`; those of motions are NaN if no pair is apart."""
+    session = dfd.Deformer(shape.mesh, field)
+    found = [_errors(session, pair) for pair in pairs_of(shape)]
+    exact = [np.array(errors) <= EXACT for errors in found if errors]
+    shares = np.mean(exact, axis=0) if exact else np.full(len(LEGEND) - 1, np.nan)
+    return dict(zip(LEGEND, [len(exact) / len(found), *shares.tolist()], strict=True))
 
-    @staticmethod
-    def _errors(session: dfd.Deformer, pair: Pair) -> list[float]:
-        """Return the error of each motion of a handle on the left side; no error if it moves one component."""
-        held = session.add(pair.vertex)
-        found = []
-        if len(session.counterparts(held)) > 1:
-            for given in (*MOTIONS.values(), {"translation": (0.0, PULL * pair.size, 0.0)}):
-                try:
-                    session.move(held, **given)
-                except ValueError:  # the held part has no axis
-                    found.append(np.inf)
-                    continue
+
+def _errors(session: dfd.Deformer, pair: Pair) -> list[float]:
+    """Return the error of each motion of a handle on the left side; no error if it moves one component."""
+    held = session.add(pair.vertex)
+    found = []
+    if len(session.counterparts(held)) > 1:
+        for given in (*MOTIONS.values(), {"translation": (0.0, PULL * pair.size, 0.0)}):
+            try:
+                session.move(held, **given)
                 found.append(pair.error(session.vertices - session.mesh.vertices))
                 session.undo()
-        session.remove(held)
-        return found
-
-
-def paired_shapes(folder: Path, *, quick: bool = False) -> Iterator[PairedShape]:
-    """Read the skinned GLB files of a folder that have pairs of joints; `quick` reads the first two files."""
-    for shape in rigged_shapes(folder, quick=quick):
-        if pairs := pairs_of(shape):
-            yield PairedShape(shape.name, shape.mesh, pairs)
+            except ValueError:  # the held part has no axis
+                found.append(np.inf)
+    session.remove(held)
+    return found
 
 
 def pairs_of(shape: RiggedShape) -> list[Pair]:
     """Return the pairs of joints with one name whose parts are mirror images at rest."""
-    by_name: dict[str, list[int]] = {}
-    for joint, name in enumerate(shape.joints):
-        by_name.setdefault(sides_as_one(name), []).append(joint)
-    found = []
-    vertices = shape.mesh.vertices
-    for one, other in (joints for joints in by_name.values() if len(joints) == 2):
-        sides = shape.subtree(one), shape.subtree(other)
-        own = np.flatnonzero(shape.of_vertex == one)
-        share = float(shape.areas @ sides[0])
-        if (
-            not len(own)
-            or not SMALLEST_JUDGED <= share <= LARGEST_JUDGED
-            or not sides[1].any()
-            or (sides[0] & sides[1]).any()
-        ):
+    found, vertices = [], shape.mesh.vertices
+    names = [*map(sides_as_one, shape.joints)]
+    for pair in (name for name in dict.fromkeys(names) if names.count(name) == 2):
+        one, other = (joint for joint, name in enumerate(names) if name == pair)
+        sides, own = (shape.subtree(one), shape.subtree(other)), np.flatnonzero(shape.of_vertex == one)
+        judged = SMALLEST_JUDGED <= shape.areas @ sides[0] <= LARGEST_JUDGED
+        if not (judged and len(own) and sides[1].any()) or (sides[0] & sides[1]).any():
             continue
         left, right = map(np.flatnonzero, sides)
         middles = [np.average(vertices[side], axis=0, weights=shape.areas[side] + 1e-12) for side in (left, right)]

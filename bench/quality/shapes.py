@@ -1,18 +1,19 @@
 """Shapes with labelled parts: samples, and rigs whose joints name the parts."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 import dfd
-from bench.quality.parts import FEWEST, kind_of_part, label_vertices, merged, only, strongest_joints
-from dfd.common.linear_algebra import Int64
+from bench.quality.parts import KINDS, MERGED, kind_of_part
+from dfd.common.linear_algebra import Bool, Int64
+from dfd.mesh.file.gltf.header import objects
 
+FEWEST = 20  # vertices of a kind of part that is judged
 SAMPLES = {make.__name__: make for make in (dfd.samples.chair, dfd.samples.quadruped, dfd.samples.robot)}
 UNREADABLE = (ValueError, OSError, KeyError, IndexError, TypeError)  # the errors of a file with a broken skin
 
@@ -38,20 +39,20 @@ def characters(folder: Path) -> Iterator[Shape]:
     for name, whole, names, joints in _skinned(folder):
         if (joints < 0).all():
             continue
-        labels, parts = label_vertices(names, joints, merged)
+        labels, parts = label_vertices(names, joints, MERGED)
         yield Shape(f"{name}, merged names", whole, labels, parts)
         bare, old = only(whole, joints >= 0)
         if len(old) < len(whole.vertices):
             yield Shape(f"{name} without accessories, merged names", bare, labels[old], parts)
 
 
-def rigs(folder: Path, *, under: str = "rigs") -> Iterator[Shape]:
-    """Yield every skinned GLB in the folder `under` of `folder`, with the kinds of parts of animals and people.
+def rigs(folder: Path) -> Iterator[Shape]:
+    """Yield every skinned GLB in `folder`, with the kinds of parts of animals and people.
 
     Files with fewer than two kinds of parts are printed and left out.
     """
-    for name, mesh, names, joints in _skinned(folder / under):
-        labels, parts = label_vertices(names, joints, kind_of_part, FEWEST)
+    for name, mesh, names, joints in _skinned(folder):
+        labels, parts = label_vertices(names, joints, KINDS, FEWEST)
         if len(parts) > 1:
             yield Shape(name, mesh, labels, parts)
         else:
@@ -71,3 +72,63 @@ def _skinned(folder: Path) -> Iterator[tuple[str, dfd.Mesh, tuple[str, ...], Int
             print(f"{path.name}: {error}")
         else:
             yield path.stem, mesh, *found
+
+
+def strongest_joints(mesh: dfd.Mesh) -> tuple[tuple[str, ...], Int64]:
+    """Return the distinct names (J,) of the joints of a glTF file, and the joint of largest weight per vertex (V,).
+
+    Vertices without a skin have −1. Raises ValueError if a skin's numbers cannot be read.
+    """
+    data, found = mesh.scene.gltf, np.full(len(mesh.vertices), -1)
+    header, nodes = data.header, objects(data.header, "nodes")
+    of_skins = [[nodes[joint].get("name", "") for joint in skin["joints"]] for skin in objects(header, "skins")]
+    names = tuple(dict.fromkeys(name for of_skin in of_skins for name in of_skin))
+    for part in mesh.scene.primitives:
+        node, of_mesh, number = part.source
+        if "skin" not in nodes[node]:
+            continue
+        primitive = header["meshes"][of_mesh]["primitives"][number]
+        sets = sorted(name for name in primitive["attributes"] if name.startswith("WEIGHTS_"))
+        if not sets:
+            raise ValueError(f"strongest_joints: the skinned part {part.part!r} has no WEIGHTS_0")
+        weights, joints = (
+            np.concatenate([data.attribute(primitive, name.replace("WEIGHTS", kind)) for name in sets], axis=1)
+            for kind in ("WEIGHTS", "JOINTS")
+        )
+        strongest = np.take_along_axis(joints, weights.argmax(axis=1)[:, None], axis=1)[:, 0].astype(np.int64)
+        numbers = np.array([names.index(name) for name in of_skins[nodes[node]["skin"]]])
+        vertices = mesh.scene.vertex[part.rows]
+        found[vertices[vertices >= 0]] = numbers[strongest[vertices >= 0]]
+    return names, found
+
+
+def label_vertices(
+    names: tuple[str, ...], of_vertex: Int64, patterns: Sequence[tuple[str, str]], fewest: int = 1
+) -> tuple[Int64, tuple[str, ...]]:
+    """Return the index of each vertex's part (V,) by `patterns`, and the parts of at least `fewest` vertices.
+
+    `names` (J,) and `of_vertex` (V,) are those of `strongest_joints`. Vertices of no part, such as those of a sword or
+    a cape, have −1.
+    """
+    kinds = np.array([*(kind_of_part(name, patterns) for name in names), None])[of_vertex]  # None is that of −1
+    parts = tuple(sorted(part for part, count in Counter(kinds).items() if part is not None and count >= fewest))
+    return np.array([parts.index(part) if part in parts else -1 for part in kinds], np.int64), parts
+
+
+def only(mesh: dfd.Mesh, vertices: Bool) -> tuple[dfd.Mesh, Int64]:
+    """Return the faces whose corners are all among `vertices` (V,), with their appearance; and the old indices.
+
+    Raises ValueError if no face is left.
+    """
+    kept = vertices[mesh.faces].all(axis=1)
+    old, faces = np.unique(mesh.faces[kept], return_inverse=True)
+    appearance = mesh.appearance
+    if appearance is not None:
+        used = np.isin(np.arange(len(appearance.corners)), appearance.corner_faces[kept])
+        appearance = replace(
+            appearance,
+            corners=np.where(used, np.searchsorted(old, appearance.corners), -1).astype(np.int32),
+            corner_faces=appearance.corner_faces[kept],
+            face_material=appearance.face_material[kept],
+        )
+    return dfd.Mesh(mesh.vertices[old], faces.reshape(-1, 3), appearance=appearance), old

@@ -3,12 +3,9 @@
 Each call is timed in turn with the ceiling or library beside it. Ratios are of the best times.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator, Mapping
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import igl
@@ -22,7 +19,6 @@ from dfd.common.linear_algebra import Float32, Float64, Int64
 from .made_input import VERTICES, Call, MadeInput, make_input
 from .measure import Timing, copying, product, reading, together
 
-OUTPUT = Path(__file__).resolve().parents[1] / "results" / "speed"
 COLUMNS = ("work", "best ms", "median ms", "spread ms", "against", "its best ms", "ratio", "at most", "met")
 TORCH_VERTICES = 200_000  # torch's arithmetic takes too much memory for more
 
@@ -30,8 +26,8 @@ Row = list[Any]
 
 
 def main() -> None:
-    """Measure, print and write the table."""
-    from bench.tables import to_csv, to_markdown, write_text  # asv imports this module from another folder
+    """Measure, and print the table."""
+    from bench.tables import to_markdown  # asv imports this module from another folder
 
     parser = argparse.ArgumentParser(prog="python -m bench.speed", description=__doc__)
     parser.add_argument("--vertices", type=int, default=VERTICES, help="default: %(default)s")
@@ -41,7 +37,6 @@ def main() -> None:
     rows = list(lines(options.vertices))
     print(f"{options.vertices:,} vertices, {threads} threads, {_core.instruction_set()}\n")
     print("\n".join(to_markdown(COLUMNS, rows)))
-    write_text(OUTPUT / "table.csv", to_csv(COLUMNS, rows))
 
 
 def lines(vertex_count: int, torch_vertices: int = TORCH_VERTICES) -> Iterator[Row]:
@@ -54,15 +49,19 @@ def lines(vertex_count: int, torch_vertices: int = TORCH_VERTICES) -> Iterator[R
 
 def _binding(made: MadeInput) -> Iterator[Row]:
     compact, constrained = made.compact, "bind 10 + 3 fixed + locality"
-    calls = {f"bind {count}": made.binding(count) for count in (1, 10, 100)}
-    calls[constrained] = made.binding(10, constrained=True)
-    calls["reading the features"] = reading(compact.blocks)
-    calls["torch's product"] = product(len(made.vertices), compact.dimensions, 100)
+    one = f"bind 1 ({compact.precision}, {compact.dimensions} dimensions)"
+    calls = {
+        one: made.binding(1),
+        "bind 10": made.binding(10),
+        "bind 100": made.binding(100),
+        constrained: made.binding(10, constrained=True),
+        "reading the features": reading(compact.blocks),
+        "torch's product": product(len(made.vertices), compact.dimensions, 100),
+    }
     timings = together(calls, seconds=2.0, most=1000)
-    stored = f"bind 1 ({compact.precision}, {compact.dimensions} dimensions)"
-    yield _row(timings, "bind 1", "reading the features", 1 / 0.85, stored)
-    yield _row(timings, "bind 10", "bind 1")
-    yield _row(timings, constrained, "bind 1", 2.5)
+    yield _row(timings, one, "reading the features", 1 / 0.85)
+    yield _row(timings, "bind 10", one)
+    yield _row(timings, constrained, one, 2.5)
     yield _row(timings, "bind 100", "torch's product", 1.0)
 
 
@@ -100,13 +99,13 @@ def _posing(made: MadeInput) -> Iterator[Row]:
     yield _row(timings, "pose 1", "libigl's skinning", 1 / 5)
 
 
-def _row(timings: Mapping[str, Timing], work: str, against: str, most: float | None = None, called: str = "") -> Row:
+def _row(timings: Mapping[str, Timing], work: str, against: str, most: float | None = None) -> Row:
     """Return the row of one call beside another, of whose time it takes the part `most` or less."""
     own, other = timings[work], timings[against]
     ratio = own.best / other.best
     milliseconds = [1e3 * each for each in (own.best, own.median, own.spread)]
     met = "" if most is None else "yes" if ratio <= most else "no"
-    return [called or work, *milliseconds, against, 1e3 * other.best, ratio, most, met]
+    return [work, *milliseconds, against, 1e3 * other.best, ratio, most, met]
 
 
 def torch_binding(features: Float32, handles: Int64) -> Call:

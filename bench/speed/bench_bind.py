@@ -1,7 +1,5 @@
 """Suite for asv: binding, and the compact features that it reads."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import dfd

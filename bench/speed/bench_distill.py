@@ -1,7 +1,5 @@
 """Suite for asv: the stages of a distillation, and its pictures by themselves."""
 
-from __future__ import annotations
-
 import os
 
 os.environ.setdefault("HF_HUB_OFFLINE", "1")  # the measured network is the installed one

@@ -1,7 +1,5 @@
 """Suite for asv: evaluating a field, mirror planes, and distances along the surface."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import dfd

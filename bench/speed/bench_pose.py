@@ -1,7 +1,5 @@
 """Suite for asv: posing and dragging."""
 
-from __future__ import annotations
-
 from .made_input import MOTIONS, MadeInput, make_input
 
 

@@ -1,7 +1,5 @@
 """Generate input of any size, with features of low rank like those of a field, and the calls to time."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial

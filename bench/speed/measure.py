@@ -1,7 +1,5 @@
 """Time calls, among them the machine's ceilings: bytes read, bytes copied and float32 products."""
 
-from __future__ import annotations
-
 import time
 import warnings
 from collections.abc import Callable

@@ -3,8 +3,6 @@
 A quadruped with its own field is subdivided to each size. Each size runs in its own process, to measure peak memory.
 """
 
-from __future__ import annotations
-
 import argparse
 import multiprocessing
 import os
@@ -48,7 +46,10 @@ def steps(vertex_count: int, of_shape: dfd.Field) -> Row:
     seconds = {"vertices": float(len(mesh.vertices)), "features": _timed(session.prepare)}
     for handle, vertex, prefix in ((1, foot, "first "), (2, head, "second ")):
         seconds[f"{prefix}handle"] = _timed(lambda vertex=vertex: (session.add(vertex), session.weights))
-        frames = [_frame(session, handle, 0.01 * (k + 1)) for k in range(1 + LATER)]
+        frames = []
+        for k in range(1 + LATER):
+            session.move(handle, translation=(0.0, -0.01 * (k + 1), 0.0))
+            frames.append(_timed(lambda: session.vertices))
         seconds["first frame" if handle == 1 else "its first frame"] = frames[0]
         seconds["later frame"] = float(np.median(frames[1:]))
     return seconds | {"memory": _resident("VmHWM") - before}
@@ -58,11 +59,6 @@ def measured(vertex_count: int, of_shape: dfd.Field) -> Row:
     """Return `steps`, run in a process of its own."""
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         return pool.apply(steps, (vertex_count, of_shape))
-
-
-def _frame(session: dfd.Deformer, handle: int, down: float) -> float:
-    session.move(handle, translation=(0.0, -down, 0.0))
-    return _timed(lambda: session.vertices)
 
 
 def _timed(call: Callable[[], object]) -> float:

@@ -5,8 +5,6 @@ the vertices of these joints. `python -m bench.training.learn_agreement FOLDERâ€
 `dfd.editing.agreement`, and how often handles are right by their confidence on families that were left out.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator
 from pathlib import Path

@@ -5,27 +5,25 @@ adds a folder with rigs and people. A file keeps the features of each between ru
 docs/learned.md names the sources of the package's metric.
 """
 
-from __future__ import annotations
-
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy.linalg
+import torch
+from torch import nn
 
 import dfd
 from bench.quality import shapes
 from bench.quality.measures import draw_handles, handle_precision, mean_over_labels
-from bench.quality.shapes import Shape
-from bench.tables import to_markdown, write_text
-from bench.training.learn_kinds import learn_kinds
-from bench.training.sources import RESULTS, options_of
+from bench.tables import to_markdown
+from bench.training.sources import RESULTS, run
 from bench.training.vertex_features import THICKNESS, Lesson, cached_lesson
-from dfd.common.linear_algebra import Float32
-from dfd.distillation.metric import FOLDER, Metric
-from dfd.encoders.encode import Encoder, load_encoder
+from dfd.common.linear_algebra import Float32, Float64, Int64
+from dfd.distillation.metric import FOLDER, Kinds, Metric
+from dfd.encoders.encode import Encoder
 from dfd.encoders.learned_file import encoder_identity
 
 REPORT, CACHE = RESULTS / "metric.md", RESULTS / "metric_features"
@@ -35,26 +33,31 @@ POWER = 0.125  # of the ratio of variances; the result is the length of a direct
 FACES = 20_000  # of the samples
 EACH, SEEDS = 8, 3  # handles of every part, and draws
 
+# Of the network that tells kinds of parts.
+KINDS = ("ear", "horn", "trunk", "wing", "fin", "tail", "foot", "leg", "neck", "head", "torso", "hand", "arm")
+SAME = {"body": "torso", "hoof": "foot"}
+HIDDEN = 256
+POINTS = 80  # of a part
+STEPS, BATCH, LEARNING_RATE, DECAY = 400, 1024, 3e-3, 0.05
+DROPPED, DROPPED_UNITS = 0.2, 0.5  # dropout: fractions of the inputs and of the hidden units
+UNSURE = 0.05  # label smoothing, so that the network is less certain of unknown shapes
+FAMILY_POWER = 0.5  # a family has the weight of the square root of its shapes
+SCALE = 20.0  # about √384, so that the inputs are near one
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Distill, learn, judge and write."""
-    options = options_of(arguments, "learn_metric", __doc__, FOLDER)
-    encoder = load_encoder(options.encoder)
-    lessons = []
-    for shape in labelled_shapes(options.meshes, options.lessons):
+    """Learn, judge and write."""
+    run(arguments, __spec__.name, __doc__, FOLDER, REPORT, lessons_of, learn, report)
+
+
+def lessons_of(folder: Path, more: Path | None, encoder: Encoder) -> Iterator[Lesson]:
+    """Yield the lesson of every shape; characters have the merged names of their parts."""
+    found = [*shapes.rigs(folder / "rigs"), *shapes.rigs(folder / "upright"), *shapes.characters(folder)]
+    for under in ("rigs", "people") if more else ():
+        found += shapes.rigs(more / under)
+    for shape in found + shapes.made(FACES):
         print(shape.name, flush=True)
-        lessons.append(cached_lesson(CACHE, shape, encoder))
-    learn(lessons, encoder).save(options.output)
-    write_text(REPORT, report(lessons))
-    print(f"{options.output}\n{REPORT}")
-
-
-def labelled_shapes(folder: Path, lessons: Path | None) -> list[Shape]:
-    """Return every shape to learn from; characters have the merged names of their parts."""
-    found = [*shapes.rigs(folder), *shapes.rigs(folder, under="upright"), *shapes.characters(folder)]
-    for under in ("rigs", "people") if lessons else ():
-        found += shapes.rigs(lessons, under=under)
-    return found + shapes.made(FACES)
+        yield cached_lesson(CACHE, shape, encoder)
 
 
 def learn(lessons: Sequence[Lesson], encoder: Encoder) -> Metric:
@@ -82,6 +85,48 @@ def discriminants(lessons: Sequence[Lesson]) -> tuple[Float32, Float32]:
     return np.ascontiguousarray(of_features, np.float32), np.ascontiguousarray(THICKNESS * of_bands, np.float32)
 
 
+def learn_kinds(taught: Sequence[Lesson]) -> Kinds:
+    """Return a network that tells the kinds of parts, learned from all shapes with at least two of `KINDS`.
+
+    A family has the weight of the square root of its number of shapes, shared by its shapes and by their parts.
+    """
+    generator = np.random.default_rng(0)
+    rows, kinds, chances = [], [], []
+    size = Counter(each.family for each in taught)
+    for each in taught:
+        named = [(SAME.get(name, name), points) for name, points in each.kinds if len(points)]
+        known = [(name, points) for name, points in named if name in KINDS]
+        for name, points in known if len(known) > 1 else ():
+            some = generator.choice(len(points), min(POINTS, len(points)), replace=False)
+            rows.append((points[some] - each.mean) * np.float32(SCALE))
+            kinds.append(np.full(len(some), KINDS.index(name)))
+            chances.append(np.full(len(some), 1 / (size[each.family] ** FAMILY_POWER * len(known) * len(some))))
+    return _fitted(np.concatenate(rows), np.concatenate(kinds), np.concatenate(chances), generator)
+
+
+def _fitted(rows: Float32, kinds: Int64, chances: Float64, generator: np.random.Generator) -> Kinds:
+    """Fit the network to the `kinds` (N,) of `rows` (N, D), which are drawn with probabilities `chances` (N,)."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)  # one thread gives reproducible sums
+    x, y, until = torch.from_numpy(rows), torch.from_numpy(kinds), np.cumsum(chances / chances.sum())
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(int(generator.integers(2**31)))
+        hidden, output = nn.Linear(rows.shape[1], HIDDEN), nn.Linear(HIDDEN, len(KINDS))
+        network = nn.Sequential(nn.Dropout(DROPPED), hidden, nn.ReLU(), nn.Dropout(DROPPED_UNITS), output)
+        optimizer = torch.optim.AdamW(network.parameters(), lr=LEARNING_RATE, weight_decay=DECAY)
+        schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, STEPS)
+        for _ in range(STEPS):
+            drawn = torch.from_numpy(np.searchsorted(until, generator.random(BATCH)).clip(max=len(until) - 1))
+            loss = nn.functional.cross_entropy(network(x[drawn]), y[drawn], label_smoothing=UNSURE)
+            optimizer.zero_grad()
+            loss.backward()
+            optimizer.step()
+            schedule.step()
+    torch.set_num_threads(threads)
+    weights, *others = (each.detach().numpy().T.copy() for each in network.parameters())
+    return Kinds(weights * np.float32(SCALE), *others)
+
+
 def precision(lesson: Lesson, features: Float32) -> float:
     """Return the mean average precision on a lesson's shape with other features, over several draws of handles."""
     labels, found = lesson.shape.labels, []
@@ -98,8 +143,6 @@ def report(lessons: Sequence[Lesson]) -> str:
     gains: dict[str, float] = {}
     for family in dict.fromkeys(each.family for each in lessons):
         others = [each for each in lessons if each.family != family]
-        if not others:
-            continue
         metric = Metric(*discriminants(others), "", 0, learn_kinds(others))
         own = [each for each in lessons if each.family == family]
         for lesson in own:

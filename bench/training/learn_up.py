@@ -4,10 +4,10 @@ The shapes are those under CC0 in the folder DFD_MESHES, the samples of dfd, and
 stand +y up. Equal folders give equal files. docs/learned.md names the sources of the package's probe.
 """
 
-from __future__ import annotations
-
 import hashlib
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +15,11 @@ from scipy.spatial.transform import Rotation
 
 import dfd
 from bench.quality.shapes import SAMPLES
-from bench.tables import to_markdown, write_text
-from bench.training.sources import RESULTS, kept_arrays, options_of, upright_files
+from bench.tables import to_markdown
+from bench.training.sources import RESULTS, kept_arrays, run, upright_files
 from bench.training.up_lessons import FRAMES, LESSONS, TRUE, UpLesson, learned_odds, learned_votes, left_out_odds
 from dfd.common.linear_algebra import Float64
-from dfd.encoders.encode import Encoder, load_encoder
+from dfd.encoders.encode import Encoder
 from dfd.encoders.learned_file import encoder_identity
 from dfd.field.cache_key import FIELD_VERSION, hash_key
 from dfd.mesh.normalization import normalization
@@ -40,28 +40,21 @@ PRIORS, LOSSES = np.arange(0, 12, 0.05), np.arange(0, 6, 0.1)
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Learn, judge and write."""
-    options = options_of(arguments, "learn_up", __doc__, FOLDER)
-    encoder = load_encoder(options.encoder)
-    lessons = []
-    for name, mesh in upright_shapes(options.meshes, options.lessons):
-        print(name, flush=True)
-        lessons.append(lesson(name, mesh, encoder))
-    learn(lessons, encoder).save(options.output)
-    write_text(REPORT, report(lessons))
-    print(f"{options.output}\n{REPORT}")
+    run(arguments, __spec__.name, __doc__, FOLDER, REPORT, lessons_of, learn, report)
 
 
-def upright_shapes(folder: Path, lessons: Path | None = None) -> Iterator[tuple[str, dfd.Mesh]]:
-    """Yield every shape to learn from with its name, +y up."""
-    for path in upright_files(folder, lessons):
-        known = LESSONS if lessons and path.is_relative_to(lessons) else ""
-        yield f"{known}{path.parent.name}/{path.stem}", dfd.load(path)
+def lessons_of(folder: Path, more: Path | None, encoder: Encoder) -> Iterator[UpLesson]:
+    """Yield the lesson of every shape."""
+    for path in upright_files(folder, more):
+        known = LESSONS if more and path.is_relative_to(more) else ""
+        yield lesson(f"{known}{path.parent.name}/{path.stem}", dfd.load(path), encoder)
     for name, make in SAMPLES.items():
-        yield name, make().mesh
+        yield lesson(name, make().mesh, encoder)
 
 
 def lesson(name: str, mesh: dfd.Mesh, encoder: Encoder) -> UpLesson:
-    """Return the lesson of one shape."""
+    """Return the lesson of one shape, +y up."""
+    print(name, flush=True)
     center, scale = normalization(mesh)
     vertices = (mesh.vertices - center) * scale
     cues = StabilityCues(vertices, mesh.faces)
@@ -69,8 +62,8 @@ def lesson(name: str, mesh: dfd.Mesh, encoder: Encoder) -> UpLesson:
     sides, corners = (cached_tokens(mesh, encoder, FRAMES, eyes) for eyes in (SIDES, CORNERS))
     of_frames = map(ViewTokens, np.split(sides.tokens, len(FRAMES)), np.split(sides.axes, len(FRAMES)))
     rotation = Rotation.random(rng=np.random.default_rng([0, *name.encode()])).as_matrix()
-    seen = cached_tokens(mesh, encoder, FRAMES @ rotation, SIDES)
-    tilted = ViewTokens(seen.tokens, seen.axes @ rotation.T)
+    tilted = cached_tokens(mesh, encoder, FRAMES @ rotation, SIDES)
+    tilted = replace(tilted, axes=tilted.axes @ rotation.T)
     tilted_cues = StabilityCues(vertices @ rotation.T, mesh.faces)
     return UpLesson(name, tuple(of_frames), corners, evidence, rotation, tilted, tilted_cues)
 
@@ -85,23 +78,15 @@ def cached_tokens(mesh: dfd.Mesh, encoder: Encoder, frames: Float64, eyes: Float
         "eyes": eyes.round(6).tolist(),
         **encoder.settings(),
     }
-    kept = kept_arrays(
-        KEPT_VIEWS / f"{hash_key(key)}.npz", lambda: vars(ProbeCameras(mesh, encoder).seen(frames, eyes))
-    )
-    return ViewTokens(kept["tokens"], kept["axes"])
+    path = KEPT_VIEWS / f"{hash_key(key)}.npz"
+    return ViewTokens(**kept_arrays(path, lambda: vars(ProbeCameras(mesh, encoder).seen(frames, eyes))))
 
 
-def learn(lessons: Sequence[UpLesson], encoder: Encoder) -> UpProbe:
+def learn(lessons: tuple[UpLesson, ...], encoder: Encoder) -> UpProbe:
     """Return the probe of all lessons; its odds and priors fit votes that were learned without the judged shape."""
-    votes = learned_votes(tuple(lessons)).without()
-    up, down = least_priors(left_out_odds(tuple(lessons), "name"), own_names(lessons))
-    odds, identity = learned_odds(tuple(lessons)), encoder_identity(encoder)
-    return UpProbe(votes.mean, votes.form, votes.vector, odds, up, down, Z_SHARE * up, *identity)
-
-
-def own_names(lessons: Sequence[UpLesson]) -> set[str]:
-    """Return the names of shapes that are not from `--lessons`."""
-    return {each.name for each in lessons if not each.name.startswith(LESSONS)}
+    votes, odds = learned_votes(lessons).without(), learned_odds(lessons)
+    up, down = least_priors(lessons)
+    return UpProbe(votes.mean, votes.form, votes.vector, odds, up, down, Z_SHARE * up, *encoder_identity(encoder))
 
 
 def with_priors(odds: Float64, up: int, priors: tuple[float, float]) -> Float64:
@@ -131,33 +116,31 @@ def decided(odds: Float64, up: int, priors: tuple[float, float]) -> tuple[int, i
     return axis, 2 * axis + int(found[2 * axis + 1] > found[2 * axis])
 
 
-def least_priors(odds: Mapping[str, Float64], own: Collection[str] = ()) -> tuple[float, float]:
+def least_priors(lessons: tuple[UpLesson, ...]) -> tuple[float, float]:
     """Return the log-odds of the file's +y and −y: the least of +y with which enough shapes keep their axis and up.
 
-    The axis is among the two with pictures for `KEPT` of all shapes, and the likeliest for `KEPT_OWN` of `own`.
-    `KEPT_UP` of all keep their up. The log-odds of −y are the largest with which this holds.
+    The axis is among the two with pictures for `KEPT` of all shapes, and the likeliest for `KEPT_OWN` of those that
+    are not from `--lessons`. `KEPT_UP` of all keep their up. The log-odds of −y are the largest with which this holds.
     """
+    odds = left_out_odds(lessons, "name")
     rows = np.stack([each[-1] for each in odds.values()])
-    among = np.array([name in own for name in odds]) if own else np.ones(len(rows), bool)
-    least = KEPT_OWN if own else 0.0
-
-    def enough(up: float, down: float) -> bool:
-        found = with_priors(rows, TRUE, (up, down))
+    own = np.array([not name.startswith(LESSONS) for name in odds])
+    for up, loss in product(PRIORS, LOSSES):
+        found = with_priors(rows, TRUE, (up, up - loss))
         axes = of_axes(found)
         first, second = np.argsort(-axes, axis=1).T[:2] == TRUE // 2
         doubtful = axes.max(axis=1) - np.logaddexp.reduce(axes, axis=1) < np.log(CLEAR)
         fallen = first & (found[:, TRUE ^ 1] > found[:, TRUE])
-        kept = (first | (doubtful & second)).mean() >= KEPT and first[among].mean() >= least
-        return bool(kept and fallen.mean() <= 1 - KEPT_UP)
+        kept = (first | (doubtful & second)).mean() >= KEPT and first[own].mean() >= KEPT_OWN
+        if kept and fallen.mean() <= 1 - KEPT_UP:
+            break
+    return float(up), float(up - loss)
 
-    pairs = ((float(up), float(up - loss)) for up in PRIORS for loss in LOSSES)
-    return next((each for each in pairs if enough(*each)), (float(PRIORS[-1]), float(PRIORS[-1] - LOSSES[-1])))
 
-
-def report(lessons: Sequence[UpLesson]) -> str:
+def report(lessons: tuple[UpLesson, ...]) -> str:
     """Return a report: how often the upright axis, and in brackets the up direction, is found by other lessons."""
-    priors = least_priors(left_out_odds(tuple(lessons), "name"), own_names(lessons))
-    own = [each for each in lessons if each.name in own_names(lessons)]
+    priors = least_priors(lessons)
+    own = [each for each in lessons if not each.name.startswith(LESSONS)]
     lines = [
         "# Which way is up",
         "",
@@ -165,7 +148,7 @@ def report(lessons: Sequence[UpLesson]) -> str:
         f"file's +y: {priors[0]:.2f}, of −y: {priors[1]:.2f}, of ±z: {Z_SHARE * priors[0]:.2f}.",
     ]
     for left_out, group in (("its family", "family"), ("itself", "name")):
-        odds, rows = left_out_odds(tuple(lessons), group), []
+        odds, rows = left_out_odds(lessons, group), []
         for family in [*dict.fromkeys(each.family for each in own), "all"]:
             some = [odds[each.name] for each in own if family in (each.family, "all")]
             # If the file's +y is [0, 1], its z is the axis after it, the shape's up.

@@ -1,11 +1,9 @@
 """Find the models to learn from, all under CC0; docs/learned.md names their packs and makers."""
 
-from __future__ import annotations
-
 import argparse
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.quality.parts import family_of
+from bench.tables import write_text
 from dfd.common.files import atomic_write
+from dfd.encoders.encode import Encoder, load_encoder
 from dfd.encoders.known import DEFAULT_ENCODER
 
 RESULTS = Path(__file__).resolve().parents[1] / "results" / "quality"
@@ -29,21 +29,33 @@ WITHOUT_UP = (
 )
 
 
-def options_of(
-    arguments: Sequence[str] | None, module: str, description: str | None, folder: Path
-) -> argparse.Namespace:
-    """Read the command line: encoder, lessons, meshes (those of DFD_MESHES), and the output, by default in `folder`."""
-    parser = argparse.ArgumentParser(f"python -m bench.training.{module}", description=description)
+def run(
+    arguments: Sequence[str] | None,
+    module: str,
+    description: str,
+    folder: Path,
+    report_path: Path,
+    lessons_of: Callable[[Path, Path | None, Encoder], Iterable[Any]],
+    learn: Callable[[tuple[Any, ...], Encoder], Any],
+    report: Callable[[tuple[Any, ...]], str],
+) -> None:
+    """Read the command line, learn from all lessons, and write what was learned, by default in `folder`; and judge it.
+
+    `lessons_of` takes DFD_MESHES, the folder of `--lessons`, and the encoder.
+    """
+    parser = argparse.ArgumentParser(f"python -m {module}", description=description)
     parser.add_argument("--encoder", default=DEFAULT_ENCODER)
     parser.add_argument("--output", type=Path, help="file to write; by default where the package looks for it")
     parser.add_argument("--lessons", type=Path, help="a folder of further CC0 models, +y up: people, rigs and upright")
     options = parser.parse_args(arguments)
     if not os.environ.get("DFD_MESHES"):
         parser.error("DFD_MESHES must name the folder of meshes to learn from")
-    options.meshes = Path(os.environ["DFD_MESHES"])
-    options.output = options.output or folder / f"{options.encoder}.safetensors"
-    options.output.parent.mkdir(parents=True, exist_ok=True)
-    return options
+    output, encoder = options.output or folder / f"{options.encoder}.safetensors", load_encoder(options.encoder)
+    output.parent.mkdir(parents=True, exist_ok=True)
+    lessons = tuple(lessons_of(Path(os.environ["DFD_MESHES"]), options.lessons, encoder))
+    learn(lessons, encoder).save(output)
+    write_text(report_path, report(lessons))
+    print(f"{output}\n{report_path}")
 
 
 def kept_arrays(path: Path, make: Callable[[], Mapping[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:

@@ -1,7 +1,5 @@
 """Learn which way is up: votes of pictures by ridge regression, and their odds by logistic regression."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cache

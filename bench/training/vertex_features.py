@@ -1,7 +1,5 @@
 """Compute an encoder's features and the thickness at the vertices of a shape, from which a metric is learned."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path

@@ -1,11 +1,8 @@
 """Methods that DFD is compared with.
 
-ARAP and bounded biharmonic weights are libigl's. Biharmonic coordinates, OptCtrlPoints and NeuralMLS are written here
-from their papers. All but ARAP and NeuralMLS work within tetrahedra. The networks of APAP and DeepMetaHandles are
-not available.
+ARAP and bounded biharmonic weights are libigl's; the others are written here from their papers. The networks of APAP
+and DeepMetaHandles are not available.
 """
-
-from __future__ import annotations
 
 from bench.paper.peers.biharmonic import coordinates, opt_ctrl_points
 from bench.paper.peers.libigl_peers import arap, bounded

@@ -4,8 +4,6 @@ Wang et al., "Linear Subspace Design for Real-Time Shape Deformation", 2015; Kim
 libigl for Python gives the coordinates but not the energy, which OptCtrlPoints factors.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

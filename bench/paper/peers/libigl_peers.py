@@ -1,7 +1,5 @@
 """ARAP and bounded biharmonic weights, by libigl."""
 
-from __future__ import annotations
-
 import igl
 import numpy as np
 

@@ -4,8 +4,6 @@ A small network learns which control point lies at a position. Its smooth answer
 moving least squares (Schaefer et al., 2006).
 """
 
-from __future__ import annotations
-
 import time
 from itertools import pairwise
 

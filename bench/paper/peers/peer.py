@@ -3,8 +3,6 @@
 Tetrahedra within a surface are those of fTetWild; Hu et al., "Fast Tetrahedral Meshing in the Wild", 2020.
 """
 
-from __future__ import annotations
-
 import contextlib
 import multiprocessing
 import os

@@ -53,9 +53,8 @@ def write_page(root: Path, steps: Sequence[str], records: Sequence[Record]) -> N
 
 def _article(record: Record) -> str:
     link = f"shapes/{quote(record.name)}"
-    pictures = sorted(
-        (name for name in record.files if name.endswith(".png")), key=lambda name: name != "thumbnail.png"
-    )
+    pictures = [name for name in record.files if name.endswith(".png")]
+    pictures.sort(key=lambda name: name != "thumbnail.png")
     images = "".join(
         f"<a href='{link}/{quote(name)}'><img loading='lazy' src='{link}/{quote(name)}' alt='{escape(name)}'></a>"
         for name in pictures
@@ -65,8 +64,7 @@ def _article(record: Record) -> str:
     if record.cause is not None:
         lines += [f"{CAUSES[record.cause]}: {record.message}"]
     else:
-        lines += [
-            str(text) for name, text in record.figures.items() if name.endswith(("_refused", FAILED_EXPORT)) and text
-        ]
+        refused = (text for name, text in record.figures.items() if name.endswith(("_refused", FAILED_EXPORT)))
+        lines += [str(text) for text in refused if text]
     text = "".join(f"<small>{escape(line)}</small>" for line in lines)
     return f"<article class='{record.status}'>{images}<a href='{link}/'>{escape(record.name)}</a>{text}</article>\n"

@@ -11,7 +11,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -123,7 +123,6 @@ def _on_ray(
         ended, _ = ray.wait(list(running), timeout=1.0)
         for reference in ended:
             shape, start = running.pop(reference)
-            failed = partial(_failed, root, shape, time.monotonic() - start)
             try:
                 yield ray.get(reference)
             except ray.exceptions.RayTaskError as error:
@@ -131,25 +130,19 @@ def _on_ray(
                     raise
                 raise OSError(f"`--output`: {root} cannot be written: {_first_line(error.cause)}") from None
             except ray.exceptions.RayError as error:
+                cause: tuple[Cause, str] = "crash", f"its process ended: {_first_line(error)}"
                 if reference in late:
-                    yield failed("timeout", f"took longer than {resources.timeout:g} s")
+                    cause = "timeout", f"took longer than {resources.timeout:g} s"
                 elif isinstance(error, ray.exceptions.OutOfMemoryError):
-                    yield failed("memory", "its process was ended by Ray when memory ran out")
-                else:
-                    yield failed("crash", f"its process ended: {_first_line(error)}")
+                    cause = "memory", "its process was ended by Ray when memory ran out"
+                seconds = time.monotonic() - start
+                record = Record(shape.name, shape.path, modified(shape.path), "failed", *cause, seconds)
+                write_record(root, record)
+                yield record
         for reference, (_, start) in running.items():
             if resources.timeout is not None and time.monotonic() - start > resources.timeout and reference not in late:
                 late.add(reference)
                 ray.cancel(reference, force=True)
-
-
-def _failed(root: Path, shape: Shape, seconds: float, cause: Cause, message: str) -> Record:
-    """Write and return the record of a shape whose process ended."""
-    record = Record(
-        shape.name, shape.path, modified(shape.path), status="failed", cause=cause, message=message, seconds=seconds
-    )
-    write_record(root, record)
-    return record
 
 
 def _task(root: Path, shape: Shape, settings: BatchSettings, threads: int) -> Record:

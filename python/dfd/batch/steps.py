@@ -17,7 +17,7 @@ import numpy as np
 
 import dfd
 from dfd.batch.inputs import Shape
-from dfd.batch.one_edit import EditSource, Original, UnlikeError, carry
+from dfd.batch.one_edit import EditSource, UnlikeError, carry
 from dfd.batch.record import FAILED_EXPORT, Cause, Figure, Record, modified, shape_folder, write_record
 from dfd.batch.settings import BatchSettings
 from dfd.common.errors import one_line
@@ -40,6 +40,7 @@ from dfd.weights.compact import compact
 
 FIELD = "field.safetensors"
 PIXELS = 256  # side of a picture, pixels
+loaded_original = lru_cache(maxsize=16)(EditSource.original)  # a worker loads an edit, its mesh and its field once
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)  # errors of the folder: every other shape would fail too
 
 
@@ -69,8 +70,8 @@ def process(root: Path, shape: Shape, settings: BatchSettings) -> Record:
             cause, message = "input", one_line(error)
         except Exception as error:
             frame = traceback.extract_tb(error.__traceback__)[-1]
-            cause = "error"
-            message = f"{type(error).__name__}: {one_line(error)} ({Path(frame.filename).name}, line {frame.lineno})"
+            where = f"{Path(frame.filename).name}, line {frame.lineno}"
+            cause, message = "error", f"{type(error).__name__}: {one_line(error)} ({where})"
     if cause is not None:
         shutil.rmtree(folder)
         folder.mkdir()
@@ -124,11 +125,8 @@ class _Work:
         counts = topology.inspect(self.mesh)
         found = findings(self.mesh, counts)
         self.write_json("inspect.json", {**asdict(counts), "findings": [asdict(each) for each in found]})
-        self.figures |= {
-            "components": counts.components,
-            "non_manifold_edges": counts.non_manifold_edges,
-            "findings": len(found),
-        }
+        self.figures |= {name: getattr(counts, name) for name in ("components", "non_manifold_edges")}
+        self.figures["findings"] = len(found)
 
     def distill(self) -> None:
         """Distill the field, unless one is given."""
@@ -163,13 +161,12 @@ class _Work:
 
     def edits(self) -> None:
         """Apply every edit that fits and write a picture of its result; the figures name the edits that do not fit."""
+        threshold = self.settings.threshold
         self.carried: dict[str, Deformer] = {}
         for source in self.settings.edits:
             original, name = loaded_original(source), source.name
             try:
-                found = carry(
-                    original, self.mesh, self.field, threshold=self.settings.threshold, features=self.session.features
-                )
+                found = carry(original, self.mesh, self.field, threshold=threshold, features=self.session.features)
             except ValueError as error:  # the shape is too different, or lacks a part or region of the edit
                 sure = min(error.confidence.values()) if isinstance(error, UnlikeError) else 0.0
                 self.figures |= {f"{name}_confidence": sure, f"{name}_refused": str(error)}
@@ -215,12 +212,6 @@ def loaded_encoder(name: str, device: str, **options: Any) -> Any:
     from dfd.encoders.encode import load_encoder
 
     return load_encoder(name, device=device, **options)
-
-
-@lru_cache(maxsize=16)
-def loaded_original(source: EditSource) -> Original:
-    """Return an edit of the batch with its mesh and field, which a worker loads once."""
-    return source.original()
 
 
 def _export(path: Path, deformer: Deformer) -> None:

@@ -86,7 +86,7 @@ def batch(
 
     shapes = find_shapes(inputs)
     steps = _listed(step)
-    chosen = [*([] if preset is None else [f"preset={preset}"]), *(distill or [])]
+    chosen = ([] if preset is None else [f"preset={preset}"]) + (distill or [])
     try:
         settings = BatchSettings(
             steps=tuple(steps),  # type: ignore[arg-type]  # checked there
@@ -102,7 +102,7 @@ def batch(
         raise ValueError(f"{first.get('ctx', {}).get('error', first['msg'])}") from None
     import_ray()  # before anything is written
     begin_folder(output, settings)
-    stages = Stages()
+    stages, resources = Stages(), Resources(address, workers, threads, gpus, timeout)
     try:
         with stages.stage("shapes", len(shapes)) as advance:
 
@@ -111,7 +111,6 @@ def batch(
                 if record.cause is not None:
                     say(f"{record.name} failed: {CAUSES[record.cause]}: {record.message}")
 
-            resources = Resources(address, workers, threads, gpus, timeout)
             records = run_batch(shapes, settings, output.absolute(), resources, retry=retry, tell=tell)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"the same command resumes; finished shapes are in {output}") from None

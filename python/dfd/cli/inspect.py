@@ -5,17 +5,13 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from typer import Option
 
 from dfd.cli import options
 from dfd.cli.arguments import check_output, open_field
 from dfd.cli.errors import say
-
-if TYPE_CHECKING:
-    from dfd.field.field import Field
-    from dfd.mesh.mesh import Mesh
 
 
 def inspect(
@@ -28,12 +24,13 @@ def inspect(
     force: options.Force = False,
 ) -> None:
     """Describe MESH: its size, its defects, and which way is up."""
-    from dfd import load
+    from dfd import load, symmetry_planes
     from dfd.common.files import plain
     from dfd.encoders.encode import load_encoder
     from dfd.encoders.known import DEFAULT_ENCODER
     from dfd.geometry import topology
     from dfd.geometry.findings import findings
+    from dfd.symmetry.plane import plane_text
     from dfd.upright.candidates import check_up, explicit_up, file_up
     from dfd.upright.find_up import find_up
 
@@ -59,31 +56,18 @@ def inspect(
         f"up: {found.sentence}",
         *(f"odd: {finding.what} {finding.means}" for finding in odd),
     ]
-    if field is not None and opened is not None:
-        told, more = _of_field(field, opened, shape)
-        report |= told
-        lines += more
+    if opened is not None:
+        settings = {name: value for name, value in opened.settings.items() if name != "losses"}
+        planes = symmetry_planes(opened, shape)
+        report["field"] = {"file": str(field), "dimension": opened.dimension, "settings": settings}
+        report["symmetry_planes"] = [asdict(plane) for plane in planes]
+        made = "".join(f", {settings[name]}" for name in ("encoder", "preset") if name in settings)
+        lines.append(f"field: {field}, {opened.dimension} dimensions{made}")
+        scores = [
+            f"{plane_text(each)} (score {each.score:.3f}, {each.relative_score:.0%} of chance)" for each in planes
+        ]
+        lines.append(f"symmetry planes: {', '.join(scores) or 'none'}")
     say(json.dumps(report, indent=2, default=plain) if as_json else "\n".join(lines), result=True)
-
-
-def _of_field(path: Path, field: Field, shape: Mesh) -> tuple[dict[str, Any], list[str]]:
-    """Return the part of the report about the field and the symmetry planes, and the lines for people."""
-    from dfd import symmetry_planes
-    from dfd.symmetry.plane import plane_text
-
-    settings = {name: value for name, value in field.settings.items() if name != "losses"}
-    planes = symmetry_planes(field, shape)
-    report = {
-        "field": {"file": str(path), "dimension": field.dimension, "settings": settings},
-        "symmetry_planes": [asdict(plane) for plane in planes],
-    }
-    made = "".join(f", {settings[name]}" for name in ("encoder", "preset") if name in settings)
-    scores = [(plane_text(each), f"score {each.score:.3f}, {each.relative_score:.0%} of chance") for each in planes]
-    lines = [
-        f"field: {path}, {field.dimension} dimensions{made}",
-        f"symmetry planes: {', '.join(f'{plane} ({score})' for plane, score in scores) or 'none'}",
-    ]
-    return report, lines
 
 
 def parts(

@@ -46,7 +46,7 @@ def export_parts(mesh: Mesh, parts: Sequence[Part], path: str | os.PathLike[str]
             temporary.write_bytes(encode_groups(mesh.vertices, mesh.faces, uv, groups))
     else:
         document = GltfDocument(mesh)
-        for node, _ in document.parts():
+        for node in document.parts():
             _split(document, node, of_vertex)
         document.write(target)
 
@@ -58,7 +58,7 @@ def _most(corners: Int64) -> Int64:
 
 def _split(document: GltfDocument, node: int, of_vertex: Int64) -> None:
     """Replace each primitive of a node by one for each part, with the same attributes and its own material."""
-    content, known = document.own_mesh(node), dict(document.parts())[node]
+    content, known = document.own_mesh(node), document.parts()[node]
     of_number = {each.source[2]: each for each in known}
     split: list[Header] = []
     for number, primitive in enumerate(content["primitives"]):

@@ -15,7 +15,7 @@ from dfd.export.gltf.export_gltf import export_gltf
 from dfd.export.gltf.skin import MOST_JOINTS, parts_with_deformers
 from dfd.export.key_poses import KeyPose, checked_poses
 from dfd.export.report import RigReport, report_of
-from dfd.export.rig import Rig, rig_of
+from dfd.export.rig import rig_of
 from dfd.export.skinning import Difference
 from dfd.mesh.file.write import write
 from dfd.mesh.mesh import Mesh
@@ -79,8 +79,12 @@ def export_rig(
     if form == "baked" and moments:
         raise ArgumentError("poses", "must be left out for 'baked', which does not move", "export_rig")
     rig = rig_of(session, moments)
-    if form == "skin":
-        _check_joints(rig)
+    joints = len(rig.joints) if form == "skin" else None
+    if joints == rig.default + 1:
+        raise ArgumentError("session", "must have a handle, got none: there would be no joint to pose", "export_rig")
+    if joints is not None and joints > MOST_JOINTS:
+        why = f"must have at most {MOST_JOINTS} joints with the root's, got {joints}"
+        raise ArgumentError("session", why, "export_rig")
     if form == "baked":
         mesh = session.mesh
         lost = write(target, session.vertices, mesh.faces, appearance=mesh.appearance, scene=mesh.scene)
@@ -113,9 +117,8 @@ def form_for(mesh: Mesh, path: Path, form: Form | None) -> tuple[Form, tuple[str
     for kept, refused, others in ((skinned, "skin", "'morph' or 'baked'"), (morphed, "morph", "'skin' or 'baked'")):
         if kept is not None and form == refused:
             what = "a skin" if form == "skin" else "morph targets"
-            raise ArgumentError(
-                "form", f"must be {others} for a mesh with {what}: part {kept!r} has its own", "export_rig"
-            )
+            why = f"must be {others} for a mesh with {what}: part {kept!r} has its own"
+            raise ArgumentError("form", why, "export_rig")
     return form, ()
 
 
@@ -128,12 +131,3 @@ def _most(influences: int | str | None) -> int | None:
             raise ArgumentError("influences", f"must be a whole number or 'all', got {influences!r}", "export_rig")
         return None
     return check.whole("export_rig", "influences", influences, minimum=1)
-
-
-def _check_joints(rig: Rig) -> None:
-    if len(rig.joints) == rig.default + 1:
-        raise ArgumentError("session", "must have a handle, got none: there would be no joint to pose", "export_rig")
-    if len(rig.joints) > MOST_JOINTS:
-        raise ArgumentError(
-            "session", f"must have at most {MOST_JOINTS} joints with the root's, got {len(rig.joints)}", "export_rig"
-        )

@@ -40,50 +40,35 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
     Raises ValueError if the file ending is not supported, or the session has no handle. Raises OSError if the file
     cannot be written; an existing file stays unchanged.
     """
-    target = Path(path)
+    target, edit, mesh = Path(path), session.edit, session.mesh
     ending = check.ending("export_weights", "path", target, ENDINGS)
-    if not session.edit.handles:
+    if not edit.handles:
         raise ArgumentError("session", "must have a handle, got none: there would be no weights", "export_weights")
-    arrays, texts = _arrays(session), _texts(session)
-    texts["names"] = json.dumps(_names(session))
+    weights, columns = session.bound.columns(edit)
+    held = [(column, edit.handles[column.handle]) for column in columns]
+    names = UniqueNames()  # a number is added for each further counterpart
+    arrays: dict[str, np.ndarray[Any, Any]] = {
+        "vertices": session.bound.bent(edit).copy(),
+        "faces": mesh.faces.copy(),
+        "weights": np.ascontiguousarray(weights, np.float32),
+        "transforms": np.array([column.matrix(handle) for column, handle in held]),
+        "handles": np.array([column.counterpart.position for column, handle in held]),
+        "handle_ids": np.array([handle.id for _, handle in held], np.int64),
+        "default": np.eye(3, 4)
+        if edit.default is None
+        else np.ascontiguousarray(edit.default.matrix(box_center(mesh))),
+    }
+    texts = {
+        "format": FORMAT,
+        "version": str(VERSION),
+        "edit": json.dumps(to_document(edit, mesh)),
+        "field": json.dumps(session.field.settings, default=str),
+        "mesh": mesh.content_hash,
+        "names": json.dumps([names.unique(handle.name or f"handle {handle.id}") for _, handle in held]),
+    }
     with atomic_write(target) as temporary:
         if ending == ".safetensors":
             temporary.write_bytes(save_safetensors(arrays, metadata=texts))
         else:
             with temporary.open("wb") as stream:
                 np.savez_compressed(stream, **arrays, **{name: np.array(text) for name, text in texts.items()})  # type: ignore[arg-type]
-
-
-def _arrays(session: Deformer) -> dict[str, np.ndarray[Any, Any]]:
-    edit = session.edit
-    weights, columns = session.bound.columns(edit)
-    held = [edit.handles[column.handle] for column in columns]
-    default = np.eye(3, 4) if edit.default is None else edit.default.matrix(box_center(session.mesh))
-    return {
-        "vertices": session.bound.bent(edit).copy(),
-        "faces": session.mesh.faces.copy(),
-        "weights": np.ascontiguousarray(weights, np.float32),
-        "transforms": np.array([column.matrix(handle) for column, handle in zip(columns, held, strict=True)]),
-        "handles": np.array([column.counterpart.position for column in columns]),
-        "handle_ids": np.array([handle.id for handle in held], np.int64),
-        "default": np.ascontiguousarray(default),
-    }
-
-
-def _names(session: Deformer) -> list[str]:
-    """Return a name for each column: its handle's, with a number for each further counterpart."""
-    names = UniqueNames()
-    handles = session.edit.handles
-    columns = session.bound.columns(session.edit)[1]
-    named = (handles[column.handle] for column in columns)
-    return [names.unique(handle.name or f"handle {handle.id}") for handle in named]
-
-
-def _texts(session: Deformer) -> dict[str, str]:
-    return {
-        "format": FORMAT,
-        "version": str(VERSION),
-        "edit": json.dumps(to_document(session.edit, session.mesh)),
-        "field": json.dumps(session.field.settings, default=str),
-        "mesh": session.mesh.content_hash,
-    }

@@ -15,7 +15,7 @@ from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
-from dfd.editing.edit import Edit, Handle
+from dfd.editing.edit import Edit
 from dfd.posing.transforms import Transform
 
 
@@ -66,11 +66,8 @@ def checked_poses(function: str, poses: Sequence[KeyPose], edit: Edit) -> tuple[
 
 def posed_edit(edit: Edit, pose: KeyPose) -> Edit:
     """Return `edit` with the transforms of `pose`."""
-
-    def posed(handle: Handle) -> Handle:
-        return replace(handle, transform=pose.transforms.get(handle.id, Transform()))
-
-    return replace(edit, handles=tuple(posed(handle) for handle in edit.handles))
+    handles = (replace(each, transform=pose.transforms.get(each.id, Transform())) for each in edit.handles)
+    return replace(edit, handles=tuple(handles))
 
 
 _STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -61,13 +61,12 @@ def report_of(
     notes: tuple[str, ...] = (),
 ) -> RigReport:
     """Return the report of a rig in a file that deviates from `dfd.pose` by `difference`."""
-    skinned: dict[str, Any] = {}
+    where: dict[str, Any] = {**vars(difference), "size": rig.mesh.diagonal, "targets": targets}
     if skin is not None:
-        skinned = {"joints": len(rig.joints), "influences": skin.joints.shape[1]}
-        skinned |= {"pruned": skin.pruned, "normalized": skin.normalized}
+        where |= {"joints": len(rig.joints), "influences": skin.joints.shape[1]}
+        where |= {"pruned": skin.pruned, "normalized": skin.normalized}
         if rig.edit.blending != "linear":
             notes += (f"the edit blends as {rig.edit.blending}, and a skin linearly",)
         if any(handle.transform.bends for _, edit in rig.moments() for handle in edit.handles):
             notes += ("what is bent or twisted is not in a skin: 'morph' and 'baked' have it",)
-    where = {**asdict(difference), "size": rig.mesh.diagonal}
-    return RigReport(path=path, form=form, targets=targets, notes=notes, **skinned, **where)
+    return RigReport(path=path, form=form, notes=notes, **where)

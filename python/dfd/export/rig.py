@@ -87,45 +87,32 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
     """
     edit = session.edit
     weights, columns = session.bound.columns(edit)
-    names = UniqueNames()
-    center = box_center(session.mesh)
-    far = far_origin(session.mesh.vertices)
+    names, center, far = UniqueNames(), box_center(session.mesh), far_origin(session.mesh.vertices)
     origin = np.zeros(3) if far is None else far
     joints = [Joint(names.unique("root"), None, center, origin, np.eye(3), np.eye(4))]
     if edit.default is not None:
         pivot = np.asarray(center if edit.default.pivot is None else edit.default.pivot)
         joints.append(Joint(names.unique("default"), None, center, pivot, _frame([edit.default]), np.eye(4)))
     default = len(joints) - 1
-    of_column: list[int] = []
-    mirrored: list[bool] = []
+    plane, of_column, mirrored = edit.symmetry, list[int](), list[bool]()
     moves = {
         handle.id: [handle.transform, *(pose.transforms[handle.id] for pose in poses if handle.id in pose.transforms)]
         for handle in edit.handles
     }
     for number, column in enumerate(columns):
         handle = edit.handles[column.handle]
-        name = handle.name or f"handle {handle.id}"
-        carry = _carry(column, handle)
-        for mirror in (False,) if edit.symmetry is None else (False, True):
-            image = edit.symmetry.reflection @ carry if mirror and edit.symmetry is not None else carry
+        name, pivot = handle.name or f"handle {handle.id}", np.asarray(handle.pivot)
+        carry, frame = _carry(column, handle), _frame(moves[handle.id])
+        # A column on the negative side of the plane acts there, and its mirror image on the other side.
+        below = plane is not None and bool(np.dot(column.counterpart.position, plane.normal) < plane.offset)
+        for mirror in (False,) if plane is None else (False, True):
+            image = plane.reflection @ carry if plane is not None and mirror else carry
             named = names.unique(f"{name} mirrored" if mirror else name)
-            frame = _frame(moves[handle.id])
-            joints.append(Joint(named, handle.id, handle.place.position, np.asarray(handle.pivot), frame, image))
+            joints.append(Joint(named, handle.id, handle.place.position, pivot, frame, image))
             of_column.append(number)
-            mirrored.append(mirror ^ _stands_below(edit, column))
-    sides = np.array(mirrored, bool)
-    return Rig(
-        session.mesh,
-        edit,
-        tuple(joints),
-        origin,
-        default,
-        tuple(poses),
-        session,
-        weights,
-        np.array(of_column, int),
-        sides,
-    )
+            mirrored.append(mirror ^ below)
+    of, sides = np.array(of_column, int), np.array(mirrored, bool)
+    return Rig(session.mesh, edit, tuple(joints), origin, default, tuple(poses), session, weights, of, sides)
 
 
 def _frame(transforms: Sequence[Transform]) -> Float64:
@@ -143,14 +130,6 @@ def _carry(column: Column, handle: Handle) -> Float64:
     carry[:3, :3] = own.frame
     carry[:3, 3] = np.asarray(own.position) - own.frame @ np.asarray(handle.place.position)
     return carry
-
-
-def _stands_below(edit: Edit, column: Column) -> bool:
-    """Return whether a column's position is on the negative side of the plane."""
-    plane = edit.symmetry
-    if plane is None:
-        return False
-    return float(np.asarray(column.counterpart.position) @ np.asarray(plane.normal)) < plane.offset
 
 
 def _side(plane: SymmetryPlane, points: Float64) -> Float64:

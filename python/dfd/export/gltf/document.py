@@ -5,7 +5,6 @@ The format: Khronos Group, "glTF 2.0 Specification", 2021.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -51,12 +50,12 @@ class GltfDocument(GltfPatch):
         """Return the mesh's vertex (rows,) of each row of a primitive; -1 for a row without a face."""
         return self.vertex[primitive.rows]
 
-    def parts(self) -> Iterator[tuple[int, list[Primitive]]]:
-        """Yield each node with a displayed mesh, and its primitives."""
+    def parts(self) -> dict[int, list[Primitive]]:
+        """Return the primitives of each node with a displayed mesh."""
         found: dict[int, list[Primitive]] = {}
         for each in self.scene.primitives:
             found.setdefault(each.source[0], []).append(each)
-        yield from found.items()
+        return found
 
     def own_mesh(self, node: int) -> Header:
         """Return the mesh of a node, copied if other nodes share it, with its Draco data decompressed."""
@@ -75,8 +74,9 @@ class GltfDocument(GltfPatch):
 
     def _bound(self, node: int, number: int, primitive: Header) -> None:
         """Add the bounds of positions, which the format requires, where the file has none or compressed them."""
-        accessor = self.header["accessors"][int(primitive["attributes"]["POSITION"])]
-        packed = "bufferView" not in self._source.header["accessors"][int(primitive["attributes"]["POSITION"])]
+        index = int(primitive["attributes"]["POSITION"])
+        accessor, before = self.header["accessors"][index], self._source.header["accessors"][index]
+        packed = "bufferView" not in before
         if accessor["componentType"] == FLOAT and (packed or not accessor.keys() >= LIMITS.keys()):
             values = self.values(node, number, "POSITION")
             assert values is not None

@@ -47,21 +47,15 @@ def targets_of(rig: Rig) -> MorphTargets:
     if rig.poses:
         poses = list(rig.moments())
         return MorphTargets([name for name, _ in poses], [rig.posed(edit) for _, edit in poses], np.eye(len(poses)))
-    names: list[str] = []
-    edits: list[tuple[int | None, Edit]] = []
-    for joint in rig.joints:
-        handle = next((each for each in rig.edit.handles if each.id == joint.handle), None)
-        if handle is not None and not handle.transform.rests and handle.id not in [each[0] for each in edits]:
-            names.append(joint.name)
-            edits.append((handle.id, _alone(rig.edit, handle.id)))
+    names = {joint.handle: joint.name for joint in reversed(rig.joints)}  # of the first joint of each handle
+    moving = [each.id for each in rig.edit.handles if each.id in names and not each.transform.rests]
+    edits = {names[handle]: _alone(rig.edit, handle) for handle in moving}
     if rig.edit.default is not None and not rig.edit.default.rests:
-        names.append("default")
-        edits.append((None, replace(_alone(rig.edit, None), default=rig.edit.default)))
+        edits["default"] = replace(_alone(rig.edit, None), default=rig.edit.default)
     if not edits:
-        raise ArgumentError(
-            "session", "must move a handle for a morph target to show, got only handles at rest", "export_rig"
-        )
-    return MorphTargets(names, [rig.posed(edit) for _, edit in edits], np.ones((1, len(edits))))
+        why = "must move a handle for a morph target to show, got only handles at rest"
+        raise ArgumentError("session", why, "export_rig")
+    return MorphTargets(list(edits), [rig.posed(edit) for edit in edits.values()], np.ones((1, len(edits))))
 
 
 def add_targets(document: GltfDocument, rig: Rig, targets: MorphTargets) -> list[int]:
@@ -72,7 +66,7 @@ def add_targets(document: GltfDocument, rig: Rig, targets: MorphTargets) -> list
     before = [each.geometry.normals for each in document.scene.primitives]
     number_of = {id(each): number for number, each in enumerate(document.scene.primitives)}
     nodes = []
-    for node, primitives in document.parts():
+    for node, primitives in document.parts().items():
         mesh = document.own_mesh(node)
         known = {each.source[2]: each for each in primitives}
         done: dict[int, list[Header]] = {}

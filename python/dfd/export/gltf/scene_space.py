@@ -17,11 +17,8 @@ _TRANSFORM = ("matrix", "translation", "rotation", "scale")
 
 def animated_nodes(header: Header) -> set[object]:
     """The nodes that animations of the file move, turn or scale."""
-    targets = [
-        channel.get("target")
-        for animation in objects(header, "animations")
-        for channel in objects(animation, "channels")
-    ]
+    channels = (each for animation in objects(header, "animations") for each in objects(animation, "channels"))
+    targets = (channel.get("target") for channel in channels)
     return {each.get("node") for each in targets if isinstance(each, dict) and each.get("path") != "weights"}
 
 

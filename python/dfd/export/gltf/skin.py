@@ -40,7 +40,7 @@ def left_behind(document: GltfDocument) -> list[str]:
     parent = parents(document.header)
     moved = animated_nodes(document.header)
     found = []
-    for node, primitives in document.parts():
+    for node, primitives in document.parts().items():
         above: int | None = node
         while above is not None and above not in moved:
             above = parent.get(above)
@@ -69,10 +69,10 @@ def add_skin(document: GltfDocument, rig: Rig, skin: Skin) -> list[int]:
     number = document.append("skins", content | {"inverseBindMatrices": document.accessor(skin.binds)})
     shift = np.eye(4)
     shift[:3, 3] = -rig.origin
-    for node, primitives in document.parts():
+    for node, primitives in document.parts().items():
         bring_to_scene(document, node, shift @ primitives[0].transform)
         _weigh(document, node, primitives, skin, rig)
-    for node, _ in document.parts():
+    for node in document.parts():
         document.header["nodes"][stand_alone(document, node)]["skin"] = number
     document.header["scenes"][document.header["scene"]]["nodes"].append(joints[0])
     return joints
