@@ -48,7 +48,7 @@ def test_unknown_precision_and_device_are_refused(dinov2: Saved) -> None:
     with pytest.raises(ValueError, match="`precision` must be one of auto, float32, bfloat16, got 'half'"):
         load_encoder(dinov2.folder, precision="half")
     for device in ("abacus", "cuda:99"):
-        with pytest.raises(ValueError, match=f"`device` must be one that torch can use, got '{device}'"):
+        with pytest.raises(ValueError, match=f"`device` must be a usable torch device, got '{device}'"):
             load_encoder(dinov2.folder, device=device)
 
 
