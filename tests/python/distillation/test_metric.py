@@ -114,7 +114,7 @@ def test_damaged_metrics_are_refused(metric: Metric, tmp_path: Path) -> None:
     path = tmp_path / "metric.safetensors"
     metric.save(path)
     path.write_bytes(path.read_bytes()[:-10])
-    with pytest.raises(ValueError, match=r"^Metric\.load: .* is no whole \.safetensors file"):
+    with pytest.raises(ValueError, match=r"^Metric\.load: .* is not a complete \.safetensors file"):
         Metric.load(path)
     save_file({"height": np.zeros(3, np.float32)}, path)
     with pytest.raises(ValueError, match="does not hold dfd metric 3"):
