@@ -86,7 +86,7 @@ def test_thickness_sets_rows_apart_that_look_alike(metric: Metric, features: np.
 
 def test_kinds_are_what_the_twin_says(kinds: Kinds, features: np.ndarray) -> None:
     before = features.copy()
-    rows = kinds.likely(features, features.mean(axis=0))
+    rows = kinds.root_probabilities(features, features.mean(axis=0))
     arrays = (kinds.hidden, kinds.hidden_bias, kinds.output, kinds.output_bias)
     twin = reference.kinds_of_parts(features, features.mean(axis=0, dtype=np.float64), *arrays)
     np.testing.assert_allclose(rows, twin, atol=1e-5)
