@@ -61,14 +61,14 @@ def test_planes_as_people_write_them(text: str, normal: tuple, offset: float | N
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("w", "must be like x, x=0.1 or 0.6,0,0.8=0.1, got 'w'"),
+        ("w", "must have the form x, x=0.1 or 0.6,0,0.8=0.1, got 'w'"),
         ("", "must be like"),
         ("x=", "must be like"),
         ("x=a", "must be like"),
         ("1,2=0", "must be like"),
         ("1,2,3", "must be like"),
         ("x=1=2", "must be like"),
-        ("0,0,0=1", "must name a direction that has a length, got '0,0,0=1'"),
+        ("0,0,0=1", "must have a normal other than 0, got '0,0,0=1'"),
         ("x=nan", "must have finite numbers"),
         ("1,inf,0=1", "must have finite numbers"),
     ],
