@@ -32,7 +32,7 @@ class Up:
     frame: Float64  # (3, 3)
     # Probability, in [0, 1], that the axis of this direction, or a nearly parallel axis, is upright; 1 if given.
     confidence: float
-    # "said" if the user gave it; "file" if +y is the likeliest, or +y with confidence 0; "found" if another direction is
+    # "said" if the user gave it; "file" if +y is the likeliest, or +y with confidence 0; "found" if another axis is
     # the likeliest; "averaged" if the axis is uncertain, so that the features of two directions are concatenated.
     source: Literal["said", "file", "found", "averaged"]
     # `shared` and `shares` are None if pictures are rendered for `frame` only.
