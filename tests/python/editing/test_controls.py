@@ -228,11 +228,7 @@ def test_odd_controls_are_refused_by_name(session, given, message):
 @pytest.mark.parametrize(
     ("verb", "given", "message"),
     [
-        (
-            "add",
-            "stretch",
-            "'stretch' is not a motion or control of a handle; choose from translation, .*, reach, falloff",
-        ),
+        ("add", "stretch", "is not a motion or control of a handle; choose from translation, .*, reach, falloff"),
         ("add", "translate", "did you mean translation"),
         ("move", "rotate", "'rotate' is not a motion of a handle; .*did you mean rotation"),
         ("change", "reech", "'reech' is not a control of a handle; .*did you mean reach"),

@@ -65,9 +65,7 @@ def test_missing_weights_are_refused_unless_they_are_not_used(folder: Path) -> N
     _change(folder, lambda tensors: tensors.pop("embeddings.mask_token"))
     _change(folder, lambda tensors: tensors.pop("encoder.layer.2.norm1.weight"))
     assert np.array_equal(tokens(load_encoder(folder, block=2, device="cpu")), expected)
-    with pytest.raises(
-        ValueError, match=r"lacks 1 tensors of a dinov2 model, such as encoder\.layer\.2\.norm1\.weight"
-    ):
+    with pytest.raises(ValueError, match=r"lacks 1 tensors of a dinov2 .*, such as encoder\.layer\.2\.norm1\.weight"):
         load_encoder(folder)
     _change(folder, lambda tensors: [tensors.pop(name) for name in list(tensors)[1:]])
     with pytest.raises(ValueError, match="lacks .* tensors"):
