@@ -52,7 +52,7 @@ dfd::StridedMatrix<T> strided_matrix(const Array& array, const char* message)
 {
     const auto rows = static_cast<std::int64_t>(array.shape(0)), columns = static_cast<std::int64_t>(array.shape(1));
     std::int64_t down = array.stride(0), beside = array.stride(1);
-    // NumPy may give any stride to a single row or column.
+    // The strides of a single row or column are arbitrary in NumPy.
     if (rows <= 1) down = std::max<std::int64_t>(columns, 1);
     if (columns <= 1) beside = down == 1 ? std::max<std::int64_t>(rows, 1) : 1;
     const bool by_rows = beside == 1 && down >= columns, by_columns = down == 1 && beside >= rows;

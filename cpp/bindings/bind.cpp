@@ -48,7 +48,7 @@ dfd::Features features_of(const Array& array, std::size_t vertex_count, float sc
     return {Layout::bytes, array.data(), vertex_count, 4 * (array.shape(1) - 1), scale};
 }
 
-// Handles or fixed points: int64 vertices (N), copied since other threads may change them, or float32 rows (N, D).
+// Handles or fixed points: float32 rows (N, D), or a copy of int64 vertices (N), which other threads may change.
 struct OwnedPoints {
     std::vector<std::int64_t> vertices;
     dfd::Points points;
@@ -114,7 +114,8 @@ void init_bind(nb::module_& m)
           "falloffs"_a.noconvert().none(), "fixed"_a.noconvert().none(), "fixed_offsets"_a.noconvert().none(),
           "strengths"_a.noconvert().none(), "geodesic"_a.noconvert().none(), "locality"_a.noconvert().none(),
           "out"_a.noconvert(), "threads"_a,
-          "Weights (V, H) of features for handles, (N) vertices or (N, D) rows of which `members` (H) make each, to "
-          "`out`; Eq. 4-7. Features are rows (V, D), bits of float16 in blocks (B, D, 16), or uint8 in blocks "
-          "(B, D / 4 + 1, 16, 4) that stand for `scale` each, the last quad being the squared length.");
+          "Write the weights (V, H) of Eq. 4-7 to `out`. Handles are vertices (N) or rows (N, D); `members` (H) are "
+          "the numbers of consecutive points of each handle. Features are rows (V, D), bits of float16 in blocks "
+          "(B, D, 16), or uint8 in blocks (B, D / 4 + 1, 16, 4) in steps of `scale`, with the squared length as the "
+          "last quad.");
 }

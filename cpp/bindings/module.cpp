@@ -12,17 +12,15 @@ using namespace nb::literals;
 NB_MODULE(_core, m)
 {
     m.doc() = "Kernels of dfd. Arguments have exact types and contiguous rows; `dfd.bind` and `dfd.pose` coerce.";
-    nb::set_leak_warnings(false);  // commands exit without garbage collection; the process frees the objects
-    dfd::kernels();  // so that the import fails if DFD_ISA names no instruction set of this machine
+    nb::set_leak_warnings(false);  // commands exit without garbage collection, and the process frees the objects
+    dfd::kernels();  // throws here, during the import, if DFD_ISA is no instruction set of this machine
     m.def("instruction_set", [] { return dfd::kernels().name; }, "Return the instruction set whose kernels run.");
     m.def("instruction_sets", &dfd::instruction_sets,
-          "Return the instruction sets that this machine has kernels for, the slowest first.");
+          "Return the instruction sets of the kernels that run on this machine, the slowest first.");
     m.def("team_size", &dfd::team_size, "threads"_a, nb::call_guard<nb::gil_scoped_release>(),
-          "Return the size of the OpenMP team that runs a loop on `threads` threads; 0 without a team.");
-    m.def("empty_float32", &make_matrix<float>, "rows"_a, "columns"_a,
-          "Return a new uninitialized array.");
-    m.def("empty_float64", &make_matrix<double>, "rows"_a, "columns"_a,
-          "Return a new uninitialized array.");
+          "Return the size of the OpenMP team that runs a loop on `threads` threads, or 0 if there is no team.");
+    m.def("empty_float32", &make_matrix<float>, "rows"_a, "columns"_a, "Return a new uninitialized array.");
+    m.def("empty_float64", &make_matrix<double>, "rows"_a, "columns"_a, "Return a new uninitialized array.");
     init_bind(m);
     init_field(m);
     init_geodesics(m);

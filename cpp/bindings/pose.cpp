@@ -64,8 +64,8 @@ void define_pose(nb::module_& m)
           "default"_a.noconvert(), "plane"_a.none(), "positive"_a.noconvert().none(), "places"_a.noconvert().none(),
           "mixing"_a.noconvert().none(), "overlap"_a, "blend"_a, "base"_a.noconvert().none(),
           "normals"_a.noconvert().none(), "out"_a.noconvert(), "out_normals"_a.noconvert().none(), "threads"_a,
-          "Vertices (V, 3), moved by weights (V, H), times `mixing` (H, H), and transforms (H, 3, 4), to `out`; "
-          "Eq. 1 and 8.");
+          "Write the vertices (V, 3) of Eq. 1 and 8 to `out`, moved by transforms (H, 3, 4). The weights (V, H) are "
+          "multiplied by `mixing` (H, H) first.");
 }
 
 }  // namespace

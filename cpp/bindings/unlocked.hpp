@@ -7,8 +7,8 @@
 #include <chrono>
 #include <thread>
 
-/// Acquires the interpreter's lock again. An interpreter that shuts down ends the threads that ask for its lock. This
-/// thread's stack holds frames that cannot be unwound, so the thread instead sleeps until the process ends.
+/// Acquires the interpreter's lock again. An interpreter that shuts down ends all threads that wait for its lock. The
+/// frames on this thread's stack cannot be unwound, so the thread sleeps until the process ends.
 inline void take_lock(PyThreadState* state)
 {
     try {
@@ -18,8 +18,8 @@ inline void take_lock(PyThreadState* state)
     }
 }
 
-/// Calls `work(poll)` while other Python threads run. Meanwhile, `poll` runs the handlers of signals, such as Ctrl-C's.
-/// If a handler raises, the work stops.
+/// Calls `work(poll)` without the interpreter's lock. `poll` runs the handlers of signals, such as Ctrl-C; if a handler
+/// raises an error, the work stops.
 template <class Work>
 void unlocked(const Work& work)
 {

@@ -14,12 +14,13 @@
 namespace dfd {
 namespace {
 
-// Feature entries per thread. For fewer, a thread takes longer to start than to do its work.
+// Least number of feature entries for a further thread. With fewer, the thread takes longer to start than to work.
 constexpr std::size_t grain_entries = std::size_t{1} << 19;
-constexpr std::size_t streamed_bytes = std::size_t{1} << 22;  // larger results bypass the caches
-constexpr std::size_t streamed_columns = 64;
-constexpr std::size_t most_byte_dimensions = 33'000;          // with more, a squared distance may exceed 32 bits
+constexpr std::size_t streamed_bytes = std::size_t{1} << 22;  // size from which results bypass the caches
+constexpr std::size_t streamed_columns = 64;                  // number of columns from which they bypass the caches
+constexpr std::size_t most_byte_dimensions = 33'000;          // with more, a squared distance can exceed 32 bits
 
+// Returns the value of a float16.
 double value_of(std::uint16_t half)
 {
     const int exponent = half >> 10 & 31, fraction = half & 1023;
@@ -77,7 +78,7 @@ public:
             }
         }
         for (std::size_t p = 0; p < strengths.size(); ++p)
-            if (strengths[p] == 0) offsets_[p] = std::numeric_limits<float>::max();  // no effect at infinity
+            if (strengths[p] == 0) offsets_[p] = std::numeric_limits<float>::max();  // at infinity, it has no effect
         rows = {rows_.data(),   squares_.data(),      quads_.data(),   pairs_.data(),
                 products_fit_.data(), quad_squares_.data(), offsets_.data(), count};
     }
@@ -114,7 +115,7 @@ private:
             put(quads_[quad * group_size + lane], entry & 0xff, k % 4 * 8);
             put(pairs_[(2 * quad + k % 2) * group_size + lane], entry & 0xffff, k % 4 / 2 * 16);
         }
-        quad_squares_[j] = square + 256 * sum;  // since the entries of vertices have an offset of 128
+        quad_squares_[j] = square + 256 * sum;  // the sum corrects the offset of 128 of the vertices' entries
     }
 
     static void put(std::int32_t& word, std::int32_t bits, std::size_t shift)
@@ -122,7 +123,7 @@ private:
         word = static_cast<std::int32_t>(static_cast<std::uint32_t>(word) | static_cast<std::uint32_t>(bits) << shift);
     }
 
-    // For two neighbors, the sum of their products with bytes up to 255 fits into 16 bits.
+    // Largest sum of two neighboring entries for which the sum of their products with bytes up to 255 fits 16 bits.
     static constexpr std::int32_t most_together = 128;
 
     std::size_t dimension_;
@@ -142,7 +143,7 @@ std::vector<Power> powers_of(std::span<const float> locality)
     return powers;
 }
 
-// Reach, falloff and strength of handles and fixed points, if they differ from the paper's.
+// Strengths of fixed points, and reaches and numbers of members of handles, with the paper's values if they are empty.
 struct Shapes {
     std::vector<float> strengths;
     std::vector<Reach> reaches;
@@ -163,7 +164,7 @@ struct Shapes {
         }
         reaches.resize(handle_count, {1, Falloff::linear});
         const auto differs = [](auto value) { return value != 1; };
-        std::replace(strengths.begin(), strengths.end(), 0.0f, 1.0f);  // their points are at infinity
+        std::replace(strengths.begin(), strengths.end(), 0.0f, 1.0f);  // points of strength 0 are at infinity
         shaped |= std::any_of(strengths.begin(), strengths.end(), differs);
         shaped |= std::any_of(members.begin(), members.end(), differs);
     }
@@ -221,7 +222,7 @@ BindRange range_of(const Kernels& kernels, Features::Layout layout)
     }
 }
 
-// Whether results bypass the caches: large contiguous rows, or many columns aligned to cache lines.
+// Returns whether results bypass the caches: large contiguous rows, or many columns aligned to cache lines.
 bool can_stream(const StridedMatrix<float>& weights)
 {
     if (weights.rows * weights.columns * sizeof(float) < streamed_bytes) return false;
@@ -230,7 +231,7 @@ bool can_stream(const StridedMatrix<float>& weights)
            reinterpret_cast<std::uintptr_t>(weights.data) % 64 == 0;
 }
 
-// The kernels accept values slightly out of range, which rounding may produce, and report the valid value -0.
+// Throws if a distance lies outside [0, 1] by more than rounding. The kernels also report the valid value -0.
 void require_shares(const Matrix<const float>& geodesic)
 {
     const std::span<const float> all{geodesic.data, geodesic.rows * geodesic.columns};
@@ -293,7 +294,7 @@ void bind(const Features& features, const Points& handles, const Constraints& co
     parallel_ranges(features.vertex_count, grain, threads, [&](std::size_t worker, std::size_t begin, std::size_t end) {
         faults |= bind_range(job, begin, end, scratch.of(worker));
     }, poll);
-    // Finite features may have a length that overflows. They are valid, and the slow check accepts them.
+    // The kernels also report finite features whose length overflows. They are valid, and the slow check accepts them.
     if ((faults & features_suspect) != 0 && features.layout == Features::Layout::rows)
         require_finite(Matrix<const float>{static_cast<const float*>(features.data), features.vertex_count,
                                            features.dimension},

@@ -9,11 +9,11 @@
 namespace dfd {
 namespace {
 
-constexpr std::size_t grain_points = 8 * field_points;  // for fewer, a thread costs more than its work
+constexpr std::size_t grain_points = 8 * field_points;  // least number of points for a further thread
 
 std::size_t padded(std::size_t outputs) { return (outputs + field_group - 1) / field_group * field_group; }
 
-/// Rearranges (outputs, inputs) as (groups, inputs, 8), with zeros at the end of the last group.
+/// Returns weights (outputs, inputs) as (groups, inputs, 8), with zeros at the end of the last group.
 std::vector<float> grouped(Matrix<const float> weight)
 {
     std::vector<float> result(padded(weight.rows) * weight.columns);
@@ -24,7 +24,7 @@ std::vector<float> grouped(Matrix<const float> weight)
     return result;
 }
 
-/// Views (outputs) as (outputs, 1).
+/// Returns numbers (outputs) as a matrix (outputs, 1).
 Matrix<const float> column(std::span<const float> values) { return {values.data(), values.size(), 1}; }
 
 }  // namespace

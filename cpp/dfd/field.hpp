@@ -20,7 +20,7 @@ struct Layer {
 
 /// The feature field Φ: a multilayer perceptron from points in space to unit features (paper, supplement L).
 ///
-/// The constructor rearranges the weights. Evaluation changes nothing, so threads may share a field.
+/// Threads may share a field.
 class Field {
 public:
     /// @param layers the hidden layers, then the last layer; the first layer has 3 + 6 `octaves` inputs

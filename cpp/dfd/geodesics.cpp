@@ -13,9 +13,10 @@ namespace dfd {
 
 namespace {
 
-// Distances from the source in spacings: up to `near_from` only the mesh counts, beyond `near_to` only the samples.
+// Distances from the source, in sample spacings. Up to `near_from` the distance is that on the mesh, from `near_to` on
+// the one interpolated from samples, and between them a blend of both.
 constexpr double near_from = 1.5, near_to = 3.0;
-constexpr std::size_t grain = 4096;  // vertices
+constexpr std::size_t grain = 4096;  // least number of vertices for a further thread
 
 double smooth_step(double t)
 {
@@ -66,10 +67,10 @@ struct Geodesics::Impl {
     const Surface& coarse() const { return all_samples() ? mesh : sample_surface; }
     Waves& coarse_waves() const { return all_samples() ? *mesh_waves : *sample_waves; }
 
-    /// The distances from one source to all samples and to the vertices near the source.
+    /// The distances of all samples, and of the vertices near the source, from one source.
     struct Reached {
-        std::vector<float> far;  // of each sample, infinite if it is not connected to the source
-        std::vector<std::pair<std::int32_t, double>> near;
+        std::vector<float> far;  // distance of each sample, infinite if it is not connected to the source
+        std::vector<std::pair<std::int32_t, double>> near;  // vertices near the source, and their distances
     };
 
     Reached from(std::int32_t source) const
@@ -100,7 +101,8 @@ struct Geodesics::Impl {
                 const std::int32_t owner = samples.owner[static_cast<std::size_t>(vertex)];
                 if (samples.vertices[static_cast<std::size_t>(owner)] == vertex) wave.offer(owner, distance);
             }
-            // If edges are long, the front may not have reached a sample. It then continues from the reached vertices.
+            // If edges are long, no sample may be near the source. So the front also starts from the owners of all
+            // reached vertices.
             for (const auto& [vertex, distance] : reached.near) {
                 const auto v = static_cast<std::size_t>(vertex);
                 wave.offer(samples.owner[v], distance + samples.to_owner[v]);
@@ -110,7 +112,7 @@ struct Geodesics::Impl {
         return reached;
     }
 
-    /// Returns the distance at a vertex, interpolated from those of the samples around it.
+    /// Returns the distance of a vertex, interpolated from the distances of the samples around it.
     float interpolated(std::size_t vertex, const std::vector<float>& far) const
     {
         const Around& blend = around[vertex];
@@ -143,7 +145,7 @@ struct Geodesics::Impl {
         }
     }
 
-    /// Returns the largest distance that sweeps find; each sweep starts at the farthest vertex of the previous one.
+    /// Returns the largest distance of several sweeps, each from the farthest vertex of the previous sweep.
     double find_extent() const
     {
         constexpr int sweeps = 3;
@@ -204,7 +206,7 @@ void Geodesics::distances(std::span<const std::int64_t> sources, float separate,
         return source >= 0 && static_cast<std::size_t>(source) < vertex_count();
     };
     require(std::all_of(sources.begin(), sources.end(), inside), "geodesics: `sources` must be vertex indices");
-    // A single source splits its vertices among the threads. Several sources are split among the threads.
+    // Several sources are divided among the threads. For a single source, its vertices are.
     const int beside = sources.size() > 1 ? threads : 1, within = sources.size() > 1 ? 1 : threads;
     parallel_ranges(sources.size(), 1, beside, [&](std::size_t, std::size_t begin, std::size_t end) {
         for (std::size_t h = begin; h < end; ++h)

@@ -9,15 +9,15 @@
 
 namespace dfd {
 
-/// Distances along a surface from any of its vertices; the constructor computes what all sources share.
+/// Distances along a surface from any of its vertices; the constructor prepares the data that all sources share.
 ///
-/// A front propagates from vertex to vertex in order of distance. Within a triangle, the distances at two corners give
-/// that of the third, for a point source in the triangle's plane. This is exact on flat surfaces. (M. Novotni, R.
+/// A front propagates from vertex to vertex in order of distance. The distances at two corners of a triangle give the
+/// distance of the third, for a point source in the triangle's plane. This is exact on flat surfaces. (M. Novotni, R.
 /// Klein, "Computing geodesic distances on triangular meshes", WSCG 2002)
 ///
-/// On a large mesh, the front propagates over surface samples at about equal spacing; samples are joined if their
-/// Voronoi cells touch. Near the source, the front also propagates over the mesh itself. Every vertex takes its
-/// distance from a linear fit to the samples around it (moving least squares).
+/// On a large mesh, the front propagates over surface samples with about equal spacing; samples are joined if their
+/// Voronoi cells touch. The distance of a vertex comes from a linear fit to the samples around it (moving least
+/// squares). Near the source, the front propagates over the mesh itself.
 class Geodesics {
 public:
     /// @param vertices (V, 3) finite, of a size of about 1

@@ -12,7 +12,7 @@
 namespace dfd {
 namespace {
 
-// Blended weights per thread. For fewer, a thread takes longer to start than to do its work.
+// Least number of blended weights for a further thread. With fewer, the thread takes longer to start than to work.
 constexpr std::size_t grain_weights = std::size_t{1} << 15;
 
 using Point = Vector3d;
@@ -28,10 +28,9 @@ Point sum(const Point& a, const Point& b) { return {a[0] + b[0], a[1] + b[1], a[
 
 Point difference(const Point& a, const Point& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
 
-/// The displacement change p + shift by which a transform moves a point p, and the transform's polar decomposition
-/// about its place. The displacement is 0 for the identity.
+/// A transform as its displacement, `change` p + `shift` for a point p, and its polar decomposition about `place`.
 struct Displacement {
-    Matrix3d change;  // of the linear part: A - I
+    Matrix3d change;  // linear part minus the identity
     Point shift, place;
     Polar polar;
 };
@@ -46,7 +45,7 @@ Displacement displacement_of(const Affine& transform, const Point& place, Blend 
     return d;
 }
 
-/// H M H for the reflection H of directions.
+/// Returns H M H for the reflection H of directions.
 Matrix3d reflected(const Matrix3d& m, const Matrix3d& reflection)
 {
     Matrix3d half{}, result{};
@@ -71,15 +70,15 @@ Displacement reflected(const Displacement& d, const Mirror& mirror)
     result.place = sum(product(reflection, d.place), across);
     const auto& [w, x, y, z] = d.polar.rotation;
     const Point axis = product(reflection, {x, y, z});
-    result.polar.rotation = {w, -axis[0], -axis[1], -axis[2]};  // a mirrored rotation has the opposite direction
+    result.polar.rotation = {w, -axis[0], -axis[1], -axis[2]};  // a reflection reverses the direction of rotation
     const auto& [xx, yy, zz, yz, zx, xy] = d.polar.stretch;
     const Matrix3d stretch = reflected({xx, xy, zx, xy, yy, yz, zx, yz, zz}, reflection);
     result.polar.stretch = {stretch[0], stretch[4], stretch[8], stretch[5], stretch[2], stretch[1]};
     return result;
 }
 
-/// Negates the rotation's quaternion if its dot product with that of D_0 is negative. The blend then takes the shorter
-/// way.
+/// Negates the rotation's quaternion if its dot product with that of D_0 is negative, so that the blend follows the
+/// shorter rotation.
 void align(Displacement& d, const Displacement& rest)
 {
     double cosine = 0;
@@ -93,18 +92,18 @@ bool stretches(const Displacement& d)
     return std::any_of(d.polar.stretch.begin(), d.polar.stretch.end(), [](double entry) { return entry != 0; });
 }
 
-void append_affine(std::vector<double>& table, const Displacement& d, const Point& center)
+/// Appends the entries of a transform about `center`: an affine transform, or a dual quaternion and, if `stretched`,
+/// the stretch that precedes it.
+void append(std::vector<double>& table, const Displacement& d, const Point& center, Blend blend, bool stretched)
 {
-    const Point shift = sum(d.shift, product(d.change, center));
-    for (std::size_t row = 0; row < 3; ++row) {
-        table.insert(table.end(), &d.change[3 * row], &d.change[3 * row] + 3);
-        table.push_back(shift[row]);
+    if (blend == Blend::linear) {
+        const Point shift = sum(d.shift, product(d.change, center));
+        for (std::size_t row = 0; row < 3; ++row) {
+            table.insert(table.end(), &d.change[3 * row], &d.change[3 * row] + 3);
+            table.push_back(shift[row]);
+        }
+        return;
     }
-}
-
-/// Appends the rigid motion that follows a stretch about the place and, if `stretched`, this stretch, about `center`.
-void append_dual_quaternion(std::vector<double>& table, const Displacement& d, const Point& center, bool stretched)
-{
     const Quaternion& q = d.polar.rotation;
     const Point arm = difference(center, d.place);
     const Point t = sum(rotation_displacement(q, arm), sum(product(d.change, d.place), d.shift));
@@ -122,14 +121,8 @@ void append_dual_quaternion(std::vector<double>& table, const Displacement& d, c
     table.insert(table.end(), shift.begin(), shift.end());
 }
 
-void append(std::vector<double>& table, const Displacement& d, const Point& center, Blend blend, bool stretched)
-{
-    if (blend == Blend::linear) return append_affine(table, d, center);
-    append_dual_quaternion(table, d, center, stretched);
-}
-
-/// Multiplies a table (H, entries) by `mixing`. Weights times the result equal weights times `mixing` times the table,
-/// because blending is linear in the entries.
+/// Multiplies a table (H, entries) by `mixing` (H, H). Blending is linear in the entries, so the effect is that of
+/// weights multiplied by `mixing`.
 void mix(std::vector<double>& table, const Motion& motion, std::size_t entries)
 {
     if (motion.mixing.empty() || table.empty()) return;
@@ -238,9 +231,6 @@ void require_finite_weights(const StridedMatrix<const float>& weights)
             if (!std::isfinite(weights(i, j))) refuse("pose: `weights` must be finite", weights(i, j), {i, j});
 }
 
-PoseRange<float> range_of(const Kernels& kernels, const PoseJob<float>&) { return kernels.pose_float; }
-PoseRange<double> range_of(const Kernels& kernels, const PoseJob<double>&) { return kernels.pose_double; }
-
 }  // namespace
 
 template <class T>
@@ -286,7 +276,9 @@ void pose(const PoseArrays<T>& arrays, const Motion& motion, int threads, const 
     }
 
     const Scratch scratch(threads, pose_scratch(job.handle_count));
-    const PoseRange<T> pose_range = range_of(kernels, job);
+    PoseRange<T> pose_range;
+    if constexpr (sizeof(T) == sizeof(float)) pose_range = kernels.pose_float;
+    else pose_range = kernels.pose_double;
     std::atomic<bool> finite = true;
     const std::size_t grain = (grain_weights / (job.handle_count + 1) / block_size + 1) * block_size;
     parallel_ranges(count, grain, threads, [&](std::size_t worker, std::size_t begin, std::size_t end) {

@@ -10,46 +10,46 @@
 
 namespace dfd {
 
-/// An affine transform: three rows of (linear | translation), mesh units.
+/// An affine transform: three rows of (linear | translation), in mesh units.
 using Affine = std::array<double, 12>;
 
-/// The plane {p : normal·p = offset} of Eq. (8) and the side of each handle.
+/// The mirror plane {p : normal·p = offset} of Eq. (8), and the side of each handle.
 struct Mirror {
-    std::array<double, 3> normal;        // unit length
-    double offset;                       // mesh units
-    double band;                         // half width of the blend band at the plane, mesh units; 0 is a hard cut
-    std::span<const bool> positive;      // (H) whether a handle is on the positive side
+    std::array<double, 3> normal;    // unit length
+    double offset;                   // mesh units
+    double band;                     // half width of the band in which both sides are blended, mesh units; may be 0
+    std::span<const bool> positive;  // (H) whether a handle is on the side to which the normal points
 };
 
-/// How handles move a shape.
+/// Transforms, and the way in which they are blended.
 struct Motion {
     std::span<const Affine> transforms;  // (H) D_k
-    Affine rest;                         // D_0, whose weight is the remainder of 1
+    Affine rest;                         // D_0, whose weight is 1 less the sum of all weights
     std::optional<Mirror> mirror;
     Overlap overlap = Overlap::add;
     Blend blend = Blend::linear;
-    std::span<const std::array<double, 3>> places = {};  // (H) positions of the handles, for other blends than linear
+    std::span<const std::array<double, 3>> places = {};  // (H) positions of the handles, for dual quaternions
     std::span<const double> mixing = {};  // (H, H) row-major factor of the weights; empty for the identity
 };
 
 /// The arrays of one pose; all but `vertices`, `weights` and `posed` may be empty.
 template <class T>
 struct PoseArrays {
-    Matrix<const T> vertices;             // (V, 3) mesh units
-    StridedMatrix<const float> weights;   // (V, H) unitless
-    Matrix<T> posed;                      // (V, 3) result, overwritten; overlaps no input
-    Matrix<const T> base;                 // (V, 3) replaces Eq. (1)'s rest positions as the base of displacements
-    Matrix<const T> normals;              // (V, 3)
-    Matrix<T> posed_normals;              // (V, 3) unit length, transformed by the cofactors of the blended transform
+    Matrix<const T> vertices;            // (V, 3) mesh units
+    StridedMatrix<const float> weights;  // (V, H) unitless
+    Matrix<T> posed;                     // (V, 3) result, overwritten; must not overlap an input
+    Matrix<const T> base;                // (V, 3) to which displacements are added in place of `vertices`
+    Matrix<const T> normals;             // (V, 3)
+    Matrix<T> posed_normals;             // (V, 3) unit length, transformed by the cofactors of the blended transform
 };
 
-/// Moves vertices by the blended transforms of Eq. (1), mirrored across a plane by Eq. (8) if `motion.mirror` is set.
+/// Moves vertices by the blended transforms of Eq. (1), and of Eq. (8) if `motion.mirror` is set.
 ///
-/// A vertex moves by blended displacements about a point of the mesh, so a far origin costs no precision. Identity
-/// transforms leave the bits of every vertex unchanged, unless `overlap` scales the vertex.
+/// Displacements are computed about a vertex of the mesh, so a distant origin costs no precision. Identity transforms
+/// leave a vertex unchanged to the bit, unless `overlap` scales the vertex.
 ///
-/// Dual quaternions blend each transform as a stretch about the handle's position, then a rigid motion. The position of
-/// D_0 is the first vertex. Dual quaternions do not scale a vertex whose weights exceed 1: `paper` acts as `normalize`.
+/// For dual quaternions, a transform is divided into a stretch about the handle's position and a rigid motion. The
+/// position of D_0 is the first vertex. Overlap `paper` is the same as `normalize`.
 ///
 /// @throws std::invalid_argument if shapes disagree, or a value is not finite or too large for T
 /// @throws Stopped if `poll` returned true

@@ -27,7 +27,7 @@ std::vector<std::int32_t> components(std::size_t vertex_count, Matrix<const std:
     };
     const auto join = [&](std::int32_t a, std::int32_t b) {
         a = find(a), b = find(b);
-        // The smaller index is the root, so that components are in the order of their first vertices
+        // The smaller index is the root, so that components are numbered in the order of their first vertices.
         if (a < b) parent[static_cast<std::size_t>(b)] = a;
         else parent[static_cast<std::size_t>(a)] = b;
     };

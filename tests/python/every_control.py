@@ -161,8 +161,8 @@ def _tried(step: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
 
 # What a shape may be refused for: nothing to measure, nothing in a region, counterparts that cannot be told apart.
 REFUSALS = re.compile(
-    "must have a face with an area|must hold a vertex|must be a part of the scene|look the same|cannot both arrive|"
-    "cannot arrive|must leave something|must lie at distinct places|must be free places|"
+    "must have a face with an area|must hold a vertex|must be a part of the scene|look the same|"
+    "cannot move|must leave something|must lie at distinct places|must be free places|"
     "the surface has no normal|as wide as it is long"
 )
 

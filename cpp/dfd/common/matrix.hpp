@@ -16,14 +16,14 @@ struct Matrix {
     bool empty() const { return rows == 0 || columns == 0; }
 };
 
-/// A view of a matrix with contiguous rows or contiguous columns, for weights. A further handle adds a column.
+/// A view of a matrix with contiguous rows or contiguous columns, for weights.
 template <class T>
 struct StridedMatrix {
     T* data = nullptr;
     std::size_t rows = 0;
     std::size_t columns = 0;
-    std::size_t row_stride = 0;     // from an entry to the next entry of its column
-    std::size_t column_stride = 0;  // from an entry to the next entry of its row; one of the strides is 1
+    std::size_t row_stride = 0;     // distance of neighboring entries of a column
+    std::size_t column_stride = 0;  // distance of neighboring entries of a row; one of the strides is 1
 
     StridedMatrix() = default;
     StridedMatrix(T* first, std::size_t r, std::size_t c) : StridedMatrix(first, r, c, c, 1) {}

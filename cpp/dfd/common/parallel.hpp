@@ -15,8 +15,8 @@
 
 namespace dfd {
 
-/// Starts `count` threads, or fewer if the system refuses more. They call copies of `run` with 1, 2, …. `run` must not
-/// throw.
+/// Starts `count` threads, or fewer if the system refuses more. Thread i calls a copy of `run` with i, from 1. `run`
+/// must not throw.
 template <class Run>
 std::vector<std::thread> start_threads(std::size_t count, const Run& run)
 {
@@ -30,26 +30,25 @@ std::vector<std::thread> start_threads(std::size_t count, const Run& run)
 }
 
 #ifdef DFD_OPENMP
-/// Returns the number of threads that can run, at most `workers`, including the calling thread. OpenMP ends the process
-/// if it cannot start a thread of a team. The function therefore first starts and ends the threads by which a team exceeds
-/// all earlier teams of the calling thread.
+/// Returns the number of threads that can run, at most `workers`, including the calling thread.
+///
+/// OpenMP ends the process if it cannot start a thread of a team. If the team is larger than all earlier teams of the
+/// calling thread, its additional threads are therefore started and ended here first.
 inline std::size_t available_workers(std::size_t workers)
 {
-    static thread_local std::size_t had = 1;
-    if (workers <= had) return workers;
-    std::atomic<bool> tried = false;
-    std::vector<std::thread> others =
-        start_threads(workers - had, [&](std::size_t) { tried.wait(false); });  // all at the same time
-    tried = true;
-    tried.notify_all();
+    static thread_local std::size_t largest = 1;
+    if (workers <= largest) return workers;
+    std::atomic<bool> started = false;  // the threads wait, so that all exist at the same time
+    std::vector<std::thread> others = start_threads(workers - largest, [&](std::size_t) { started.wait(false); });
+    started = true;
+    started.notify_all();
     for (std::thread& other : others) other.join();
-    return had += others.size();
+    return largest += others.size();
 }
 #endif
 
-/// Calls `work(worker, task)` for each task of 0 … `count` on an OpenMP team of `workers` threads. The calling thread
-/// is worker 0. The team may be smaller than `workers`. `work` must not throw. A build without OpenMP starts threads for
-/// each call.
+/// Calls `work(worker, task)` for each task in [0, `count`) on at most `workers` threads: an OpenMP team, or new
+/// threads in a build without OpenMP. The calling thread is worker 0. `work` must not throw.
 template <class Work>
 void parallel_for(std::size_t count, std::size_t workers, const Work& work)
 {
@@ -71,10 +70,10 @@ void parallel_for(std::size_t count, std::size_t workers, const Work& work)
 #endif
 }
 
-/// Calls `work(worker, begin, end)` for ranges that cover 0 … `count`, on workers numbered below `threads`. There are
-/// at most `count` / `grain` workers. The length of each range but the last is a multiple of 16. There are several ranges
-/// per worker, so that a slow worker delays the result little. Their length is bounded, so that `poll` is called often.
-/// `work` must not throw. A call on one thread does not use OpenMP, and so is safe in a forked child.
+/// Calls `work(worker, begin, end)` for ranges that cover [0, `count`), on at most `threads` and at most `count` /
+/// `grain` workers. The length of each range but the last is a multiple of 16. Each worker has several ranges, so that a
+/// slow worker hardly delays the result. Ranges are short, so that `poll` is called often. `work` must not throw. With
+/// one thread, OpenMP is not used, so the call is safe in a forked child.
 /// @throws Stopped if `poll` returned true
 template <class Work>
 void parallel_ranges(std::size_t count, std::size_t grain, int threads, const Work& work, const Poll& poll = {})
@@ -101,7 +100,7 @@ void parallel_ranges(std::size_t count, std::size_t grain, int threads, const Wo
     if (stopped) throw Stopped();
 }
 
-/// Returns the size of the OpenMP team that runs a loop on `threads` threads; 0 without a team, as on one thread.
+/// Returns the size of the OpenMP team that runs a loop on `threads` threads, or 0 if there is no team.
 inline int team_size(int threads)
 {
     std::atomic<int> size = 0;

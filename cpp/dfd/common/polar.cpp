@@ -7,7 +7,7 @@
 namespace dfd {
 namespace {
 
-constexpr double rounding = 1e-12;  // a smaller stretch counts as 0
+constexpr double rounding = 1e-12;  // entry of the stretch below which it is set to 0
 
 double dot(const Vector3d& a, const Vector3d& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
@@ -37,8 +37,8 @@ Vector3d beside(const Vector3d& direction, const Vector3d& axis)
     return combined(1, direction, -dot(direction, axis), axis);
 }
 
-/// Sets the columns of U whose singular value is 0: columns of V, made perpendicular to the other columns of U. This
-/// keeps R near the identity.
+/// Sets the columns of U whose singular value is 0 to columns of V, made perpendicular to the other columns of U. So R
+/// stays near the identity.
 void complete(Svd& svd, double largest)
 {
     std::array<bool, 3> known;
@@ -63,16 +63,17 @@ void complete(Svd& svd, double largest)
     if (determinant(svd.v) < 0) svd.u[j] = combined(-1, svd.u[j], 0, svd.u[j]);
 }
 
-/// Returns the decomposition by one-sided Jacobi rotations, which do not change a stretch along the axes.
+/// Returns the singular value decomposition of I + `change` by one-sided Jacobi rotations. A stretch along the axes has
+/// V = I.
 Svd singular_values(const Matrix3d& change)
 {
     Columns a, v{Vector3d{1, 0, 0}, Vector3d{0, 1, 0}, Vector3d{0, 0, 1}};
-    double unit = 1;  // so that no square overflows
+    double unit = 1;  // scale that prevents overflow of squares
     for (const double entry : change) unit = std::max(unit, std::abs(entry));
     for (std::size_t row = 0; row < 3; ++row)
         for (std::size_t column = 0; column < 3; ++column)
             a[column][row] = (change[row * 3 + column] + (row == column ? 1.0 : 0.0)) / unit;
-    constexpr int sweeps = 30;  // far more than three columns need
+    constexpr int sweeps = 30;  // three columns need far fewer
     for (int sweep = 0; sweep < sweeps; ++sweep) {
         bool turned = false;
         for (const auto& [p, q] : {std::pair<std::size_t, std::size_t>{0, 1}, {0, 2}, {1, 2}}) {

@@ -9,14 +9,14 @@ using Matrix3d = std::array<double, 9>;     // row-major
 using Quaternion = std::array<double, 4>;   // w, x, y, z
 using Symmetric3d = std::array<double, 6>;  // xx, yy, zz, yz, zx, xy
 
-/// A linear map as a stretch along perpendicular axes and then a rotation: A = R S.
+/// A linear map A = R S: a stretch along perpendicular axes, followed by a rotation.
 struct Polar {
     Quaternion rotation;  // unit, w >= 0
     Symmetric3d stretch;  // S - I
 };
 
-/// Returns the polar decomposition of I + `change`, with a proper rotation R. If the map mirrors, S mirrors along one
-/// axis or all three; the choice makes R nearest to the identity.
+/// Returns the polar decomposition of I + `change`. If the map mirrors, S mirrors along one axis or all three axes, so
+/// that R is a rotation as near to the identity as possible.
 Polar polar_decomposition(const Matrix3d& change);
 
 /// Returns R p - p for a unit quaternion; exactly 0 for the identity.

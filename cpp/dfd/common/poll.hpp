@@ -5,10 +5,10 @@
 
 namespace dfd {
 
-/// A function that the calling thread calls repeatedly during its work; the result true stops the work.
+/// A function that is called repeatedly, on the calling thread, during the work. If it returns true, the work stops.
 using Poll = std::function<bool()>;
 
-/// Thrown by a call that its `Poll` stops; the call's result is unfinished.
+/// Thrown by a function whose `Poll` has stopped it; its result is incomplete.
 struct Stopped : std::exception {
     const char* what() const noexcept override { return "stopped"; }
 };

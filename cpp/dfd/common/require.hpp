@@ -1,6 +1,6 @@
 #pragma once
 
-// Checks of arguments, which throw std::invalid_argument. `assert` checks internal errors only.
+// Checks of arguments, which throw std::invalid_argument. Internal errors are checked by `assert`.
 
 #include "dfd/common/matrix.hpp"
 
@@ -39,7 +39,7 @@ void require_finite(Matrix<const T> values, const char* operation, const char* n
            {index / values.columns, index % values.columns});
 }
 
-/// Throws unless `rows` has `columns` columns and all its entries are indices below `count`.
+/// Throws if `rows` does not have `columns` columns, or an entry is no index below `count`.
 inline void require_indices(Matrix<const std::int32_t> rows, std::size_t columns, std::size_t count,
                             const char* message)
 {

@@ -18,14 +18,14 @@ struct FreeAligned {
 /// Uninitialized memory with the alignment of the widest vectors.
 using AlignedMemory = std::unique_ptr<void, FreeAligned>;
 
-/// Allocates memory, in large pages if `bytes` is large and the system has them. The system clears and maps each page
-/// at its first access; for small pages, this takes longer than a kernel.
+/// Allocates memory, in large pages if `bytes` is large and the system has them. The system clears each page at its
+/// first access, which takes longer than a kernel if pages are small.
 inline AlignedMemory take_memory(std::size_t bytes)
 {
     constexpr std::size_t line = 64, large_page = std::size_t{1} << 21;
     const bool large = bytes >= 2 * large_page;
     const std::size_t alignment = large ? large_page : line;
-    // Whole pages, so that the last page can be large.
+    // The size is a multiple of the page, so that the last page can be large.
     const std::size_t size = (bytes + alignment - 1) / alignment * alignment;
     const FreeAligned free{std::align_val_t{alignment}};
     AlignedMemory memory(::operator new(size, free.alignment), free);
@@ -35,7 +35,7 @@ inline AlignedMemory take_memory(std::size_t bytes)
     return memory;
 }
 
-/// Memory for each worker, allocated before the workers start.
+/// Scratch memory of each worker, allocated before the workers start.
 class Scratch {
 public:
     Scratch(int workers, std::size_t floats)

@@ -1,5 +1,5 @@
-// Eq. (4-7) for blocks of vertices, one vertex per lane. Every vertex gets the same operations in the same order,
-// whatever its index and whichever other handles are bound.
+// Eq. (4-7) for blocks of vertices, one vertex per lane. The operations on a vertex and their order depend neither on
+// its index nor on other handles.
 
 #include "dfd/kernels/distances.hpp"
 #include "dfd/kernels/falloff.hpp"
@@ -8,11 +8,11 @@
 namespace dfd {
 namespace {
 
-constexpr std::size_t blocks_ahead = 4;       // of features to prefetch
-constexpr std::size_t geodesic_ahead = 1024;  // bytes of each handle's distances to prefetch
-constexpr std::size_t column_ahead = 512;     // bytes of each column to prefetch
+constexpr std::size_t blocks_ahead = 4;       // distance of prefetched features ahead of the present block, in blocks
+constexpr std::size_t geodesic_ahead = 1024;  // distance of prefetched geodesic distances, in bytes
+constexpr std::size_t column_ahead = 512;     // distance of prefetched columns, in bytes
 
-// The number of points whose sums fit into registers.
+// Number of points in a tile, whose sums fit into registers.
 #if defined(__AVX512F__)
 constexpr std::size_t tile = 16;
 #elif defined(__AVX2__) || defined(__ARM_NEON)
@@ -22,7 +22,7 @@ constexpr std::size_t tile = 2;
 #endif
 static_assert(group_size % tile == 0);
 
-// Computes squared distances to `wanted` points from `first` on, and possibly to one more: groups are zero-padded.
+// Computes squared distances to `wanted` points from `first` on, and possibly to one more, which may be padding.
 template <std::size_t Count, class Panel>
 DFD_INLINE void measure(const Panel& panel, const PackedRows& points, std::size_t first, std::size_t wanted,
                         Block* squares)
@@ -54,7 +54,7 @@ DFD_INLINE void put_column(const BindJob& job, std::size_t handle, const Place& 
     }
 }
 
-// Writes contiguous rows without the caches. Entries that do not fill a cache line wait for the next block.
+// Writes contiguous rows in whole cache lines, bypassing the caches. A buffer keeps entries that do not fill a line.
 class LineStream {
 public:
     LineStream(float* to, float* buffer)
@@ -63,7 +63,7 @@ public:
     {
     }
 
-    // The address of the next entries before they are pushed.
+    // Returns the address at which the caller writes the next entries before it calls `push`.
     float* place() const { return buffer_ + pending_; }
 
     DFD_INLINE void push(std::size_t count)
@@ -87,7 +87,8 @@ public:
     void finish() const { copy(buffer_ + skip_, pending_ - skip_, line_ + skip_); }
 
 private:
-    std::size_t skip_, pending_;  // entries of the line that belong to another range; filled entries
+    std::size_t skip_;     // entries of the first line that belong to another range
+    std::size_t pending_;  // filled entries of the buffer, including the skipped ones
     float *line_, *buffer_;
 };
 
@@ -107,10 +108,10 @@ DFD_INLINE void put_rows(const BindJob& job, const Place& place, const float* we
     }
 }
 
-// The invalid values of a range.
+// Signs of invalid input in a range.
 struct Faults {
-    bool suspect = false;
-    Bits largest[parts] = {};  // bits of geodesic distances
+    bool suspect = false;      // whether a feature may not be finite
+    Bits largest[parts] = {};  // the largest geodesic distances, compared as unsigned integers
 
     unsigned sum() const
     {
@@ -129,7 +130,7 @@ struct Faults {
 DFD_INLINE void narrow(const BindJob& job, std::size_t handle, const Place& place, Block& weights, Faults& faults)
 {
     const float* distances = job.geodesic + handle * job.vertex_count + place.begin;
-    prefetch(distances, geodesic_ahead, 1);  // more streams than the hardware prefetches
+    prefetch(distances, geodesic_ahead, 1);  // the hardware does not prefetch so many streams
     float padded[block_size];
     if (place.count < block_size) {
         for (std::size_t lane = 0; lane < block_size; ++lane) padded[lane] = lane < place.count ? distances[lane] : 0;
@@ -138,7 +139,7 @@ DFD_INLINE void narrow(const BindJob& job, std::size_t handle, const Place& plac
     const auto [exponent, products] = job.powers[handle];
     for (std::size_t part = 0; part < parts; ++part) {
         const Float g = load<Float>(distances + part * width);
-        // Compared as integers, the bits of negative numbers and NaN exceed those of every valid distance.
+        // As unsigned integers, the bits of negative numbers and NaN exceed those of all valid distances.
         faults.largest[part] = (Bits)g > faults.largest[part] ? (Bits)g : faults.largest[part];
         const Float x = minimum(maximum(1.0f - g, splat(0.0f)), splat(1.0f));
         if (products < 0) {
@@ -169,8 +170,8 @@ DFD_INLINE Block ones()
     return block;
 }
 
-// `Columns`, and `Local` for geodesic distances, are template parameters. Otherwise every handle of every block would
-// branch on them.
+// Binds a block. `Columns`, and `Local` for geodesic distances, are template parameters, because a branch for each
+// handle of each block costs time.
 template <bool Columns, bool Local, class Panel>
 DFD_INLINE void bind_block(const BindJob& job, const Panel& panel, const Place& place, float* scratch, Faults& faults)
 {
@@ -180,7 +181,7 @@ DFD_INLINE void bind_block(const BindJob& job, const Panel& panel, const Place& 
         Block squares[tile];
         measure<1>(panel, job.points, first, count, squares);
         std::size_t j = 0;
-        if (first < job.fixed_count) {  // the nearest has the largest weight, so one square root suffices
+        if (first < job.fixed_count) {  // the nearest fixed point has the largest weight, so one square root is enough
             for (; j < count && first + j < job.fixed_count; ++j)
                 for (std::size_t part = 0; part < parts; ++part)
                     room.part[part] = minimum(room.part[part], squares[j].part[part]);
@@ -191,7 +192,7 @@ DFD_INLINE void bind_block(const BindJob& job, const Panel& panel, const Place& 
             const std::size_t handle = first + j - job.fixed_count;
             Block weights;
             for (std::size_t part = 0; part < parts; ++part) {
-                // Square roots have a low throughput, so other instructions compute every second one.
+                // Square root instructions have a low throughput, so every second root is computed by products.
                 const Float square = squares[j].part[part];
                 const Float distance = j % 2 == 0 ? sqrt(square) : sqrt_by_products(square);
                 weights.part[part] = maximum(room.part[part] - distance, splat(0.0f));  // Equations (4-6)
@@ -202,8 +203,8 @@ DFD_INLINE void bind_block(const BindJob& job, const Panel& panel, const Place& 
     }
 }
 
-// The same for handles with another reach or falloff, for regions, and for fixed points with a strength below 1. Where
-// reach and strength are 1, the bits are those of the function above.
+// Binds a block for handles with another reach or falloff, for regions, and for fixed points with a strength below 1.
+// For a reach and strength of 1, the result equals that of `bind_block` to the bit.
 template <bool Columns, class Panel>
 DFD_INLINE void bind_shaped_block(const BindJob& job, const Panel& panel, const Place& place, float* scratch,
                                   Faults& faults)

@@ -1,7 +1,7 @@
 #pragma once
 
-// Applies blended transforms to a vertex and its normal. The entries of a transform are its difference from the
-// identity, so that an identity adds exactly 0.
+// Blended transforms of a vertex and its normal. The entries of a transform are differences from those of the identity,
+// so that the identity adds exactly 0.
 
 #include "dfd/kernels/layout.hpp"
 
@@ -38,7 +38,7 @@ DFD_INLINE Vector3<T> scaled(const Vector3<T>& a, Vector<T> factor)
     return {a.x * factor, a.y * factor, a.z * factor};
 }
 
-// Returns a normal scaled to length 1. If its length is 0, as in a flattened part, it keeps the normal `before`.
+// Returns the normal n at unit length, or the normal `before` if the length is 0, as in a flattened part.
 template <class T>
 DFD_INLINE Vector3<T> unit_normal(const Vector3<T>& n, const Vector3<T>& before)
 {
@@ -49,7 +49,7 @@ DFD_INLINE Vector3<T> unit_normal(const Vector3<T>& n, const Vector3<T>& before)
             select(flat, before.z, n.z * scale)};
 }
 
-// Three rows (linear | translation) minus those of the identity.
+// A blended affine transform: three rows (linear | translation) minus those of the identity.
 template <class T>
 struct AffineSum {
     const Vector<T>* entry;
@@ -77,7 +77,7 @@ struct AffineSum {
     }
 };
 
-// The rotation of a quaternion (w - 1, x, y, z) of any length.
+// A blended rotation: the quaternion (w - 1, x, y, z), of any length.
 template <class T>
 struct RotationSum {
     Vector<T> scale, w;  // 1 / length, and the unit quaternion
@@ -87,7 +87,7 @@ struct RotationSum {
     {
         const Vector<T> real = entry[0] + T(1);
         const Vector3<T> imaginary{entry[1], entry[2], entry[3]};
-        // Opposite rotations may cancel; the rest then rotates nothing.
+        // Opposite rotations can cancel. The bound then gives a displacement near 0.
         constexpr T least = sizeof(T) == sizeof(float) ? T(1e-30f) : T(1e-200);
         scale = T(1) / sqrt(maximum(multiply_add(real, real, dot<T>(imaginary, imaginary)), splat(least)));
         w = real * scale;
@@ -104,7 +104,7 @@ struct RotationSum {
     }
 };
 
-// A symmetric matrix minus the identity: xx, yy, zz, yz, zx, xy.
+// A blended stretch: a symmetric matrix minus the identity, as xx, yy, zz, yz, zx, xy.
 template <class T>
 struct StretchSum {
     const Vector<T>* entry;

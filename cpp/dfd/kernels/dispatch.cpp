@@ -28,7 +28,7 @@ std::vector<Kernels> available()
     std::vector<Kernels> found{DFD_KERNELS(baseline)};
 #ifdef DFD_X86_VARIANTS
     __builtin_cpu_init();
-    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) {  // F16C came before both
+    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) {  // such processors have F16C too
         found.push_back(DFD_KERNELS(avx2));
         if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
             __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512dq") &&

@@ -1,6 +1,6 @@
 #pragma once
 
-// Features of a block of vertices, and squared distances from them to feature rows.
+// The features of a block of vertices (a panel), and their squared distances to the feature rows of points.
 
 #include "dfd/kernels/simd.hpp"
 
@@ -9,7 +9,7 @@ namespace {
 
 constexpr std::size_t width = lanes<float>;
 constexpr std::size_t parts = vectors<float>;
-constexpr std::size_t chunk = 128;  // entries summed before the sum joins the total
+constexpr std::size_t chunk = 128;  // entries in a partial sum, which limits rounding errors
 
 typedef std::uint32_t Bits __attribute__((vector_size(vector_bytes)));
 
@@ -34,8 +34,8 @@ DFD_INLINE Float sum_of(std::size_t size, const Add& add)
     return (a + b) + (c + d);
 }
 
-// Squared distances by |a|² + |b|² - 2 a·b at the speed of a matrix product. If cancellation would change a weight
-// visibly, the squared distance is computed again from the differences.
+// Squared distances by |a|² + |b|² - 2 a·b, at the speed of a matrix product. Where cancellation would change a weight
+// visibly, the squared distance is computed again from differences.
 class FloatPanel {
 public:
     FloatPanel(const float* panel, std::size_t dimension) : panel_(panel), dimension_(dimension)
@@ -50,7 +50,7 @@ public:
 
     bool suspect() const
     {
-        Float zero{};  // becomes NaN unless all are finite
+        Float zero{};  // becomes NaN if a square is not finite
         for (std::size_t part = 0; part < parts; ++part) zero += square_.part[part] - square_.part[part];
         return !all(equal(zero, zero));
     }
@@ -82,8 +82,8 @@ public:
             for (std::size_t part = 0; part < parts; ++part) {
                 const Float squares = square_.part[part] + splat(points.squares[first + j]);
                 Float square = multiply_add(splat(-2.0f), total[j][part], squares);
-                // Above this bound, an error of 2e-7 (|a|² + |b|²) in the square is below 2e-6 in the distance.
-                // Beyond a distance of 1, the weight for a reach of 1 is 0.
+                // Above the first bound, an error of 2e-7 (|a|² + |b|²) in the square is below 2e-6 in the distance.
+                // Above the second bound, the weight for a reach of 1 is 0.
                 const Float bound = minimum(0.005f * squares * squares, 1.0f + 1e-6f * squares);
                 const auto far = at_least(square, bound);
                 if (!all(far)) square = select(far, square, squared_difference(rows + j, part));
@@ -134,7 +134,7 @@ public:
         for (std::size_t j = 0; j < Count; ++j) {
             for (std::size_t part = 0; part < parts; ++part) {
                 const Int own = load<Int>(panel_ + (quads_ * block_size + part * width) * 4);
-                // Unsigned, so that invalid squared lengths wrap around without undefined behavior.
+                // The type is unsigned, because invalid squared lengths can overflow.
                 const Bits square = (Bits)own + (Bits)splat(points.quad_squares[first + j]) - 2u * (Bits)sum[j][part];
                 out[j].part[part] = multiply_add(__builtin_convertvector((Int)square, Float), splat(scale_ * scale_),
                                           splat(points.offsets[first + j]));

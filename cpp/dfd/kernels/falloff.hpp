@@ -1,6 +1,6 @@
 #pragma once
 
-// How weights fall off: with distance in feature space up to a reach, and by the powers of Eq. (7).
+// The decrease of weights: with feature distance up to a reach, and by the powers of Eq. (7).
 
 #include "dfd/kernels/simd.hpp"
 

@@ -1,4 +1,4 @@
-// Unit features of points by a small network. It processes 48 points together, so that activations stay in the cache.
+// Unit features of points by a small network. 48 points are evaluated together, so that activations stay in the cache.
 
 #include "dfd/kernels/layout.hpp"
 
@@ -7,7 +7,7 @@
 namespace dfd {
 namespace {
 
-// Outputs and vectors of points that are summed together, as many as fit into registers.
+// Number of outputs and of vectors of points in a tile, whose sums fit into registers.
 #if defined(__AVX512F__)
 constexpr std::size_t tile_outputs = 8, tile_vectors = 3;
 #elif defined(__AVX2__)
@@ -21,15 +21,15 @@ static_assert(field_points % tile_points == 0 && field_group % tile_outputs == 0
 // Activations are (neurons, 48). This is the number of floats from one neuron to the next.
 constexpr std::size_t row = field_points;
 
-// Writes the coordinates, and sines and cosines of each octave: (3 + 6 octaves, 48). The angles of an octave are twice
-// those of the previous one, from which its values are computed. In double, the accumulated error is negligible.
+// Writes the coordinates, and the sines and cosines of each octave: (3 + 6 octaves, 48). The angles double from octave
+// to octave, so their values follow from the previous ones. In double, the accumulated error is negligible.
 void enter(const FieldJob& job, std::size_t begin, std::size_t count, float* out)
 {
     constexpr double quarter_turn = 1.5707963267948966;
     for (std::size_t point = 0; point < field_points; ++point) {
         const double* position = job.points + 3 * (begin + (point < count ? point : count - 1));
         for (std::size_t axis = 0; axis < 3; ++axis) {
-            // Rounded to float, because the network was fitted to the sines of float coordinates.
+            // The coordinate is rounded to float, because the network was fitted to sines of float coordinates.
             const float x = static_cast<float>((position[axis] - job.center[axis]) * job.scale);
             out[axis * row + point] = x;
             double sine = 0, cosine = 1;
@@ -48,7 +48,7 @@ void enter(const FieldJob& job, std::size_t begin, std::size_t count, float* out
     }
 }
 
-// Computes some outputs (outputs, 48) of a linear map for some of the points.
+// Computes a tile of the outputs (outputs, 48) of a linear map.
 template <bool Rectified>
 DFD_INLINE void multiply(const float* weights, const float* bias, std::size_t inputs, const float* in, float* out)
 {
@@ -72,7 +72,7 @@ DFD_INLINE void multiply(const float* weights, const float* bias, std::size_t in
     for (std::size_t o = 0; o < tile_outputs; ++o)
 #pragma GCC unroll 4
         for (std::size_t v = 0; v < tile_vectors; ++v)
-            // This order of operands propagates NaN.
+            // `maximum` returns its second operand if one of them is NaN.
             store(out + o * row + v * lanes<float>, Rectified ? maximum(Float{}, sums[o][v]) : sums[o][v]);
 }
 
@@ -123,7 +123,7 @@ void leave(const FieldLayer& layer, float* values, float* features, std::size_t 
             store(place, load<Float>(place) * factor);
         }
     }
-    constexpr std::size_t columns = 32;  // transposed together
+    constexpr std::size_t columns = 32;  // columns that are transposed together
     float turned[columns * block_size];
     for (std::size_t point = 0; point < count; point += block_size) {
         const std::size_t here = count - point < block_size ? count - point : block_size;

@@ -1,6 +1,6 @@
 #pragma once
 
-// Moves rows in memory to lanes of vectors, and back: rows of any width, and points (N, 3).
+// Conversion of rows in memory to lanes of vectors and back, for rows of any width and for points (N, 3).
 
 #include "dfd/kernels/simd.hpp"
 
@@ -9,7 +9,7 @@
 namespace dfd {
 namespace {
 
-// A vector whose entry i is entry Source(i) of two vectors laid end to end.
+// Returns a vector whose entry i is entry Source(i) of the concatenation of two vectors.
 template <auto Source, class V>
 DFD_INLINE V shuffle(V a, V b)
 {
@@ -19,7 +19,7 @@ DFD_INLINE V shuffle(V a, V b)
     }(std::make_index_sequence<size>());
 }
 
-// Transposes rows to columns. Each round of interleaving moves one bit of the row's index to the lane's index.
+// Transposes rows to columns. Each round interleaves rows, which moves one bit of the row's index to the lane's index.
 DFD_INLINE void transpose(Float (&v)[lanes<float>])
 {
     constexpr std::size_t size = lanes<float>;
@@ -27,7 +27,7 @@ DFD_INLINE void transpose(Float (&v)[lanes<float>])
     for (std::size_t round = 1; round < size; round *= 2) {
         Float next[size];
 #pragma GCC unroll 8
-        for (std::size_t i = 0; i < size / 2; ++i) {  // alternates entries of the first, then of the second halves
+        for (std::size_t i = 0; i < size / 2; ++i) {  // interleaves the first halves, then the second halves
             next[2 * i] = shuffle<[](std::size_t k) { return k / 2 + k % 2 * size; }>(v[i], v[i + size / 2]);
             next[2 * i + 1] = shuffle<[](std::size_t k) { return (size + k) / 2 + k % 2 * size; }>(v[i], v[i + size / 2]);
         }
@@ -52,7 +52,7 @@ DFD_INLINE Float load_part(const float* from, std::size_t count)
 }
 
 constexpr std::size_t line = 64 / sizeof(float);  // floats of a cache line
-constexpr std::size_t few_columns = 4;  // up to this number, single loads are faster than a transposition of vectors
+constexpr std::size_t few_columns = 4;  // number of columns up to which single loads are faster than transpositions
 
 // Writes 16 rows of `columns` numbers, `stride` apart, as (columns, 16). Rows from `count` on repeat the last row.
 DFD_INLINE void rows_to_lanes(const float* rows, std::size_t stride, std::size_t columns, std::size_t count, float* out)
@@ -76,7 +76,7 @@ DFD_INLINE void rows_to_lanes(const float* rows, std::size_t stride, std::size_t
 #pragma GCC unroll 16
             for (std::size_t i = 0; i < size; ++i) {
                 const float* from = rows + (lane + i < count ? lane + i : count - 1) * stride + k;
-                // Sixteen rows are more streams than the hardware prefetches. This prefetches the next block.
+                // The hardware does not prefetch sixteen streams of rows, so the next block is prefetched here.
                 if (k % line == 0) __builtin_prefetch(from + block_size * stride, 0, 2);
                 v[i] = some == size ? load<Float>(from) : load_part(from, some);
             }
@@ -92,13 +92,13 @@ DFD_INLINE void rows_to_lanes(const float* rows, std::size_t stride, std::size_t
     }
 }
 
-constexpr std::size_t quads = lanes<float> / 4;  // of a vector
+constexpr std::size_t quads = lanes<float> / 4;  // number of quads, groups of four lanes, in a vector
 
 // Transposes every quad of four vectors.
 DFD_INLINE void transpose_quads(Float (&v)[4])
 {
     constexpr std::size_t size = lanes<float>;
-    // Entries First and First + 1 of a quad: of both vectors by turns, or side by side.
+    // Entries First and First + 1 of a quad of a and of b: interleaved (`turns`), or a's before b's (`sides`).
     const auto turns = [&]<std::size_t First>(Float a, Float b) __attribute__((always_inline)) {
         return shuffle<[](std::size_t k) { return k / 4 * 4 + First + k % 4 / 2 + k % 2 * size; }>(a, b);
     };
@@ -165,16 +165,16 @@ struct Vector3 {
     Vector<T> x, y, z;
 };
 
-// The next 3 W coordinates of points (N, 3): coordinate Axis of point i is number 3 i + Axis of them.
+// Conversion of W points (W, 3) in memory, W lanes, to three vectors. Number 3 i + k is coordinate k of point i.
 template <class T>
 struct Interleaved {
     static constexpr std::size_t size = lanes<T>;
 
-    // The lambdas capture nothing: clang takes no closure with captures as an argument of a template.
+    // The lambdas capture nothing, because clang accepts no closure with captures as a template argument.
     template <std::size_t Axis>
     static DFD_INLINE Vector<T> axis(Vector<T> a, Vector<T> b, Vector<T> c)
     {
-        // Numbers below 2 W are in a or b.
+        // Numbers below 2 W are in a or b, the others in c.
         constexpr auto from_ab = [](std::size_t i) { return 3 * i + Axis < 2 * size ? 3 * i + Axis : 0; };
         constexpr auto from_c = [](std::size_t i) { return 3 * i + Axis < 2 * size ? i : 3 * i + Axis - size; };
         return shuffle<from_c>(shuffle<from_ab>(a, b), c);

@@ -1,11 +1,11 @@
-// Eq. (1) and (8) for blocks of vertices, one vertex per lane. A vertex moves by its blended displacement.
+// Eq. (1) and (8) for blocks of vertices, one vertex per lane. Each vertex moves by its blended displacement.
 
 #include "dfd/kernels/blend.hpp"
 
 namespace dfd {
 namespace {
 
-// Bytes from the posed vertices to the prefetched ones. With one handle, memory limits the speed.
+// Distance in bytes of prefetched vertices and weights ahead of the present ones. With one handle, memory limits speed.
 constexpr std::size_t vertices_ahead = 1536, weights_ahead = 512;
 
 template <class T>
@@ -21,17 +21,17 @@ DFD_INLINE Vector<T> load_weights(const float* from)
 
 template <class T>
 struct Weights {
-    const float* first;    // of the lane's vertex for handle 0
-    std::size_t stride;    // to the next handle
+    const float* first;  // the weights of the lanes for handle 0
+    std::size_t stride;  // distance to the weights for the next handle
 
     DFD_INLINE Vector<T> operator()(std::size_t k) const { return load_weights<T>(first + k * stride); }
 };
 
-// `remainder` is the weight of D_0, `excess` the amount by which the weights exceed 1.
 template <class T>
 struct Totals {
-    Vector<T> remainder, excess;
-    Vector<T> factor;  // of all weights
+    Vector<T> remainder;  // weight of D_0
+    Vector<T> excess;     // sum of the weights above 1
+    Vector<T> factor;     // factor of all weights
 };
 
 template <class T>
@@ -45,12 +45,12 @@ DFD_INLINE Totals<T> totals(const PoseJob<T>& job, const Weights<T>& weights)
         for (std::size_t k = 0; k < job.handle_count; ++k) sum = multiply_add(weights(k), splat(job.shares[k]), sum);
     }
     const bool paper = job.overlap == Overlap::paper && job.blend == Blend::linear;
-    const bool normalize = job.overlap != Overlap::add && !paper;  // only matrices can have weights whose sum exceeds 1
+    const bool normalize = job.overlap != Overlap::add && !paper;  // quaternions are normalized with `paper` too
     return {maximum(one - sum, zero), paper ? maximum(sum - one, zero) : zero,
             normalize ? one / maximum(sum, one) : one};
 }
 
-// Sums the entries from First to Last, as many as fit into registers.
+// Sums weights times entries, for the entries from First to Last, whose sums fit into registers.
 template <std::size_t First, std::size_t Last, class T, std::size_t Count>
 DFD_INLINE void accumulate(const PoseJob<T>& job, const T* table, const Weights<T>& weights, Vector<T> remainder,
                            Sums<T, Count>& sums)
@@ -80,7 +80,7 @@ DFD_INLINE Sums<T, Kind::count> blended(const PoseJob<T>& job, const T* table, c
     return sums;
 }
 
-// Returns the share of the positive side at each vertex: a step, or a smoothstep over the band.
+// Returns the share of the positive side at each vertex: a smoothstep over the band, or a step without a band.
 template <class T>
 DFD_INLINE Vector<T> positive_share(const PoseJob<T>& job, const Vector3<T>& p)
 {
@@ -100,7 +100,7 @@ struct Lanes {
     T *posed, *posed_normals;
 };
 
-// Poses one vector of vertices; `check` turns NaN when a result is not finite.
+// Poses one vector of vertices; `check` becomes NaN if a result is not finite.
 template <class Kind, class T>
 DFD_INLINE void pose_lanes(const PoseJob<T>& job, const Lanes<T>& at, const Weights<T>& weights, Vector<T>& check)
 {
@@ -119,7 +119,7 @@ DFD_INLINE void pose_lanes(const PoseJob<T>& job, const Lanes<T>& at, const Weig
             sums = blended<Kind>(job, job.positive, weights, remainder);
         } else if (all(below)) {
             sums = blended<Kind>(job, job.negative, weights, remainder);
-        } else {  // every branch gives a lane the same bits
+        } else {  // gives a lane the same bits as the other branches
             sums = blended<Kind>(job, job.negative, weights, remainder);
             const Sums<T, Kind::count> other = blended<Kind>(job, job.positive, weights, remainder);
             for (std::size_t e = 0; e < Kind::count; ++e) {
@@ -168,8 +168,8 @@ DFD_INLINE void pose_block(const PoseJob<T>& job, const Lanes<T>& at, const Weig
     }
 }
 
-// Poses with one handle and no mirror, D_0 or normals. The transform stays in registers, and the weight scales the
-// displacement.
+// Poses with one handle, without mirror plane, D_0 and normals. The transform stays in registers, and its displacement
+// is multiplied by the weight.
 template <class T>
 DFD_INLINE std::size_t pose_single(const PoseJob<T>& job, std::size_t begin, std::size_t end, Vector<T>& check)
 {

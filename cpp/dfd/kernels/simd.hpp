@@ -1,7 +1,7 @@
 #pragma once
 
-// The vector operations of one instruction set. Each variant of the kernels, named by DFD_VARIANT, includes this.
-// Everything has internal linkage, so that the linker cannot mix the instructions of two variants.
+// The vector operations of one instruction set, for the variant of the kernels that DFD_VARIANT names. Everything has
+// internal linkage, so that the linker cannot mix the instructions of two variants.
 
 #include <cstddef>
 #include <cstdint>
@@ -31,7 +31,7 @@ constexpr std::size_t vector_bytes = 16;
 template <class T>
 constexpr std::size_t lanes = vector_bytes / sizeof(T);
 
-// Vectors that hold one entry of every vertex of a block.
+// Number of vectors that hold one entry of each vertex of a block.
 template <class T>
 constexpr std::size_t vectors = block_size / lanes<T>;
 
@@ -63,13 +63,13 @@ DFD_INLINE Float splat(float value) { return value - Float{}; }
 DFD_INLINE Double splat(double value) { return value - Double{}; }
 DFD_INLINE Int splat(std::int32_t value) { return value - Int{}; }
 
-// Four bytes of a target in every lane, as `dot4` takes them.
+// A quad of int8 entries of a point in each lane, for `dot4`.
 struct Quad {
     Int bytes;
     static DFD_INLINE Quad at(const std::int32_t* bytes, const std::int32_t*) { return {splat(*bytes)}; }
 };
 
-// The same with even and odd bytes apart, for products of neighboring bytes that could saturate their 16 bits.
+// The even and the odd entries of a quad, for `dot4` if the sum of two products of neighboring bytes exceeds 16 bits.
 struct WideQuad {
     Int even, odd;
     static DFD_INLINE WideQuad at(const std::int32_t*, const std::int32_t* pairs)
@@ -78,15 +78,15 @@ struct WideQuad {
     }
 };
 
-// Copies any number of entries, for ranges that may be shorter than a vector.
+// Copies `count` entries, which may be fewer than the lanes of a vector.
 template <class T>
 DFD_INLINE void copy(const T* from, std::size_t count, T* to)
 {
     for (std::size_t k = 0; k < count; ++k) to[k] = from[k];
 }
 
-// Prefetches `size` bytes that lie `ahead` bytes after a place; they may lie beyond the end of its array. A write needs
-// a prefetch too, because a core first reads the cache line from memory.
+// Prefetches the `size` bytes that lie `ahead` bytes after a place, which may be beyond the end of the array. Memory to
+// write is prefetched too, because a core reads a cache line before it changes the line.
 template <bool Write = false>
 DFD_INLINE void prefetch(const void* place, std::size_t ahead, std::size_t size)
 {
@@ -96,7 +96,88 @@ DFD_INLINE void prefetch(const void* place, std::size_t ahead, std::size_t size)
         __builtin_prefetch(reinterpret_cast<const void*>(first + line), Write);
 }
 
-// A comparison of two vectors returns a mask register with AVX-512, else a vector.
+// Operations that all x86 instruction sets have, by the intrinsics for the width of their vectors.
+#if defined(__x86_64__)
+
+#if defined(__AVX512F__)
+#define DFD_X86(operation) _mm512_##operation
+typedef __m512 X86Float;
+typedef __m512d X86Double;
+typedef __m512i X86Int;
+#elif defined(__AVX2__)
+#define DFD_X86(operation) _mm256_##operation
+typedef __m256 X86Float;
+typedef __m256d X86Double;
+typedef __m256i X86Int;
+#else
+#define DFD_X86(operation) _mm_##operation
+typedef __m128 X86Float;
+typedef __m128d X86Double;
+typedef __m128i X86Int;
+#endif
+
+// Both return `b` if one of the operands is NaN.
+DFD_INLINE Float maximum(Float a, Float b) { return (Float)DFD_X86(max_ps)((X86Float)a, (X86Float)b); }
+DFD_INLINE Float minimum(Float a, Float b) { return (Float)DFD_X86(min_ps)((X86Float)a, (X86Float)b); }
+DFD_INLINE Double maximum(Double a, Double b) { return (Double)DFD_X86(max_pd)((X86Double)a, (X86Double)b); }
+DFD_INLINE Double minimum(Double a, Double b) { return (Double)DFD_X86(min_pd)((X86Double)a, (X86Double)b); }
+DFD_INLINE Float sqrt(Float a) { return (Float)DFD_X86(sqrt_ps)((X86Float)a); }
+DFD_INLINE Double sqrt(Double a) { return (Double)DFD_X86(sqrt_pd)((X86Double)a); }
+DFD_INLINE void stream(float* to, Float value) { DFD_X86(stream_ps)(to, (X86Float)value); }
+DFD_INLINE void stream_fence() { _mm_sfence(); }
+
+#if defined(__AVX2__)
+DFD_INLINE Float multiply_add(Float a, Float b, Float c)
+{
+    return (Float)DFD_X86(fmadd_ps)((X86Float)a, (X86Float)b, (X86Float)c);
+}
+DFD_INLINE Double multiply_add(Double a, Double b, Double c)
+{
+    return (Double)DFD_X86(fmadd_pd)((X86Double)a, (X86Double)b, (X86Double)c);
+}
+#endif
+
+#else
+
+template <class V>
+DFD_INLINE V maximum(V a, V b) { return a > b ? a : b; }
+template <class V>
+DFD_INLINE V minimum(V a, V b) { return a < b ? a : b; }
+DFD_INLINE void stream(float* to, Float value) { store(to, value); }
+DFD_INLINE void stream_fence() {}
+
+#if defined(__ARM_NEON)
+DFD_INLINE Float multiply_add(Float a, Float b, Float c)
+{
+    return (Float)vfmaq_f32((float32x4_t)c, (float32x4_t)a, (float32x4_t)b);
+}
+DFD_INLINE Double multiply_add(Double a, Double b, Double c)
+{
+    return (Double)vfmaq_f64((float64x2_t)c, (float64x2_t)a, (float64x2_t)b);
+}
+DFD_INLINE Float sqrt(Float a) { return (Float)vsqrtq_f32((float32x4_t)a); }
+DFD_INLINE Double sqrt(Double a) { return (Double)vsqrtq_f64((float64x2_t)a); }
+#else
+DFD_INLINE Float sqrt(Float a)
+{
+    for (std::size_t lane = 0; lane < lanes<float>; ++lane) a[lane] = __builtin_sqrtf(a[lane]);
+    return a;
+}
+DFD_INLINE Double sqrt(Double a)
+{
+    for (std::size_t lane = 0; lane < lanes<double>; ++lane) a[lane] = __builtin_sqrt(a[lane]);
+    return a;
+}
+#endif
+
+#endif
+
+#if !defined(__AVX2__) && !defined(__ARM_NEON)
+DFD_INLINE Float multiply_add(Float a, Float b, Float c) { return a * b + c; }
+DFD_INLINE Double multiply_add(Double a, Double b, Double c) { return a * b + c; }
+#endif
+
+// With AVX-512, a comparison of two vectors returns a mask register, otherwise a vector.
 #if defined(__AVX512F__)
 
 DFD_INLINE __mmask16 at_least(Float a, Float b) { return _mm512_cmp_ps_mask((__m512)a, (__m512)b, _CMP_GE_OQ); }
@@ -113,10 +194,19 @@ DFD_INLINE Double select(__mmask8 mask, Double yes, Double no)
 {
     return (Double)_mm512_mask_blend_pd(mask, (__m512d)no, (__m512d)yes);
 }
-DFD_INLINE Float maximum(Float a, Float b) { return (Float)_mm512_max_ps((__m512)a, (__m512)b); }
-DFD_INLINE Float minimum(Float a, Float b) { return (Float)_mm512_min_ps((__m512)a, (__m512)b); }
-DFD_INLINE Double maximum(Double a, Double b) { return (Double)_mm512_max_pd((__m512d)a, (__m512d)b); }
-DFD_INLINE Double minimum(Double a, Double b) { return (Double)_mm512_min_pd((__m512d)a, (__m512d)b); }
+// Returns the same bits as `sqrt` for values from 2^-60 on, from any estimate within its error bound. The result for
+// smaller values is 2^-30.
+DFD_INLINE Float sqrt_by_products(Float a)
+{
+    const __m512 half = _mm512_set1_ps(0.5f);
+    const __m512 x = _mm512_max_ps((__m512)a, _mm512_set1_ps(0x1p-60f));
+    const __m512 estimate = _mm512_rsqrt14_ps(x);
+    __m512 r = _mm512_mul_ps(x, estimate), h = _mm512_mul_ps(estimate, half);
+    const __m512 error = _mm512_fnmadd_ps(r, h, half);
+    r = _mm512_fmadd_ps(r, error, r);
+    h = _mm512_fmadd_ps(h, error, h);
+    return (Float)_mm512_fmadd_ps(_mm512_fnmadd_ps(r, r, x), h, r);
+}
 
 #else
 
@@ -137,132 +227,38 @@ DFD_INLINE bool all(M mask)
 }
 template <class M, class V>
 DFD_INLINE V select(M mask, V yes, V no) { return mask ? yes : no; }
-#if defined(__AVX2__)
-DFD_INLINE Float maximum(Float a, Float b) { return (Float)_mm256_max_ps((__m256)a, (__m256)b); }
-DFD_INLINE Float minimum(Float a, Float b) { return (Float)_mm256_min_ps((__m256)a, (__m256)b); }
-DFD_INLINE Double maximum(Double a, Double b) { return (Double)_mm256_max_pd((__m256d)a, (__m256d)b); }
-DFD_INLINE Double minimum(Double a, Double b) { return (Double)_mm256_min_pd((__m256d)a, (__m256d)b); }
-#else
-template <class V>
-DFD_INLINE V maximum(V a, V b) { return a > b ? a : b; }
-template <class V>
-DFD_INLINE V minimum(V a, V b) { return a < b ? a : b; }
-#endif
+DFD_INLINE Float sqrt_by_products(Float a) { return sqrt(a); }
 
 #endif
 
-#if defined(__AVX512F__)
-
-DFD_INLINE Float multiply_add(Float a, Float b, Float c) { return (Float)_mm512_fmadd_ps((__m512)a, (__m512)b, (__m512)c); }
-DFD_INLINE Double multiply_add(Double a, Double b, Double c)
-{
-    return (Double)_mm512_fmadd_pd((__m512d)a, (__m512d)b, (__m512d)c);
-}
-DFD_INLINE Float sqrt(Float a) { return (Float)_mm512_sqrt_ps((__m512)a); }
-DFD_INLINE Double sqrt(Double a) { return (Double)_mm512_sqrt_pd((__m512d)a); }
-// Equals `sqrt` to the bit from 2^-60 on, for every estimate within its error bound. Smaller values give 2^-30.
-DFD_INLINE Float sqrt_by_products(Float a)
-{
-    const __m512 half = _mm512_set1_ps(0.5f);
-    const __m512 x = _mm512_max_ps((__m512)a, _mm512_set1_ps(0x1p-60f));
-    const __m512 estimate = _mm512_rsqrt14_ps(x);
-    __m512 r = _mm512_mul_ps(x, estimate), h = _mm512_mul_ps(estimate, half);
-    const __m512 error = _mm512_fnmadd_ps(r, h, half);
-    r = _mm512_fmadd_ps(r, error, r);
-    h = _mm512_fmadd_ps(h, error, h);
-    return (Float)_mm512_fmadd_ps(_mm512_fnmadd_ps(r, r, x), h, r);
-}
 DFD_INLINE Float from_halves(const std::uint16_t* from)
 {
+#if defined(__AVX512F__)
     return (Float)_mm512_cvtph_ps(_mm256_loadu_si256(reinterpret_cast<const __m256i*>(from)));
+#elif defined(__AVX2__)
+    return (Float)_mm256_cvtph_ps(_mm_loadu_si128(reinterpret_cast<const __m128i*>(from)));
+#else
+    typedef std::uint16_t Halves __attribute__((vector_size(vector_bytes / 2)));
+    const Int bits = __builtin_convertvector(load<Halves>(from), Int);
+    // The exponents of float16 and float differ by 112. A multiplication corrects them, also for subnormal numbers.
+    const Int magnitude = (bits & 0x7fff) << 13;
+    return (Float)((Int)((Float)magnitude * splat(0x1p112f)) | ((bits & 0x8000) << 16));
+#endif
 }
+
+// Adds the products of four unsigned bytes with the entries of a quad to each lane of `sum`.
+#if defined(__AVX512F__)
 DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, const Quad& quad)
 {
     return (Int)_mm512_dpbusd_epi32((__m512i)sum, (__m512i)unsigned_bytes, (__m512i)quad.bytes);
 }
-DFD_INLINE void stream(float* to, Float value) { _mm512_stream_ps(to, (__m512)value); }
-DFD_INLINE void stream_fence() { _mm_sfence(); }
-
 #elif defined(__AVX2__)
-
-DFD_INLINE Float multiply_add(Float a, Float b, Float c) { return (Float)_mm256_fmadd_ps((__m256)a, (__m256)b, (__m256)c); }
-DFD_INLINE Double multiply_add(Double a, Double b, Double c)
-{
-    return (Double)_mm256_fmadd_pd((__m256d)a, (__m256d)b, (__m256d)c);
-}
-DFD_INLINE Float sqrt(Float a) { return (Float)_mm256_sqrt_ps((__m256)a); }
-DFD_INLINE Double sqrt(Double a) { return (Double)_mm256_sqrt_pd((__m256d)a); }
-DFD_INLINE Float from_halves(const std::uint16_t* from)
-{
-    return (Float)_mm256_cvtph_ps(_mm_loadu_si128(reinterpret_cast<const __m128i*>(from)));
-}
 DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, const Quad& quad)
 {
     const __m256i neighbors = _mm256_maddubs_epi16((__m256i)unsigned_bytes, (__m256i)quad.bytes);
     return sum + (Int)_mm256_madd_epi16(neighbors, _mm256_set1_epi16(1));
 }
-DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, const WideQuad& quad)
-{
-    const __m256i u = (__m256i)unsigned_bytes;
-    const __m256i even = _mm256_madd_epi16(_mm256_and_si256(u, _mm256_set1_epi16(255)), (__m256i)quad.even);
-    const __m256i odd = _mm256_madd_epi16(_mm256_srli_epi16(u, 8), (__m256i)quad.odd);
-    return sum + (Int)_mm256_add_epi32(even, odd);
-}
-DFD_INLINE void stream(float* to, Float value) { _mm256_stream_ps(to, (__m256)value); }
-DFD_INLINE void stream_fence() { _mm_sfence(); }
-
-#else
-
-DFD_INLINE Float from_halves(const std::uint16_t* from)
-{
-    typedef std::uint16_t Halves __attribute__((vector_size(vector_bytes / 2)));
-    const Int bits = __builtin_convertvector(load<Halves>(from), Int);
-    // The exponents differ by 112. One multiplication corrects them, also for subnormal halves.
-    const Int magnitude = (bits & 0x7fff) << 13;
-    return (Float)((Int)((Float)magnitude * splat(0x1p112f)) | ((bits & 0x8000) << 16));
-}
-
-#if !defined(__ARM_NEON)
-DFD_INLINE Float multiply_add(Float a, Float b, Float c) { return a * b + c; }
-DFD_INLINE Double multiply_add(Double a, Double b, Double c) { return a * b + c; }
-#endif
-
-#if defined(__x86_64__)
-
-DFD_INLINE Float sqrt(Float a) { return (Float)_mm_sqrt_ps((__m128)a); }
-DFD_INLINE Double sqrt(Double a) { return (Double)_mm_sqrt_pd((__m128d)a); }
-DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, const WideQuad& quad)
-{
-    const __m128i u = (__m128i)unsigned_bytes;
-    const __m128i even = _mm_madd_epi16(_mm_and_si128(u, _mm_set1_epi16(255)), (__m128i)quad.even);
-    const __m128i odd = _mm_madd_epi16(_mm_srli_epi16(u, 8), (__m128i)quad.odd);
-    return sum + (Int)_mm_add_epi32(even, odd);
-}
-DFD_INLINE void stream(float* to, Float value) { _mm_stream_ps(to, (__m128)value); }
-DFD_INLINE void stream_fence() { _mm_sfence(); }
-
-#else
-
-#if defined(__ARM_NEON)
-DFD_INLINE Float multiply_add(Float a, Float b, Float c) { return (Float)vfmaq_f32((float32x4_t)c, (float32x4_t)a, (float32x4_t)b); }
-DFD_INLINE Double multiply_add(Double a, Double b, Double c)
-{
-    return (Double)vfmaq_f64((float64x2_t)c, (float64x2_t)a, (float64x2_t)b);
-}
-DFD_INLINE Float sqrt(Float a) { return (Float)vsqrtq_f32((float32x4_t)a); }
-DFD_INLINE Double sqrt(Double a) { return (Double)vsqrtq_f64((float64x2_t)a); }
-#else
-DFD_INLINE Float sqrt(Float a)
-{
-    for (std::size_t lane = 0; lane < lanes<float>; ++lane) a[lane] = __builtin_sqrtf(a[lane]);
-    return a;
-}
-DFD_INLINE Double sqrt(Double a)
-{
-    for (std::size_t lane = 0; lane < lanes<double>; ++lane) a[lane] = __builtin_sqrt(a[lane]);
-    return a;
-}
-#endif
+#elif !defined(__x86_64__)
 DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, const Quad& quad)
 {
     sum += (unsigned_bytes & 255) * ((quad.bytes << 24) >> 24);
@@ -271,14 +267,15 @@ DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, const Quad& quad)
     sum += ((unsigned_bytes >> 24) & 255) * (quad.bytes >> 24);
     return sum;
 }
-DFD_INLINE void stream(float* to, Float value) { store(to, value); }
-DFD_INLINE void stream_fence() {}
-
 #endif
-#endif
-
-#if !defined(__AVX512F__)
-DFD_INLINE Float sqrt_by_products(Float a) { return sqrt(a); }
+#if defined(__x86_64__) && !defined(__AVX512F__)
+DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, const WideQuad& quad)
+{
+    const X86Int odd_bytes = DFD_X86(srli_epi16)((X86Int)unsigned_bytes, 8);
+    const Int even = (Int)DFD_X86(madd_epi16)((X86Int)(unsigned_bytes & 0x00ff00ff), (X86Int)quad.even);
+    const Int odd = (Int)DFD_X86(madd_epi16)(odd_bytes, (X86Int)quad.odd);
+    return sum + (even + odd);
+}
 #endif
 
 }  // namespace

@@ -1,6 +1,6 @@
 #pragma once
 
-// A front that propagates over a surface from vertex to vertex in order of distance (fast marching).
+// Fast marching: a front propagates over a surface from vertex to vertex in order of distance.
 
 #include <algorithm>
 #include <array>
@@ -27,11 +27,11 @@ struct Surface {
     };
 
     std::vector<Triangle> triangles;
-    std::vector<std::array<float, 3>> lengths;  // of the sides from corner 0 to 1, 1 to 2 and 2 to 0
-    std::vector<std::uint32_t> first_triangle;  // (V + 1) into `around`
-    std::vector<std::int32_t> around;           // triangles, those of one vertex side by side
-    std::vector<std::uint32_t> first_link;      // (V + 1) into `links`
-    std::vector<Link> links;
+    std::vector<std::array<float, 3>> lengths;  // lengths of the sides from corner 0 to 1, 1 to 2 and 2 to 0
+    std::vector<std::uint32_t> first_triangle;  // (V + 1) offsets of each vertex's range in `around`
+    std::vector<std::int32_t> around;           // the triangles of each vertex
+    std::vector<std::uint32_t> first_link;      // (V + 1) offsets of each vertex's range in `links`
+    std::vector<Link> links;                    // the links of each vertex
 
     std::size_t vertex_count() const { return first_triangle.empty() ? 0 : first_triangle.size() - 1; }
 
@@ -66,7 +66,7 @@ inline double across_triangle(double a, double b, double side, double to_a, doub
     return std::sqrt(along * along + height * height);
 }
 
-/// The distances that one front has reached; made once for a surface and reused after `clear`.
+/// A front and the distances that it has reached. It can be reused after `clear`, which takes less time than a new one.
 class Wave {
 public:
     explicit Wave(std::size_t vertex_count) : distance_(vertex_count, unreached), passed_(vertex_count, 0) {}
@@ -84,8 +84,8 @@ public:
         front_.emplace(distance, vertex);
     }
 
-    /// Propagates from the offered vertices. The front stops before vertices at `bound(vertex)` or more.
-    /// `visit(vertex, distance)` is called in order of distance.
+    /// Propagates from the offered vertices, and calls `visit(vertex, distance)` in order of distance. The front does
+    /// not enter vertices at a distance of `bound(vertex)` or more.
     template <class Bound, class Visit>
     void run(const Surface& surface, const Bound& bound, const Visit& visit)
     {

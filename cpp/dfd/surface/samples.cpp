@@ -11,10 +11,10 @@ namespace dfd {
 
 namespace {
 
-constexpr double packing = 1.45;     // measured area of a sample's cell over its squared spacing
-constexpr double detour = 1.3;       // assumed longest path along edges between two samples, over the distance
-constexpr double same_place = 1e-5;  // links up to this length are surface, longer links are gaps
-constexpr double support = 1.8;      // radius in spacings within which samples count in a fit
+constexpr double packing = 1.45;     // measured area of a sample's cell, over the squared spacing
+constexpr double detour = 1.3;       // assumed length of a path along edges between two samples, over their distance
+constexpr double same_place = 1e-5;  // length up to which links join one surface; longer links cross gaps
+constexpr double support = 1.8;      // radius around a vertex of the samples in its fit, in spacings
 constexpr double off_plane = 1e-2;   // damping of a fit's slope, relative to the sum of `importance`
 
 using Point = std::array<double, 3>;
@@ -30,7 +30,8 @@ double apart(const Point& a, const Point& b)
     return std::sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));
 }
 
-/// Sets `first` (V + 1) and `order` so that order[first[v] … first[v + 1]] lists the entries whose vertex is v.
+/// Returns the entries in the order of their vertices. Vertex v has those from result[first[v]] to before
+/// result[first[v + 1]].
 template <class VertexOf>
 std::vector<std::uint32_t> group(std::size_t vertex_count, std::size_t entry_count, const VertexOf& vertex_of,
                                  std::vector<std::uint32_t>& first)
@@ -49,8 +50,7 @@ struct Edge {
     float length;
 };
 
-/// Fills the triangles and links around each vertex, from `surface.triangles`, their lengths, and links in both
-/// directions.
+/// Sets the triangles around each vertex, and the links of each vertex, which have both directions.
 void connect(Surface& surface, std::size_t vertex_count, const std::vector<Edge>& links)
 {
     const auto corner = [&](std::size_t e) { return surface.triangles[e / 3][e % 3]; };
@@ -78,12 +78,14 @@ double area(const Surface& mesh)
 
 using Pair = std::pair<std::int32_t, std::int32_t>;
 
-struct Touching {  // two samples whose cells touch
+/// Two samples whose cells touch.
+struct Touching {
     Pair pair;
     double length;
-    bool surface;  // false if they touch only across a gap
+    bool surface;  // whether they touch on the surface, and not only across a gap
 };
 
+/// Returns all pairs of samples whose cells touch, sorted by pair, with their approximate distances.
 std::vector<Touching> touching_cells(const Surface& mesh, Matrix<const double> vertices, const Samples& samples)
 {
     std::vector<Touching> found;
@@ -117,11 +119,11 @@ std::vector<Touching> touching_cells(const Surface& mesh, Matrix<const double> v
     return found;
 }
 
-/// Computes weights of the values at `points`. The weighted sum is the value at the origin of a linear function, fitted
-/// to the values by least squares with each point's `importance` (n).
+/// Sets the `weights` of values at `points` (n). The weighted sum is the value at the origin of a linear function that
+/// is fitted to the values by least squares, with an `importance` of each point.
 void fit_weights(std::span<const Point> points, std::span<const double> importance, std::span<float> weights)
 {
-    // normal equations for the basis (1, x, y, z); the value at the origin is the first coefficient
+    // The normal equations have the basis (1, x, y, z). The value at the origin is the first coefficient.
     double a[4][4] = {}, solution[4] = {1, 0, 0, 0};
     for (std::size_t i = 0; i < points.size(); ++i) {
         const double row[4] = {1, points[i][0], points[i][1], points[i][2]};
@@ -169,7 +171,7 @@ Around fit_around(std::int32_t vertex, Matrix<const double> vertices, const Samp
     for (const std::int32_t sample : rings[static_cast<std::size_t>(owner)]) consider(sample);
     std::sort(candidates.begin(), candidates.end());
     const std::size_t count = std::min(candidates.size(), Around::count);
-    // sparse samples: the reach includes the fourth-nearest sample
+    // If samples are sparse, the fit includes at least the four nearest ones.
     const double reach = std::max(support * samples.spacing, 1.1 * candidates[std::min<std::size_t>(count - 1, 3)].first);
     std::array<Point, Around::count> points;
     std::array<double, Around::count> importance;

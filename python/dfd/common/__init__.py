@@ -1,1 +1,1 @@
-"""Checks, threads, files and progress, for all other packages; imports none of them."""
+"""Argument checks, threads, files and progress bars for all other packages; this package imports none of them."""

@@ -1,4 +1,4 @@
-"""Checks of the arguments of public functions; an error names the argument and the value found."""
+"""Check the arguments of public functions; an error names the argument and the value found."""
 
 from __future__ import annotations
 
@@ -20,11 +20,6 @@ from dfd.common.linear_algebra import Int64
 __all__ = ["array", "choice", "ending", "field", "keywords", "number", "vertex_indices", "warn", "whole"]
 
 
-def _describe(shape: Sequence[int | str]) -> str:
-    names = [str(size) for size in shape]
-    return f"({', '.join(names)}{',' if len(names) == 1 else ''})"
-
-
 def array(
     function: str | None,
     name: str,
@@ -34,9 +29,9 @@ def array(
     dtype: Any = np.float32,
     finite: bool = True,
 ) -> NDArray[Any]:
-    """Return `value` as a C-contiguous array of `dtype`, copied only when it must be.
+    """Return `value` as a C-contiguous array of `dtype`, copied only if necessary.
 
-    `shape` lists the wanted sizes: a number is exact, a name such as ``"V"`` stands for any size.
+    `shape` lists the required sizes: a number is exact, a name such as ``"V"`` stands for any size.
 
     Raises ValueError if `value` is not numeric, is a masked array, or is a tensor that NumPy cannot read. Raises
     ValueError if `value` has another shape or, with `finite`, holds NaN or infinity.
@@ -53,12 +48,12 @@ def array(
         raise ArgumentError(name, f"must be a numeric array, got {_kind(value)}", function)
     wanted = tuple(want if isinstance(want, int) else have for have, want in zip(result.shape, shape, strict=False))
     if result.ndim != len(shape) or result.shape != wanted:
-        raise ArgumentError(name, f"must have shape {_describe(shape)}, got {result.shape}", function)
+        names = ", ".join(map(str, shape)) + ("," if len(shape) == 1 else "")
+        raise ArgumentError(name, f"must have shape ({names}), got {result.shape}", function)
     if finite and result.dtype.kind == "f" and not np.isfinite(result).all():
-        where = tuple(int(i) for i in np.argwhere(~np.isfinite(result))[0])
-        raise ArgumentError(
-            name, f"must be finite, got {result[where]} at {list(where) if where else 'its value'}", function
-        )
+        where = np.argwhere(~np.isfinite(result))[0].tolist()
+        found = f"{result[tuple(where)]} at {where}" if where else f"{result}"
+        raise ArgumentError(name, f"must be finite, got {found}", function)
     if result.dtype == dtype:
         return np.ascontiguousarray(result)
     with np.errstate(over="ignore"):
@@ -77,7 +72,7 @@ def number(
     maximum: float | None = None,
     exclusive: bool = False,
 ) -> float:
-    """Return `value` as a finite float within [minimum, maximum] (or strictly above the minimum)."""
+    """Return `value` as a finite float in [`minimum`, `maximum`], or above `minimum` with `exclusive`."""
     given = tensors.shared(function, name, value)
     try:
         result = float(given)
@@ -96,7 +91,7 @@ def number(
 
 
 def whole(function: str | None, name: str, value: Any, *, minimum: int, maximum: int | None = None) -> int:
-    """Return `value` as an int within [minimum, maximum]; refuse True and 2.0."""
+    """Return `value` as an int in [`minimum`, `maximum`]; True and 2.0 are errors."""
     if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer):
         raise ArgumentError(name, f"must be a whole number, got {value!r}", function)
     if value < minimum or (maximum is not None and value > maximum):
@@ -106,7 +101,7 @@ def whole(function: str | None, name: str, value: Any, *, minimum: int, maximum:
 
 
 def choice(function: str | None, name: str, value: Any, options: Any) -> Any:
-    """Return `value`, one of the words `options`: a tuple of them, or their Literal type."""
+    """Return `value`, which must be one of the words in `options`, a tuple or a Literal type."""
     words = options if isinstance(options, tuple) else get_args(options)
     if not isinstance(value, str) or value not in words:
         raise ArgumentError(name, f"must be one of {', '.join(words)}, got {value!r}", function)
@@ -114,28 +109,24 @@ def choice(function: str | None, name: str, value: Any, options: Any) -> Any:
 
 
 def keywords(given: Iterable[str], known: Collection[str], kind: str) -> None:
-    """Raise TypeError if `known` lacks a keyword of `given`; the message calls a keyword a `kind`."""
+    """Raise TypeError if a keyword in `given` is not in `known`; `kind` is what the message calls a keyword."""
     for name in given:
         if name not in known:
             close = get_close_matches(name, known, 1)
             meant = f"; did you mean {close[0]}?" if close else ""
-            raise TypeError(f"{name!r} is no {kind}; these are {', '.join(known)}{meant}")
+            raise TypeError(f"{name!r} is not a {kind}; choose from {', '.join(known)}{meant}")
 
 
 def ending(function: str | None, name: str, path: str | os.PathLike[str], endings: Sequence[str]) -> str:
-    """Return the one of `endings` with which the name of an output file ends.
-
-    Raises ValueError if it has none of them.
-    """
-    target = Path(path)
+    """Return the first of `endings` that the file name in `path` has; ValueError if it has none of them."""
     for each in endings:
-        if target.name.lower().endswith(each):
+        if Path(path).name.lower().endswith(each):
             return each
-    raise ArgumentError(name, f"must end in {', '.join(endings)}, got {target}", function)
+    raise ArgumentError(name, f"must end in {', '.join(endings)}, got {Path(path)}", function)
 
 
 def field(function: str, value: Any) -> Any:
-    """Return `value`, which is a `Field` or another callable that maps points to features."""
+    """Return `value`, which must be a `Field` or another callable that maps points to features."""
     if not callable(value):
         raise ArgumentError("field", f"must be a Field, got {type(value).__name__}", function)
     return value
@@ -144,15 +135,14 @@ def field(function: str, value: Any) -> Any:
 def vertex_indices(function: str | None, name: str, value: Any, vertex_count: int, *, unique: bool = False) -> Int64:
     """Return `value` as int64 vertex indices, each in [0, `vertex_count`).
 
-    Raises ValueError if an index is not a whole number, lies out of range or (with `unique`) occurs twice.
+    Raises ValueError if an index is not a whole number, is out of range or, with `unique`, occurs twice.
     """
     indices = np.asarray(tensors.shared(function, name, value))
     if indices.size == 0 and indices.ndim == 1:
         return np.zeros(0, np.int64)
     if indices.ndim != 1 or indices.dtype.kind not in "iu":
-        raise ArgumentError(
-            name, f"must be a list of vertex indices, got {_kind(value)} of shape {indices.shape}", function
-        )
+        found = f"{_kind(value)} of shape {indices.shape}"
+        raise ArgumentError(name, f"must be a list of vertex indices, got {found}", function)
     outside = (indices < 0) | (indices >= vertex_count)
     if outside.any():
         raise ArgumentError(name, f"must lie in 0 … {vertex_count - 1}, got {int(indices[outside][0])}", function)
@@ -165,18 +155,19 @@ def vertex_indices(function: str | None, name: str, value: Any, vertex_count: in
 
 
 def _kind(value: Any) -> str:
+    """Return the type of `value` as messages show it: a text itself, or the class with the type of its numbers."""
     if isinstance(value, str):
         return repr(value)
     dtype = getattr(value, "dtype", None)
     return f"{type(value).__name__} of {dtype}" if dtype is not None else type(value).__name__
 
 
-_PASSED_OVER = ("dfd", "contextlib", "concurrent", "threading")
+_INTERNAL = ("dfd", "contextlib", "concurrent", "threading")  # packages whose frames lie between `warn` and the caller
 
 
 def warn(message: str, category: type[Warning]) -> None:
-    """Give a warning at the line that called the package."""
+    """Issue a warning at the line that called the package."""
     level, frame = 2, sys._getframe(1)
-    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in _PASSED_OVER:
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in _INTERNAL:
         level, frame = level + 1, frame.f_back
     warnings.warn(message, category, stacklevel=level)

@@ -1,7 +1,7 @@
-"""Descriptions of the fields of frozen dataclasses: their meaning, their bounds, and their form in files.
+"""Describe the fields of frozen dataclasses: their meaning, their bounds, and their type in files.
 
-The dataclass checks its values by the descriptions. pydantic reads, writes and documents files by them. The command
-line makes its options from them. This module does not import pydantic.
+Three users read the descriptions. The dataclass checks its values. pydantic reads, writes and documents files. The
+command line creates options. This module does not import pydantic.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from dfd.common.errors import ArgumentError
 
 
 class Brief:
-    """A base for dataclasses with `repr=False`; the text shows only the fields that differ from their defaults."""
+    """Base class of dataclasses with `repr=False`; its `repr` omits fields that have their default."""
 
     def __repr__(self) -> str:
         """Return the Python expression that makes the value."""
-        told = []
+        shown = []
         for each in fields(self):  # type: ignore[arg-type]  # derived classes are dataclasses
             value = getattr(self, each.name)
             default = each.default if each.default_factory is MISSING else each.default_factory()
             if each.repr and (default is MISSING or value != default):
-                told.append(f"{each.name}={value!r}")
-        return f"{type(self).__name__}({', '.join(told)})"
+                shown.append(f"{each.name}={value!r}")
+        return f"{type(self).__name__}({', '.join(shown)})"
 
 
 @dataclass(frozen=True)
@@ -35,22 +35,21 @@ class About:
     """The description of a field."""
 
     text: str  # one sentence for users
-    # minimum, maximum, exclusive: the bounds of a number; with `exclusive` it lies above the minimum
     minimum: float | None = None
     maximum: float | None = None
-    exclusive: bool = False
-    metavar: str | None = None  # placeholder of the value in the help of the command line; None for a switch
+    exclusive: bool = False  # whether the number must be above `minimum`, not equal to it
+    metavar: str | None = None  # placeholder of the value in the help of the command-line option; None for a switch
     repeated: bool = False  # whether the command-line option may occur several times
-    option: str | None = None  # name of the command-line option, if it is not the field's name
-    # unit: the kind of its numbers. A transfer to another shape scales lengths and maps positions.
+    option: str | None = None  # name of the command-line option, if it differs from the field's name
+    # A transfer of an edit to another shape scales lengths and maps positions.
     unit: Literal["length", "position", "angle"] | None = None
-    # affects: "weights" changes the handle's column of weights, "pose" only the pose made from the columns
+    # "weights" if the field changes the handle's weights, "pose" if it changes only the pose computed from them.
     affects: Literal["weights", "pose"] = "weights"
-    of_part: bool = False  # whether only a handle has the field, because the field needs the part that the handle holds
-    # label: the field's name in panels. slider: both ends and the step; those of a length are fractions of the
-    # shape's size
-    label: str | None = None
-    slider: tuple[float, float, float] | None = None
+    of_part: bool = False  # whether the field needs a part; handles hold parts, fixed points do not
+    label: str | None = None  # the field's name in panels
+    slider: tuple[float, float, float] | None = (
+        None  # both ends and the step; lengths are fractions of the shape's size
+    )
 
     def called(self, name: str) -> str:
         """Return the label that panels show for the field `name`."""
@@ -64,7 +63,7 @@ class About:
 
 
 class Written:
-    """The type of a field in a file, if its dataclass converts the value to another type."""
+    """The type of a field in files, if it differs from the type of the value in the dataclass."""
 
     def __init__(self, written: Any) -> None:
         self.written = written
@@ -80,13 +79,13 @@ class Written:
 
 
 class Tagged:
-    """A union of dataclasses; in a file, the value of one field says which of them is meant."""
+    """A union of dataclasses; in files, the value of the field `name` selects the dataclass."""
 
     def __init__(self, name: str) -> None:
         self.name = name
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        """Return the core schema of the union, discriminated by its tag."""
+        """Return the core schema of the union, discriminated by the field `name`."""
         from pydantic import Field
 
         return handler.generate_schema(Annotated[source, Field(discriminator=self.name)])
@@ -103,16 +102,16 @@ def about(owner: type) -> dict[str, tuple[Any, About | None]]:
 
 
 def words_of(kind: Any) -> tuple[Any, ...]:
-    """Return the words that a value of a type may be."""
+    """Return the words of a Literal, or of the first Literal in a union; () if there is none."""
     return next((get_args(each) for each in (kind, *get_args(kind)) if get_origin(each) is Literal), ())
 
 
 def check_fields(value: Any) -> None:
-    """Check the numbers, names and switches in the fields of a frozen dataclass.
+    """Check the numbers, words and switches in the fields of a frozen dataclass.
 
-    Numbers become floats. A value None stays None if the field allows it.
+    Numbers become floats. None stays None if the field allows it.
 
-    Raises ArgumentError in the name of the class.
+    Raises ArgumentError, with the class as the function, if a value is invalid.
     """
     owner: type = type(value)
     function = owner.__name__

@@ -1,4 +1,4 @@
-"""The error for an invalid argument, which names the argument and the reason."""
+"""Raise errors that name the public function, the argument and the reason."""
 
 from __future__ import annotations
 
@@ -10,16 +10,15 @@ from typing import ParamSpec, TypeVar
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 
-
 LONGEST_REASON = 500  # characters
 
 
 class ArgumentError(ValueError):
     """An invalid argument, with the message "function: `argument` reason".
 
-    `argument` is the name that the caller knows. `reason` says what the argument must be and what was found.
-    `function` is the public function that was called, None while it is unknown. The value found may be an array or a
-    long text, so the reason is cut to one line of at most `LONGEST_REASON` characters.
+    `argument` is the parameter's name in the public function. `reason` says what the argument must be and what was
+    found. `function` is the public function, or None until `called` adds it. The value found may be an array or a long
+    text, so the reason is cut to one line of at most `LONGEST_REASON` characters.
     """
 
     def __init__(self, argument: str, reason: str, function: str | None = None) -> None:
@@ -36,13 +35,13 @@ class ArgumentError(ValueError):
 
 
 def one_line(text: object) -> str:
-    """Return a text, or the message of an error, on one line."""
+    """Return a text, or the message of an error, with each run of whitespace replaced by one space."""
     return " ".join(str(text).split())
 
 
 @contextmanager
 def called(function: str) -> Iterator[None]:
-    """Name the public `function` in every `ArgumentError` that the block raises."""
+    """Name the public `function` in each `ArgumentError` that the block raises."""
     try:
         yield
     except ArgumentError as error:
@@ -63,10 +62,10 @@ def public(function: Callable[Parameters, Result]) -> Callable[Parameters, Resul
 
 @contextmanager
 def within(path: str, function: str | None = None) -> Iterator[None]:
-    """Name `function` and the `path` in a larger value in every `ArgumentError` that the block raises."""
+    """Name `function`, and the `path` to the argument in a document, in each `ArgumentError` that the block raises."""
     try:
         yield
     except ArgumentError as error:
-        # A place has no key of its own: its owner's entry in the file holds it.
+        # A place has no key of its own in a document: its numbers lie directly in the entry at `path`.
         argument = path if error.argument in ("at", "place", "region") else f"{path}.{error.argument}"
         raise ArgumentError(argument, error.reason, function) from None

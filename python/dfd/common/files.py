@@ -1,4 +1,4 @@
-"""Atomic writing of files, by a temporary file that is renamed, and the folder of the cache."""
+"""Write files atomically, by renaming a temporary file, and find the folder of the cache."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _LONGEST_ENDING = 32  # bytes of an ending that the temporary file keeps
 
 
 def cache_directory() -> Path:
-    """Return the user's cache folder for `dfd`; it need not exist yet.
+    """Return the user's cache folder for `dfd`, which need not exist yet.
 
-    The environment variable DFD_CACHE sets the folder itself. Without it, the folder lies in the platform's cache
+    The environment variable DFD_CACHE sets this folder. Without DFD_CACHE, the folder is `dfd` in the platform's cache
     folder, on Linux XDG_CACHE_HOME or ~/.cache.
     """
     import platformdirs  # imported here: Blender lacks platformdirs and does not use the cache
@@ -30,12 +30,12 @@ def cache_directory() -> Path:
 
 
 def plain(value: Any) -> Any:
-    """Return an array or a number of NumPy as Python values for `json.dumps`, and anything else as text."""
+    """Return a NumPy array or number as Python values for `json.dumps`, and any other value as text."""
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
 def sha256_of_files(*paths: Path) -> str:
-    """Return the SHA-256 of the content of files, one after the other, 64 hexadecimal digits."""
+    """Return the SHA-256 of the concatenated content of files, 64 hexadecimal digits."""
     digest = hashlib.sha256()
     for path in paths:
         with path.open("rb") as stream:
@@ -46,20 +46,20 @@ def sha256_of_files(*paths: Path) -> str:
 
 @contextmanager
 def atomic_write(path: str | os.PathLike[str], argument: str = "path") -> Iterator[Path]:
-    """Yield a temporary path beside `path`; on success, its file replaces `path`, and on failure it is deleted.
+    """Yield the path of a temporary file, which replaces `path` after the block; after an error it is deleted.
 
     The temporary file has the ending of `path`, so writers can choose the format by the ending. If `path` is a
-    symbolic link, the link stays and its target is replaced. A killed process leaves its temporary file behind; a
-    write of the same file deletes it once it is an hour old.
+    symbolic link, the link stays and its target is replaced. A killed process leaves its temporary file in the folder
+    of `path`. After an hour, the next write of `path` deletes that file.
 
     Raises OSError if the folder does not exist or cannot be written, or the disk is full. Raises OSError if `path` is
-    no regular file: a folder, a device or a pipe. After an error, an existing file is unchanged.
+    a folder, a device or a pipe. After an error, an existing file is unchanged.
     """
     named, target = Path(path), _target(Path(path), argument)
     temporary = None
     try:
         temporary = _temporary(target)
-        # A writer may restrict the permissions of its file. The result has those of the replaced file or of a new one.
+        # The block may restrict the file's permissions. The result keeps those of the replaced file or of a new file.
         mode = (target if target.exists() else temporary).stat().st_mode
         yield temporary
         temporary.chmod(mode & 0o777)
@@ -76,7 +76,7 @@ def atomic_write(path: str | os.PathLike[str], argument: str = "path") -> Iterat
 
 
 def _target(path: Path, argument: str) -> Path:
-    """Return the file that `path` leads to, which need not exist."""
+    """Return `path`, or its target if it is a symbolic link; the file need not exist."""
     try:
         target = path.resolve() if path.is_symlink() else path
         found = target.stat().st_mode if target.exists() else None
@@ -88,14 +88,14 @@ def _target(path: Path, argument: str) -> Path:
     if found is not None and stat.S_ISDIR(found):
         raise IsADirectoryError(f"`{argument}`: {path} is a folder, not a file")
     if found is not None and not stat.S_ISREG(found):
-        raise OSError(errno.EINVAL, f"`{argument}`: {path} is not a file, and nothing is written to it")
+        raise OSError(errno.EINVAL, f"`{argument}` must be a regular file, got {path}")
     return target
 
 
 def _temporary(target: Path) -> Path:
-    """Make an empty file beside `target`, and remove those that killed processes left there for the same target."""
+    """Create an empty file beside `target`, and remove files that killed processes left there for the same target."""
     ending = target.suffix if len(os.fsencode(target.suffix)) <= _LONGEST_ENDING else ""
-    # A hash, since file systems allow names of 255 bytes, and the target's name may have as many.
+    # The name is hashed: file systems allow 255 bytes, and the target's name may have as many already.
     start = f".dfd-{hashlib.sha256(os.fsencode(target.name)).hexdigest()[:16]}-"
     for left in target.parent.glob(f"{start}*"):
         with suppress(OSError):  # another process removed it, or another user owns it

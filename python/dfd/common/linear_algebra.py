@@ -1,4 +1,4 @@
-"""Array types for annotations, unit vectors, sums of groups, distinct pairs and principal directions."""
+"""Define array types, and compute unit vectors, sums by group, distinct pairs and principal directions."""
 
 from __future__ import annotations
 
@@ -22,14 +22,15 @@ def unit(rows: NDArray[np.floating], *, least: float = 0.0) -> Float64:
 
 
 def group_sums(group: NDArray[np.integer], rows: NDArray[np.floating], count: int) -> Float64:
-    """Return the sums (`count`, D) of the `rows` (N, D) of each `group` (N,), numbered below `count`."""
+    """Return the sums (`count`, D) of `rows` (N, D); row i belongs to the sum with index `group[i]`, below `count`."""
     return np.stack([np.bincount(group, column, count) for column in rows.T], axis=1)
 
 
 def distinct_pairs(pairs: NDArray[np.integer], count: int) -> tuple[Int64, Int64]:
-    """Return the distinct `pairs` (E, 2) of numbers below `count`, and for each given pair (N,) the index of its own.
+    """Return the distinct pairs (E, 2) in `pairs` (N, 2), and the index (N,) of each given pair among them.
 
-    The order within a pair does not count. The distinct pairs are sorted, each with its lower number first.
+    The numbers are whole and below `count`. Pairs that differ only in order are equal. The distinct pairs are sorted,
+    each with its lower number first.
     """
     low, high = np.sort(pairs, axis=1).astype(np.int64).T
     keys, which = np.unique(low * count + high, return_inverse=True)
@@ -40,10 +41,10 @@ Real = TypeVar("Real", np.float32, np.float64)
 
 
 def principal_directions(rows: NDArray[Real], count: int | None = None) -> NDArray[Real]:
-    """Return the directions of the largest moments of `rows` (N, D) about the origin, the largest first.
+    """Return the eigenvectors of the second moments of `rows` (N, D) about the origin, largest eigenvalue first.
 
-    The result holds orthonormal rows (min(`count`, D), D), or all D rows if `count` is None. For rows with mean 0, the
-    directions are the principal components.
+    The result holds orthonormal rows (min(`count`, D), D), or all D rows if `count` is None. For rows with mean 0, they
+    are the principal components.
     """
     axes: NDArray[Real] = np.linalg.eigh(rows.T @ rows)[1].T[::-1]
     return np.ascontiguousarray(axes[:count])

@@ -1,4 +1,4 @@
-"""Loading of one GNU OpenMP runtime for both the kernels, which link against it, and torch, which contains a copy."""
+"""Load one GNU OpenMP runtime for both the kernels, which link against it, and torch, which contains a copy."""
 
 from __future__ import annotations
 
@@ -13,17 +13,16 @@ NAME = "libgomp.so.1"
 
 
 def load_runtime() -> None:
-    """Load torch's copy of the runtime, if torch is installed and no copy is loaded yet, and then the kernels.
+    """Load torch's copy of the runtime, unless a copy is loaded or torch is not installed; then load the kernels.
 
-    The kernels find the loaded runtime by its name and load no other. So does torch, if it is imported later. torch's
-    copy takes precedence over the system's for two reasons. The system may have none, and the system's copy may be
-    older than the version for which torch was built. If torch names its copy by a hash, the kernels cannot find that
-    copy and need the system's.
+    The kernels, and torch when it is imported later, find the loaded runtime by its name and load no other. torch's
+    copy takes precedence, because the system may have no copy, or an older one than torch needs. If torch has added a
+    hash to the name of its copy, the kernels cannot find that copy and load the system's.
 
     Raises ImportError if the kernels need the runtime and neither torch nor the system has it.
     """
     if sys.platform.startswith("linux") and not _is_loaded() and (found := find_torch_runtime()) is not None:
-        with suppress(OSError):  # a damaged copy: the kernels then load the system's
+        with suppress(OSError):  # if torch's copy is damaged, the kernels load the system's
             ctypes.CDLL(str(found))
     try:
         importlib.import_module("dfd._core")

@@ -1,4 +1,4 @@
-"""The names of the two sets of defaults: dfd's own, and the exact settings of the paper."""
+"""Name the two sets of defaults: dfd's own, and the exact settings of the paper."""
 
 from typing import Literal
 

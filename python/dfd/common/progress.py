@@ -1,4 +1,4 @@
-"""Stages of a long call: their wall times, and a progress bar with the time left."""
+"""Measure the wall times of the stages of a long call, and show progress bars with the time left."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Advance(Protocol):
 
 
 class Stages:
-    """Times every stage of a call and, if `show` is set, draws a progress bar on standard error.
+    """Wall times of the stages of a call and, with `show`, a progress bar for each stage on standard error.
 
     `seconds` maps each stage's name to its wall time, in the order in which the stages ended. `latest` is the name of
     the stage that began last.
@@ -31,12 +31,12 @@ class Stages:
         self._show = show
 
     def __str__(self) -> str:
-        """Return the time of each stage."""
+        """Return the names and times of the stages as a text."""
         return ", ".join(f"{name} {seconds:.1f} s" for name, seconds in self.seconds.items())
 
     @contextmanager
     def stage(self, name: str, total: int | None = None) -> Iterator[Advance]:
-        """Time the block under `name`; `total` items make the bar full."""
+        """Measure the time of the block as the stage `name`; the block reports its progress out of `total` items."""
         self.latest = name
         start = time.perf_counter()
         try:
@@ -52,7 +52,7 @@ class Stages:
 
 
 def _bar() -> Progress:
-    # Rich warns at every bar if a notebook lacks ipywidgets. Plain text does not need them.
+    # In a notebook without ipywidgets, Rich warns at each bar, except if it writes plain text.
     plain = False if importlib.util.find_spec("ipywidgets") is None else None
     return Progress(
         TextColumn("{task.description:<10}"),

@@ -1,4 +1,4 @@
-"""Conversion of torch tensors to arrays over the same memory and back; this module never imports torch."""
+"""Convert torch tensors to arrays over the same memory and back; this module never imports torch."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def is_tensor(value: Any) -> bool:
 
 
 def tracked(*values: Any) -> bool:
-    """Return whether torch records gradients for one of `values`."""
+    """Return whether torch records gradients for at least one of `values`."""
     torch = sys.modules.get("torch")
     if torch is None or not torch.is_grad_enabled():
         return False
@@ -26,15 +26,14 @@ def tracked(*values: Any) -> bool:
 
 
 def shared(function: str | None, name: str, value: Any) -> Any:
-    """Return a torch tensor on the CPU as an array over the same memory, and any other `value` as it is.
+    """Return `value`; a torch tensor on the CPU becomes an array over the same memory.
 
-    Raises ValueError if `value` is a tensor on another device or of a type that NumPy lacks. Raises ValueError if it is
-    a masked array.
+    Raises ValueError if `value` is a masked array, or a tensor on another device or of a type that NumPy lacks.
     """
     if type(value) is np.ndarray:
         return value
     if isinstance(value, np.ma.MaskedArray):
-        raise ArgumentError(name, "must not be a masked array: fill what is masked, or leave it out", function)
+        raise ArgumentError(name, "must not be a masked array: fill or remove the masked values", function)
     if not is_tensor(value):
         return value
     if value.device.type != "cpu":
@@ -54,19 +53,18 @@ def output(
     *,
     columns: bool = False,
 ) -> NDArray[Any]:
-    """Return an array over the memory of `out`, to which a kernel writes; with `columns`, column-major is valid too.
+    """Return an array over the memory of `out`, for a kernel to write to; `columns` also permits column-major order.
 
     Raises ValueError if `out` is not a writable contiguous array of `shape` and `dtype`, or shares memory with one of
-    `inputs`.
+    `inputs`, which maps argument names to arrays.
     """
     if is_tensor(out) and out.requires_grad:
         raise ArgumentError("out", "must not require a gradient", function)
     array = shared(function, "out", out)
     if not isinstance(array, np.ndarray) or array.shape != shape or array.dtype != dtype:
         found = f"{array.shape} and {array.dtype.name}" if isinstance(array, np.ndarray) else type(out).__name__
-        raise ArgumentError(
-            "out", f"must be an array of shape {shape} and type {np.dtype(dtype).name}, got {found}", function
-        )
+        wanted = f"shape {shape} and type {np.dtype(dtype).name}"
+        raise ArgumentError("out", f"must be an array of {wanted}, got {found}", function)
     flags = array.flags
     if columns and not lines_contiguous(array):
         raise ArgumentError("out", "must have contiguous rows or columns", function)
@@ -74,12 +72,12 @@ def output(
         raise ArgumentError("out", f"must be {'' if columns else 'C-contiguous and '}writable", function)
     for name, other in inputs.items():
         if other is not None and np.may_share_memory(array, other):
-            raise ArgumentError("out", f"must not overlap `{name}`, which stays as it is", function)
+            raise ArgumentError("out", f"must not overlap `{name}`: inputs are not changed", function)
     return array
 
 
 def lines_contiguous(array: NDArray[Any]) -> bool:
-    """Return whether each row of a matrix, or each column, is contiguous and does not overlap the next."""
+    """Return whether a matrix is aligned, and its rows or its columns are contiguous and do not overlap."""
     flags = array.flags
     if flags.c_contiguous or flags.f_contiguous:
         return flags.aligned
@@ -93,5 +91,5 @@ def lines_contiguous(array: NDArray[Any]) -> bool:
 
 
 def like(value: Any, result: NDArray[Any]) -> Any:
-    """Return `result` as a torch tensor over the same memory when `value` is a tensor, else as it is."""
+    """Return `result`, as a torch tensor over the same memory if `value` is a tensor."""
     return sys.modules["torch"].from_numpy(result) if is_tensor(value) else result

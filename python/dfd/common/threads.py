@@ -1,8 +1,8 @@
-"""The number of threads that the kernels use, and work that is split among as many.
+"""Set the number of threads of the kernels, and run other work on the same number of threads.
 
 `dfd` imports this module before its kernels, so that the kernels and torch load the same OpenMP runtime. The runtime's
-threads do not survive a fork, so a forked child computes on one thread. Start workers by the method "spawn" if they
-need more.
+threads do not survive a fork, so a forked child computes on one thread. Processes started with the method "spawn" use
+all threads.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 
 def set_num_threads(count: int) -> None:
-    """Set the number of threads that every later call uses; results do not depend on this number.
+    """Set the number of threads of all later calls; results do not depend on this number.
 
     Raises ValueError if `count` is not a whole number from 1 to 1024. Raises RuntimeError if `count` is above 1 in a
     forked process.
@@ -36,16 +36,16 @@ def set_num_threads(count: int) -> None:
 
 
 def get_num_threads() -> int:
-    """Return the number of threads that the next call uses."""
+    """Return the number of threads that calls use."""
     return _threads
 
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Let NumPy and SciPy compute every product on the calling thread.
+    """Make NumPy and SciPy compute matrix products on the calling thread alone while the block runs.
 
-    The products are small, and several threads of dfd compute products at the same time. Threads of BLAS would spin
-    while they wait for each other. The work then takes twice as long, and much longer on a busy machine.
+    Several threads of dfd compute small products at the same time. Threads of BLAS would spin while they wait for each
+    other. The work then takes twice as long, and much longer on a busy machine.
     """
     from threadpoolctl import threadpool_limits
 
@@ -66,7 +66,7 @@ def _default_threads() -> int:
 
 
 def _physical_cores(allowed: set[int]) -> int:
-    """Return how many distinct cores the logical processors `allowed` belong to."""
+    """Return the number of physical cores to which the logical processors `allowed` belong."""
     cores = set()
     for processor in allowed:
         siblings = Path(f"/sys/devices/system/cpu/cpu{processor}/topology/thread_siblings_list")
@@ -78,7 +78,7 @@ def _physical_cores(allowed: set[int]) -> int:
 
 
 def _quota(most: int) -> int:
-    """Return the number of whole processors that the container's control group grants, at most `most`."""
+    """Return the number of whole processors, at most `most`, that the container's control group grants."""
     try:
         granted, period = Path("/sys/fs/cgroup/cpu.max").read_text().split()
     except (OSError, ValueError):
@@ -89,7 +89,7 @@ def _quota(most: int) -> int:
             return most
     try:
         return min(most, max(1, int(granted) // int(period))) if int(granted) > 0 else most
-    except (ValueError, ZeroDivisionError):  # "max"
+    except (ValueError, ZeroDivisionError):  # "max" stands for no limit
         return most
 
 
@@ -107,7 +107,7 @@ if hasattr(os, "register_at_fork"):
 
 
 def parallel_ranges(count: int, size: int, work: Callable[[int, int], None]) -> None:
-    """Call `work(begin, end)` for ranges of `size` that cover 0 … `count`, on as many threads as the kernels use.
+    """Call `work(begin, end)` for ranges of `size` that cover [0, `count`), on the kernels' number of threads.
 
     Errors of `work` are raised here.
     """
@@ -123,7 +123,7 @@ def parallel_ranges(count: int, size: int, work: Callable[[int, int], None]) -> 
         try:
             take()
         finally:
-            for _ in starts:  # after a failure or an interruption, no thread begins another range
+            for _ in starts:  # empties `starts` after an error, so that no thread begins another range
                 pass
         for other in taking:
             other.result()
@@ -131,9 +131,9 @@ def parallel_ranges(count: int, size: int, work: Callable[[int, int], None]) -> 
 
 @contextmanager
 def beside(work: Callable[[], T]) -> Iterator[Callable[[], T]]:
-    """Run `work` on its own thread while the block runs; the yielded function returns its result or raises its error.
+    """Run `work` on another thread while the block runs; yield a function that waits for its result or error.
 
-    The block ends when both are done. If the kernels use one thread, `work` runs when its result is requested.
+    The block also ends only after `work`. If the kernels use one thread, `work` runs when its result is requested.
     """
     if get_num_threads() == 1:
         yield work

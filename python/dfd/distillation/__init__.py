@@ -1,1 +1,1 @@
-"""Fits a field to pictures: targets, smoothing, thickness, the learned metric, and the fit."""
+"""Fit a field to pictures: targets, smoothing, thickness, the learned metric, and the fit."""

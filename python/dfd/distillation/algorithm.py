@@ -1,4 +1,4 @@
-"""Distillation (paper, section 3): render, encode, smooth along the surface, fit."""
+"""Distill a field (paper, section 3): render, encode, smooth along the surface, fit."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _log = logging.getLogger(__name__)
 
 @one_blas_thread()
 def distill_pictures(mesh: Mesh, encoder: Encoder, settings: DistillSettings, *, stages: Stages) -> Field:
-    """Return the field of `encoder`'s features of pictures of `mesh`."""
+    """Return the field fitted to the features that `encoder` gives to pictures of `mesh`."""
     smoothing, seed = settings.smoothing, settings.seed
     metric = find_metric(encoder) if settings.metric == "learned" else None
     made = {**encoder.settings(), **settings.as_dict()}
@@ -39,10 +39,10 @@ def distill_pictures(mesh: Mesh, encoder: Encoder, settings: DistillSettings, *,
     made |= {"metric": "learned", "metric_hash": metric.content_hash} if metric else {"metric": "none"}
 
     up = resolve_up(mesh, encoder, settings.up, stages=stages)
-    if smoothing == 0 and up.shared is not None:  # pixels of two up directions are not at common points
+    if smoothing == 0 and up.shared is not None:  # only smoothed targets of two up directions have common points
         up = replace(up, shared=None, shares=None, source="found")
     pictures = settings.of_pictures()
-    pictures["views"] = max(settings.views // len(up.frames), 1)  # up directions share the views
+    pictures["views"] = max(settings.views // len(up.frames), 1)  # the up directions divide the views
     views = [render(mesh, **pictures, frame=frame, stages=stages) for frame in up.frames]  # P = B·T, Eq. 2
     images, covered = (np.concatenate([getattr(each, name) for each in views]) for name in ("images", "covered"))
     encode = partial(encoder.encode, images, covered=covered, stages=stages)
@@ -51,17 +51,17 @@ def distill_pictures(mesh: Mesh, encoder: Encoder, settings: DistillSettings, *,
         targets = PixelTargets(views[0], encode())  # target Z of every covered pixel
     else:
         side = encoder.nearest_resolution(settings.resolution) // encoder.patch
-        spread = partial(build_diffusion, smoothing=smoothing, seed=seed)
-        # This step mostly uses one core, so it runs while the encoder uses the others.
-        with beside(lambda: [spread(each, TokenGrid(each, side, side)) for each in views]) as problems:
+        build = partial(build_diffusion, smoothing=smoothing, seed=seed)
+        # `build` mostly uses one core, so it runs while the encoder uses the others.
+        with beside(lambda: [build(each, TokenGrid(each, side, side)) for each in views]) as problems:
             tokens = np.split(encode(), len(views))
-        seen = []
+        by_up = []
         for each, own, problem in zip(views, tokens, problems(), strict=True):
             smooth = smooth_along_surface(PixelTargets(each, own), problem, stages=stages)
-            seen.append(metric.of_targets(smooth, thickness_bands(each, smooth), seed) if metric else smooth)
-        targets = seen[0] if up.shares is None else side_by_side(seen, up.shares)
+            by_up.append(metric.of_targets(smooth, thickness_bands(each, smooth), seed) if metric else smooth)
+        targets = by_up[0] if up.shares is None else side_by_side(by_up, up.shares)
 
-    # ‖Φ(P) − Z‖², Eq. 3
+    # minimizes ‖Φ(P) − Z‖², Eq. 3
     field = fit(targets, settings, center=views[0].center, scale=views[0].scale, device=encoder.device, stages=stages)
     if settings.pieces and isinstance(targets, PointTargets):
         field = fit_component_residuals(field, targets)
@@ -71,12 +71,12 @@ def distill_pictures(mesh: Mesh, encoder: Encoder, settings: DistillSettings, *,
 
 
 def _lacking(encoder: Encoder, settings: DistillSettings, metric: Metric | None) -> dict[str, Any]:
-    """Log which learned data `encoder` lacks, and return the list for the field's settings."""
+    """Return the field's setting that lists the learned data missing for `encoder`, and log it; {} if none is."""
     lacking = []
     if settings.metric == "learned" and metric is None:
-        lacking.append("no metric was learned for it: distances are those of its features")
+        lacking.append("no metric was learned for it, so distances are those of its features")
     if settings.up == "auto" and find_probe(encoder) is None:
-        lacking.append("no up probe was learned for it: up is the file's +y")
+        lacking.append("no up probe was learned for it, so up is the file's +y")
     if not lacking:
         return {}
     _log.warning("encoder %s, block %d: %s", encoder.name, encoder.block, "; ".join(lacking))

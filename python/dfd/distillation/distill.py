@@ -1,4 +1,4 @@
-"""The public entry point: cache lookup and memory advice around `dfd.distillation.algorithm`."""
+"""Distill a field, or take it from the cache; if memory runs out, name the settings to lower."""
 
 from __future__ import annotations
 
@@ -13,17 +13,16 @@ from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.field import cache as field_cache
 from dfd.field.cache_key import cache_key
 
-# torch and transformers take seconds to import, so only a distillation imports them.
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # torch takes seconds to import, so it is imported only if no cached field is found
     from dfd.encoders.encode import Encoder
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh, MeshLike
 
-# For each stage: what takes the memory, and which settings reduce it.
+# The data that take the memory in each stage, and the settings that reduce it.
 _PICTURES = "the pictures: lower `resolution` or `views`"
 _FIT = "the fit: lower `batch`, `resolution` or `views`, or give features with fewer columns"
 _ADVICE = dict.fromkeys(("load", "up", "simplify", "render"), _PICTURES)
-_ADVICE["encode"] = "the tokens: lower `resolution` or `views`, or take a smaller encoder"
+_ADVICE["encode"] = "the tokens: lower `resolution` or `views`, or choose a smaller encoder"
 
 
 def distill(
@@ -48,11 +47,12 @@ def distill(
     Parameters
     ----------
     mesh
-        A mesh, or anything that `dfd.load` accepts. Textures, holes, loose parts and degenerate faces are allowed.
+        A mesh, or anything that `dfd.load` accepts. Textures, holes, several components and degenerate faces are
+        allowed.
     encoder
         A known encoder's name, a folder with weights, a hub name, or a loaded encoder.
     preset
-        The source of the settings that are left out: "default", or "paper" for the procedure of the paper.
+        The source of all settings that are not given: "default", or "paper" for the procedure of the paper.
     views, resolution
         The number of pictures, and the side of each in pixels.
     up
@@ -61,7 +61,7 @@ def distill(
     smoothing
         Distance over which features are smoothed along the surface, relative to half the longest side of the box.
     steps, epochs
-        Length of the fit, in batches or in passes over all points. Give one of the two.
+        Length of the fit, in batches or in passes over all points. Only one of the two can be given.
     seed
         Seed of all random numbers. Equal seeds give equal fields on one machine with the same number of threads.
         Elsewhere the fields agree to about 1e-3 of a feature.
@@ -70,21 +70,22 @@ def distill(
     progress
         True shows progress bars on standard error; a `Stages` also records the duration of each stage.
     cache
-        Take the field from the user's cache if it holds one for the same mesh and settings. Otherwise store the new
-        field there; see `dfd.common.files`.
+        Whether to take the field from the user's cache if it has one for the same mesh and settings, and otherwise to
+        store the new field there; see `dfd.common.files.cache_directory`.
     settings
-        Every other field of `DistillSettings`. The device decides the precision of a named encoder (see
+        Any other setting of `DistillSettings`. The device decides the precision of a named encoder (see
         `dfd.encoders.encode.load_encoder`); `field.settings["encoder_precision"]` records it.
 
     Returns
     -------
     Field. `field.settings` holds all settings and the loss of every step. It also holds the encoder's block, and
     whether the encoder saw the background. "up_direction" and "up_confidence" describe the up direction. "up_source" is
-    "said" if the caller gave it, "file", "found", or "averaged" if the features of two directions are combined.
+    "said" if the caller gave it, "file" if it is the file's +y, "found" if it was found from pictures, or "averaged" if
+    the features of two directions are combined.
 
     Raises ValueError if an argument is out of range, the encoder is unknown, or no camera ray hits the mesh. Raises
-    ValueError if the encoder was loaded for another `block` or `background`. Raises OSError if the encoder's weights
-    cannot be found or read. Raises MemoryError if memory runs out; the message names the settings to lower.
+    ValueError if a loaded encoder has another `block` or `background`. Raises OSError if the encoder's weights cannot
+    be found or read. Raises MemoryError if memory runs out; the message names the settings to lower.
 
     Warns
     -----
@@ -104,7 +105,7 @@ def distill(
         known = _find_key(mesh, encoder, checked, device)
         found = field_cache.find(known) if cache and known else None
         if found is None:
-            key, run = _of_pictures(mesh, encoder, checked, device)
+            key, run = _prepare(mesh, encoder, checked, device)
             if cache and key != known:
                 found = field_cache.find(key)
     if found is not None:
@@ -125,10 +126,7 @@ def distill(
 def find_distilled(
     mesh: Mesh, encoder: str | PathLike[str] | Encoder, settings: DistillSettings, *, device: str | None = None
 ) -> Field | None:
-    """Return the field that `distill` would take from the user's cache for the same arguments, else None.
-
-    The function does not import torch, because the import would take longer than the lookup.
-    """
+    """Return the field in the user's cache for the arguments, or None; this function does not import torch."""
     key = _find_key(mesh, encoder, settings, device)
     return field_cache.find(key) if key else None
 
@@ -136,7 +134,7 @@ def find_distilled(
 def _find_key(
     mesh: Mesh, encoder: str | PathLike[str] | Encoder, settings: DistillSettings, device: str | None
 ) -> dict[str, Any] | None:
-    """Return the cache key without loading the encoder; None if its weights are not on this machine."""
+    """Return the cache key, without loading the encoder; None if its weights are not on this machine."""
     from dfd.encoders.sources import find_identity
 
     if isinstance(encoder, str | PathLike):
@@ -148,30 +146,24 @@ def _find_key(
     return cache_key(mesh, **settings.as_dict(), **identity) if identity else None
 
 
-_Work = tuple[dict[str, Any], Callable[[Stages], "Field"]]  # cache key, and the function that computes the field
-
-
-def _of_pictures(
+def _prepare(
     mesh: Mesh, encoder: str | PathLike[str] | Encoder, settings: DistillSettings, device: str | None
-) -> _Work:
+) -> tuple[dict[str, Any], Callable[[Stages], Field]]:
+    """Load the encoder, and return the cache key and the function that computes the field."""
     from dfd.distillation.algorithm import distill_pictures
     from dfd.encoders.encode import Encoder, load_encoder
     from dfd.encoders.sources import IDENTITY
 
     if isinstance(encoder, Encoder):
-        _check_loaded(encoder, settings)
+        if settings.block not in (None, encoder.block):
+            found = f"{encoder.block}, got {settings.block}"
+            raise ValueError(f"distill: `block` must be that of the loaded encoder, {found}")
+        if settings.background and encoder.foreground_only:
+            remedy = "load it with background=True, or give its name"
+            raise ValueError(f"distill: `background` must be False for this loaded encoder, got True: {remedy}")
         model, identity = encoder, encoder.identity()
     else:
         model = load_encoder(encoder, device=device, **settings.of_encoder())
-        identity = {name: model.identity()[name] for name in IDENTITY}  # the values that `find_identity` gives
+        identity = {name: model.identity()[name] for name in IDENTITY}  # equals the result of `find_identity`
     key = cache_key(mesh, **settings.as_dict(), **identity)
     return key, lambda stages: distill_pictures(mesh, model, settings, stages=stages)
-
-
-def _check_loaded(encoder: Encoder, settings: DistillSettings) -> None:
-    if settings.block not in (None, encoder.block):
-        raise ValueError(f"distill: `block` must be that of the loaded encoder, {encoder.block}, got {settings.block}")
-    if settings.background and encoder.foreground_only:
-        raise ValueError(
-            "distill: `background` must be as the encoder was loaded: give its name, or load it with background=True"
-        )

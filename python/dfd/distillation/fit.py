@@ -1,4 +1,4 @@
-"""The fit: gradient descent on Eq. 3 from targets at points, in torch on every device."""
+"""Fit the field's network to targets at points, by gradient descent on Eq. 3 in torch."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     from dfd.distillation.settings import DistillSettings
     from dfd.distillation.targets import PointTargets, Targets
 
-# For batches of at least this size, matrix products take most of the time, and bfloat16 halves it. Two epochs of the
-# paper's preset took 25 s instead of 52 s, with a loss 0.1 % higher.
+# Batch size from which matrix products use bfloat16, which halves their time. Two epochs of the paper's preset took
+# 25 s instead of 52 s, with a loss 0.1 % higher.
 LARGE_BATCH = 4096
-_LEAST_PART, _MOST_PARTS = 192, 8  # least points per part of a batch, and most parts; a thread takes one part
+_LEAST_PART, _MOST_PARTS = 192, 8  # least points in a part of a batch, and most parts; each part runs on one thread
 
 
 def fit(
@@ -46,12 +46,12 @@ def fit(
     """Return a field that Adam fits to `targets`; its settings hold the loss of every step.
 
     The loss is the mean of ‖Φ(P) − Z‖² over a batch. One generator on the CPU draws initial parameters and batches. So
-    a seed gives the same field on every device up to rounding (about 1e-3 of a feature).
+    a seed gives the same field on every device, up to rounding (differences of about 1e-3 between features).
 
     Parameters
     ----------
     center, scale
-        The normalization of the points, which the field applies to its arguments.
+        The normalization of the points: the field evaluates the network at `scale` · (point − `center`).
     device
         Torch device. On the CPU the fit uses the threads of the kernels; their number does not change the result.
 
@@ -65,37 +65,37 @@ def fit(
     batches, steps = _batches(targets, settings, generator)
     optimizer = Adam(network)
     losses: list[Tensor] = []
-    # torch keeps one thread count for each thread, so each worker sets its own to 1.
+    # torch has a thread count for each calling thread, so each worker sets its own to 1.
     workers = ThreadPoolExecutor(get_num_threads(), "dfd-fit", initializer=torch.set_num_threads, initargs=(1,))
-    low = settings.batch >= LARGE_BATCH and choose_precision(device) == "bfloat16"
+    bfloat16 = settings.batch >= LARGE_BATCH and choose_precision(device) == "bfloat16"
     with _exact_float32(), one_thread(), workers as pool, stages.stage("fit", steps) as advance:
         for (points, wanted), (rate, momentum) in zip(batches, schedule(settings, steps), strict=True):
-            loss, gradients = _gradients(network, points.to(device), wanted.to(device), pool, low=low)
+            loss, gradients = _gradients(network, points.to(device), wanted.to(device), pool, bfloat16=bfloat16)
             optimizer.step(gradients, rate, momentum)
             losses.append(loss)
             advance()
     parameters = network.arrays()
     if not all(np.isfinite(values).all() for values in parameters.values()):
         rate = settings.learning_rate
-        raise ValueError(f"distill: `learning_rate` {rate:g} is too high: the fit diverged (NaN or inf)")
+        raise ValueError(f"distill: `learning_rate` {rate:g} is too high: the fit diverged to NaN or infinity")
     made = {"losses": torch.stack(losses).tolist()}
     return Field(parameters, octaves=settings.octaves, center=center, scale=scale, settings=made)
 
 
 def _gradients(
-    network: Network, points: Tensor, wanted: Tensor, pool: Executor, *, low: bool
+    network: Network, points: Tensor, wanted: Tensor, pool: Executor, *, bfloat16: bool
 ) -> tuple[Tensor, list[Tensor]]:
     """Return the mean of ‖Φ(P) − Z‖² over a batch, (B, 3) points and (B, d) targets, and its gradients.
 
-    `low` multiplies matrices in bfloat16; parameters and sums stay in float32.
+    `bfloat16` sets the precision of matrix products; parameters and sums stay in float32.
 
-    On the CPU each thread takes parts of the batch, and the gradients of the parts are added in order. Torch's own
+    On the CPU each thread takes parts of the batch, and the gradients of the parts are added in order. torch's own
     threads synchronize many times per step, which is up to twenty times slower on a busy machine.
     """
     parameters = list(network.parameters())
 
     def differentiate(part: tuple[Tensor, Tensor]) -> tuple[Tensor, ...]:
-        with torch.autocast(points.device.type, torch.bfloat16, enabled=low):
+        with torch.autocast(points.device.type, torch.bfloat16, enabled=bfloat16):
             found = network(part[0])
         loss = (found.float() - part[1]).square().sum() / len(points)
         return loss.detach(), *torch.autograd.grad(loss, parameters)
@@ -111,7 +111,10 @@ def _gradients(
 def _batches(
     targets: Targets, settings: DistillSettings, generator: torch.Generator
 ) -> tuple[Iterator[tuple[Tensor, Tensor]], int]:
-    """Return points and targets of every step, and the number of steps: random for `steps`, else shuffled `epochs`."""
+    """Return the points and targets of every step, and the number of steps.
+
+    With the setting `steps` each batch is random; with `epochs` the points are shuffled in each pass.
+    """
     batch = settings.batch
     if settings.steps is not None:
         return (targets.draw(batch, generator) for _ in range(settings.steps)), settings.steps
@@ -127,7 +130,7 @@ def _batches(
 
 
 class Adam:
-    """Run torch's fused Adam as a function: torch's Adam class imports its compiler, which takes two seconds."""
+    """Adam by torch's fused function; torch's own class Adam imports its compiler, which takes two seconds."""
 
     def __init__(self, network: Network) -> None:
         self._parameters = [parameter.detach() for parameter in network.parameters()]
@@ -136,7 +139,7 @@ class Adam:
         self._steps = [torch.zeros((), device=parameter.device) for parameter in self._parameters]
 
     def step(self, gradients: list[Tensor], rate: float, momentum: float) -> None:
-        """Move the parameters by one step at `rate`; `momentum` is β₁."""
+        """Update the parameters by one step with the learning rate `rate`; `momentum` is β₁."""
         adam(
             self._parameters,
             gradients,
@@ -156,7 +159,7 @@ class Adam:
 
 
 def schedule(settings: DistillSettings, steps: int) -> Iterator[tuple[float, float]]:
-    """Yield the learning rate and momentum of every step: constant values, or one cycle.
+    """Yield the learning rate and momentum (β₁) of every step: constant, or one cycle.
 
     The cycle follows Smith and Topin, "Super-convergence" (2019), with the defaults of
     `torch.optim.lr_scheduler.OneCycleLR`.
@@ -181,7 +184,7 @@ def schedule(settings: DistillSettings, steps: int) -> Iterator[tuple[float, flo
 
 @contextmanager
 def _exact_float32() -> Iterator[None]:
-    """Disable TF32 and similar reduced precision in torch's matrix products."""
+    """Disable TF32 and other reduced precisions in torch's matrix products while the block runs."""
     precision = torch.get_float32_matmul_precision()
     torch.set_float32_matmul_precision("highest")
     try:
@@ -190,14 +193,14 @@ def _exact_float32() -> Iterator[None]:
         torch.set_float32_matmul_precision(precision)
 
 
-# Residuals of components with few points n are noisy, so they are multiplied by n / (n + SHRINKAGE).
+# Residuals of a component with n points are multiplied by n / (n + SHRINKAGE), because few points give noisy residuals.
 SHRINKAGE = 10
 
 
 def fit_component_residuals(field: Field, targets: PointTargets) -> Field:
-    """Return `field`, fitted to `targets`, with added residuals for each connected component of the surface.
+    """Return `field`, fitted to `targets`, with residuals for each connected component of the surface.
 
-    `targets` have the width of the field's features. A surface of one component returns the field unchanged.
+    `targets` have the width of the field's features. If the surface has one component, the field is returned unchanged.
     """
     component, boxes = targets.component, targets.boxes
     if component is None or boxes is None:
@@ -210,9 +213,9 @@ def fit_component_residuals(field: Field, targets: PointTargets) -> Field:
 
 
 def widen(field: Field, directions: Float32) -> Field:
-    """Return the field whose features are those of `field` (width d) times `directions` (d, D).
+    """Return a field whose features are the features of `field` (width d) times `directions` (d, D).
 
-    The directions are orthonormal. So lengths stay the same, and the product folds into the field's last layer.
+    The rows of `directions` are orthonormal, so lengths stay the same. The product is folded into the last layer.
     """
     last = field.architecture.layer_names().linear[-1]
     turned: dict[str, Any] = {

@@ -1,12 +1,13 @@
-"""A metric that separates parts better than the raw features, learned once per encoder from labelled shapes.
+"""Map features so that their distances separate parts better, by a metric learned once per encoder.
 
 An encoder's features also vary within a part: with position on the body, curvature and neighboring parts. Pictures do
 not show some differences between parts, such as thickness (`dfd.distillation.thickness`). So a linear map takes
-features and thickness to Fisher's discriminant directions. It weights each direction by the ratio of variance between
-parts to variance within parts (`python -m bench.training.learn_metric`). Probabilities of kinds of parts are appended.
-Rows have unit length and about the same mean distance as before, so a weight 1 − d keeps its meaning.
+features and thickness to Fisher's discriminant directions. Each direction is weighted by the ratio of variance between
+parts to variance within parts, on labelled shapes (`python -m bench.training.learn_metric`). Probabilities of kinds of
+parts are appended. The results have unit length and about the same mean distance as the features. So 1 − distance is
+still a useful weight.
 
-The map is applied before the fit. So the field's features have the distances of the metric, and they are narrower.
+The map is applied before the fit, so distances between the field's features are those of the metric.
 """
 
 from __future__ import annotations
@@ -38,26 +39,23 @@ SHAPES: dict[str, tuple[int | str, ...]] = {
     "kinds_output_bias": ("K",),
 }
 FOLDER = Path(__file__).with_name("metrics")
-# The metric contracts details with many vertices and little area. At equal mean distance over the surface, a handle
-# would therefore move more vertices than without the metric. With this factor it moves fewer.
+# Factor of the mean distance. The metric reduces distances within details of many vertices and little area. Without
+# this factor, a handle would move more vertices than without the metric.
 FARTHER = 1.06
-# Weight of squared distances of kinds relative to those of mapped features. A higher one gives worse results on birds.
+# Weight of the kinds' squared distances, relative to the mapped features'. A higher weight is worse on birds.
 KINDS_SHARE = 0.2
-_LEAST_STRETCH = 0.02  # below 1, because some mapped rows must be contracted
+_LEAST_STRETCH = 0.02  # least factor about the mean; below 1, because some mapped rows must be contracted
 
 
 @dataclass(frozen=True, eq=False)
 class Metric:
-    """The learned map of an encoder's features of width D."""
+    """The learned map of an encoder's features of width D and thickness to rows of width d; the two maps are added."""
 
-    directions: Float32  # (D, d) the map of a row of features
-    # thickness_directions: (BANDS, d) the map of a row of `dfd.distillation.thickness.thickness_bands`; the mapped
-    # feature row and the mapped thickness row are added
-    thickness_directions: Float32
-    # encoder_weights, encoder_block: the encoder that gave the training features
-    encoder_weights: str
-    encoder_block: int
-    kinds: Kinds | None = None  # classifier of kinds of parts, or None
+    directions: Float32  # (D, d) the map of features
+    thickness_directions: Float32  # (BANDS, d) the map of `dfd.distillation.thickness.thickness_bands`
+    encoder_weights: str  # fingerprint of the weights that gave the training features
+    encoder_block: int  # block that gave the training features
+    kinds: Kinds | None = None  # classifier of kinds of parts
 
     def mapped(
         self,
@@ -67,7 +65,7 @@ class Metric:
         *,
         mean: Float32 | None = None,
     ) -> Float32:
-        """Map features (N, D) and thickness bands (N, BANDS) to unit rows (N, d), or (N, d + K) with K kinds.
+        """Return unit rows (N, d), or (N, d + K) with K kinds, for features (N, D) and thickness bands (N, BANDS).
 
         The mean distance of the rows is `FARTHER` times that of `features`. `mean` (D,) is the mean feature of the
         shape; None takes the mean of `features`.
@@ -79,18 +77,18 @@ class Metric:
         mapped = restore_contrast(mapped, distance, generator, least=_LEAST_STRETCH)
         if self.kinds is None:
             return mapped
-        likely = self.kinds.likely(rows, rows.mean(axis=0) if mean is None else mean)
-        both = unit(np.concatenate([mapped, np.float32(np.sqrt(KINDS_SHARE)) * likely], axis=1))
+        probable = self.kinds.root_probabilities(rows, rows.mean(axis=0) if mean is None else mean)
+        both = unit(np.concatenate([mapped, np.float32(np.sqrt(KINDS_SHARE)) * probable], axis=1))
         return restore_contrast(both, distance, generator, least=_LEAST_STRETCH)
 
     def of_targets(self, targets: PointTargets, thickness: Float32, seed: int) -> PointTargets:
-        """Return `targets` with `mapped` features; `seed` draws the pairs that estimate mean distances."""
+        """Return `targets` with `mapped` features; `seed` determines the pairs that estimate mean distances."""
         rows = self.mapped(targets.features, thickness, np.random.default_rng(seed))
         return PointTargets(targets.points, rows, None, targets.component, targets.boxes, targets.face)
 
     @property
     def content_hash(self) -> str:
-        """Return the SHA-256 of the arrays: features of different metrics are not comparable."""
+        """Return the SHA-256 of the arrays; it differs for metrics whose features are not comparable."""
         return hash_arrays(*self._arrays().values())
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
@@ -103,15 +101,15 @@ class Metric:
         return (self.encoder_weights, self.encoder_block) == encoder_identity(encoder)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write a .safetensors file, whole or not at all; equal metrics give equal files."""
+        """Write a .safetensors file atomically; equal metrics give equal bytes."""
         write_learned(path, KIND, self._arrays(), (self.encoder_weights, self.encoder_block))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Metric:
         """Return the metric in a file that `save` wrote.
 
-        Raises ValueError if the file is truncated or of another kind. Raises ValueError if its arrays have wrong shapes
-        or are not finite. Raises OSError if the file cannot be read.
+        Raises ValueError if the file is truncated, has another format, or has arrays of wrong shape or not finite.
+        Raises OSError if the file cannot be read.
         """
         arrays, identity = read_learned("Metric.load", path, KIND, SHAPES, optional=list(SHAPES)[2:])
         directions, thickness, *learned = (values.astype(np.float32) for values in arrays.values())
@@ -119,27 +117,25 @@ class Metric:
 
 
 def find_metric(encoder: Encoder) -> Metric | None:
-    """Return the package's metric for the weights and block of `encoder`, else None.
-
-    Raises ValueError if one of the package's files is damaged.
-    """
+    """Return the package's metric for the weights and block of `encoder`, or None; ValueError if a file is damaged."""
     metrics = (Metric.load(path) for path in sorted(FOLDER.glob("*.safetensors")))
     return next((metric for metric in metrics if metric.fits(encoder)), None)
 
 
 @dataclass(frozen=True, eq=False)
 class Kinds:
-    """Classifies features of width D as K kinds of parts, with one hidden layer of n rectified units."""
+    """A classifier of features of width D into K kinds of parts, with one hidden layer of n ReLU units."""
 
-    # hidden, hidden_bias: (D, n) weights and (n,) biases of the hidden units
-    hidden: Float32
-    hidden_bias: Float32
-    # output, output_bias: (n, K) weights and (K,) biases of the logits
-    output: Float32
-    output_bias: Float32
+    hidden: Float32  # (D, n) weights of the hidden units
+    hidden_bias: Float32  # (n,)
+    output: Float32  # (n, K) weights of the logits
+    output_bias: Float32  # (K,)
 
-    def likely(self, features: Float32, mean: Float32) -> Float32:
-        """Return unit rows (N, K), square roots of probabilities, of `features` (N, D) with the shape's `mean` (D,)."""
+    def root_probabilities(self, features: Float32, mean: Float32) -> Float32:
+        """Return the square roots (N, K), unit rows, of the kinds' probabilities.
+
+        `features` (N, D) are classified by their difference from the shape's `mean` (D,).
+        """
         units = np.maximum((features - mean) @ self.hidden + self.hidden_bias, 0)
         logits = units @ self.output + self.output_bias
         probable = np.exp(logits - logits.max(axis=1, keepdims=True))

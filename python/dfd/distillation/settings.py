@@ -1,4 +1,4 @@
-"""The settings of a distillation: everything besides mesh and encoder that a field depends on."""
+"""Define and check the settings of a distillation, which determine the field for a given mesh and encoder."""
 
 from __future__ import annotations
 
@@ -15,36 +15,33 @@ from dfd.upright.candidates import check_up
 from dfd.views.cameras import Framing
 from dfd.views.render import LARGEST_RESOLUTION, LARGEST_VIEWS, Supervision
 
-LENGTHS = ("steps", "epochs")  # length of a fit: a caller gives one of the two
+LENGTHS = ("steps", "epochs")  # settings for the length of a fit; exactly one of the two is not None
 
 
 def _setting(default: Any, description: str, *, paper: Any = ..., **bounds: float) -> Any:
-    """Declare one setting: default, description, value in the preset "paper", and bounds."""
-    return Field(
-        default,
-        description=description,
-        json_schema_extra={"paper": default if paper is ... else paper, "bounds": dict(bounds)},
-    )
+    """Declare a setting with its default, its description, its value in the preset "paper", and its bounds."""
+    extra = {"paper": default if paper is ... else paper, "bounds": dict(bounds)}
+    return Field(default, description=description, json_schema_extra=extra)
 
 
 class DistillSettings(BaseModel):
-    """The settings of `dfd.distill`, checked and immutable; the preset gives those that are left out.
+    """The settings of `dfd.distill`, checked and immutable; the preset gives all settings that are not given.
 
     Raises ValueError if a setting is out of range. Raises ValueError if neither or both of `steps` and `epochs` are
-    given. Raises TypeError if there is no setting of a given name.
+    given. Raises TypeError if a setting is unknown.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
 
     preset: Preset = _setting(
         "default",
-        "Values of the settings left out: as measured to be best (default), or as in the paper (paper).",
+        "Source of all settings that are not given: default, the values that measured best; or paper, the paper's.",
         paper="paper",
     )
-    views: int = _setting(24, "Pictures taken from around the shape.", minimum=1, maximum=LARGEST_VIEWS)
+    views: int = _setting(24, "Number of pictures around the shape.", minimum=1, maximum=LARGEST_VIEWS)
     resolution: int = _setting(
         518,
-        "Pixels along a picture's side, rounded to the nearest that the encoder accepts.",
+        "Side of a picture in pixels, rounded to the nearest size that the encoder accepts.",
         paper=512,
         minimum=1,
         maximum=LARGEST_RESOLUTION,
@@ -54,32 +51,33 @@ class DistillSettings(BaseModel):
     )
     simplify_to: int | None = _setting(
         None,
-        "Render a copy simplified to this many faces; none casts rays at the full mesh, equally fast below half a "
-        "million faces and faster above.",
+        "Number of faces of a simplified copy that is rendered; none renders the full mesh, which is as fast below "
+        "half a million faces and faster above.",
         paper=50_000,
         minimum=4,
     )
     up: str | tuple[float, float, float] = _setting(
         "auto",
-        "Up direction: +y, -z and the like; numbers such as 0,0,1; file, the +y of files by convention; or auto, found "
-        "from pictures. It orients the cameras; mesh and field keep their coordinates.",
+        "Up direction, which orients the cameras: +y, -z and the like; numbers such as 0,0,1; file, the file's +y; or "
+        "auto, found from pictures. Mesh and field keep their coordinates.",
         paper="file",
     )
     supervision: Supervision = _setting(
         "barycentric",
-        "barycentric: fit every covered pixel (Eq. 2); vertex: only those that hold a vertex, the paper's ablation.",
+        "barycentric: fit all covered pixels (Eq. 2); vertex: fit only pixels that contain a vertex, an ablation of "
+        "the paper.",
     )
     mirrored: bool = _setting(
         True,
-        "Place cameras in fours that mirror each other at the upright middle planes, which cancels the encoder's bias "
-        "between left and right.",
+        "Place cameras in groups of four that are mirror images in the upright middle planes of the shape, which "
+        "cancels the encoder's bias between left and right.",
         paper=False,
     )
     background: bool = _setting(
         False, "Give the encoder whole pictures, not only the patches that show the shape.", paper=True
     )
     block: int | None = _setting(
-        None, "The encoder's block whose tokens are used, from 1; none takes the best one for its weights.", minimum=1
+        None, "Block of the encoder whose output is used, from 1; none takes the best block for its weights.", minimum=1
     )
     smoothing: float = _setting(
         0.3,
@@ -91,20 +89,20 @@ class DistillSettings(BaseModel):
     )
     metric: Literal["learned", "none"] = _setting(
         "learned",
-        "learned: distances that separate parts better, if learned for the encoder's weights and block; none: the "
-        "paper's, of the encoder's features alone. Without smoothing always none; what was not learned for an encoder "
-        "is in `field.settings` as encoder_lacks.",
+        "learned: map features so that distances separate parts better, if a map was learned for the encoder's weights "
+        "and block (else `encoder_lacks` in `field.settings` says so); none: use the encoder's features, as in the "
+        "paper. Always none without smoothing.",
         paper="none",
     )
     pieces: bool = _setting(
         True,
-        "Store features of each connected component, which separates a helmet from the head inside it. Without "
-        "smoothing always off.",
+        "Correct the features of each connected component, which separates a helmet from the head inside it. Always "
+        "off without smoothing.",
         paper=False,
     )
     octaves: int = _setting(
         5,
-        "Octaves of the positional encoding that the network takes in addition to the coordinates; 0 in the paper.",
+        "Octaves of the positional encoding, an input of the network beside the coordinates; 0 in the paper.",
         paper=0,
         minimum=0,
         maximum=MOST_OCTAVES,
@@ -118,7 +116,9 @@ class DistillSettings(BaseModel):
         2e-2, "Adam's learning rate, or its peak over one cycle.", paper=1e-3, minimum=0.0, exclusive=True
     )
     schedule: Literal["one_cycle", "constant"] = _setting(
-        "one_cycle", "one_cycle: the learning rate rises to its peak and falls; constant: it stays.", paper="constant"
+        "one_cycle",
+        "one_cycle: the learning rate rises to its peak and falls; constant: it does not change.",
+        paper="constant",
     )
     seed: int = _setting(0, "Equal seeds give equal fields on one machine.", minimum=0, maximum=2**63 - 1)
 
@@ -136,14 +136,14 @@ class DistillSettings(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _fill_in(cls, given: Mapping[str, Any]) -> dict[str, Any]:
-        """Add the preset's values, except a second length of the fit."""
+        """Add the preset's values; a given length of the fit replaces the preset's `steps` or `epochs`."""
         preset = check.choice("distill", "preset", given.get("preset", "default"), Preset)
-        usual = {}
+        defaults = {}
         if preset == "paper":
-            usual = {name: _extra(cls, name)["paper"] for name in cls.model_fields}
+            defaults = {name: _extra(cls, name)["paper"] for name in cls.model_fields}
         if any(given.get(name) is not None for name in LENGTHS):
-            usual |= dict.fromkeys(LENGTHS)
-        return {**usual, **given}
+            defaults |= dict.fromkeys(LENGTHS)
+        return {**defaults, **given}
 
     @field_validator("*", mode="plain")
     @classmethod
@@ -167,12 +167,11 @@ class DistillSettings(BaseModel):
     @model_validator(mode="after")
     def _fit_together(self) -> DistillSettings:
         if (self.steps is None) == (self.epochs is None):
-            raise ValueError(
-                f"distill: exactly one of `steps` and `epochs` must be given, got {self.steps} and {self.epochs}"
-            )
-        if self.supervision == "vertex":  # this ablation uses the paper's loss
+            found = f"{self.steps} and {self.epochs}"
+            raise ValueError(f"distill: exactly one of `steps` and `epochs` must be given, got {found}")
+        if self.supervision == "vertex":  # this ablation has the paper's loss
             object.__setattr__(self, "smoothing", 0.0)
-        if self.smoothing == 0:  # both settings need smoothed features
+        if self.smoothing == 0:  # metric and pieces need smoothed features
             object.__setattr__(self, "metric", "none")
             object.__setattr__(self, "pieces", False)
         return self

@@ -1,23 +1,22 @@
-"""Smooths features along the surface, which averages out contradictions between views.
+"""Smooth features along the surface, which averages differences between views.
 
-At outlines and gaps a patch of the encoder covers more than one part. Views contradict each other, and no camera sees
-some of the surface. So tokens are averaged at sample points over the whole surface and diffused *along* it: the targets
-Z minimize
+At outlines and gaps, a patch of the encoder covers more than one part. Views differ, and no camera sees some of the
+surface. So tokens are averaged at surface samples and diffused *along* the surface: the targets Z minimize
 
     Σ_i c_i ‖Z_i − Ẑ_i‖² + t ∫ ‖∇Z‖²,    t = distance² / 2,
 
-a screened diffusion. Ẑ_i is the mean token of the pixels near point i, and c_i is the visibility of point i. Unlike a
+a screened diffusion. Ẑ_i is the mean token of the pixels near sample i, and c_i is the visibility of sample i. Unlike a
 blur in space, diffusion does not mix legs that are close together.
 
-Averaging reduces feature distances, and weights are computed from distances. Unscaled, every handle would move
-everything. So smooth features are scaled about their mean until their mean distance is three quarters of that of the
-pixels' tokens. The remaining quarter is disagreement between views, not a difference between parts.
+Diffusion reduces the distances between features, so weights would be large everywhere. Smooth features are therefore
+scaled about their mean, to three quarters of the mean distance of the pixels' tokens. The remaining quarter is due to
+differences between views, not between parts.
 
-Left and right parts can get different features. So a weak link, in proportion to similarity, joins each point to the
-points near its mirror image. The mirror plane is the best of the three middle planes of the box.
+An encoder can give different features to a left part and a right part. So weak links, weighted by similarity, connect
+each sample with the samples near its mirror image. The mirror plane is the best of the three middle planes of the box.
 
-Smooth features are low-rank. So their main directions are smoothed and fitted, and the field's last layer maps back to
-full width. 64 of a DINOv2-small's 384 directions lose less than 1e-4 of the targets' squared length.
+Smooth features are low-rank. So only their main directions are smoothed and fitted, and the field's last layer maps
+them to full width. 64 of a DINOv2-small's 384 directions lose less than 1e-4 of the targets' squared length.
 """
 
 from __future__ import annotations
@@ -40,57 +39,55 @@ from dfd.geometry.topology import face_areas, face_components, sample_surface
 from dfd.mesh.weld import weld
 from dfd.views.render import Views, used_vertices
 
-# SciPy is imported where it is used, on a thread that runs while the encoder works.
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # imported in `_factors`, which runs on another thread beside the encoder
     from scipy.sparse.linalg import SuperLU
 
-SURFACE_SAMPLES = 12_000  # samples are on average 0.02 apart in normalized coordinates
-MAX_PIXELS = 400_000  # a higher number changes no result measurably
-NEIGHBORS = 10
-# Weight of links between nearby components, relative to links within one. Through them a component that no camera sees
-# gets features from its neighbors. With less, a body of loose parts separates; with more, armor gets body features.
+SURFACE_SAMPLES = 12_000  # number of surface samples, on average 0.02 apart in normalized coordinates
+MAX_PIXELS = 400_000  # number of pixels that are averaged; more do not change results measurably
+NEIGHBORS = 10  # nearest samples of its component to which a sample is linked
+# Weight of links between components, relative to links within a component. These links give features to components
+# that no camera sees. A lower weight separates the components of a body; a higher one gives armor features of the body.
 GAP_WEIGHT = 0.008
-GAP_NEIGHBORS = 4
-MIRROR_WEIGHT = 0.02
-MIRROR_REACH = 0.06  # from a point's mirror image to its linked points, of half the longest side of the box
+GAP_NEIGHBORS = 4  # nearest samples of other components, or near the mirror image, to which a sample is linked
+MIRROR_WEIGHT = 0.02  # weight of mirror links, relative to the median link
+MIRROR_REACH = 0.06  # longest distance from a mirror image to a linked sample, of half the longest side of the box
 SIMILARITY_SCALE = 0.8  # feature distance, relative to the mean, at which a mirror link's weight is 1/e
-DIRECTIONS = 128  # main directions that are smoothed, or all if features are narrower
-SIMILARITY_DIRECTIONS = 32  # main directions that decide similarity; a higher number changes no result
+DIRECTIONS = 128  # main directions that are smoothed
+SIMILARITY_DIRECTIONS = 32  # main directions that decide similarity; more do not change results
 COLUMNS_PER_SOLVE = 32
-SATURATED_COVERAGE = 0.3  # pixels per point, relative to the mean, beyond which visibility does not grow
-DISTANCE_KEPT = 0.75
+SATURATED_COVERAGE = 0.3  # pixels per sample, relative to the mean, above which visibility does not increase
+DISTANCE_KEPT = 0.75  # mean distance of smooth features, relative to that of the pixels' tokens
 
 
 @dataclass(frozen=True, eq=False)
 class DiffusionProblem:
-    """The part of the diffusion that does not depend on the tokens, over N points on the surface."""
+    """The part of the diffusion over N surface samples that does not depend on the tokens."""
 
     views: Views
     distance: float  # distance over which features are smoothed, in normalized coordinates
-    # points, face, area: (N, 3) in normalized coordinates, (N,) the face of each, and the area that each represents
-    points: Float64
-    face: Int64
-    area: float
-    size: float  # half the longest side of the box along the pictures' frame
+    points: Float64  # (N, 3) the samples, in normalized coordinates
+    face: Int64  # (N,) the face of each sample
+    area: float  # area of the surface per sample
+    size: float  # half the longest side of the box along the axes of `views.frame`
     component: Int32  # (F,) the connected component of each face of the surface
-    gathered: sparse.csr_matrix  # (N, tokens) the weight of each token in the mean at each point
-    confidence: Float64  # (N,) visibility c_i of each point
+    gathered: sparse.csr_matrix  # (N, tokens) the weight of each token in the mean at each sample
+    confidence: Float64  # (N,) visibility c_i of each sample
     links: sparse.csr_matrix  # (N, N) symmetric weights between neighbors along the surface
     factors: SuperLU  # LU factors of the system without mirror links
     generator: np.random.Generator  # the source of the remaining random numbers
 
 
 def build_diffusion(views: Views, grid: TokenGrid, *, smoothing: float, seed: int) -> DiffusionProblem:
-    """Return the part of `smooth_along_surface` that needs no tokens of `grid`.
+    """Return the part of the diffusion that does not depend on the tokens.
 
     Parameters
     ----------
-    views
-        The pictures' surface points with their faces.
+    grid
+        The positions of the tokens at the surface points of `views`.
     smoothing
-        Diffusion distance relative to half the longest side of the box along the pictures' frame; above 0.
+        Diffusion distance relative to half the longest side of the box along the axes of `views.frame`; above 0.
     seed
-        Seed of the random points.
+        Seed of the surface samples.
     """
     generator = np.random.default_rng(seed)
     vertices, faces = views.vertices.astype(np.float64), views.faces
@@ -101,7 +98,7 @@ def build_diffusion(views: Views, grid: TokenGrid, *, smoothing: float, seed: in
     seen = np.bincount(nearest, minlength=len(points)) / (len(chosen) / len(points))
     confidence = np.minimum(seen, SATURATED_COVERAGE) * area
     links = _surface_links(points, component[face], seen > 0, area)
-    # The size is that of the box along the pictures' frame: along the mesh's axes, a rotated shape has another box.
+    # In contrast to the mesh's axes, the axes of the frame give the same box if the shape is rotated in its file.
     size = float(np.ptp(used_vertices(views.vertices, faces) @ views.frame.T, axis=0).max()) / 2
     distance = smoothing * size
     factors = _factors(confidence, area, distance, links)
@@ -112,10 +109,10 @@ def build_diffusion(views: Views, grid: TokenGrid, *, smoothing: float, seed: in
 
 
 def smooth_along_surface(pixels: PixelTargets, on: DiffusionProblem, *, stages: Stages) -> PointTargets:
-    """Average the tokens of `pixels` at points on the surface and smooth them along it. Solve `on` only once.
+    """Return the tokens of `pixels`, averaged at surface samples and smoothed along the surface.
 
-    Return targets in the main directions of the features. Their points are uniform by area over the surface that
-    diffusion reaches.
+    The targets are in the main directions of the features. Samples that diffusion does not reach are left out. The call
+    draws random numbers from `on.generator`, so a second call with the same `on` gives another result.
     """
     with stages.stage("smooth"), one_blas_thread():
         confidence, generator = on.confidence, on.generator
@@ -123,8 +120,8 @@ def smooth_along_surface(pixels: PixelTargets, on: DiffusionProblem, *, stages: 
         directions = _main_directions(tokens, confidence)
         main = tokens @ directions.T
         appearance = unit(_solve(main[:, :SIMILARITY_DIRECTIONS], confidence, on.factors))
-        alike = float(np.median(on.links.data))
-        mirrored = _mirror_links(_centered(on.points, on.views) / on.size, appearance, alike, generator)
+        weight = float(np.median(on.links.data))
+        mirrored = _mirror_links(_centered(on.points, on.views) / on.size, appearance, weight, generator)
         links = on.links + mirrored
         smooth = _solve(main, confidence, _factors(confidence, on.area, on.distance, links))  # Z
         reached = np.linalg.norm(smooth, axis=1) > 1e-4
@@ -138,13 +135,12 @@ def smooth_along_surface(pixels: PixelTargets, on: DiffusionProblem, *, stages: 
 
 
 def _gather(
-    views: Views,
-    points: Float64,  # (N, 3)
-    component: Int32,  # (F,)
-    face: Int64,  # (N,)
-    generator: np.random.Generator,
+    views: Views, points: Float64, component: Int32, face: Int64, generator: np.random.Generator
 ) -> tuple[Int64, Int64]:
-    """Choose pixels (P,), and return for each the nearest of `points` on its component of the surface (P,)."""
+    """Return chosen pixels (P,), and for each the nearest sample (P,) on its connected component.
+
+    The samples have positions `points` (N, 3) and lie on `face` (N,); `component` (F,) is that of each face.
+    """
     chosen = np.arange(len(views.points))
     if len(chosen) > MAX_PIXELS:
         chosen = np.sort(generator.choice(len(chosen), MAX_PIXELS, replace=False))
@@ -161,13 +157,13 @@ def _main_directions(rows: Float32, weight: NDArray[np.floating]) -> Float32:
 def _factors(confidence: Float64, area: float, distance: float, links: sparse.csr_matrix) -> SuperLU:
     """Return LU factors of the system that minimizes Σ_i c_i ‖Z_i − Ẑ_i‖² + t Σ_ij w_ij ‖Z_i − Z_j‖².
 
-    `links` (N, N) are the w_ij. t is scaled by `SATURATED_COVERAGE`, the c_i of a fully visible point per area.
+    `links` (N, N) are the w_ij. t is scaled by `SATURATED_COVERAGE`, the c_i per area of a fully visible sample.
     """
     from scipy.sparse.linalg import splu
 
-    # The last term keeps the system regular at points without visibility and links.
+    # The term 1e-6 · area makes the system regular at samples without visibility and links.
     system = distance**2 / 2 * SATURATED_COVERAGE * _laplacian(links) + sparse.diags(confidence + 1e-6 * area)
-    # The matrix is positive definite, so it needs no pivoting, and a symmetric ordering halves the fill-in.
+    # The matrix is positive definite, so it needs no pivoting. A symmetric ordering halves the fill-in.
     return splu(
         sparse.csc_matrix(system), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
     )
@@ -179,7 +175,7 @@ def _laplacian(links: sparse.csr_matrix) -> sparse.csr_matrix:
 
 
 def _solve(tokens: Float32, confidence: Float64, factors: SuperLU) -> Float32:
-    """Return the smooth Z (N, D) of `tokens` Ẑ (N, D)."""
+    """Return the smooth Z (N, D) for `tokens` Ẑ (N, D)."""
     smooth = np.empty(tokens.shape, np.float32)
 
     def solve(begin: int, end: int) -> None:
@@ -189,40 +185,34 @@ def _solve(tokens: Float32, confidence: Float64, factors: SuperLU) -> Float32:
     return smooth
 
 
-def _surface_links(
-    points: Float64,  # (N, 3)
-    component: Int32,  # (N,)
-    seen: Bool,  # (N,)
-    area: float,  # of each point
-) -> sparse.csr_matrix:
-    """Return symmetric weights (N, N) from the k nearest neighbors of each point, so that Zᵀ L Z ≈ ∫ ‖∇Z‖².
+def _surface_links(points: Float64, component: Int32, seen: Bool, area: float) -> sparse.csr_matrix:
+    """Return symmetric weights (N, N) between each sample and its k nearest neighbors, so that Zᵀ L Z ≈ ∫ ‖∇Z‖².
 
-    For a constant gradient g near a point, the point's part of the integral is ¼ Σ_j w_ij ‖p_i − p_j‖² g². So the
-    weights w_ij = 4 area / (k ‖p_i − p_j‖²) give area · g².
+    For a constant gradient g near sample i, its part of the integral is ¼ Σ_j w_ij ‖p_i − p_j‖² g². So the weights
+    w_ij = 4 area / (k ‖p_i − p_j‖²) give area · g². `area` is that of each sample. `points` (N, 3), `component` (N,)
+    and `seen` (N,) are position, connected component and visibility of the samples.
     """
     every = np.arange(len(points))
-    blind = np.bincount(component, seen)[component] == 0  # points on components that no camera sees
+    hidden = np.bincount(component, seen)[component] == 0  # samples on components that no camera sees
     links = [
         _links(apart(points, component), every, every, NEIGHBORS, lambda i, j: component[i] == component[j], 1.0),
         _links(points, every, every, GAP_NEIGHBORS, lambda i, j: component[i] != component[j], GAP_WEIGHT),
-        _links(points, every[blind], every[~blind], GAP_NEIGHBORS, lambda i, j: i != j, GAP_WEIGHT),
+        _links(points, every[hidden], every[~hidden], GAP_NEIGHBORS, lambda i, j: i != j, GAP_WEIGHT),
     ]
     one, other, weight = (np.concatenate(parts) for parts in zip(*links, strict=True))
     squared = np.square(points[one] - points[other]).sum(axis=1)
-    # Without this bound, coincident points would have infinite weights.
+    # The bound prevents infinite weights between coincident samples.
     squared = np.maximum(squared, max(np.median(squared) / 16, 1e-12))
     return _symmetric(4 * area * weight / squared, one, other, len(points))
 
 
 def _mirror_links(
-    points: Float64,  # (N, 3)
-    features: Float32,  # (N, d) unit rows
-    weight: float,  # of a link between neighbors
-    generator: np.random.Generator,
+    points: Float64, features: Float32, weight: float, generator: np.random.Generator
 ) -> sparse.csr_matrix:
-    """Return symmetric weights (N, N) between each point and those near its mirror image, by feature similarity.
+    """Return symmetric weights (N, N) between each of `points` (N, 3) and the points near its mirror image.
 
-    The three candidate planes pass through the center of the box. The plane with the largest sum of weights is used.
+    The weights increase with the similarity of the `features` (N, d), unit rows, and are proportional to `weight`, that
+    of a link between neighbors. The mirror plane is perpendicular to the axis that gives the largest sum of weights.
     """
     tree = cKDTree(points)
     mean = mean_distance(features, features[generator.permutation(len(points))])
@@ -240,13 +230,13 @@ def _mirror_links(
 
 
 def _centered(points: Float64, views: Views) -> Float64:
-    """Return `points` (N, 3) in the axes of the pictures' frame, relative to the center of the shape's box there."""
+    """Return `points` (N, 3) in the axes of `views.frame`, relative to the center of the shape's box in these axes."""
     corners = used_vertices(views.vertices, views.faces) @ views.frame.T
     return points @ views.frame.T - (corners.min(axis=0) + corners.max(axis=0)) / 2
 
 
 def _symmetric(weights: NDArray[np.floating], one: Int64, other: Int64, count: int) -> sparse.csr_matrix:
-    """Return a symmetric matrix (N, N) with half of each weight in either direction."""
+    """Return a symmetric matrix (N, N), N = `count`, with half of each weight at (one, other) and at (other, one)."""
     links = sparse.csr_matrix((weights, (one, other)), shape=(count, count))
     return sparse.csr_matrix((links + links.T) / 2)
 
@@ -259,7 +249,10 @@ def _links(
     linked: Callable[[Int64, Int64], Bool],
     weight: float,
 ) -> tuple[Int64, Int64, Float64]:
-    """Return links of each of `ends` to its nearest `others`, not itself: both ends, and `weight` / `neighbors`."""
+    """Return the links from each of `ends` to its nearest `others` except itself, if `linked` accepts them.
+
+    The result holds both ends and the weight, `weight` / `neighbors`, of each link.
+    """
     wanted = min(neighbors + 1, len(others))
     if len(ends) == 0 or wanted == 0:
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)

@@ -1,4 +1,4 @@
-"""The data of the fit: points and their unit target features (paper, Eq. 3)."""
+"""Store the data of the fit: points and their target features, unit rows (paper, Eq. 3)."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ from dfd.common.linear_algebra import Float32, Float64, Int32, Int64, principal_
 from dfd.common.threads import parallel_ranges
 from dfd.views.render import Views
 
-# torch takes seconds to import, and only the fit needs it.
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # torch takes seconds to import, and only the fit needs it
     import torch
 
-PAIRS = 2000  # sampled pairs that estimate a mean distance
-LARGEST_STRETCH = 5.0  # bound: a shape with equal features everywhere would only get amplified noise
-_GROUPS_AT_ONCE = 1000  # means per task
-_ROWS_AT_ONCE = 2048  # tokens per task
-_ROWS_IN_CACHE = 512  # rows whose squares stay in a core's cache until they are summed
+PAIRS = 2000  # random pairs of rows that estimate a mean distance
+LARGEST_STRETCH = (
+    5.0  # largest factor about the mean; without it, noise of a shape of equal features would be amplified
+)
+_GROUPS_AT_ONCE = 1000  # means in a range of `parallel_ranges`
+_ROWS_AT_ONCE = 2048  # tokens in a range of `parallel_ranges`
+_ROWS_IN_CACHE = 512  # rows that fit a core's cache
 
 
 class Targets:
@@ -48,7 +49,7 @@ class Targets:
         return torch.from_numpy(self.points[numbers]), torch.from_numpy(self.rows(numbers))
 
     def draw(self, count: int, generator: torch.Generator) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return what `at` returns for `count` random points."""
+        """Return `count` random points (B, 3) and their unit targets (B, d), on the CPU."""
         import torch
 
         return self.at(torch.randint(len(self.points), (count,), generator=generator))
@@ -58,17 +59,13 @@ class Targets:
 class PointTargets(Targets):
     """One target for each surface sample."""
 
-    # points, targets: (N, 3) normalized, and (N, d) unit rows
-    points: Float32
-    targets: Float32
-    # directions: (d, D) orthonormal rows that map targets to the encoder's features; None if the targets already are
-    # the final features
-    directions: Float32 | None = None
-    # component, boxes: None if the surface is one connected component; else (N,) the component of each point, and
-    # (P, 6) the lower and upper corners of the components' boxes
-    component: Int32 | None = None
-    boxes: Float64 | None = None
-    face: Int64 | None = None  # (N,) the face that each point lies on, if known
+    points: Float32  # (N, 3) normalized
+    targets: Float32  # (N, d) unit rows
+    directions: Float32 | None = None  # (d, D) orthonormal rows that map targets to features; None for the identity
+    # `component` and `boxes` are None if the surface has one connected component.
+    component: Int32 | None = None  # (N,) the component of each point
+    boxes: Float64 | None = None  # (P, 6) the lower and upper corners of the components' boxes
+    face: Int64 | None = None  # (N,) the face of each point, if known
 
     @property
     def dimension(self) -> int:
@@ -77,7 +74,7 @@ class PointTargets(Targets):
 
     @property
     def features(self) -> Float32:
-        """Return the targets (N, D) as features of the encoder."""
+        """Return the features (N, D) of the points: the targets times `directions`."""
         return self.targets if self.directions is None else np.asarray(self.targets @ self.directions, np.float32)
 
     def rows(self, chosen: NDArray[np.integer]) -> Float32:
@@ -86,9 +83,9 @@ class PointTargets(Targets):
 
 
 class TokenGrid:
-    """Interpolates the (height, width) tokens of each image bilinearly at the surface points of `views`.
+    """Bilinear interpolation of the (height, width) tokens of each image at the surface points of `views`.
 
-    A token lies at the center of its patch.
+    A token lies at the center of its patch. Tokens are numbered by image, row and column.
     """
 
     def __init__(self, views: Views, height: int, width: int) -> None:
@@ -98,7 +95,7 @@ class TokenGrid:
         self._resolution = views.images.shape[1]
 
     def corners(self, chosen: NDArray[np.integer]) -> tuple[Int64, Float32]:
-        """Return indices and weights (B, 4) of the four tokens around each point; indices run by image, row, column."""
+        """Return the numbers and weights (B, 4) of the four tokens around each of the points `chosen` (B,)."""
         top, lower = self._between(self._row[chosen], self._height)
         left, right = self._between(self._column[chosen], self._width)
         bottom, after = np.minimum(top + 1, self._height - 1), np.minimum(left + 1, self._width - 1)
@@ -110,9 +107,9 @@ class TokenGrid:
         return indices, weights
 
     def means(self, chosen: NDArray[np.integer], group: NDArray[np.integer], count: int) -> sparse.csr_matrix:
-        """Return a matrix (count, tokens) that averages tokens over each group; rows of empty groups are empty.
+        """Return a matrix (count, tokens) that averages the tokens at the points `chosen` (B,) by their `group` (B,).
 
-        `group` (B,) is the group of each of the `chosen`.
+        Rows of empty groups are 0.
         """
         indices, weights = self.corners(chosen)
         size = np.bincount(group, minlength=count)
@@ -120,6 +117,7 @@ class TokenGrid:
         return sparse.csr_matrix((weight.ravel(), (np.repeat(group, 4), indices.ravel())), shape=(count, self.size))
 
     def _between(self, pixel: Float32, count: int) -> tuple[Int64, Float32]:
+        """Return the last of `count` tokens before each position in pixels, and the weight of the next token."""
         cells = np.float32(count / self._resolution)
         position = ((pixel + np.float32(0.5)) * cells - np.float32(0.5)).clip(0, count - 1)
         before = position.astype(np.int64)
@@ -127,13 +125,7 @@ class TokenGrid:
 
 
 class PixelTargets(Targets):
-    """Holds targets at the surface points of all views, Ω of Eq. 3, and interpolates them from tokens on demand.
-
-    Parameters
-    ----------
-    tokens
-        (views, h, w, D), the encoder's tokens of the square images of `views`.
-    """
+    """Targets at the surface points of all pixels (Eq. 3), interpolated on demand from `tokens` (views, h, w, D)."""
 
     directions = None  # these targets are features of the encoder
 
@@ -157,13 +149,13 @@ class PixelTargets(Targets):
         return torch.nn.functional.normalize(blended, dim=1).numpy()
 
     def means_by(self, weights: sparse.csr_matrix) -> Float32:
-        """Return `weights` (N, tokens), for example of `TokenGrid.means`, times the unit tokens: (N, D)."""
+        """Return the matrix product (N, D) of `weights` (N, tokens) and the tokens, scaled to unit length."""
         table = np.empty(self._table.shape, np.float32)
 
-        def shorten(begin: int, end: int) -> None:
+        def normalize(begin: int, end: int) -> None:
             table[begin:end] = unit(self._table[begin:end])
 
-        parallel_ranges(len(table), _ROWS_AT_ONCE, shorten)
+        parallel_ranges(len(table), _ROWS_AT_ONCE, normalize)
         mean = np.empty((weights.shape[0], self.dimension), np.float32)
 
         def fill(begin: int, end: int) -> None:
@@ -173,24 +165,28 @@ class PixelTargets(Targets):
         return mean
 
 
-def side_by_side(seen: Sequence[PointTargets], shares: Sequence[float] | NDArray[np.floating]) -> PointTargets:
-    """Return targets whose squared distances are the mean of those of `seen`, weighted by `shares`, which sum to 1.
+def side_by_side(by_up: Sequence[PointTargets], shares: Sequence[float] | NDArray[np.floating]) -> PointTargets:
+    """Return targets that concatenate the features of the targets in `by_up`, one for each up direction.
 
-    All of `seen` were smoothed at the same points; points that diffusion did not reach may be missing. Main directions
-    reduce the result to the width of the first, because pictures of one shape in two up directions differ little.
+    Squared distances are the mean over `by_up`, weighted by `shares`, which sum to 1. All targets have the same points,
+    except for points that diffusion did not reach. The result is projected to the width of the first, because pictures
+    of a shape in two up directions differ little.
     """
-    if len(seen) == 1:
-        return seen[0]
-    first = seen[0]
-    nearest = [cKDTree(each.points).query(first.points)[1] for each in seen]
-    rows = [np.sqrt(share) * each.features[at] for share, each, at in zip(shares, seen, nearest, strict=True)]
+    if len(by_up) == 1:
+        return by_up[0]
+    first = by_up[0]
+    nearest = [cKDTree(each.points).query(first.points)[1] for each in by_up]
+    rows = [np.sqrt(share) * each.features[at] for share, each, at in zip(shares, by_up, nearest, strict=True)]
     together = np.concatenate(rows, axis=1, dtype=np.float32)
     directions = principal_directions(together, first.dimension)
     return replace(first, targets=unit(together @ directions.T), directions=None)
 
 
 def restore_contrast(rows: Float32, distance: float, generator: np.random.Generator, *, least: float = 1.0) -> Float32:
-    """Scale unit `rows` (N, D) about their mean to the mean pairwise `distance`, by `least` … `LARGEST_STRETCH`."""
+    """Return unit `rows` (N, D), scaled about their mean so that their mean pairwise distance is `distance`.
+
+    The factor lies in [`least`, `LARGEST_STRETCH`].
+    """
     one, other = generator.integers(0, len(rows), (2, PAIRS))
     mean = rows.mean(axis=0)
     from_mean = rows - mean
@@ -210,7 +206,7 @@ def restore_contrast(rows: Float32, distance: float, generator: np.random.Genera
 
 
 def unit(rows: Float32) -> Float32:
-    """Return `rows` (N, D) at unit length; rows shorter than 1e-6 stay short."""
+    """Return `rows` (N, D) at unit length; rows shorter than 1e-6 are divided by 1e-6."""
     result = np.empty(rows.shape, np.float32)
     for begin in range(0, len(rows), _ROWS_IN_CACHE):
         some = rows[begin : begin + _ROWS_IN_CACHE]
@@ -220,5 +216,5 @@ def unit(rows: Float32) -> Float32:
 
 
 def mean_distance(one: Float32, other: Float32) -> float:
-    """Return the mean distance between the rows (N, D) of `one` and those of `other`."""
+    """Return the mean distance between row i of `one` (N, D) and row i of `other`."""
     return float(np.linalg.norm(one - other, axis=1).mean())

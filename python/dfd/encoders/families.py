@@ -1,7 +1,7 @@
-"""The families of vision networks that transformers runs, and how each gives the tokens of a block.
+"""Run the families of vision networks in transformers, and read the tokens of a block.
 
-The tokens of a block are those that the network would give if that block were its last. The network's own final layer
-norm (SAM's neck) is applied to them, and the class token and registers are left out.
+The network ends after that block. Its own final LayerNorm, or SAM's neck, is applied to the output. The class token and
+registers are removed.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import torch
 from torch import Tensor, nn
 
 from dfd.common import check
+from dfd.common.errors import ArgumentError
 from dfd.encoders.vision_model import VisionModel
 from dfd.encoders.weight_files import IMAGENET, ChannelStats, EncoderWeights, check_fit, unreadable
 
@@ -24,7 +25,7 @@ CLIP = ChannelStats((0.48145466, 0.4578275, 0.40821073), (0.26862954, 0.26130258
 
 
 def build_family(weights: EncoderWeights, block: int | None) -> VisionModel:
-    """Return a network with `weights` from a folder, cut off after `block`; None takes the last.
+    """Return a network with `weights` from a folder that ends after `block`; None keeps all blocks.
 
     Raises ValueError if transformers is not installed, the family is unknown, or the block is out of range. Raises
     ValueError if the tensors do not fit the configuration. Raises OSError if the file of weights cannot be read.
@@ -33,28 +34,26 @@ def build_family(weights: EncoderWeights, block: int | None) -> VisionModel:
     try:
         from transformers.models.auto.configuration_auto import CONFIG_MAPPING
     except ImportError:
-        raise ValueError(
-            f'load_encoder: `encoder`: a {kind} model needs transformers: pip install "dfd[encoders]"'
-        ) from None
+        reason = f'is a {kind} model, which needs transformers: pip install "dfd[encoders]"'
+        raise ArgumentError("encoder", reason) from None
     if kind not in CONFIG_MAPPING:
-        raise ValueError(f"load_encoder: `encoder`: this version of transformers does not know the model type {kind!r}")
+        raise ArgumentError("encoder", f"must be a model that the installed transformers has, got the type {kind!r}")
     with _quiet():
         try:
             config = CONFIG_MAPPING[kind].from_dict(dict(weights.config))
         except Exception as error:  # configurations raise errors of any type
-            raise ValueError(
-                f"load_encoder: `encoder`: its config.json is not a valid {kind} model: {error}"
-            ) from error
+            reason = f"must have a valid config.json of a {kind} model, got the error {error}"
+            raise ArgumentError("encoder", reason) from error
         config = getattr(config, "vision_config", config)
         network, report = _load(weights, config)
     lists = [module for module in network.modules() if isinstance(module, nn.ModuleList)]
     if not lists:
-        raise ValueError(f"load_encoder: `encoder`: a model of type {kind!r} has no blocks of tokens to take")
+        raise ArgumentError("encoder", f"must be a model with a list of blocks, got the type {kind!r}")
     blocks = max(lists, key=len)
     depth = len(blocks)
-    chosen = depth if block is None else check.whole("load_encoder", "block", block, minimum=1, maximum=depth)
-    del blocks[chosen:]  # blocks after `chosen` never run
-    # The tokens do not depend on these modules, so files of weights may lack them.
+    chosen = depth if block is None else check.whole(None, "block", block, minimum=1, maximum=depth)
+    del blocks[chosen:]
+    # Files of weights may lack these modules, because the tokens do not depend on them.
     unused = {"pooler", "head", "mask_token"}
     needed = {name for name, _ in network.named_parameters() if unused.isdisjoint(name.split("."))}
     check_fit(weights, report["mismatched_keys"], report["missing_keys"] & needed)
@@ -64,7 +63,7 @@ def build_family(weights: EncoderWeights, block: int | None) -> VisionModel:
 
 
 def _load(weights: EncoderWeights, config: Any) -> tuple[Any, dict[str, Any]]:
-    """Return the model that makes tokens, and transformers' report on the names of its tensors."""
+    """Return the network, and transformers' report on missing tensors and tensors of other shapes."""
     from transformers import AutoModel
 
     try:
@@ -74,8 +73,8 @@ def _load(weights: EncoderWeights, config: Any) -> tuple[Any, dict[str, Any]]:
             dtype=torch.float32,
             local_files_only=True,
             output_loading_info=True,
-            ignore_mismatched_sizes=True,  # the report lists mismatches, and `check_fit` refuses them by name
-            key_mapping={r"^vision_encoder\.": ""},  # prefix of the vision model's tensors in files of SAM 2
+            ignore_mismatched_sizes=True,  # `check_fit` raises the error, with the tensor's name
+            key_mapping={r"^vision_encoder\.": ""},  # prefix of the image encoder's tensors in files of SAM 2
         )
     except Exception as error:  # safetensors and transformers raise their own error types
         raise unreadable(weights, error) from error
@@ -83,7 +82,7 @@ def _load(weights: EncoderWeights, config: Any) -> tuple[Any, dict[str, Any]]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Silence transformers' load reports, warnings and progress bars, because this module checks and raises errors."""
+    """Silence transformers' reports, warnings and progress bars; this module checks the tensors itself."""
     from transformers.utils import logging
 
     verbosity, bars = logging.get_verbosity(), logging.is_progress_bar_enabled()
@@ -99,11 +98,12 @@ def _quiet() -> Iterator[None]:
             logging.enable_progress_bar()
 
 
-# Each function returns a family's model, which turns normalized images (n, 3, H, W) into tokens (n, h, w, D).
+# Each of these functions returns a family's model; `cut` holds the fields `block`, `depth` and `channels`.
 
 
 def _of_any_size(network: Any, config: Any, **cut: Any) -> VisionModel:
-    patch = _side(config, "patch_size", "vision transformer with square patches")
+    """Return the model of a family that accepts images of any multiple of the patch."""
+    patch = _side(config, "patch_size", "a vision transformer with square patches")
 
     def tokens(images: Tensor, patches: Tensor | None) -> Tensor:
         return _grid(network(pixel_values=images).last_hidden_state, images, patch)
@@ -112,15 +112,15 @@ def _of_any_size(network: Any, config: Any, **cut: Any) -> VisionModel:
 
 
 def _of_one_size(network: Any, config: Any, **cut: Any) -> VisionModel:
-    """Return the model of a family that states its image size only in its configuration."""
-    size = _side(config, "image_size", "network for square images of a known size")
+    """Return the model of a family that accepts only images of the size in its configuration."""
+    size = _side(config, "image_size", "a network with a fixed size of square images")
     return _of_any_size(network, config, fixed_size=size, **cut)
 
 
 def _clip(network: Any, config: Any, **cut: Any) -> VisionModel:
     def tokens(images: Tensor, patches: Tensor | None) -> Tensor:
         sequence = network(pixel_values=images, interpolate_pos_encoding=True).last_hidden_state
-        # CLIP itself applies its last norm to the class token only.
+        # CLIP itself applies its final LayerNorm to the class token only.
         return network.post_layernorm(_grid(sequence, images, config.patch_size))
 
     return replace(_of_any_size(network, config, **cut), tokens=tokens)
@@ -134,7 +134,7 @@ def _sam(network: Any, config: Any, **cut: Any) -> VisionModel:
 
 
 def _sam2(network: Any, config: Any, **cut: Any) -> VisionModel:
-    """Return the model of SAM 2, where each stage of the backbone after the first halves the map."""
+    """Return the model of SAM 2, whose backbone halves the map of tokens between stages."""
     backbone, sizes = network.backbone, config.backbone_config
 
     def tokens(images: Tensor, patches: Tensor | None) -> Tensor:
@@ -143,7 +143,7 @@ def _sam2(network: Any, config: Any, **cut: Any) -> VisionModel:
     stride = sizes.patch_stride[0]
     halved = sum(block.query_stride is not None for block in backbone.blocks)
     coarsest = stride * sizes.query_stride[0] ** sizes.num_query_pool_stages
-    window = stride * sizes.window_size_per_stage[0]  # position embeddings repeat in every window
+    window = stride * sizes.window_size_per_stage[0]  # pixels after which position embeddings repeat
     return VisionModel(
         network,
         tokens,
@@ -154,8 +154,7 @@ def _sam2(network: Any, config: Any, **cut: Any) -> VisionModel:
     )
 
 
-# Keys are model types of the image encoder.
-_FAMILIES = {
+_FAMILIES = {  # by the model type of the image encoder
     "dinov3_vit": _of_any_size,
     "clip_vision_model": _clip,
     "sam_vision_model": _sam,
@@ -164,21 +163,19 @@ _FAMILIES = {
 
 
 def _grid(sequence: Tensor, images: Tensor, patch: int) -> Tensor:
-    """Return the patch tokens of a sequence (n, prefix + h·w, D) as a grid (n, h, w, D), without the prefix."""
+    """Return the last h·w tokens of a sequence (n, prefix + h·w, D) as a grid (n, h, w, D)."""
     rows, columns = images.shape[2] // patch, images.shape[3] // patch
     if sequence.ndim != 3 or sequence.shape[1] < rows * columns:
-        raise ValueError(
-            f"encode: `encoder` gives an output of shape {tuple(sequence.shape)}, "
-            f"not {rows} × {columns} tokens an image"
-        )
+        found = f"an output of shape {tuple(sequence.shape)}"
+        raise ArgumentError("encoder", f"must give {rows} × {columns} tokens per image, got {found}", "encode")
     return sequence[:, sequence.shape[1] - rows * columns :].reshape(len(sequence), rows, columns, -1)
 
 
 def _side(config: Any, name: str, wanted: str) -> int:
-    """Return the side of a square whose size `config` has under `name`, as a number or a pair."""
+    """Return the side in pixels of the square size `name` in `config`, a number or a pair of equal numbers."""
     size = getattr(config, name, None)
     if isinstance(size, list | tuple) and len(set(size)) == 1:
         size = size[0]
     if not isinstance(size, int):
-        raise ValueError(f"load_encoder: `encoder` must be a {wanted}")
+        raise ArgumentError("encoder", f"must be {wanted}, got {name} {size!r}")
     return size

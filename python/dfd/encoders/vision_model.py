@@ -1,4 +1,4 @@
-"""A vision network of any family, in the form in which the encoder runs it."""
+"""Define the common interface of vision networks of all families."""
 
 from __future__ import annotations
 
@@ -12,12 +12,11 @@ from dfd.encoders.weight_files import ChannelStats
 
 @dataclass(frozen=True)
 class VisionModel:
-    """A network that is cut off after `block` (counted from 1) of its `depth` blocks.
+    """A network that ends after `block` (counted from 1) of its `depth` blocks.
 
     `tokens` maps normalized images (n, 3, H, W) to tokens (n, H / patch, W / patch, D). H and W are multiples of `step`
-    pixels, or exactly `fixed_size` if it is set. The second argument of `tokens` (n, H / patch, W / patch), bool,
-    selects the patches that take part; None selects all. The tokens of other patches are 0. Only networks that
-    `takes_patches` receive this argument.
+    pixels, or exactly `fixed_size` if it is set. The second argument of `tokens`, bool (n, H / patch, W / patch),
+    selects the patches to encode; other tokens are 0. None encodes all. Without `takes_patches`, it must be None.
     """
 
     network: nn.Module

@@ -1,4 +1,4 @@
-"""Weights of encoders, and their files in a folder that transformers saved."""
+"""Read the configuration and find the weights of an encoder in a folder that transformers saved."""
 
 from __future__ import annotations
 
@@ -8,17 +8,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from dfd.common.errors import ArgumentError
 from dfd.common.files import sha256_of_files
 
 SETTINGS = ("config.json", "preprocessor_config.json")
-_WHOLE, _INDEX = "model.safetensors", "model.safetensors.index.json"  # one file, or the index of several files
+_SINGLE, _INDEX = "model.safetensors", "model.safetensors.index.json"  # a file of all tensors, or an index of files
 
 
 class ChannelStats(NamedTuple):
-    """Mean and standard deviation of each channel (red, green, blue) of a network's training images.
-
-    The encoder uses them to bring images in [0, 1] to mean 0 and deviation 1.
-    """
+    """Mean and standard deviation of the channels (red, green, blue) by which images in [0, 1] are normalized."""
 
     mean: tuple[float, ...]
     std: tuple[float, ...]
@@ -29,9 +27,9 @@ IMAGENET = ChannelStats((0.485, 0.456, 0.406), (0.229, 0.224, 0.225))
 
 @dataclass(frozen=True)
 class EncoderWeights:
-    """Weights that are not loaded into a network yet: in `folder`, or already read as `tensors`, arrays by name.
+    """Weights for a network, in files in `folder` or as `tensors`, arrays by name.
 
-    `fingerprint` changes when the weights or their settings change. `channels` are those that come with the weights.
+    `fingerprint` identifies the weights and their settings. `channels` are None if the folder does not contain them.
     """
 
     config: dict[str, Any]
@@ -43,56 +41,47 @@ class EncoderWeights:
 
 
 def folder_weights(folder: Path, *, source: str = "folder", fingerprint: str | None = None) -> EncoderWeights:
-    """Return the weights in `folder`, a model in the form that transformers uses.
+    """Return the weights in `folder`, which transformers saved.
 
-    Raises ValueError if the folder names no type of model. Raises OSError if a file is missing or cannot be read.
+    Raises ValueError if config.json has no model type. Raises OSError if a file is missing or cannot be read.
     """
     config = _read_json(folder / "config.json")
     if config is None:
         raise FileNotFoundError(f"load_encoder: `encoder`: the folder {folder} has no config.json")
     if not isinstance(config.get("model_type"), str):
-        raise ValueError(f"load_encoder: `encoder`: {folder / 'config.json'} does not say its `model_type`")
+        raise ArgumentError("encoder", f"must have a config.json with a `model_type`, got none in {folder}")
     files = weight_files(folder)
     missing = [file.name for file in files if not file.is_file()]
     if missing:
         raise FileNotFoundError(f"load_encoder: `encoder`: the folder {folder} has no {missing[0]}")
     files += [folder / name for name in SETTINGS if (folder / name).is_file()]
-    return EncoderWeights(
-        config=config,
-        source=source,
-        fingerprint=fingerprint or f"sha256:{sha256_of_files(*files)}",
-        folder=folder,
-        channels=_channels(_read_json(folder / "preprocessor_config.json") or {}),
-    )
+    channels = _channels(_read_json(folder / "preprocessor_config.json") or {})
+    fingerprint = fingerprint or f"sha256:{sha256_of_files(*files)}"
+    return EncoderWeights(config, source, fingerprint, folder, channels=channels)
 
 
 def weight_files(folder: Path) -> list[Path]:
-    """Return the files that hold the tensors: one, or those in an index. The files need not exist."""
-    index = {} if (folder / _WHOLE).is_file() else _read_json(folder / _INDEX) or {}
-    return [folder / name for name in sorted(set(index.get("weight_map", {}).values())) or [_WHOLE]]
+    """Return the files of the tensors: a single file, or the files in an index. They need not exist."""
+    index = {} if (folder / _SINGLE).is_file() else _read_json(folder / _INDEX) or {}
+    return [folder / name for name in sorted(set(index.get("weight_map", {}).values())) or [_SINGLE]]
 
 
 def unreadable(weights: EncoderWeights, error: Exception) -> OSError:
-    """Return the error to raise when reading `weights` failed with `error`."""
-    reason = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
+    """Return the error to raise if reading `weights` failed with `error`."""
+    reason = (str(error).strip() or type(error).__name__).splitlines()[0]
     return OSError(f"load_encoder: `encoder`: the weights in {weights.folder} cannot be read: {reason}")
 
 
 def check_fit(
     weights: EncoderWeights, wrong: Iterable[tuple[str, Sequence[int], Sequence[int]]], missing: Iterable[str]
 ) -> None:
-    """Raise ValueError if tensors have `wrong` shapes (name, found, wanted), or some are `missing`."""
+    """Raise ValueError if there are tensors of `wrong` shapes (name, found, required), or `missing` tensors."""
     for name, found, wanted in sorted(wrong):
-        raise ValueError(
-            f"load_encoder: `encoder`: the tensor {name} has shape {tuple(found)}, "
-            f"its config.json asks for {tuple(wanted)}"
-        )
+        raise ArgumentError("encoder", f"must have {name} of shape {tuple(wanted)}, got {tuple(found)}")
     lacking = sorted(missing)
     if lacking:
-        raise ValueError(
-            f"load_encoder: `encoder`: the weights lack {len(lacking)} tensors of a {weights.config['model_type']} "
-            f"model, such as {lacking[0]}"
-        )
+        kind = weights.config["model_type"]
+        raise ArgumentError("encoder", f"lacks {len(lacking)} tensors of a {kind} model, such as {lacking[0]}")
 
 
 def _read_json(path: Path) -> dict[str, Any] | None:
@@ -103,7 +92,7 @@ def _read_json(path: Path) -> dict[str, Any] | None:
     except (ValueError, OSError, RecursionError) as error:
         raise OSError(f"load_encoder: {path} cannot be read: {error}") from error
     if not isinstance(content, dict):
-        raise OSError(f"load_encoder: {path} cannot be read: it holds no JSON object")
+        raise OSError(f"load_encoder: {path} cannot be read: it contains no JSON object")
     return content
 
 

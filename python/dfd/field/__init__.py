@@ -1,1 +1,1 @@
-"""The neural feature field, and its files."""
+"""Evaluate, save and cache neural feature fields, and check that a field belongs to a mesh."""

@@ -1,4 +1,4 @@
-"""The shape of a field's network, and the names of its parameters.
+"""Define the sizes of a field's network, and the names and shapes of its parameters.
 
 The names are those of a torch `Sequential` of linear maps, ReLUs and LayerNorms. Layer k has its linear map at
 `network.{3 k}`; a hidden layer has its LayerNorm at `network.{3 k + 2}`.
@@ -16,11 +16,11 @@ from numpy.typing import ArrayLike
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 
-MOST_OCTAVES = 16  # beyond it, float32 cannot resolve the angles
+MOST_OCTAVES = 16  # with more, float32 cannot represent the angles
 
 
 class LayerNames(NamedTuple):
-    """The modules with parameters, in order."""
+    """The names of the modules that have parameters, in order."""
 
     linear: tuple[str, ...]
     norms: tuple[str, ...]
@@ -33,7 +33,7 @@ class Architecture:
     dimension: int  # width D of a feature
     width: int = 256  # neurons of a hidden layer
     layers: int = 4  # number of hidden layers
-    octaves: int = 0  # number of octaves of sines and cosines, in addition to the coordinates
+    octaves: int = 0  # octaves of the positional encoding: sines and cosines, an input beside the coordinates
 
     def __post_init__(self) -> None:
         """Check the sizes."""
@@ -43,9 +43,9 @@ class Architecture:
 
     @classmethod
     def of(cls, parameters: Mapping[str, ArrayLike], octaves: int) -> Architecture:
-        """Return the architecture with these parameters.
+        """Return the architecture to which `parameters` belong.
 
-        Raises ValueError if a parameter is missing, unknown or of another shape.
+        Raises ValueError if a parameter is missing, unknown or of wrong shape.
         """
         found = {name: np.shape(values) for name, values in parameters.items()}
         layers = (len(found) - 2) // 4
@@ -67,7 +67,7 @@ class Architecture:
         return 3 + 6 * self.octaves
 
     def layer_names(self) -> LayerNames:
-        """Return the module names, which precede `.weight` and `.bias`."""
+        """Return the module names: the names of parameters without `.weight` and `.bias`."""
         linear = tuple(f"network.{3 * layer}" for layer in range(self.layers + 1))
         return LayerNames(linear, tuple(f"network.{3 * layer + 2}" for layer in range(self.layers)))
 

@@ -1,7 +1,7 @@
-"""A cache of distilled fields by the hash of their key.
+"""Cache distilled fields by the hash of their key.
 
-An entry is one file, `<hash of the key>-<hash of the file>.safetensors`. It is written atomically, so several processes
-may read, write and clean up at the same time. A file whose content does not match its name is ignored.
+An entry is a file, `<hash of the key>-<hash of the file>.safetensors`. Files are written atomically, so several
+processes may use the cache at the same time. A file whose content does not match its name is ignored.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from dfd.common.files import cache_directory
 from dfd.field.cache_key import hash_key
 from dfd.field.field import Field
 
-LIMIT = 2 << 30  # bytes of all entries; the least recently used are removed first
+LIMIT = 2 << 30  # bytes of all entries; above it, the least recently used entries are removed
 _ABANDONED = 3600.0  # seconds after which an unfinished file is removed
 
 
 def find(key: Mapping[str, Any]) -> Field | None:
-    """Return the field stored under `key`, or None if no undamaged entry exists."""
+    """Return the field stored under `key`, or None if there is no undamaged entry."""
     for path in _entries(hash_key(key)):
-        with contextlib.suppress(OSError, ValueError):  # removed by another process, or damaged
-            if not _is_of(path, path.read_bytes()):
+        with contextlib.suppress(OSError, ValueError):  # another process removed the file, or it is damaged
+            if not _is_intact(path):
                 continue
             found = Field.load(path)
             with contextlib.suppress(OSError):  # the cache may be read-only
@@ -49,20 +49,18 @@ def store(key: Mapping[str, Any], field: Field) -> None:
     except OSError as error:
         with contextlib.suppress(OSError):
             temporary.unlink()
-        warn(
-            f"distill: the cache folder {folder} cannot be written ({error.strerror or error}): the field is not kept "
-            "for another call; DFD_CACHE names another folder",
-            RuntimeWarning,
-        )
+        reason = f"the cache folder {folder} cannot be written ({error.strerror or error})"
+        remedy = "so the field is not stored; the environment variable DFD_CACHE sets another folder"
+        warn(f"distill: {reason}, {remedy}", RuntimeWarning)
         return
-    _tidy(entry)
+    _clean(entry)
 
 
-def _tidy(newest: Path) -> None:
-    """Remove damaged copies of the `newest` entry, unfinished files, and the oldest entries beyond the limit."""
+def _clean(newest: Path) -> None:
+    """Remove damaged copies of the `newest` entry, unfinished files, and the oldest entries beyond `LIMIT`."""
     for path in _entries(newest.name.partition("-")[0]):
         with contextlib.suppress(OSError):
-            if not _is_of(path, path.read_bytes()):
+            if not _is_intact(path):
                 path.unlink()
     for path in _folder().glob(".*"):
         with contextlib.suppress(OSError):
@@ -89,8 +87,8 @@ def _entries(key: str = "[!.]*") -> list[Path]:
     return list(_folder().glob(f"{key}-*.safetensors"))
 
 
-def _is_of(path: Path, content: bytes) -> bool:
-    return _hash(content) == path.stem.rpartition("-")[2]
+def _is_intact(path: Path) -> bool:
+    return _hash(path.read_bytes()) == path.stem.rpartition("-")[2]
 
 
 def _hash(content: bytes) -> str:

@@ -1,4 +1,4 @@
-"""Check that a field belongs to a mesh. A field stores the box and surface points of its own shape."""
+"""Check that a field belongs to a mesh, by the box and the surface points that the field stores of its own shape."""
 
 from __future__ import annotations
 
@@ -13,33 +13,33 @@ from dfd.common.linear_algebra import Float32, Float64
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-# Largest ratio of the longest sides. Cut or simplified shapes stay below it. Inch and centimeter, the closest units
-# that people confuse, have the ratio 2.54.
+# Largest ratio of the longest sides of both shapes. Cut or simplified shapes have smaller ratios. Inch and centimeter,
+# the nearest units that people confuse, have the ratio 2.54.
 LARGEST_RATIO = 2.0
-# Largest distance of a mesh's box from the field's center, in half longest sides. A slightly posed shape stays within.
-# A shape that stands on the ground with another up axis reaches 2.
+# Largest extent of a mesh from the field's center, in halves of the field's longest side. A slightly posed shape has
+# less. A shape that stands on the ground with another up axis has 2.
 FARTHEST_REACH = 1.5
-POINTS = 512  # number of surface points that a field stores
-SAMPLES = 4096  # number of surface samples from which points are chosen, and with which they are compared
-FAR = 0.02  # a point is far from a surface above this share of the diagonal, plus the spacing of the samples
-# Largest share of a mesh's samples that are far from the field's points, and of these points far from the mesh. Copies
-# of 36 real meshes passed (noise, subdivision, a tenth of the faces, halves), except one boat that decimation tore. Of
-# 536 pairs of shapes with equal boxes 4 passed; 3 of these are two files of one body.
+POINTS = 512  # surface samples that a field stores
+SAMPLES = 4096  # surface samples of a mesh, which are compared with the field's points
+FAR = 0.02  # distance above which a point is far from a surface, beside the spacing of samples, in diagonals of the box
+# Largest share of a mesh's samples far from the field's points, and of the field's points far from the mesh. Copies of
+# 36 real meshes passed (noise, subdivision, a tenth of the faces, halves), except a boat with faces that simplification
+# tore apart. Of 536 pairs of shapes with equal boxes 4 passed; 3 of them are two files of one body.
 MOST_BEYOND, MOST_MISSING = 0.1, 0.6
 
 
 class KnownShape(Protocol):
-    """The data that a `Field` stores about the shape it was distilled from, in mesh units."""
+    """The data that a `Field` stores about the shape from which it was distilled, in mesh units."""
 
-    center: Float64  # (3,) of the box
+    center: Float64  # (3,) center of the box
     scale: float  # 2 over the longest side of the box
-    surface: Float32 | None  # (512, 3) points, or None
+    surface: Float32 | None  # (512, 3) surface samples
 
 
 def surface_points(mesh: Mesh) -> Float32 | None:
-    """Return (512, 3) points spread over the surface of `mesh`, mesh units; None if no face has an area.
+    """Return (512, 3) evenly spaced surface samples of `mesh`, in mesh units; None if no face has an area.
 
-    Each point is the sample farthest from all previous points (Gonzalez 1985), so their spacing is even.
+    Each point is the sample farthest from all previous points (Gonzalez 1985).
     """
     samples, _ = _samples(mesh)
     if samples is None:
@@ -53,19 +53,19 @@ def surface_points(mesh: Mesh) -> Float32 | None:
 
 
 def check_compatible(field: KnownShape, mesh: Mesh, *, allowed_by: str = "") -> None:
-    """Refuse a field that was distilled from another shape than `mesh`.
+    """Raise ValueError if a field was distilled from another shape than `mesh`.
 
-    Other resolutions of the shape pass, and parts with at least half of its surface. A field without surface points,
-    such as `VertexField`, is compared by its box alone. `allowed_by` is the argument that accepts the field anyway; the
-    message names it.
+    Accepted are other resolutions of the shape, and parts with at least half of its surface. A field without surface
+    samples, such as `VertexField`, is compared by its box alone. The message names `allowed_by`, the argument that
+    accepts all fields.
 
     Raises ValueError if the longest sides differ by more than a factor of 2, or the mesh's box lies outside the cube
     around the field's shape. Raises ValueError if more than 10 % of the mesh's surface is far from the field's shape,
-    or more than 60 % of that shape is far from the mesh. Warns if the mesh extends beyond the cube by more than half of
-    its half side, because features there are extrapolated.
+    or more than 60 % of the field's shape is far from the mesh. Warns if the mesh extends beyond the cube by more than
+    a quarter of the cube's side, because features there are extrapolated.
     """
     center, scale = field.center, field.scale
-    low, high = (np.asarray(mesh.bounds) - center) * scale  # in the field's cube, [-1, 1]³
+    low, high = (np.asarray(mesh.bounds) - center) * scale  # the field's shape lies in the cube [-1, 1]³
     ratio = float((high - low).max()) / 2.0
     reach = float(max(-low.min(), high.max()))
     outside = bool((low > 1).any() or (high < -1).any())
@@ -73,25 +73,21 @@ def check_compatible(field: KnownShape, mesh: Mesh, *, allowed_by: str = "") -> 
         f"a shape with a longest side of {2 / scale:.4g} around {_point(center)}, "
         f"and this mesh has one of {np.max(mesh.extents):.4g} around {_point(np.mean(mesh.bounds, axis=0))}"
     )
-    remedy = "bring the mesh to that shape's units, axes and position, or distill a field from it"
-    known_better = f"; {allowed_by} accepts it anyway" if allowed_by else ""
+    remedy = "give the mesh the units, axes and position of that shape, or distill a field from this mesh"
+    override = f"; {allowed_by} accepts it anyway" if allowed_by else ""
     if outside or not 1 / LARGEST_RATIO <= ratio <= LARGEST_RATIO:
-        raise ArgumentError(
-            "field", f"must belong to this mesh, but it was distilled from {sizes}: {remedy}{known_better}"
-        )
+        reason = f"must belong to this mesh, but it was distilled from {sizes}"
+        raise ArgumentError("field", f"{reason}: {remedy}{override}")
     beyond, missing = _differences(field, mesh)
     if beyond > MOST_BEYOND or missing > MOST_MISSING:
-        raise ArgumentError(
-            "field",
-            f"must belong to this mesh, but was distilled from another shape: {beyond:.0%} of the mesh lies far from "
-            f"that shape, and {missing:.0%} of that shape far from the mesh; distill a field from it{known_better}",
+        shares = (
+            f"{beyond:.0%} of the mesh is far from that shape, and {missing:.0%} of that shape is far from the mesh"
         )
+        reason = f"must belong to this mesh, but was distilled from another shape: {shares}"
+        raise ArgumentError("field", f"{reason}: distill a field from this mesh{override}")
     if reach > FARTHEST_REACH:
-        warnings.warn(
-            f"`field` was distilled from {sizes}: weights beyond that shape's box are a guess: {remedy}",
-            UserWarning,
-            stacklevel=4,
-        )
+        message = f"`field` was distilled from {sizes}: weights beyond that shape's box are extrapolated: {remedy}"
+        warnings.warn(message, UserWarning, stacklevel=4)
 
 
 def _differences(field: KnownShape, mesh: Mesh) -> tuple[float, float]:
@@ -110,7 +106,7 @@ def _differences(field: KnownShape, mesh: Mesh) -> tuple[float, float]:
 
 
 def _samples(mesh: Mesh) -> tuple[Float64 | None, float]:
-    """Return points (4096, 3) spread evenly over the surface of `mesh`, and their spacing, mesh units."""
+    """Return evenly spaced surface samples (4096, 3) of `mesh`, and their spacing, in mesh units."""
     from dfd.geometry.topology import even_points, face_areas
 
     areas = face_areas(mesh.vertices, mesh.faces)

@@ -1,8 +1,8 @@
-"""Feature residuals of the connected components of a surface, for components that overlap in space.
+"""Store feature residuals of the connected components of a surface, because components can overlap in space.
 
-A network of position alone gives a helmet and the head inside it their mean feature. So the field of a shape with
-several components also stores sample points of each, with the difference of their features from the network's. On a
-mesh whose components match these, a vertex gets the network's feature plus the interpolated residual of its component.
+A network of position alone gives a helmet and the head inside it the same features. So the field of a shape with
+several components also stores surface samples, with residuals: their features less those of the network. On a mesh with
+matching components, a vertex gets the network's feature plus the interpolated residual of its component.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
@@ -24,11 +24,12 @@ if TYPE_CHECKING:
 
     from dfd.mesh.mesh import Mesh
 
-NEIGHBORS = 8  # number of sample points of its component that a vertex interpolates
-# Largest difference between the corners of matching components, normalized. Other resolutions differ by less.
+NEIGHBORS = 8  # surface samples of its component from which a vertex interpolates
+# Largest distance between corners of the boxes of matching components, normalized. Boxes at other resolutions differ by
+# less.
 SAME = 0.02
-_APART = 10.0  # offset between components in the search for neighbors, more than any distance within [−1, 1]³
-_ROWS_AT_ONCE = 1 << 16  # to bound memory
+_APART = 10.0  # offset between components in neighbor searches, more than any distance in [−1, 1]³
+_ROWS_AT_ONCE = 1 << 16  # limits memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,36 +39,35 @@ class ComponentResiduals:
     Raises ValueError if an array has the wrong shape, a number is not finite, or a component does not exist.
     """
 
-    boxes: Float32  # (P, 6) float32, the smallest and the largest corner of the box around each component
-    points: Float32  # (N, 3) float32, sample points on the surface
-    component: Int32  # (N,) int32, the component of each point
-    differences: NDArray[np.float16]  # (N, D) float16, the feature at each point less that of the network
+    boxes: Float32  # (P, 6) the lower and upper corner of each component's box
+    points: Float32  # (N, 3) surface samples
+    component: Int32  # (N,) the component of each point
+    differences: NDArray[np.float16]  # (N, D) the residual of each point
 
     def __post_init__(self) -> None:
+        owner = "ComponentResiduals"
         count = np.shape(self.points)[:1]
         width = np.shape(self.differences)[1:]
-        checked = {
-            "boxes": _checked("boxes", self.boxes, ("P", 6), np.float32),
-            "points": _checked("points", self.points, ("N", 3), np.float32),
-            "component": check.vertex_indices(
-                "ComponentResiduals", "component", self.component, len(self.boxes)
-            ).astype(np.int32),
-            "differences": _checked("differences", self.differences, (*count, *width), np.float16),
+        component = check.vertex_indices(owner, "component", self.component, len(self.boxes))
+        checked: dict[str, NDArray[Any]] = {
+            "boxes": check.array(owner, "boxes", self.boxes, ("P", 6)).copy(),
+            "points": check.array(owner, "points", self.points, ("N", 3)).copy(),
+            "component": component.astype(np.int32),
+            "differences": check.array(
+                owner, "differences", self.differences, (*count, *width), dtype=np.float16
+            ).copy(),
         }
-        if checked["component"].shape != count or len(width) != 1:
-            raise ArgumentError(
-                "component",
-                f"and `differences` must have a row for each of the {count[0]} points, "
-                f"got {checked['component'].shape} and {np.shape(self.differences)}",
-                "ComponentResiduals",
-            )
+        if component.shape != count or len(width) != 1:
+            found = f"{component.shape} and {np.shape(self.differences)}"
+            reason = f"and `differences` must have a row for each of the {count[0]} points, got {found}"
+            raise ArgumentError("component", reason, owner)
         for name, array in checked.items():
             array.flags.writeable = False
             object.__setattr__(self, name, array)
 
     @property
     def dimension(self) -> int:
-        """Width D of a feature row."""
+        """Return the width D of a feature."""
         return int(self.differences.shape[1])
 
     def arrays(self) -> dict[str, NDArray[Any]]:
@@ -75,13 +75,12 @@ class ComponentResiduals:
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
     def widened(self, directions: Float32) -> ComponentResiduals:
-        """Return the same components with differences multiplied by `directions` (d, D), of width D."""
-        return ComponentResiduals(
-            self.boxes, self.points, self.component, (self.differences @ directions).astype(np.float16)
-        )
+        """Return the same components with residuals of width D: multiplied by `directions` (d, D)."""
+        differences = (self.differences @ directions).astype(np.float16)
+        return ComponentResiduals(self.boxes, self.points, self.component, differences)
 
     def known(self, boxes: NDArray[np.floating]) -> Int64:
-        """Return the component (Q,) that each of `boxes` (Q, 6) matches, or −1."""
+        """Return the component (Q,) whose box matches each of `boxes` (Q, 6), or −1."""
         from scipy.spatial import cKDTree
 
         if len(boxes) == 0 or len(self.boxes) == 0:
@@ -90,10 +89,10 @@ class ComponentResiduals:
         return np.where(distance <= SAME, found, -1)
 
     def add_residuals(self, rows: Float32, points: NDArray[np.floating], component: NDArray[np.integer]) -> Float32:
-        """Add the residuals of the `component` (N,) of each of `points` (N, 3), normalized, to unit `rows` (N, D).
+        """Return the features `rows` (N, D) of normalized `points` (N, 3) plus residuals, at unit length.
 
-        The residual is a weighted mean over the nearest sample points of the component. Weights fall to 0 at the next
-        nearest point, so the residual is continuous. A component of −1 leaves a row unchanged.
+        The residual is a weighted mean over the nearest samples of the point's `component` (N,). Weights fall to 0 at
+        the next nearest sample, so the residual is continuous. Component −1 has no residual.
         """
         result = rows.copy()
         of_some = np.flatnonzero(component >= 0)
@@ -103,7 +102,7 @@ class ComponentResiduals:
             changed += self._differences_at(points[chosen], component[chosen])
             length = np.sqrt(np.einsum("ij,ij->i", changed, changed))
             changed /= np.maximum(length, np.float32(1e-6))[:, None]
-            vanished = length < 1e-6  # without a direction, the row stays unchanged
+            vanished = length < 1e-6  # rows without a direction stay unchanged
             changed[vanished] = rows[chosen[vanished]]
             result[chosen] = changed
         return result
@@ -115,7 +114,7 @@ class ComponentResiduals:
         distance, near = self._tree.query(apart(points, component), np.arange(1, wanted + 1), workers=-1)
         own = self.component[near] == component[:, None]
         distance = np.where(own, distance, np.inf)
-        # A component of a few points has no next nearest point; all its points are then weighted by distance.
+        # If a component has too few samples for a next nearest one, all its samples are weighted by distance.
         reach = np.where(own[:, -1], distance[:, -1], 2 * np.where(own, distance, 0).max(axis=1) + 1e-6)[:, None]
         share = np.where(own, np.maximum(1 - distance / np.maximum(reach, 1e-12), 0) ** 2 + 1e-9 * own, 0)
         share /= np.maximum(share.sum(axis=1, keepdims=True), 1e-30)
@@ -140,9 +139,9 @@ class ComponentResiduals:
 
 
 def components_of_vertices(mesh: Mesh) -> tuple[Int32, Float64]:
-    """Return the component (V,) of each vertex of `mesh`, −1 without a face, and the components' boxes (P, 6).
+    """Return the component (V,) of each vertex of `mesh`, and the components' boxes (P, 6) in mesh units.
 
-    Vertices at one position count as one. Boxes are in mesh units.
+    Vertices at one position are one vertex. Vertices without a face have the component −1.
     """
     place = first_at_place(mesh)
     faces = place[mesh.faces]
@@ -153,14 +152,14 @@ def components_of_vertices(mesh: Mesh) -> tuple[Int32, Float64]:
 
 
 def boxes_of_components(vertices: NDArray[np.floating], faces: NDArray[np.integer], component: Int32) -> Float64:
-    """Return the boxes (P, 6) around the faces (F, 3) of each component (F,) of a surface with vertices (V, 3)."""
+    """Return the boxes (P, 6) of the components; `component` (F,) is that of each face."""
     of_vertex = np.full(len(vertices), -1, np.int32)
     of_vertex[faces.ravel()] = np.repeat(component, 3)
     return _boxes(vertices, of_vertex)
 
 
 def _boxes(points: NDArray[np.floating], component: Int32) -> Float64:
-    """Return the boxes (P, 6) around the points (N, 3) of each component (N,); −1 is no component."""
+    """Return the boxes (P, 6) around the points (N, 3) of each component; `component` (N,) −1 stands for none."""
     count = int(component.max(initial=-1)) + 1
     some = component >= 0
     boxes = np.concatenate([np.full((count, 3), np.inf), np.full((count, 3), -np.inf)], axis=1)
@@ -170,9 +169,5 @@ def _boxes(points: NDArray[np.floating], component: Int32) -> Float64:
 
 
 def apart(points: NDArray[np.floating], component: NDArray[np.integer]) -> Float64:
-    """Return points (N, 4): `points` (N, 3) with a coordinate that separates components (N,) in neighbor searches."""
+    """Return `points` (N, 3) with a fourth coordinate, which separates components (N,) in neighbor searches."""
     return np.column_stack([np.asarray(points, np.float64), _APART * np.asarray(component, np.float64)])
-
-
-def _checked(name: str, values: ArrayLike, shape: Any, dtype: Any) -> NDArray[Any]:
-    return check.array("ComponentResiduals", name, values, shape, dtype=dtype).copy()

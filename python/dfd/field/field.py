@@ -1,4 +1,4 @@
-"""The neural feature field: a small network that gives a unit feature for any point of space."""
+"""Evaluate a neural feature field, a small network that gives a unit feature for any point of space."""
 
 from __future__ import annotations
 
@@ -24,22 +24,21 @@ from dfd.field.architecture import Architecture
 from dfd.field.compatibility import POINTS, check_compatible, surface_points
 from dfd.field.component_residuals import ComponentResiduals, components_of_vertices
 
-# torch takes seconds to import, and is needed only to evaluate tensors.
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # torch takes seconds to import, and only tensors need it
     import torch
     from scipy.spatial import cKDTree
 
     from dfd.mesh.mesh import Mesh
 
-# Largest distance of points from the shape's center, in halves of the longest side of its box. Beyond it, float32
-# cannot distinguish points.
+# Largest distance of points from the shape's center, in halves of the longest side of its box. At larger distances,
+# float32 cannot distinguish points.
 FARTHEST = 1e6
-RESIDUALS = "residuals."  # prefix of the names of residual arrays in files
+RESIDUALS = "residuals."  # prefix of the names of residuals in files
 
 
 @dataclass(frozen=True)
 class FieldSource:
-    """The file that a field was read from, and the SHA-256 of its content, 64 hexadecimal digits."""
+    """The path of a field's file, and the SHA-256 of its content, 64 hexadecimal digits."""
 
     path: Path
     sha256: str
@@ -54,40 +53,41 @@ class Field:
     """Φ: a map from points in mesh units to unit feature rows.
 
     The network is the paper's (supplement L). Each hidden layer is a linear map, a ReLU and a LayerNorm. A last linear
-    map gives `dimension` numbers, which are divided by their length. Points are first normalized to
-    (p − `center`) · `scale`. The normalization is that of the distilled mesh, and it is part of the field. With
-    `octaves`, the network also gets sines and cosines of the coordinates; the longest wavelength is two boxes
-    (Mildenhall et al. 2020, section 5.1). Borders between parts are then fitted in far fewer steps.
+    map gives a vector of D numbers, which is divided by its length. Points are first normalized to
+    (p − `center`) · `scale`. The normalization is that of the distilled mesh, at any resolution.
+
+    With `octaves`, the network also gets a positional encoding: sines and cosines of the coordinates. The longest
+    wavelength is twice the box (Mildenhall et al. 2020, section 5.1). Borders between parts then need far fewer steps.
 
     If components of a surface lie beside or inside each other, vertices have the features of their own component: see
     `dfd.field.component_residuals`.
 
-    A field is immutable. A kernel evaluates it, without torch or a GPU. `source` is the file that it was read from, or
-    None.
+    A field is immutable. A kernel evaluates it, without torch or a GPU. `source` is the file from which the field was
+    read, or None.
 
     Parameters
     ----------
     parameters
-        Arrays by name, as `dfd.field.architecture` lists them: weight and bias of every linear map and LayerNorm.
+        Arrays by name, as `dfd.field.architecture` lists them: weight and bias of each linear map and LayerNorm.
     octaves
         The number of wavelengths of sines and cosines, each half of the previous one; 0 is the paper's network.
     center
-        (3,) in mesh units, the point that becomes the origin.
+        (3,) the point in mesh units that becomes the origin.
     scale
         Factor per mesh unit: 2 over the longest side of the box.
     settings
         Settings of the distillation (encoder, views, seed, …) as JSON values; they are saved in the file.
     residuals
-        Differences between the features of each component and those of the network, or None.
+        Features of surface samples of each component, less those of the network.
     surface
-        (512, 3) points on the surface of the distilled shape, mesh units. They detect meshes of another shape. With
-        None, only boxes are compared.
+        (512, 3) surface samples of the distilled shape in mesh units, which detect meshes of another shape. With None,
+        only boxes are compared.
 
     Raises
     ------
     ValueError
-        If a parameter is missing, unknown, of another shape or not finite, a number is out of its range, or `residuals`
-        are of another width.
+        If a parameter is missing, unknown, of wrong shape or not finite, a number is out of its range, or `residuals`
+        have another width.
     """
 
     source: FieldSource | None = None
@@ -115,7 +115,7 @@ class Field:
 
     @property
     def dimension(self) -> int:
-        """Width D of a feature row."""
+        """Return the width D of a feature."""
         return self.architecture.dimension
 
     def __repr__(self) -> str:
@@ -127,7 +127,7 @@ class Field:
     @overload
     def __call__(self, points: ArrayLike) -> Float32: ...
     def __call__(self, points: Any) -> Any:
-        """Evaluate the field at `points`.
+        """Return the features of `points`.
 
         Parameters
         ----------
@@ -136,10 +136,10 @@ class Field:
 
         Returns
         -------
-        (N, D) float32 unit rows, an array for an array and a tensor, with its gradient, for a tensor.
+        (N, D) float32 unit rows: an array for an array, and a tensor that can be differentiated for a tensor.
 
-        Raises ValueError if `points` is not (N, 3). Raises ValueError if a point in an array is not finite, or lies
-        farther from the center than a million halves of the box.
+        Raises ValueError if `points` is not (N, 3). Raises ValueError if a point in an array is not finite, or its
+        distance from the center exceeds a million times half of the box's longest side.
         """
         if tensors.is_tensor(points):
             return self._of_tensor(points)
@@ -153,9 +153,8 @@ class Field:
         with np.errstate(over="ignore"):
             farthest = float(np.abs((array - self.center) * self.scale).max(initial=0.0))
         if not farthest <= FARTHEST:
-            raise ArgumentError(
-                "points", f"must lie near the shape, got one {farthest:.3g} times as far as its box", "Field"
-            )
+            reason = f"must lie within {FARTHEST:g} half sides of the shape's box, got one at {farthest:.3g}"
+            raise ArgumentError("points", reason, "Field")
         return array
 
     def with_settings(self, settings: Mapping[str, Any]) -> Field:
@@ -166,13 +165,13 @@ class Field:
         return other
 
     def with_surface(self, mesh: Mesh) -> Field:
-        """Return the field with points on the surface of `mesh`, which detect meshes of another shape."""
+        """Return the field with surface samples of `mesh`, which detect meshes of another shape."""
         other = self.with_settings(self.settings)
         other.surface = surface_points(mesh)
         return other
 
     def with_residuals(self, residuals: ComponentResiduals | None) -> Field:
-        """Return the field with other residuals, or without any; ValueError if they have another width."""
+        """Return the field with other residuals, or without residuals; ValueError if their width is not D."""
         other = self.with_settings(self.settings)
         other.residuals = self._checked_residuals(residuals)
         return other
@@ -183,7 +182,7 @@ class Field:
         return residuals
 
     def on(self, mesh: Mesh) -> FieldOnMesh:
-        """Return the field on `mesh`, which can be evaluated for some vertices at a time."""
+        """Return the field on `mesh`, which gives the features of chosen vertices."""
         return FieldOnMesh(self, mesh)
 
     def features(self, mesh: Mesh) -> Float32:
@@ -196,11 +195,8 @@ class Field:
         from dfd.field.network import Network
 
         if points.layout != torch.strided or points.dtype.is_complex or points.is_meta:
-            raise ArgumentError(
-                "points",
-                f"must be a dense tensor of real numbers, got {points.layout}, {points.dtype} on {points.device}",
-                "Field",
-            )
+            found = f"{points.layout}, {points.dtype} on {points.device}"
+            raise ArgumentError("points", f"must be a dense tensor of real numbers, got {found}", "Field")
         if points.ndim != 2 or points.shape[1] != 3:
             raise ArgumentError("points", f"must have shape (N, 3), got {tuple(points.shape)}", "Field")
         network = Network.of(self.parameters, self.architecture).to(points.device)
@@ -224,7 +220,7 @@ class Field:
         return {name: value for name, value in self.__dict__.items() if name != "_kernel"}
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the field to `path` (.safetensors), whole or not at all; equal fields give equal files.
+        """Write the field to `path` (.safetensors) atomically; equal fields give equal bytes.
 
         Raises OSError if `path` cannot be written; an existing file stays unchanged.
         """
@@ -237,25 +233,25 @@ class Field:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, mesh: Mesh | None = None, other_shape: bool = False) -> Field:
-        """Read a field from a file that `save` wrote.
+        """Return the field in a file that `save` wrote.
 
         Parameters
         ----------
         mesh
-            The mesh to which the field must belong (`dfd.field.compatibility.check_compatible`); None for any.
+            The mesh to which the field must belong (`dfd.field.compatibility.check_compatible`); None skips the check.
         other_shape
-            Accept a field of another shape.
+            Whether to accept a field of another shape.
 
         Raises
         ------
         OSError
             If `path` does not exist or cannot be read.
         ValueError
-            If the file is no field, is truncated, has another version, lacks tensors that its header names, or gives
+            If the file is not a field, is truncated, has another version, lacks tensors in its header, or gives
             features that are not finite. If the field was distilled from another shape than `mesh`.
         """
         if not Path(path).is_file():
-            raise FileNotFoundError(f"Field.load: `path` {os.fspath(path)} does not exist or is no file")
+            raise FileNotFoundError(f"Field.load: `path` {os.fspath(path)} does not exist or is not a file")
         architecture, arrays, settings = field_file.read(path)
         stored = [name for name in arrays if name.startswith(RESIDUALS)]
         residuals = {name.removeprefix(RESIDUALS): arrays.pop(name) for name in stored}
@@ -266,7 +262,7 @@ class Field:
                 arrays,
                 octaves=architecture.octaves,
                 center=center,
-                scale=scale,  # type: ignore[arg-type]  # checked there
+                scale=scale,  # type: ignore[arg-type]  # `Field` checks the type
                 settings=settings,
                 residuals=ComponentResiduals(**residuals) if residuals else None,
                 surface=surface,
@@ -281,33 +277,30 @@ class Field:
             raise ArgumentError("path", f"{os.fspath(path)} is damaged: its features are not finite", "Field.load")
         if mesh is not None and not other_shape:
             with called("Field.load"), warnings.catch_warnings():
-                warnings.simplefilter("ignore", UserWarning)  # a session with the field warns
+                warnings.simplefilter("ignore", UserWarning)  # a `Deformer` with the field gives the same warning
                 check_compatible(field, mesh, allowed_by="other_shape=True")
         field.source = FieldSource.of(path)
         return field
 
 
 class FieldOnMesh:
-    """Features of the vertices of a mesh, and of points on it, by the component that each is on.
-
-    Without residuals for a component, features depend on the position alone.
-    """
+    """Features of the vertices of a mesh and of points on it, which depend on their component and their position."""
 
     def __init__(self, field: Field, mesh: Mesh) -> None:
         self.field, self.mesh = field, mesh
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Return the number of vertices V and the width D of a row."""
+        """Return the number of vertices V and the width D of a feature."""
         return len(self.mesh.vertices), self.field.dimension
 
     def rows(self, vertices: slice | NDArray[np.integer[Any]]) -> Float32:
-        """Return the features of some vertices, (N, D) float32 unit rows."""
+        """Return the features of `vertices`, (N, D) float32 unit rows."""
         points = self.mesh.vertices[vertices]
         return self._of(points, None if self._component is None else self._component[vertices])
 
     def at(self, points: NDArray[np.floating[Any]]) -> Float32:
-        """Return features (N, D) at `points` (N, 3) in mesh units, each of the component of the nearest vertex."""
+        """Return features (N, D) at `points` (N, 3) in mesh units, by the component of the nearest vertex."""
         places = np.asarray(points, np.float64)
         return self._of(places, None if self._component is None else self._component[self._nearest.query(places)[1]])
 
@@ -320,12 +313,12 @@ class FieldOnMesh:
 
     @cached_property
     def _component(self) -> Int64 | None:
-        """Return the field's component (V,) that each vertex is on, or −1; None if the field has no residuals."""
+        """Return the field's component (V,) of each vertex, or −1; None if the field has no residuals."""
         if self.field.residuals is None:
             return None
         component, boxes = components_of_vertices(self.mesh)
         corners = (boxes.reshape(-1, 2, 3) - self.field.center) * self.field.scale
-        known = np.append(self.field.residuals.known(corners.reshape(-1, 6)), -1)  # index −1 gives −1
+        known = np.append(self.field.residuals.known(corners.reshape(-1, 6)), -1)  # component −1 stays −1
         return known[component]
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Field files: safetensors, with the architecture and the settings in the metadata."""
+"""Read and write field files: safetensors, with the architecture and the settings in the metadata."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def write(
     arrays: Mapping[str, NDArray[Any]],
     settings: Mapping[str, Any],
 ) -> None:
-    """Write a field, whole or not at all; raises the errors of `Field.save`."""
+    """Write a field atomically; raises the errors of `Field.save`."""
     metadata = {
         "format": FORMAT,
         "version": str(VERSION),
@@ -38,13 +38,13 @@ def write(
 
 
 def read(path: str | os.PathLike[str]) -> tuple[Architecture, dict[str, NDArray[Any]], dict[str, Any]]:
-    """Read the architecture, the arrays and the settings of a field file; raises the errors of `Field.load`."""
+    """Return the architecture, the arrays and the settings of a field file; raises the errors of `Field.load`."""
     data = Path(path).read_bytes()
     try:
         try:
             metadata, arrays = _metadata(data), safetensors.numpy.load(data)
         except (SafetensorError, KeyError, TypeError, ValueError, RecursionError) as error:
-            raise ValueError(f"is cut short or no field: {error}") from error
+            raise ValueError(f"is truncated or not a field: {error}") from error
         architecture, settings = _header(metadata)
     except ValueError as error:
         raise ValueError(f"Field.load: `path` {os.fspath(path)} {error}") from error
@@ -52,7 +52,7 @@ def read(path: str | os.PathLike[str]) -> tuple[Architecture, dict[str, NDArray[
 
 
 def with_sorted_header(content: bytes) -> bytes:
-    """Return a safetensors file with a sorted header, because safetensors writes metadata in random order."""
+    """Return the content of a safetensors file with a sorted header; safetensors writes metadata in random order."""
     end = 8 + int.from_bytes(content[:8], "little")
     header = json.dumps(json.loads(content[8:end]), sort_keys=True, separators=(",", ":")).encode()
     header += b" " * (-len(header) % 8)
@@ -60,6 +60,7 @@ def with_sorted_header(content: bytes) -> bytes:
 
 
 def _metadata(content: bytes) -> dict[str, str]:
+    """Return the metadata of a safetensors file."""
     length = int.from_bytes(content[:8], "little")
     if length > len(content) - 8:
         raise ValueError(f"the header has {length:,} bytes, the file {len(content):,}")
@@ -71,9 +72,9 @@ def _metadata(content: bytes) -> dict[str, str]:
 def _header(metadata: Mapping[str, str]) -> tuple[Architecture, dict[str, Any]]:
     """Return the architecture and the settings in the metadata."""
     if metadata.get("format") != FORMAT:
-        raise ValueError("is a safetensors file but no field")
+        raise ValueError("is a safetensors file, but not a field")
     if metadata.get("version") != str(VERSION):
-        raise ValueError(f"has version {metadata.get('version')}, this dfd reads {VERSION}")
+        raise ValueError(f"must have version {VERSION}, got {metadata.get('version')}")
     try:
         network, settings = json.loads(metadata["network"]), json.loads(metadata["settings"])
         if not isinstance(settings, dict):

@@ -1,4 +1,4 @@
-"""A field's network in torch, for fitting and for gradients; evaluating a field needs no torch."""
+"""Evaluate a field's network in torch, for fitting and for gradients; all other evaluations use the kernel."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Network(nn.Module):
         self.network = nn.Sequential(*hidden, _linear(architecture.width, architecture.dimension))
 
     def draw(self, generator: torch.Generator) -> Network:
-        """Draw parameters uniformly from ± 1 / √inputs, as torch does, with a CPU `generator`."""
+        """Set random parameters, uniform in ± 1 / √inputs as in torch, from a CPU `generator`."""
         with torch.no_grad():
             for layer in self.network:
                 if isinstance(layer, nn.Linear):
@@ -54,10 +54,10 @@ class Network(nn.Module):
         return nn.functional.normalize(self.network(torch.cat(waves, dim=-1)), dim=-1)
 
     def arrays(self) -> dict[str, Float32]:
-        """Return the parameters as a `Field` takes them."""
+        """Return the parameters by name, for `Field`."""
         return {name: values.detach().cpu().numpy() for name, values in self.state_dict().items()}
 
 
 def _linear(entering: int, leaving: int) -> nn.Linear:
-    """Return a linear map without values, because torch would draw them from the caller's global generator."""
+    """Return a linear map without values, because torch would draw them from its global generator."""
     return nn.utils.skip_init(nn.Linear, entering, leaving)  # type: ignore[no-untyped-call]

@@ -1,4 +1,4 @@
-"""A field made of given features of the vertices of a mesh."""
+"""Define a field by given features of the vertices of a mesh."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ if TYPE_CHECKING:
 
     from dfd.mesh.mesh import MeshLike
 
-ROWS_AT_ONCE = 1 << 16  # to bound memory
+ROWS_AT_ONCE = 1 << 16  # limits memory
 
 
 class VertexField(Field):
-    """Φ from given features of the vertices of one mesh. Any point has the features of the nearest vertex.
+    """Φ from given features of the vertices of one mesh. Any point has the feature of the nearest vertex.
 
-    No network is fitted, so weights follow exactly from the given features. Vertices at one position have the features
-    of the first of them, so that UV seams stay closed.
+    There is no network, so weights follow exactly from the given features. Vertices at one position have the feature of
+    the first of them, so that UV seams stay closed.
 
     Parameters
     ----------
     mesh
         The mesh to whose vertices `features` belong.
     features
-        (V, D), one row per vertex. Only their directions matter.
+        (V, D), one row per vertex. Rows are scaled to unit length.
     settings
-        A description of their source, JSON values.
+        A description of the source of the features, JSON values.
 
-    Raises ValueError if `features` has another shape, is not finite, or a row has no direction.
+    Raises ValueError if `features` has another shape, is not finite, or a row is 0.
     """
 
     def __init__(self, mesh: MeshLike, features: ArrayLike, *, settings: Mapping[str, Any] | None = None) -> None:
@@ -48,11 +48,8 @@ class VertexField(Field):
         mesh = as_mesh(mesh)
         rows = check.array("VertexField", "features", features, ("V", "D"))
         if len(rows) != len(mesh.vertices) or rows.shape[1] == 0:
-            raise ArgumentError(
-                "features",
-                f"must have shape ({len(mesh.vertices)}, D), a row for each vertex, got {rows.shape}",
-                "VertexField",
-            )
+            wanted = f"shape ({len(mesh.vertices)}, D), a row for each vertex"
+            raise ArgumentError("features", f"must have {wanted}, got {rows.shape}", "VertexField")
         places, first = np.unique(mesh.representative, return_inverse=True)
         self._rows = _unit(rows[places])
         self._of_vertex = first
@@ -63,15 +60,14 @@ class VertexField(Field):
 
     @property
     def dimension(self) -> int:
-        """Width D of a feature row."""
+        """Return the width D of a feature."""
         return int(self._rows.shape[1])
 
     def __repr__(self) -> str:
-        """Name the mesh's size and the width of the features."""
         return f"VertexField({self.dimension} dimensions of {len(self._of_vertex)} vertices)"
 
     def __call__(self, points: Any) -> Any:
-        """Return features (N, D) of `points` (N, 3) in mesh units, as `Field` does; tensors have no gradient."""
+        """Return the features (N, D) of `points` (N, 3) in mesh units, as `Field` does; tensors have no gradient."""
         if tensors.is_tensor(points):
             import torch
 
@@ -79,14 +75,8 @@ class VertexField(Field):
         return self._rows[self._nearest.query(self._checked_points(points))[1]]
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Refuse, because given features have no file format here; save their array instead.
-
-        Raises
-        ------
-        ValueError
-            Always.
-        """
-        raise ValueError("VertexField.save: features of vertices have no file of their own: keep their array")
+        """Raise ValueError: a field of given features cannot be saved; save the array of features instead."""
+        raise ValueError("VertexField.save: a field of given features cannot be saved: save the array of features")
 
     @cached_property
     def _nearest(self) -> cKDTree:
@@ -96,17 +86,15 @@ class VertexField(Field):
 
 
 def _unit(rows: Float32) -> Float32:
-    """Return rows of unit length, without overflow."""
+    """Return `rows` (N, D) at unit length, without overflow; ValueError if a row is 0."""
     result = np.empty_like(rows)
     for start in range(0, len(rows), ROWS_AT_ONCE):
         some = rows[start : start + ROWS_AT_ONCE].astype(np.float64)
         largest = np.abs(some).max(axis=1, keepdims=True)
         if not largest.all():
             row = start + int((largest == 0).argmax())
-            raise ArgumentError(
-                "features", f"must have rows with a direction, got only zeros in row {row}", "VertexField"
-            )
-        some /= largest  # so that no square overflows
+            raise ArgumentError("features", f"must have rows other than 0, got zeros in row {row}", "VertexField")
+        some /= largest  # prevents overflow of the squares
         result[start : start + ROWS_AT_ONCE] = some / np.linalg.norm(some, axis=1, keepdims=True)
     result.flags.writeable = False
     return result

@@ -1,1 +1,1 @@
-"""Properties of a surface: topology, coarser copies, distances along it."""
+"""Measure surfaces: topology, distances along the surface and axes of parts; make coarser and finer copies."""

@@ -1,4 +1,4 @@
-"""A coarse graph of a mesh, for computing smooth functions on the surface in little time and memory."""
+"""Build a coarse graph of a mesh, on which smooth functions of the surface need little time and memory."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from dfd.geometry.surface_graph import surface_graph, surface_links
 from dfd.geometry.topology import face_sides, first_at_place
 from dfd.mesh.mesh import Mesh
 
-MOST_NODES = 20_000  # a mesh with more vertices is clustered
-CELLS = 100  # grid cells along the longest side, for clustering
-RUN = 1 << 17  # faces or vertices per batch, to bound temporary memory
+MOST_NODES = 20_000  # most vertices of a mesh whose vertices are the nodes; vertices of larger meshes are clustered
+CELLS = 100  # grid cells along the longest side of the box, for clustering
+RUN = 1 << 17  # faces or vertices per batch, which limits temporary memory
 
 
 class Share(NamedTuple):
-    """Sparse values in (0, 1]: the vertices with a share above 0, and their shares."""
+    """Shares of vertices as a sparse vector: the vertices with a share above 0, and their shares."""
 
     vertices: NDArray[np.integer]  # (N,) ascending
     values: Float32  # (N,) in (0, 1]
@@ -44,35 +44,48 @@ class Share(NamedTuple):
 
 
 class Nodes:
-    """Vertices clustered into nodes, each a connected region of the surface within a grid cell."""
+    """The nodes of a mesh: its vertices, or in a large mesh groups of vertices that are connected within a grid cell.
+
+    Attributes
+    ----------
+    of_vertex
+        (V,) the node of each vertex.
+    graph
+        (N, N) distances between the centers of neighboring nodes, in mesh units.
+    center
+        (N, 3) mean position of each node's vertices.
+    members, starts, ends
+        The vertices of node n are `members[starts[n] : ends[n]]`.
+    component
+        (N,) the component of the surface, without bridges, on which each node lies.
+    used
+        (N,) whether the component has a face. Parts and counterparts consist only of such nodes.
+    """
 
     def __init__(self, mesh: Mesh) -> None:
         vertices = mesh.vertices
         count = len(vertices)
-        coarse = count <= MOST_NODES
-        if coarse:
+        self._are_vertices = count <= MOST_NODES
+        if self._are_vertices:
             self.of_vertex = np.arange(count, dtype=np.int32)
             self.graph = surface_graph(mesh)
         else:
             links = surface_links(mesh)
-            self.of_vertex = _gathered(mesh, links)
+            self.of_vertex = _clustered(mesh, links)
             self.graph = _contracted(mesh, links, self.of_vertex)
-        self.members = np.argsort(self.of_vertex, kind="stable").astype(np.int32)  # (V,) vertices, node by node
+        self.members = np.argsort(self.of_vertex, kind="stable").astype(np.int32)
         size = np.bincount(self.of_vertex)
         self.ends = np.cumsum(size)
         self.starts = self.ends - size
-        self.center = _centers(vertices, self.of_vertex)  # (N, 3)
+        self.center = _centers(vertices, self.of_vertex)
         first = first_at_place(mesh)
         component = _core.components(len(first), first[mesh.faces], np.zeros((0, 2), np.int32))[first]
-        # (N,) component of the surface without bridges
         self.component = component[self.members[self.starts]]
-        # (N,) whether a face uses a vertex of the component. Parts and counterparts consist of such nodes only.
         self.used = np.isin(self.component, component[mesh.faces.ravel()]) | (len(mesh.faces) == 0)
         self._vertices = vertices
-        self._is_fine = coarse
 
     def shares(self, parts: Float64) -> list[Share]:
-        """Interpolate each row of `parts` (K, N) from nodes to vertices, and divide by the sum of all rows."""
+        """Return each row of `parts` (K, N), interpolated from nodes to vertices and divided by the sum of all rows."""
         rows = parts.astype(np.float32)
         total = rows.sum(axis=0)
         found = []
@@ -84,8 +97,8 @@ class Nodes:
         return found
 
     def interpolated(self, values: Float32, vertices: NDArray[np.integer] | None = None) -> Float32:
-        """Interpolate `values` (N, K) from the nodes to all vertices, or to the given `vertices`: (V, K)."""
-        if self._is_fine:
+        """Return `values` (N, K) of nodes, interpolated to all vertices (V, K) or to the given `vertices`."""
+        if self._are_vertices:
             return values[self.of_vertex if vertices is None else vertices]
         chosen = np.arange(len(self.of_vertex), dtype=np.int32) if vertices is None else vertices.astype(np.int32)
         rows = np.ascontiguousarray(values.reshape(len(self.center), -1), np.float32)
@@ -96,7 +109,7 @@ class Nodes:
         return found.reshape(len(chosen), *values.shape[1:])
 
     def nearest(self, points: ArrayLike) -> Int64:
-        """Return the vertex (M,) nearest to each of `points` (M, 3), among the vertices of the nearest nodes."""
+        """Return the vertex (M,) nearest to each of `points` (M, 3), among the vertices of the nearest eight nodes."""
         asked = np.reshape(points, (-1, 3)).astype(np.float64)
         around = self.tree.query(asked, k=min(8, len(self.center)))[1].reshape(len(asked), -1)
         found = np.empty(len(asked), np.int64)
@@ -112,21 +125,21 @@ class Nodes:
 
     @cached_property
     def _reach(self) -> csr_array:
-        """Return (N, N) the nodes used to interpolate at the vertices of each node: the node and its neighbors."""
+        """Return (N, N) the nodes from which the vertices of each node interpolate: the node and its neighbors."""
         reach = csr_array(self.graph.astype(bool) + eye_array(len(self.center), dtype=bool))
         reach.indptr, reach.indices = reach.indptr.astype(np.int32), reach.indices.astype(np.int32)
         return reach
 
     def _near(self, nodes: Bool) -> Bool:
-        """Return (N,) the nodes with vertices that receive values from `nodes` (N,)."""
-        return nodes if self._is_fine else np.asarray(self._reach @ nodes.astype(np.float32)) > 0
+        """Return (N,) the nodes whose vertices interpolate from `nodes` (N,)."""
+        return nodes if self._are_vertices else np.asarray(self._reach @ nodes.astype(np.float32)) > 0
 
 
 _NODES: WeakKeyDictionary[Mesh, ref[Nodes]] = WeakKeyDictionary()
 
 
 def nodes_of(mesh: Mesh) -> Nodes:
-    """Return the nodes of a mesh; all users of one mesh share them while they are in use."""
+    """Return the nodes of a mesh; all users of the mesh share them."""
     known = _NODES.get(mesh)
     nodes = None if known is None else known()
     if nodes is None:
@@ -135,8 +148,8 @@ def nodes_of(mesh: Mesh) -> Nodes:
     return nodes
 
 
-def _gathered(mesh: Mesh, links: Int32) -> Int32:
-    """Return the node of each vertex (V,): the connected regions within the cells of a grid."""
+def _clustered(mesh: Mesh, links: Int32) -> Int32:
+    """Return the node of each vertex (V,), for nodes of vertices that are connected within a grid cell."""
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     cell = float((high - low).max()) / CELLS
     key = np.zeros(len(mesh.vertices), np.int32)
@@ -163,7 +176,7 @@ def _contracted(mesh: Mesh, links: Int32, of_vertex: Int32) -> csr_array:
 
 
 def _edges(mesh: Mesh, links: Int32) -> Iterator[Int32]:
-    """Yield the ends (E, 2) of the faces' sides, one batch of faces at a time, and then `links`."""
+    """Yield the ends (E, 2) of the faces' sides, in batches of faces, and then `links`."""
     for start in range(0, len(mesh.faces), RUN):
         yield face_sides(mesh.faces[start : start + RUN])
     yield links

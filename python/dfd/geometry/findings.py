@@ -12,26 +12,26 @@ from dfd.geometry.surface_graph import surface_graph
 from dfd.geometry.topology import Topology, inspect
 from dfd.mesh.mesh import Mesh
 
-_FLAT = 1e-3  # thickness over the longest side
-# Distance from the origin over the longest side. Above it, float32 resolves less than a thousandth of the shape.
+_FLAT = 1e-3  # least side of the box below which a shape is flat, relative to the longest side
+# Distance from the origin, relative to the longest side, above which float32 rounds details of a thousandth of it.
 _FAR = 1e4
-_COARSE = 0.1  # median edge over the diagonal of the box
+_COARSE = 0.1  # median edge above which faces are large, in diagonals of the box
 
 
 @dataclass(frozen=True)
 class Finding:
     """An unusual property of a mesh."""
 
-    what: str  # a sentence with the numbers
-    means: str  # a sentence that names the affected controls and the effect
+    what: str  # the property, a sentence with numbers
+    means: str  # the effect on controls, a sentence
 
 
-# Each row: a count of `Topology`, its name in singular and plural, the finding, and its consequence.
+# Each row: a count of `Topology`, its words in singular and plural, the property, and its effect.
 _ODD = (
     ("unreferenced_vertices", "vertex is", "vertices are", "{} of no face.",
      "Pictures do not show them; they have the weights of their positions, and move."),
     ("boundary_edges", "edge has", "edges have", "The surface is open: {} one face only.",
-     "Weights and poses are not affected; locality goes around holes, and volume cannot be kept."),
+     "Weights and poses are not affected; distances along the surface go around holes, and volume cannot be kept."),
     ("non_manifold_edges", "edge has", "edges have", "{} more than two faces.",
      "Weights, poses, locality and symmetry are not affected; other programs may refuse the mesh."),
     ("degenerate_faces", "face has", "faces have", "{} no area.",
@@ -42,7 +42,7 @@ _ODD = (
 
 
 def findings(mesh: Mesh, topology: Topology | None = None) -> list[Finding]:
-    """List the unusual properties of `mesh` and their effect on each control; count `topology` if None."""
+    """Return the unusual properties of `mesh` and their effects; without `topology`, it is computed."""
     counts = topology or inspect(mesh)
     return [Finding(what, means) for what, means in (*_components(mesh, counts), *_surface(counts), *_shape(mesh))]
 
@@ -51,10 +51,10 @@ def _components(mesh: Mesh, counts: Topology) -> Iterator[tuple[str, str]]:
     if counts.components <= 1:
         return
     separate = len(np.unique(connected_components(surface_graph(mesh), directed=False)[1][mesh.faces]))
-    means = "Each touches or nearly touches another, so locality and counterparts reach across the gaps."
+    means = "Each touches or nearly touches another, so locality and counterparts cross the gaps."
     if separate > 1:
         means = (
-            f"Gaps separate {separate:,} groups: with locality, a handle does not reach another group; without "
+            f"Gaps separate {separate:,} groups: with locality, a handle does not move other groups; without "
             "locality, similar parts of all groups move."
         )
     yield f"The surface has {counts.components:,} components that no edge connects.", means
@@ -69,13 +69,13 @@ def _surface(counts: Topology) -> Iterator[tuple[str, str]]:
 def _shape(mesh: Mesh) -> Iterator[tuple[str, str]]:
     longest = float(np.max(mesh.extents))
     if longest == 0:
-        yield "All vertices are one point.", "Pictures of it are empty: no field can be distilled."
+        yield "All vertices have one position.", "Pictures of the shape are empty, so no field can be distilled."
         return
     if float(np.min(mesh.extents)) < _FLAT * longest:
-        means = "Its own plane is no symmetry plane, and pictures along this plane show almost nothing."
+        means = "Its plane is not found as a symmetry plane, and pictures along the plane show almost nothing."
         yield "The shape is flat.", means
     if float(np.abs(mesh.bounds).max()) > _FAR * longest:
-        means = "Computations are relative to its middle, but files with float32 round its details."
+        means = "Computations are relative to its center, but files with float32 round its details."
         yield "The shape lies far from the origin for its size.", means
     corners = mesh.vertices[mesh.faces] / longest
     edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)

@@ -1,4 +1,4 @@
-"""Distances along the surface, for the falloff of Eq. 7."""
+"""Compute distances along the surface, for locality (Eq. 7)."""
 
 from __future__ import annotations
 
@@ -20,41 +20,39 @@ from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
 from dfd.mesh.normalization import box_normalization
 from dfd.mesh.weld import weld
 
-# Vertices of the solver for a large mesh. More vertices take longer and hardly reduce the error.
-_SAMPLES = 6_000
-_LONGEST_EDGE = 1.5  # in sample spacings; longer edges are split
+_SAMPLES = 6_000  # vertices of the solver for a large mesh; more vertices take longer and hardly reduce the error
+_LONGEST_EDGE = 1.5  # length above which edges are split, in sample spacings
 
 
 @dataclass(frozen=True)
 class _Prepared:
     solver: _core.Geodesics
-    vertex: Int32  # (V,) solver vertex at the position of each mesh vertex
-    # Number of solver vertices that stand for mesh vertices. They precede all other solver vertices.
-    distinct: int
-    half: float  # half the longest side of the box, mesh units; it is 1 in the solver
+    vertex: Int32  # (V,) the solver vertex at the position of each mesh vertex
+    distinct: int  # number of distinct positions of mesh vertices; their solver vertices come first
+    half: float  # half the longest side of the box, in mesh units; the solver's unit of length
 
 
 class Geodesics:
     """Distances along the surface of a mesh from any of its vertices; the first query starts the computation.
 
-    Every mesh is accepted. It may have holes, edges of more than two faces, repeated faces, and faces without area.
+    The mesh may have holes, edges of more than two faces, repeated faces, and faces without area.
 
     Parameters
     ----------
     mesh
         The surface.
     bridges
-        Whether distances cross between components that touch or nearly touch (see `dfd.geometry.surface_graph`). If
-        False, components are separate, as in the paper.
+        Whether paths cross gaps between components that touch or nearly touch (see `dfd.geometry.surface_graph`). False
+        separates components, as in the paper.
     sampled
-        Whether the distances over a large mesh are computed on about 6,000 vertices and interpolated. The difference is
-        about 0.01. If False, every vertex is used, as in the paper.
+        Whether distances on a large mesh are computed at about 6,000 vertices and interpolated, which changes them by
+        about 0.01. False uses all vertices, as in the paper.
 
     Raises ValueError if `bridges` or `sampled` is not True or False.
     """
 
     def __init__(self, mesh: MeshLike, *, bridges: bool = True, sampled: bool = True) -> None:
-        """Check and keep the arguments, without computing distances."""
+        """Check and store the arguments, without computing distances."""
         for name, value in (("bridges", bridges), ("sampled", sampled)):
             if not isinstance(value, bool):
                 raise ValueError(f"Geodesics: `{name}` must be True or False, got {value!r}")
@@ -71,29 +69,29 @@ class Geodesics:
 
     @property
     def extent(self) -> float:
-        """Return the length of distance 1, mesh units: about the largest distance of two connected vertices.
+        """Return the unit of `distances`, in mesh units: about the largest distance between two connected vertices.
 
-        The mesh has one such length, so that a locality λ (Eq. 7) has the same effect for every handle.
+        The mesh has one unit for all handles, so that a locality λ (Eq. 7) has the same effect for each of them.
         """
         prepared = self.prepare()
         return prepared.solver.extent * prepared.half
 
     def prepare(self) -> _Prepared:
-        """Run the precomputation in this thread now, instead of at the first query."""
+        """Run the precomputation now, in this thread, instead of at the first query."""
         with self._lock:
             if self._result is None:
                 self._result = _prepared(self._mesh, self._bridges, self._sampled)
             return self._result
 
     def distances(self, handles: Any, *, separate: float = 1.0) -> Float32:
-        """Return the distance of every vertex from each handle along the surface, as a fraction of `extent`.
+        """Return the distance of each vertex from each handle along the surface, in units of `extent`.
 
         Parameters
         ----------
         handles
-            (H,) vertex indices, or (H, 3) points. A point stands for the vertex nearest to it.
+            (H,) vertex indices, or (H, 3) points. A point stands for the nearest vertex.
         separate
-            The distance, in [0, 1], of vertices that neither the surface nor a bridge connects to the handle.
+            The distance, in [0, 1], given to vertices that neither the surface nor a bridge connects to the handle.
 
         Returns
         -------

@@ -1,4 +1,8 @@
-"""Fit the axis of a part: a curve from its base, where the part meets the rest of the shape, to its tip."""
+"""Fit the axis of a part: a curve from its base, where the part meets the rest of the shape, to its tip.
+
+A node is a group of nearby vertices (`dfd.geometry.coarse`). A level is a position along the axis: 0 at the base, 1 at
+the tip. Regions that only the part connects to the rest, such as a hoof, are attached to the part and move with it.
+"""
 
 from __future__ import annotations
 
@@ -18,55 +22,45 @@ from dfd.mesh.mesh import Mesh
 
 NODES = 33  # points of the curve
 SAMPLES = 4_000  # surface samples of the part, to which the curve is fitted
-# Each point of the curve is a mean over this fraction of the length, or over this many radii if that is more.
+# Standard deviation of the kernel that averages samples for a point of the curve: WIDTH times the length, or WIDE radii
+# if this is more.
 WIDTH, WIDE = 0.08, 0.5
-# Radius over length. A stouter part keeps the distances to the base as its levels.
-STOUT = 0.4
-# The curve runs between these quantiles of the levels, so that a single vertex does not set the tip.
-ENDS = (0.005, 0.995)
-ROUNDS = 3  # of fitting the curve and projecting the samples onto it
-# Fraction of the length: largest difference between a vertex's projection and its distance to the base.
-FARTHEST = 0.2
-# In radii at the base: distance along the surface over which motion along the axis begins.
-SEAM = 0.6
-# Fraction of the length: a joint this near to the handle is taken first.
-NEAR_JOINT = 0.12
-SLENDER = 0.75  # a limb is longer than this times its width
-# Variances of a wheel's surface, over the largest: the least of the second, and the most of the third.
+STOUT = 0.4  # radius over length above which the levels remain the distances from the base
+ENDS = (0.005, 0.995)  # quantiles of the levels between which the curve runs, so that no single vertex sets the tip
+ROUNDS = 3  # rounds of fitting the curve and projecting the samples onto the curve
+FARTHEST = 0.2  # largest difference between a point's level on the curve and its first level
+SEAM = 0.6  # distance from the base over which motion along the axis begins, in radii at the base
+NEAR_JOINT = 0.12  # difference of levels within which a joint near the handle is chosen first
+SLENDER = 0.75  # least length of a limb, over its width
+# Variances of a wheel's surface along its principal axes, over the largest one: the least value of the middle one, and
+# the largest value of the smallest one.
 ROUND, FLAT = 0.95, 0.7
-# Fraction of the largest region around a part: smaller regions that touch the part move with it.
-CARRIED = 0.5
-# Fraction of the largest component of a region: a smaller component has no axis.
-SMALL_COMPONENT = 0.05
+CARRIED = 0.5  # area below which a region around a part is attached to it, relative to the largest region
+SMALL_COMPONENT = 0.05  # area below which a component of a region has no axis, relative to the largest component
 
 
 @dataclass(frozen=True, eq=False)
 class PartAxis:
-    """The axis of one connected part."""
+    """The axis of one connected part. Positions and lengths are in mesh units."""
 
-    vertices: Int64  # (N,) vertices of the part and of the regions that move with it, ascending
-    # (N,) position of each vertex along the axis, in [0, 1]: 0 at the base, 1 at the tip.
-    # Vertices that move with the part have the position of the place where they are attached.
-    parameter: Float64
-    nodes: Float64  # (33, 3) curve at equal steps of its length, from base to tip, mesh units
-    radius: Float64  # (33,) root mean squared distance of the surface from the curve, mesh units
-    # (B, 3) positions where the part meets the rest, mesh units; one end of the part if there is no rest
-    border: Float64
-    borders: int  # number of places where the part meets the rest
-    middle: Float64  # (3,) center of the part's surface, mesh units
-    # (3,) center of the rest of the shape near the base, mesh units
-    rest: Float64
-    # (3,) variances of the part's surface along its principal axes, ascending
-    spread: Float64
+    vertices: Int64  # (N,) vertices of the part and of attached regions, ascending
+    parameter: Float64  # (N,) level of each vertex, in [0, 1]; far vertices of an attached region have one level
+    nodes: Float64  # (33, 3) points of the curve at equal steps of its length, from base to tip
+    radius: Float64  # (33,) root mean squared distance of the surface from the curve
+    border: Float64  # (B, 3) nodes of the part that touch the rest, or one end of the part if there is no rest
+    borders: int  # number of separate borders with the rest
+    middle: Float64  # (3,) center of the part's surface
+    rest: Float64  # (3,) center of the rest of the shape near the base
+    spread: Float64  # (3,) variances of the part's surface along its principal axes, ascending
 
     @property
     def length(self) -> float:
-        """Return the length of the curve, mesh units."""
+        """Return the length of the curve."""
         return float(np.linalg.norm(np.diff(self.nodes, axis=0), axis=1).sum())
 
     @property
     def base(self) -> Float64:
-        """Return the mean position (3,) of the border, mesh units."""
+        """Return the center (3,) of the border's box."""
         return (self.border.min(axis=0) + self.border.max(axis=0)) / 2
 
     @property
@@ -76,7 +70,7 @@ class PartAxis:
 
     @property
     def is_limb(self) -> bool:
-        """Return whether the part meets the rest in one place, is longer than wide, and is not a wheel."""
+        """Return whether the part has one border with the rest, is slender, and is not a wheel."""
         if self.spread[1] > ROUND * self.spread[2] and self.spread[0] < FLAT * self.spread[2]:
             return False
         return self.borders == 1 and self.length > SLENDER * 2 * float(np.sqrt(np.square(self.radius).mean()))
@@ -87,10 +81,10 @@ class PartAxis:
         return unit(np.gradient(self.nodes, axis=0))
 
     def joint(self, point: NDArray[np.floating]) -> float:
-        """Return the position along the axis, in [0, 1], of the joint: the strongest bend or the narrowest place.
+        """Return the level of the joint: the strongest bend or the narrowest place, such as a knee or an elbow.
 
-        Examples are a knee, an elbow, and the neck of a bottle. Only the middle of the axis, 0.2 to 0.8, is searched.
-        If `point` (3,) is there, only places near it are searched: a handle at a knee does not select the ankle.
+        Only levels from 0.2 to 0.8 are searched. If `point` (3,) is near these levels, only levels near it are
+        searched, so that a handle at a knee does not select the ankle.
         """
         at = np.linspace(0.0, 1.0, NODES)
         inner = (at > 0.2) & (at < 0.8)
@@ -106,14 +100,14 @@ class PartAxis:
         return float(at[np.where(inner, turn + 2 * narrow, -np.inf).argmax()])
 
     def nearest(self, point: NDArray[np.floating]) -> float:
-        """Return the position along the axis, in [0, 1], of the curve's point nearest to `point` (3,)."""
+        """Return the level, in [0, 1], of the curve's point nearest to `point` (3,)."""
         return int(np.linalg.norm(self.nodes - point, axis=1).argmin()) / (NODES - 1)
 
     @property
     def hinge(self) -> tuple[Float64, Float64]:
-        """Return the middle (3,) and direction (3,) of the line through the border's extremes farthest from the tip.
+        """Return a point (3,) and the unit direction (3,) of the hinge, a line through the border far from the tip.
 
-        A positive turn about this line moves the tip away from the rest of the shape, as a jaw opens.
+        A positive rotation about this line moves the tip away from the rest of the shape, as a jaw opens.
         """
         far = np.linalg.norm(self.border - self.nodes[-1], axis=1)
         back = self.border[far >= far.max() - self.radius[: NODES // 4].mean()]
@@ -127,7 +121,7 @@ class PartAxis:
 
 
 class PartAxes:
-    """Find the axes of parts of one mesh, on its nodes (`dfd.geometry.coarse`)."""
+    """The axes of parts of one mesh, computed on its nodes (`dfd.geometry.coarse`)."""
 
     def __init__(self, mesh: Mesh) -> None:
         self._mesh = mesh
@@ -138,12 +132,12 @@ class PartAxes:
 
     @cached_property
     def _areas(self) -> Float64:
-        """Return the area (N,) of each node, mesh units squared."""
+        """Return the area (N,) of each node, in squared mesh units."""
         areas = vertex_areas(self._mesh.vertices, self._mesh.faces)
         return np.bincount(self._nodes.of_vertex, areas, len(self._nodes.center)).astype(np.float64)
 
     def of(self, inside: Bool) -> list[PartAxis]:
-        """Return the axes of the components of a region `inside` (V,), largest first. Small components have none."""
+        """Return the axes of the components of a region `inside` (V,), largest first, except small components."""
         nodes = self._nodes
         own = np.flatnonzero(2 * np.bincount(nodes.of_vertex, inside) > nodes.ends - nodes.starts)
         component = connected_components(nodes.graph[own][:, own], directed=False)[1]
@@ -158,22 +152,19 @@ class PartAxes:
         return [axis for axis in found if axis is not None]
 
     def image(self, axis: PartAxis, isometry: Float64) -> PartAxis:
-        """Return the axis of a counterpart, onto which `isometry` (3, 4) maps the part of `axis`.
+        """Return the axis of a counterpart: the image of `axis` under `isometry` (3, 4).
 
-        The axis has no vertices if the mesh has none there.
+        The axis has no vertices if the mesh has no vertices there.
         """
         nodes, linear, shift = self._nodes, isometry[:, :3], isometry[:, 3]
         total = np.bincount(nodes.of_vertex[axis.vertices], axis.parameter, len(nodes.center))
         some, values = carried(nodes.center, nodes.tree, total / (nodes.ends - nodes.starts), isometry)
         vertices, parameter = self._on_vertices(some, values)
-        points = (points @ linear.T + shift for points in (axis.nodes, axis.border, axis.middle, axis.rest))
-        curve, border, middle, rest = points
-        return replace(
-            axis, vertices=vertices, parameter=parameter, nodes=curve, border=border, middle=middle, rest=rest
-        )
+        moved = {name: getattr(axis, name) @ linear.T + shift for name in ("nodes", "border", "middle", "rest")}
+        return replace(axis, vertices=vertices, parameter=parameter, **moved)
 
     def _of_component(self, own: Int64, faces: Int32) -> PartAxis | None:
-        """Return the axis of a connected component of nodes `own` (M,) and `faces` (F, 3)."""
+        """Return the axis of a connected component of nodes `own` (M,) and `faces` (F, 3); None if it has no extent."""
         center, graph = self._nodes.center, self._nodes.graph
         inside = np.zeros(len(center), bool)
         inside[own] = True
@@ -215,14 +206,14 @@ class PartAxes:
         near = np.flatnonzero(is_rest)
         near = near[np.linalg.norm(center[near] - nodes[0], axis=1) < np.linalg.norm(nodes[-1] - nodes[0])]
         rest = center[near].mean(axis=0) if len(near) else nodes[0]
-        hanging = np.flatnonzero((group >= 0) & np.isin(group, around) & ~is_rest)
-        vertices, parameter = self._on_vertices(*self._with_hanging(own, parameter, hanging, group))
+        attached = np.flatnonzero((group >= 0) & np.isin(group, around) & ~is_rest)
+        vertices, parameter = self._on_vertices(*self._with_attached(own, parameter, attached, group))
         return PartAxis(vertices, parameter, nodes, radius, center[seeds], borders, middle, rest, spread)
 
     def _on_vertices(self, some: Int64, values: Float64) -> tuple[Int64, Float64]:
-        """Interpolate `values` (M,) of the nodes `some` (M,). Return these nodes' vertices (N,) and their values (N,).
+        """Return the vertices (N,) of the nodes `some` (M,), and `values` (M,) of the nodes interpolated to them (N,).
 
-        Each node gives a value and a gradient, so values that are linear in space stay linear.
+        Values and gradients of nodes are interpolated, so that values linear in space stay linear.
         """
         nodes = self._nodes
         chosen = np.zeros(len(nodes.center), bool)
@@ -246,7 +237,7 @@ class PartAxes:
         return vertices, (found[:, 1] + (found[:, 2:] * points).sum(axis=1)) / found[:, 0]
 
     def _end(self, local: csr_matrix, own: Int64) -> Int64:
-        """Return the nodes (K,) of the base, for a part without surroundings: the end nearer to the shape's center."""
+        """Return the nodes (K,) at the base of a part without a rest: its end nearer to the center of the shape."""
         some = dijkstra(local, indices=0)
         one = int(np.where(np.isfinite(some), some, -1).argmax())
         away = dijkstra(local, indices=one)
@@ -258,11 +249,11 @@ class PartAxes:
         return np.flatnonzero(near <= 0.05 * near[np.isfinite(near)].max())
 
     def _curve(self, own: Int64, faces: Int32, number: Int64, away: Float64) -> tuple[Float64, Float64, Float64] | None:
-        """Return the curve (33, 3), its radius (33,), and the position along it of the nodes `own` (M,).
+        """Return the curve (33, 3), its radius (33,), and the levels (M,) of the nodes `own`; None if there is no area.
 
-        Return None if the faces have no area. The curve is a principal curve (Hastie and Stuetzle 1989). The first
-        levels are the distances `away` from the base. Each round takes means of the samples at each level as the curve,
-        and then projects the samples onto it for new levels.
+        The curve is a principal curve (Hastie and Stuetzle 1989). The first levels are the distances `away` from the
+        base, scaled to [0, 1]. In each round, the curve is the mean of the samples near each level. Projection of the
+        samples onto the curve gives their new levels.
         """
         areas = face_areas(self._mesh.vertices, faces)
         if not areas.sum() > 0:
@@ -276,7 +267,7 @@ class PartAxes:
         own_level = away / away.max()
         for _ in range(ROUNDS):
             at = np.linspace(np.quantile(level, ENDS[0]), np.quantile(level, ENDS[1]), NODES)
-            nodes = _even(_fitted(at, level, points, weight, width))
+            nodes = _resampled(_fitted(at, level, points, weight, width))
             thick = np.average(np.square(points - _on(nodes, level)).sum(axis=1), weights=weight)
             width = float(np.sqrt(thick)) / away.max()
             if width > STOUT:
@@ -290,14 +281,14 @@ class PartAxes:
         radius = np.sqrt(_fitted(at, level, squares[:, None], weight, WIDTH, straight=False)[:, 0])
         return nodes, radius, own_level
 
-    def _with_hanging(self, own: Int64, parameter: Float64, hanging: Int64, group: Int64) -> tuple[Int64, Float64]:
-        """Return the nodes of the part and of the regions `hanging` on it, and their positions along the axis.
+    def _with_attached(self, own: Int64, parameter: Float64, attached: Int64, group: Int64) -> tuple[Int64, Float64]:
+        """Return the nodes of the part and of the `attached` regions, and their levels.
 
-        Far from the part, all nodes of a region have one position.
+        The levels of a region change with distance from those of the part to one common level.
         """
-        if len(hanging) == 0:
+        if len(attached) == 0:
             return own, parameter
-        nodes = np.sort(np.concatenate([own, hanging]))
+        nodes = np.sort(np.concatenate([own, attached]))
         known = np.full(len(group), np.nan)
         known[own] = parameter
         local = self._nodes.graph[nodes][:, nodes]
@@ -318,9 +309,10 @@ class PartAxes:
 
 
 def carried(vertices: Float64, tree: cKDTree, values: Float64, isometry: Float64) -> tuple[Int64, Float64]:
-    """Map `values` (V,) by `isometry` (3, 4). Return the vertices (N,) with values above 0, and these values (N,).
+    """Return the vertices (N,) onto which `isometry` (3, 4) maps `values` (V,) above 0, and their values (N,).
 
-    Each vertex gets the mean over the vertices nearest to its preimage, weighted by proximity.
+    The value of a vertex is the mean over the vertices nearest to its preimage, weighted by the inverse squared
+    distance.
     """
     linear, shift = isometry[:, :3], isometry[:, 3]
     some = vertices[values > 0]
@@ -338,7 +330,11 @@ def carried(vertices: Float64, tree: cKDTree, values: Float64, isometry: Float64
 def _fitted(
     at: Float64, level: Float64, values: Float64, weight: Float64, width: float, *, straight: bool = True
 ) -> Float64:
-    """Return `values` (N, D) at the levels `at` (K,), as (K, D): local means, or local lines, which keep the ends."""
+    """Return `values` (N, D) of samples with levels (N,), smoothed at the levels `at` (K,): (K, D).
+
+    The kernel is a Gaussian of `width`. With `straight`, local lines are fitted instead of local means, so that the
+    curve does not shrink at its ends.
+    """
     apart = level[None] - at[:, None]
     kernel = weight * np.exp(-0.5 * np.square(apart / width)) + 1e-12 * weight
     total = kernel.sum(axis=1)
@@ -352,8 +348,8 @@ def _fitted(
     return np.asarray(mean - slope * lean[:, None])
 
 
-def _even(nodes: Float64) -> Float64:
-    """Return the curve resampled at equal steps of its length (K, 3)."""
+def _resampled(nodes: Float64) -> Float64:
+    """Return the curve `nodes` (K, 3), resampled at equal steps of its length."""
     step = np.linalg.norm(np.diff(nodes, axis=0), axis=1)
     length = np.concatenate([[0.0], np.cumsum(step)])
     if length[-1] == 0:
@@ -369,13 +365,13 @@ def _on(nodes: Float64, level: Float64) -> Float64:
 
 
 def _projected(nodes: Float64, points: Float64, start: Float64) -> Float64:
-    """Return the level (N,) of each of `points` (N, 3) on a curve, searched near `start` (N,)."""
+    """Return the level (N,) of the curve's point nearest to each of `points` (N, 3), within `FARTHEST` of `start`."""
     at = np.linspace(0.0, 1.0, len(nodes))
     best, nearest = start.copy(), np.full(len(points), np.inf)
     along = np.diff(nodes, axis=0)
     squares = np.maximum(np.square(along).sum(axis=1), 1e-300)
     for k, (node, side) in enumerate(zip(nodes[:-1], along, strict=True)):
-        # The curve continues straight beyond its ends, so that levels there stay distinct.
+        # The curve is extended straight beyond its ends, so that levels there stay distinct.
         low = -np.inf if k == 0 else 0.0
         high = np.inf if k == len(along) - 1 else 1.0
         some = np.flatnonzero(np.abs(at[k] - start) <= 2 * FARTHEST)

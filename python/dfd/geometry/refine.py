@@ -1,4 +1,4 @@
-"""Subdivide large triangles, for measurements between vertices."""
+"""Subdivide large triangles, so that distances are measured inside them too."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import numpy as np
 from dfd.common.linear_algebra import Float64, Int32, Int64, distinct_pairs
 from dfd.geometry.topology import face_sides, face_sizes
 
-_ROUNDS = 16  # of halving the longest edges
+_ROUNDS = 16  # most rounds; each halves all long edges
 
 
 def split_long_edges(vertices: Float64, faces: Int32, longest: float, *, most: int) -> tuple[Float64, Int32]:
-    """Halve edges until none is longer than `longest`, which is above 0.
+    """Return vertices and faces after halving edges until none is longer than `longest`, which must be above 0.
 
-    Faces that share an edge share its midpoint. About `most` vertices are added at most, so some longer edges may
-    remain. Return the vertices, the given ones (V, 3) first, and the faces (F, 3).
+    The given vertices (V, 3) come first. Faces that share an edge share its midpoint. At most about `most` vertices are
+    added, so some longer edges may remain.
     """
     sizes = face_sizes(vertices, faces)[0]
     long = sizes[sizes > longest]
@@ -30,7 +30,7 @@ def split_long_edges(vertices: Float64, faces: Int32, longest: float, *, most: i
 
 
 def _needed(lengths: Float64, longest: float) -> float:
-    """Return the approximate number of vertices needed to split faces whose longest sides have `lengths`."""
+    """Return about the number of vertices that are added if the longest sides of faces have `lengths` (F,)."""
     parts = lengths / longest
     return float((parts + parts**2 / 2).sum())
 
@@ -49,10 +49,10 @@ def _halved(vertices: Float64, faces: Int32, longest: float) -> tuple[Float64, I
 
 
 def _cut(points: Float64, faces: Int64, middle: Int64) -> Int64:
-    """Return faces (G, 3) that fill `faces` (F, 3) and use the sides' midpoints `middle` (F, 3), -1 where uncut."""
+    """Return `faces` (F, 3), divided at the midpoints `middle` (F, 3) of their sides; −1 stands for no midpoint."""
     count = (middle >= 0).sum(axis=1)
     result = [faces[count == 0]]
-    # Rotate the corners: the first side is cut if any is, and the last is uncut if two are cut.
+    # Rotate the corners so that, if any side is cut, the first is, and if two are cut, the last is not.
     for cuts, pattern in ((1, middle >= 0), (2, np.roll(middle < 0, 1, axis=1)), (3, middle >= 0)):
         chosen = count == cuts
         turn = (pattern[chosen].argmax(axis=1)[:, None] + np.arange(3)) % 3
@@ -61,7 +61,7 @@ def _cut(points: Float64, faces: Int64, middle: Int64) -> Int64:
         if cuts == 1:
             pieces = [(a, ab, c), (ab, b, c)]
         elif cuts == 2:
-            # The rest is a quadrangle a, ab, bc, c. Cut it along its shorter diagonal.
+            # The remaining quadrilateral a, ab, bc, c is divided along its shorter diagonal.
             first = np.linalg.norm(points[a] - points[bc], axis=1) < np.linalg.norm(points[ab] - points[c], axis=1)
             pieces = [(ab, b, bc), (a, ab, np.where(first, bc, c)), (np.where(first, a, ab), bc, c)]
         else:

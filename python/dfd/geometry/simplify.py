@@ -15,10 +15,9 @@ from dfd.mesh.normals import face_normals
 
 
 def simplify(mesh: Mesh, face_count: int) -> Mesh:
-    """Simplify `mesh` to about `face_count` faces at most.
+    """Return a copy of `mesh` with at most about `face_count` faces, or `mesh` itself if it has no more.
 
-    Return a mesh that has no more faces unchanged. The copy has no textures. Each of its vertices takes the color of
-    the nearest vertex of `mesh`.
+    The copy has no textures. Each of its vertices has the color of the nearest vertex of `mesh`.
 
     Raises ValueError if `face_count` is less than 4, or all vertices are at one position.
 
@@ -27,24 +26,27 @@ def simplify(mesh: Mesh, face_count: int) -> Mesh:
     face_count = check.whole("simplify", "face_count", face_count, minimum=4)
     if len(mesh.faces) <= face_count:
         return mesh
-    # Each collapse near a face without area would count as a fold.
+    # The simplifier takes each collapse near a face without area for a fold, and refuses it.
     faces = mesh.faces[face_normals(mesh.vertices, mesh.faces).any(axis=1)]
     if len(faces) == 0:
         return mesh
-    # Quadrics hold squared coordinates. Rounding errors are smallest for a box of size 1 at the origin.
+    # Quadrics contain squared coordinates, whose rounding errors are smallest for a box of size 1 at the origin.
     frame = normalization(mesh)
     normalized = frame.apply(mesh.vertices)
     vertices, faces = fast_simplification.simplify(normalized, faces, target_count=min(face_count, len(faces)))
     if len(faces) == 0 or not np.isfinite(vertices).all():
         return mesh
-    # The optimal position is ill-conditioned on flat regions, so clamp it to the box.
+    # On flat regions, the optimal position is ill-conditioned and may be far away, so it is clamped to the box.
     vertices = np.clip(vertices, normalized.min(axis=0), normalized.max(axis=0))
     vertices = frame.invert(vertices)
     return Mesh(vertices, faces, appearance=_nearest_colors(mesh, vertices, faces))
 
 
 def _nearest_colors(mesh: Mesh, vertices: Float64, faces: Int32) -> Appearance | None:
-    """Color `vertices` (V, 3), corners of `faces` (F, 3), like the nearest of `mesh`; None if that has no colors."""
+    """Return an appearance in which `vertices` (V, 3) have the color of the nearest vertex of `mesh`.
+
+    `faces` (F, 3) are the faces of `vertices`. The result is None if `mesh` has no appearance.
+    """
     if mesh.appearance is None:
         return None
     used = np.unique(mesh.faces)

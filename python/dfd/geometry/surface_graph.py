@@ -1,4 +1,4 @@
-"""A mesh as one graph of vertices: its edges, and bridges between components that touch or nearly touch."""
+"""Build a graph of a mesh's vertices from its edges, and bridges between components that touch or nearly touch."""
 
 from __future__ import annotations
 
@@ -14,29 +14,28 @@ from dfd.geometry.topology import face_sides, face_sizes, first_at_place, points
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.weld import weld
 
-# Distances for the same position, for touching, and for nearly touching, as fractions of the box's diagonal. Components
-# joined at the smaller gap get no bridges at the larger gap. Legs that meet at the hips thus stay separate at the
-# knees.
+# Largest distances of components at the same position, and of components that touch or nearly touch, in diagonals of
+# the box. Components that a smaller distance joins get no bridges at a larger one: legs that meet at the hips stay
+# separate at the knees.
 SAME_PLACE, GAPS = 1e-6, (0.005, 0.02)
-_MOST_POINTS = 400_000  # on edges, and on faces larger than a gap, each
-# Components per cell with a point for pairs with other cells. It bounds the pairs of many small components.
-_LABELS_IN_CELL = 4
+_MOST_POINTS = 400_000  # most samples on edges, and most samples on faces
+_LABELS_IN_CELL = 4  # components in a grid cell that are paired with other cells; limits pairs of many small components
 
 
 def surface_graph(mesh: Mesh) -> csr_matrix:
-    """Join the vertices of `mesh` along its edges, at shared positions, and across small gaps.
+    """Return a graph that joins the vertices of `mesh` along edges, at equal positions, and across small gaps.
 
-    Components touch or nearly touch if they come within 2 % of the diagonal of the box around all faces. Edges between
-    vertices on both sides join them all along the gap. Components farther apart stay separate. A vertex without faces
-    is joined to the nearest vertex of a face across such a gap.
-
-    Return a symmetric float64 matrix (V, V) of edge lengths in mesh units, all above 0. Shared positions have the
+    The graph is a symmetric float64 matrix (V, V) of edge lengths in mesh units. Edges between equal positions have the
     smallest normal number, because graph algorithms read 0 as no edge.
+
+    Bridges are edges across a gap of at most 2 % of the diagonal of the box around all faces. They join components all
+    along the gap. Components farther apart stay separate. A vertex without faces is joined to the nearest vertex of a
+    face across such a gap.
 
     Raises ValueError if the mesh is so large that lengths overflow.
     """
     size = _size(mesh)
-    scaled = mesh.vertices / size if size > 0 else mesh.vertices  # squares neither overflow nor underflow
+    scaled = mesh.vertices / size if size > 0 else mesh.vertices  # prevents overflow and underflow of squares
     sides = face_sides(mesh.faces)
     graph = edge_graph(scaled, np.concatenate([sides, surface_links(mesh)]))
     graph.data = np.maximum(graph.data * size, np.finfo(np.float64).tiny)
@@ -44,10 +43,7 @@ def surface_graph(mesh: Mesh) -> csr_matrix:
 
 
 def surface_links(mesh: Mesh) -> Int32:
-    """Return the edges of `surface_graph` that are not sides of faces, as pairs (L, 2) of vertices.
-
-    They are links between vertices at one position, and bridges across small gaps. They take a fraction of the graph's
-    memory.
+    """Return pairs (L, 2) of vertices: the edges of `surface_graph` between equal positions and across small gaps.
 
     Raises ValueError if the mesh is so large that lengths overflow.
     """
@@ -63,10 +59,10 @@ def surface_links(mesh: Mesh) -> Int32:
 
 
 def edge_graph(vertices: Float64, ends: NDArray[np.integer]) -> csr_matrix:
-    """Return the edge lengths, (V, V) symmetric and above 0, of `ends` (E, 2). Repeated edges count once."""
+    """Return a symmetric matrix (V, V) with the lengths, above 0, of the edges between `ends` (E, 2)."""
     there, back = ends[ends[:, 0] != ends[:, 1]].T
     pattern = coo_array((np.ones(len(there), bool), (there, back)), shape=(len(vertices), len(vertices))).tocsr()
-    graph = csr_matrix(pattern + pattern.T, dtype=np.float64)  # boolean, so that repeated edges merge
+    graph = csr_matrix(pattern + pattern.T, dtype=np.float64)  # the sum of boolean matrices merges repeated edges
     row = np.repeat(np.arange(len(vertices), dtype=graph.indices.dtype), np.diff(graph.indptr))
     lengths = np.sqrt(sum((axis[row] - axis[graph.indices]) ** 2 for axis in np.ascontiguousarray(vertices.T)))
     graph.data = np.maximum(lengths, np.finfo(np.float64).tiny)
@@ -82,9 +78,9 @@ def _size(mesh: Mesh) -> float:
 
 
 def bridges(vertices: Float64, faces: Int32, component: NDArray[np.integer]) -> Int64:
-    """Return pairs (B, 2) of vertices on the two sides of each small gap between components.
+    """Return pairs (B, 2) of vertices on both sides of each small gap between components.
 
-    `vertices` (V, 3) are positions, `faces` (F, 3) their corners, `component` (V,) the component of each vertex.
+    `vertices` (V, 3) and `faces` (F, 3) are the mesh, and `component` (V,) is the component of each vertex.
     """
     used = np.zeros(len(vertices), bool)
     used[faces] = True
@@ -107,14 +103,17 @@ def bridges(vertices: Float64, faces: Int32, component: NDArray[np.integer]) -> 
 
 
 def _renumbered(component: NDArray[np.integer], used: Bool) -> Int64:
-    """Return component numbers counted from 0 over used vertices; -1 at the others."""
+    """Return the component (V,) of each vertex, renumbered from 0 over used vertices; −1 at unused vertices."""
     label = np.full(len(component), -1, np.int64)
     label[used] = np.unique(component[used], return_inverse=True)[1]
     return label
 
 
 def _across(points: Float64, vertex: Int64, label: Int64, gap: float) -> Int64:
-    """Return pairs (B, 2) of vertices with different labels whose `points` (N, 3) come within `gap`."""
+    """Return pairs (B, 2) of vertices with different labels (V,), whose samples `points` (N, 3) are within `gap`.
+
+    `vertex` (N,) is the vertex for which each sample stands.
+    """
     kept, crowded = _thinned(points, label[vertex], gap / 2)
     pairs = kept[cKDTree(points[kept]).query_pairs(gap, output_type="ndarray")]
     ends = vertex[np.concatenate([pairs, crowded])]
@@ -122,9 +121,9 @@ def _across(points: Float64, vertex: Int64, label: Int64, gap: float) -> Int64:
 
 
 def _samples(vertices: Float64, faces: Int32, own: Int64, spacing: float) -> tuple[Float64, Int64]:
-    """Return surface samples (N, 3) about `spacing` apart, and the vertex (N,) that each stands for.
+    """Return surface samples (N, 3) about `spacing` apart, and the vertex (N,) for which each stands.
 
-    The samples are the vertices, and points on edges and faces longer than `spacing`.
+    The samples are the vertices `own`, and points on the sides and inside of faces larger than `spacing`.
     """
     points, vertex = [vertices[own]], [own]
     longest, areas = face_sizes(vertices, faces)
@@ -145,21 +144,20 @@ def _samples(vertices: Float64, faces: Int32, own: Int64, spacing: float) -> tup
 
 
 def _capped(wanted: Float64) -> Int64:
-    """Return whole numbers of points, each at least 1, with a sum near `_MOST_POINTS` at most."""
+    """Return `wanted` numbers of points (K,), scaled to a sum of about `_MOST_POINTS` at most, and rounded up."""
     return np.ceil(wanted * min(1.0, _MOST_POINTS / max(float(wanted.sum()), 1.0))).astype(np.int64)
 
 
 def _thinned(points: Float64, label: Int64, cell: float) -> tuple[Int64, Int64]:
-    """Choose one of `points` (N, 3) for each label in every cell of a grid, for a few labels per cell.
+    """Return indices (K,) of chosen `points` (N, 3): one for each of a few labels in each cell of a grid.
 
-    Return the indices (K,) of the chosen points. Also return pairs (C, 2) for the other labels of a cell: one point of
-    the label and one chosen point of the cell.
+    Also return pairs (C, 2) for all other labels: a chosen point of the cell, and a point of the label.
     """
     voxel = np.floor((points - points.min(axis=0)) / cell).astype(np.int64)
     span = voxel.max(axis=0) + 1
     if np.prod(span.astype(float)) < 2**31:
         number = (voxel[:, 0] * span[1] + voxel[:, 1]) * span[2] + voxel[:, 2]
-    else:  # the product of cell and label numbers overflows
+    else:  # renumber the cells, because products of cell and label numbers would overflow
         number = weld(voxel.astype(np.float64))[1].astype(np.int64)
     key, first = np.unique(number * (label.max() + 1) + label, return_index=True)
     cells = key // (label.max() + 1)
@@ -170,7 +168,7 @@ def _thinned(points: Float64, label: Int64, cell: float) -> tuple[Int64, Int64]:
 
 
 def _joined(label: Int64, pairs: Int64) -> Int64:
-    """Return the labels after joining `pairs` of vertices."""
+    """Return the labels (V,) of vertices after joining the labels of `pairs` (B, 2)."""
     count = int(label.max()) + 1
     ends = label[pairs]
     links = coo_array((np.ones(len(ends), bool), (ends[:, 0], ends[:, 1])), shape=(count, count))
@@ -179,7 +177,7 @@ def _joined(label: Int64, pairs: Int64) -> Int64:
 
 
 def _to_strays(vertices: Float64, used: Bool, gap: float) -> Int64:
-    """Return pairs (B, 2): a vertex without faces, and the nearest vertex of a face if it is within `gap`."""
+    """Return pairs (B, 2) of vertices without faces and the nearest vertex of a face, if that is within `gap`."""
     stray, own = np.flatnonzero(~used), np.flatnonzero(used)
     if len(stray) == 0:
         return np.zeros((0, 2), np.int64)

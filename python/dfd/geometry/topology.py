@@ -1,4 +1,4 @@
-"""Count a mesh's components and defects."""
+"""Count a mesh's components and defects, measure its faces, and sample its surface."""
 
 from __future__ import annotations
 
@@ -14,33 +14,32 @@ from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64
 from dfd.common.threads import get_num_threads
 from dfd.mesh.weld import weld
 
-# Importing the mesh readers takes most of a second and is needed only for types.
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # imports mesh readers, which takes most of a second
     from dfd.mesh.mesh import Mesh
 
 
 @dataclass(frozen=True)
 class Topology:
-    """Counts over a mesh; vertices at one position count as one."""
+    """Counts over a mesh, in which vertices at one position are one vertex."""
 
     vertex_count: int
     face_count: int
-    components: int  # of the surface; no edge connects two of them
+    components: int  # connected components of the surface
     boundary_edges: int  # edges of one face
     non_manifold_edges: int  # edges of more than two faces
     degenerate_faces: int  # faces without area
-    duplicate_faces: int  # faces with the same corners as an earlier one, in any order
+    duplicate_faces: int  # faces with the corners of an earlier face, in any order
     unreferenced_vertices: int  # vertices of no face
-    extents: tuple[float, float, float]  # sides of the box around the mesh, in its units
+    extents: tuple[float, float, float]  # sides of the box, in mesh units
     parts: int  # parts of the file's scene
     materials: int
     textures: int
 
 
 def inspect(mesh: Mesh) -> Topology:
-    """Count the components and defects of a mesh.
+    """Return the numbers of components and defects of a mesh.
 
-    Only faces with three different corners have edges and components.
+    Faces without three different corners are not counted for edges and components.
     """
     faces = first_at_place(mesh)[mesh.faces]
     proper = faces[_three_corners(faces)]
@@ -67,7 +66,7 @@ _FIRST: WeakKeyDictionary[Mesh, Int32] = WeakKeyDictionary()
 
 
 def first_at_place(mesh: Mesh) -> Int32:
-    """Return for each vertex (V,) the first vertex at its position, as a read-only array."""
+    """Return the first vertex at the position of each vertex, a read-only array (V,)."""
     if mesh not in _FIRST:
         first, vertex = weld(mesh.vertices)
         _FIRST[mesh] = first.astype(np.int32)[vertex]
@@ -76,7 +75,7 @@ def first_at_place(mesh: Mesh) -> Int32:
 
 
 def face_components(faces: Int32) -> Int32:
-    """Return the number (F,) of the connected component of each of `faces` (F, 3)."""
+    """Return the connected component (F,) of each of `faces` (F, 3), counted from 0."""
     if len(faces) == 0:
         return np.zeros(0, np.int32)
     numbers = _core.components(int(faces.max()) + 1, np.ascontiguousarray(faces, np.int32), np.zeros((0, 2), np.int32))
@@ -89,7 +88,7 @@ def face_sides(faces: Int32) -> Int32:
 
 
 def face_sizes(vertices: NDArray[np.floating], faces: Int32) -> tuple[Float64, Float64]:
-    """Return the longest side (F,) and the area (F,) of every face, in units of `vertices` (V, 3) and squared units."""
+    """Return the longest side (F,) and the area (F,) of each face, in units of `vertices` (V, 3) and squared units."""
     sizes = np.empty((len(faces), 2))
     points, corners = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int32)
     _core.face_sizes(points, corners, sizes, get_num_threads())
@@ -97,12 +96,12 @@ def face_sizes(vertices: NDArray[np.floating], faces: Int32) -> tuple[Float64, F
 
 
 def face_areas(vertices: NDArray[np.floating], faces: Int32) -> Float64:
-    """Return the area of every face (F,), in squared units of `vertices` (V, 3)."""
+    """Return the area (F,) of each face, in squared units of `vertices` (V, 3)."""
     return face_sizes(vertices, faces)[1]
 
 
 def vertex_areas(vertices: NDArray[np.floating], faces: Int32) -> Float64:
-    """Return the area of every vertex (V,), a third of each of its faces, in squared units of `vertices` (V, 3)."""
+    """Return the area (V,) of each vertex, a third of the area of its faces, in squared units of `vertices` (V, 3)."""
     thirds = np.repeat(face_areas(vertices, faces) / 3, 3)
     return np.bincount(faces.ravel(), thirds, len(vertices)).astype(np.float64)
 
@@ -113,12 +112,12 @@ def _three_corners(faces: Int32) -> Bool:
 
 
 def _has_area(vertices: Float64, faces: Int32) -> Bool:
-    """Return whether the area of each face (F,) exceeds the rounding of its coordinates."""
+    """Return whether the area of each face (F,) exceeds its rounding error."""
     size = np.abs(vertices).max(initial=0.0)
-    corners = vertices[faces] / (size if size > 0 else 1.0)  # squares neither overflow nor underflow
+    corners = vertices[faces] / (size if size > 0 else 1.0)  # prevents overflow and underflow of products
     along, aside = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     crossed = np.cross(along, aside)
-    # Rounding coordinates of size s changes the area of a sliver of length l by up to about s · l · epsilon.
+    # Rounding of coordinates of size s changes the area of a thin face of length l by up to about s · l · epsilon.
     size = np.abs(corners).max(axis=(1, 2))
     length = np.maximum(np.abs(along).max(axis=1), np.abs(aside).max(axis=1))
     large: Bool = np.abs(crossed).max(axis=1) > 4 * np.finfo(np.float64).eps * size * length
@@ -126,19 +125,19 @@ def _has_area(vertices: Float64, faces: Int32) -> Bool:
 
 
 def _edge_uses(faces: Int32) -> Int64:
-    """Return the number of faces of each edge."""
+    """Return the number (E,) of faces of each edge."""
     ends = face_sides(faces).astype(np.int64)
     return np.unique(ends.min(axis=1) << 32 | ends.max(axis=1), return_counts=True)[1]
 
 
 def _repeats_earlier(faces: Int32) -> Bool:
-    """Return whether each face (F,) has the corners of an earlier one."""
+    """Return whether each face (F,) has the corners of an earlier face."""
     first, number = weld(np.sort(faces, axis=1).astype(np.float64))
     return first[number] != np.arange(len(faces))
 
 
 def even_points(areas: Float64, count: int) -> tuple[Int64, Float32]:
-    """Spread `count` points over faces of `areas` (F,); return the face (N,) and barycentric row (N, 3) of each."""
+    """Return `count` points spread evenly over faces of `areas` (F,): their faces (N,) and barycentric rows (N, 3)."""
     evenly = (np.arange(count) + 0.5) / count * areas.sum()
     hit = np.minimum(np.searchsorted(np.cumsum(areas), evenly), len(areas) - 1)
     return points_on_faces(np.bincount(hit, minlength=len(areas)))
@@ -147,9 +146,9 @@ def even_points(areas: Float64, count: int) -> tuple[Int64, Float32]:
 def sample_surface(
     vertices: NDArray[np.floating], faces: Int32, count: int, generator: np.random.Generator
 ) -> tuple[Float64, Int64]:
-    """Draw points (count, 3) uniformly by area, and return them with the face (count,) of each.
+    """Return random surface samples (count, 3), uniform by area, and the face (count,) of each.
 
-    The sample is stratified. It has one point in each of `count` intervals of equal area, in the order of the faces.
+    They are stratified: in the order of the faces, each of `count` intervals of equal area has one sample.
     """
     total = np.cumsum(face_areas(vertices, faces))
     at = (np.arange(count) + generator.random(count)) / count * total[-1]
@@ -161,10 +160,9 @@ def sample_surface(
 
 
 def points_on_faces(counts: Int64) -> tuple[Int64, Float32]:
-    """Spread points over faces, `counts` (F,) points on each.
+    """Return `counts` (F,) points on each face, as their faces (N,), ascending, and barycentric rows (N, 3).
 
-    Return the face (N,) of each point, ascending, and its barycentric coordinates (N, 3). The first point of a face is
-    its center.
+    The first point of a face is its center.
     """
     ends = np.cumsum(counts)
     face = np.repeat(np.arange(len(counts)), counts)
@@ -173,7 +171,9 @@ def points_on_faces(counts: Int64) -> tuple[Int64, Float32]:
 
 
 def spread_in_triangle(index: Int64) -> Float32:
-    """Return barycentric coordinates (N, 3) that fill a triangle evenly as `index` (N,) counts up from 0, the center.
+    """Return barycentric rows (N, 3) of the points `index` (N,) of a sequence that fills a triangle evenly.
+
+    Point 0 is the center.
 
     Source: the additive sequence of Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018.
     """

@@ -1,1 +1,1 @@
-"""Pictures for people: shapes, features and weights, and sheets of them."""
+"""Draw shapes, features and weights as pictures, and pictures on sheets."""

@@ -1,4 +1,4 @@
-"""Colors that show numbers: weights as a heat map, features by their main directions."""
+"""Convert numbers to colors: weights to a heat map, features by their main directions, and part numbers."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from dfd.mesh.appearance import linear, srgb
 from dfd.weights.compact import CompactFeatures
 
 CLAY = (0.85, 0.84, 0.82)  # sRGB of a surface without data, and of weight 0
-# sRGB stops from weight 0 to 1. Lightness falls monotonically: the map is readable in gray and to color-blind people.
+# sRGB stops from weight 0 to 1. Lightness decreases, so the map is readable in gray and by color-blind people.
 HEAT_STOPS = (CLAY, (0.96, 0.78, 0.42), (0.93, 0.50, 0.18), (0.74, 0.20, 0.24), (0.38, 0.05, 0.31))
-# The most rows from which the main directions are computed; more rows change them little.
-LARGEST_SAMPLE = 20_000
-PERCENTILES = (1.0, 99.0)  # of the values along each direction, drawn as the lowest and the highest color
+LARGEST_SAMPLE = 20_000  # most rows from which main directions are computed; more rows hardly change them
+PERCENTILES = (1.0, 99.0)  # percentiles of the values along a direction that have the lowest and the highest color
 
+# Matrices of Oklab (Ottosson 2020): linear sRGB to cone responses, and cube roots of these to lightness and hue axes.
 _TO_CONE = np.array(
     [
         [0.4122214708, 0.5363325363, 0.0514459929],
@@ -36,9 +36,9 @@ _TO_LAB = np.array(
 
 
 def weight_colors(weights: ArrayLike) -> Float32:
-    """Return the heat map's sRGB colors (V, 3) in [0, 1] of `weights` (V,): clay at 0, amber, red, dark violet at 1.
+    """Return the sRGB colors (V, 3), in [0, 1], of `weights` (V,): clay at 0, then amber, red, and dark violet at 1.
 
-    Equal differences of weight look equally large. Weights outside [0, 1] take the color of the nearer bound.
+    Equal differences of weight look equally large. Weights outside [0, 1] have the color of the nearer bound.
 
     Raises ValueError if `weights` is not a row of finite numbers.
     """
@@ -50,10 +50,10 @@ def weight_colors(weights: ArrayLike) -> Float32:
 
 
 def feature_colors(features: ArrayLike | CompactFeatures) -> Float32:
-    """Return sRGB colors (V, 3) in [0, 1] of `features` (V, D): their three main directions as red, green and blue.
+    """Return sRGB colors (V, 3), in [0, 1], of `features` (V, D): their three main directions as red, green and blue.
 
-    The 1st and the 99th percentile of each direction become the lowest and the highest color. The sign of a direction
-    makes its largest entry positive, so equal features have equal colors.
+    The 1st and the 99th percentile along each direction have the lowest and the highest color. The largest component of
+    each direction is positive, so that equal features have equal colors.
 
     Raises ValueError if `features` is not a (V, D) array of finite numbers with at least one row and one column.
     """
@@ -69,16 +69,16 @@ def feature_colors(features: ArrayLike | CompactFeatures) -> Float32:
     axes *= np.where(np.take_along_axis(axes, np.abs(axes).argmax(axis=0)[None], axis=0) < 0, -1, 1)
     low, high = np.percentile((sample - mean) @ axes, PERCENTILES, axis=0)
     spread = high - low
-    told_apart = spread > 1e-6 * max(float(spread.max()), float(np.abs(sample).max()), 1e-30)
-    scaled = ((rows - mean.astype(np.float32)) @ axes.astype(np.float32) - low) / np.where(told_apart, spread, 1)
+    varies = spread > 1e-6 * max(float(spread.max()), float(np.abs(sample).max()), 1e-30)
+    scaled = ((rows - mean.astype(np.float32)) @ axes.astype(np.float32) - low) / np.where(varies, spread, 1)
     colors = np.full((len(rows), 3), 0.5, np.float32)
-    colors[:, : axes.shape[1]] = np.where(told_apart, scaled.clip(0, 1), 0.5)
-    # Values stay away from 0 and 1, because saturated colors hide the shading of the surface.
+    colors[:, : axes.shape[1]] = np.where(varies, scaled.clip(0, 1), 0.5)
+    # Values near 0 and 1 are avoided, because saturated colors hide the shading of the surface.
     return np.float32(0.06) + np.float32(0.88) * colors
 
 
 def part_colors(labels: ArrayLike) -> Float32:
-    """Return sRGB colors (V, 3) in [0, 1] of part numbers (V,); hues differ by the golden ratio, so none are alike.
+    """Return sRGB colors (V, 3), in [0, 1], of part numbers (V,); hues differ by the golden ratio, so all are distinct.
 
     Raises ValueError if `labels` is not a row of numbers of at least 0.
     """
@@ -93,7 +93,7 @@ def part_colors(labels: ArrayLike) -> Float32:
 
 
 def oklab(colors: NDArray[np.floating[Any]]) -> Float64:
-    """Return lightness and two hue axes (N, 3), in which equal steps look equally large (Oklab, Ottosson 2020)."""
+    """Return `colors` (N, 3) in Oklab, lightness and two hue axes, in which equal steps look equally large."""
     return np.cbrt(linear(colors) @ _TO_CONE.T) @ _TO_LAB.T
 
 
@@ -103,11 +103,11 @@ def _from_oklab(lab: Float64) -> Float64:
 
 
 def _heat_table() -> Float64:
-    """Return sRGB colors (256, 3) along the stops, with steps that look equally large."""
+    """Return sRGB colors (256, 3) along `HEAT_STOPS`, with steps that look equally large."""
     stops = oklab(np.array(HEAT_STOPS))
-    walked = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(stops, axis=0), axis=1))])
-    position = np.linspace(0, walked[-1], 256)
-    return _from_oklab(np.stack([np.interp(position, walked, axis) for axis in stops.T], axis=1))
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(stops, axis=0), axis=1))])
+    position = np.linspace(0, length[-1], 256)
+    return _from_oklab(np.stack([np.interp(position, length, axis) for axis in stops.T], axis=1))
 
 
 _HEAT = _heat_table()

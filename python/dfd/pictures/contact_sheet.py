@@ -1,4 +1,4 @@
-"""Captioned pictures on one page."""
+"""Arrange pictures with captions on one page."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ Rows = Sequence[tuple[str, Sequence[tuple[UInt8, str]]]]  # a heading, and pictu
 
 INK, GRAY, RULE = (28, 30, 36), (100, 104, 112), (220, 222, 226)
 SMALLEST_CELL, LARGEST_CELL = 16, 8192
-NARROWEST = 96  # pixels, the least width for a heading
+NARROWEST = 96  # least width of the page for headings, in pixels
 
 
 def contact_sheet(rows: Rows, *, title: str = "", cell: int = 320) -> Image.Image:
-    """Draw pictures in rows on a white page, below a `title`, which may be empty.
+    """Return a white page with a `title` and rows of pictures.
 
-    Each of `rows` has a heading and pictures, uint8 arrays of shape (height, width, 3), each with a caption. Headings
-    and captions may be empty. Rows without pictures are left out. `cell` is the height of every picture in pixels;
-    text and margins scale with it.
+    Each of `rows` has a heading and pictures, uint8 arrays of shape (height, width, 3), each with a caption. Title,
+    headings and captions may be empty. Rows without pictures are left out. `cell` is the height of the pictures in
+    pixels; text and margins are in proportion.
 
     Raises ValueError if there is no picture, a picture has another type or shape, or `cell` is out of its range.
     """
@@ -35,7 +35,7 @@ def contact_sheet(rows: Rows, *, title: str = "", cell: int = 320) -> Image.Imag
         if pictures
     ]
     if not scaled:
-        raise ValueError("contact_sheet: `rows` must hold at least one picture, got none")
+        raise ValueError("contact_sheet: `rows` must have at least one picture, got none")
     margin, gap, between = max(8, cell // 8), max(4, cell // 18), max(8, cell // 7)
     widths = [sum(image.width + gap for image, _ in pictures) - gap for _, pictures in scaled]
     width = max(NARROWEST, *widths)
@@ -55,7 +55,7 @@ def contact_sheet(rows: Rows, *, title: str = "", cell: int = 320) -> Image.Imag
 
 
 def heat_bar(height: int) -> UInt8:
-    """Draw the scale of the heat colors, (height, width, 3): weight 0 at the bottom, 1 at the top."""
+    """Return the legend of the heat map, (height, width, 3): weight 0 at the bottom, 1 at the top."""
     size = max(9, height // 22)
     typeface = font(size)
     long, thick = int(height * 0.6), max(4, height // 26)
@@ -73,7 +73,7 @@ def heat_bar(height: int) -> UInt8:
 
 
 def _row(heading: str, pictures: list[tuple[Image.Image, str]], width: int, gap: int, cell: int) -> Image.Image:
-    """Draw one heading and its pictures side by side, each with its caption below it."""
+    """Return a row: a heading, and below it the pictures side by side, each above its caption."""
     head, size = _text(heading, width, max(10, cell // 14), INK), max(9, cell // 19)
     captions = [_text(caption, image.width, size, GRAY, centered=True) for image, caption in pictures]
     top = head.height + (cell // 32 if heading else 0)
@@ -89,7 +89,7 @@ def _row(heading: str, pictures: list[tuple[Image.Image, str]], width: int, gap:
 
 
 def _text(text: str, width: int, size: int, ink: tuple[int, int, int], *, centered: bool = False) -> Image.Image:
-    """Draw text `size` pixels high on white, in lines of `width` pixels."""
+    """Return text, `size` pixels high on white, in lines of at most `width` pixels."""
     lines, line = wrapped(text, font(size), width), int(size * 1.35)
     block = Image.new("RGB", (width, line * len(lines)), "white")
     draw = ImageDraw.Draw(block)
@@ -100,12 +100,11 @@ def _text(text: str, width: int, size: int, ink: tuple[int, int, int], *, center
 
 
 def _scaled(picture: UInt8, cell: int) -> Image.Image:
+    """Return a picture, scaled to the height `cell`."""
     values = np.asarray(picture)
     if values.dtype != np.uint8 or values.ndim != 3 or values.shape[2] != 3 or values.size == 0:
-        raise ValueError(
-            "contact_sheet: a picture must be a uint8 array of shape (height, width, 3), "
-            f"got {values.dtype} of shape {values.shape}"
-        )
+        found = f"{values.dtype} of shape {values.shape}"
+        raise ValueError(f"contact_sheet: a picture must be uint8 of shape (height, width, 3), got {found}")
     image = Image.fromarray(np.ascontiguousarray(values))
     width = max(1, round(image.width * cell / image.height))
     return image if image.size == (width, cell) else image.resize((width, cell), Image.Resampling.LANCZOS)

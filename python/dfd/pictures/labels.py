@@ -1,4 +1,4 @@
-"""Marks and text on pictures: handles, fixed points, labels and the directions of the axes."""
+"""Draw marks and text on pictures: handles, fixed points, labels and the directions of the axes."""
 
 from __future__ import annotations
 
@@ -30,19 +30,16 @@ def font(size: int) -> ImageFont.FreeTypeFont:
 
 
 def spelled(text: str) -> str:
-    """Return `text` with letters that the typeface lacks replaced by other letters or a question mark."""
+    """Return `text` with letters that the typeface lacks replaced by similar letters or a question mark."""
     return "".join(_letter(letter) for letter in text)
 
 
-def wrapped(text: str, typeface: ImageFont.FreeTypeFont, room: float) -> list[str]:
-    """Return `text`, as `spelled` returns it, in lines of at most `room` pixels, broken at spaces.
-
-    A word that is wider than `room` has a line of its own.
-    """
+def wrapped(text: str, typeface: ImageFont.FreeTypeFont, width: float) -> list[str]:
+    """Return `spelled(text)` in lines of at most `width` pixels, divided at spaces; a wider word has its own line."""
     lines: list[str] = []
     for word in spelled(text).split():
         longer = f"{lines[-1]} {word}" if lines else word
-        if lines and typeface.getlength(longer) <= room:
+        if lines and typeface.getlength(longer) <= width:
             lines[-1] = longer
         else:
             lines.append(word)
@@ -51,6 +48,7 @@ def wrapped(text: str, typeface: ImageFont.FreeTypeFont, room: float) -> list[st
 
 @lru_cache(maxsize=1024)
 def _letter(letter: str) -> str:
+    """Return a letter, or its replacement if the typeface lacks it."""
     if letter.isspace() or _drawable(letter):
         return letter
     plain = _SPELLED.get(letter) or "".join(
@@ -61,10 +59,10 @@ def _letter(letter: str) -> str:
 
 
 def _drawable(letter: str) -> bool:
-    """Return whether the typeface has the letter; it draws letters that it lacks as a box."""
+    """Return whether the typeface has the letter; it draws all letters that it lacks as the same box."""
     typeface = font(20)
-    mask, lacking = typeface.getmask(letter), typeface.getmask("\uffff")
-    return mask.size != lacking.size or bytes(mask) != bytes(lacking)
+    mask, box = typeface.getmask(letter), typeface.getmask("\uffff")
+    return mask.size != box.size or bytes(mask) != bytes(box)
 
 
 INK, HALO = (20, 22, 28), (255, 255, 255)
@@ -75,12 +73,12 @@ def draw_labels(page: Image.Image, camera: Camera, positions: Float64, labels: S
     """Write a label beside each of `positions` (H, 3) in the camera's coordinates."""
     draw, size = ImageDraw.Draw(page), max(11, page.height // 30)
     for row, column, text in zip(*camera.project(positions, page.height), labels, strict=True):
-        top = max(float(row) - 0.7 * size, 0.7 * size)  # within the page
+        top = max(float(row) - 0.7 * size, 0.7 * size)  # the label stays inside the page
         _write(draw, (float(column) + 0.7 * size, top), text, size, "lm")
 
 
 def draw_axes(page: Image.Image, camera: Camera) -> None:
-    """Draw the directions of the axes in the lower left corner, the nearest axis on top."""
+    """Draw the directions of the axes in the lower left corner; the axis that points most to the camera is on top."""
     resolution = page.height
     length, size = max(14.0, 0.07 * resolution), max(10, resolution // 36)
     draw = ImageDraw.Draw(page)
@@ -106,17 +104,16 @@ def _write(
 
 
 BLUE, DARK = (0.10, 0.36, 0.86), (0.13, 0.14, 0.17)
-RADIUS, SMALLEST = 0.013, 2.0  # of the picture's side; pixels
-RIM = 1.4  # of the radius, white
-HIDDEN = 0.3  # opacity of a mark behind the shape
-# A surface hides only marks deeper than this below it; normalized coordinates.
-INSIDE = 0.02
+RADIUS, SMALLEST = 0.013, 2.0  # radius of a mark relative to the picture's side, and least radius in pixels
+RIM = 1.4  # radius of the white rim, relative to the radius of the mark
+HIDDEN = 0.3  # opacity of a mark that the shape hides
+INSIDE = 0.02  # least depth, in normalized coordinates, at which a surface hides a mark below it
 
 
 def draw_marks(image: Float32, scene: Scene, camera: Camera, positions: Float64, *, square: bool) -> None:
-    """Draw dots or squares with white rims into `image` (R, R, 3), in place, at `positions` (H, 3) of the scene.
+    """Draw dots or squares with white rims in `image` (R, R, 3), in place, at `positions` (H, 3) in the scene.
 
-    Marks that the scene hides are faint. Marks behind the camera are left out.
+    Hidden marks are faint. Marks behind the camera are left out.
     """
     resolution = len(image)
     radius = max(SMALLEST, RADIUS * resolution)
@@ -129,15 +126,13 @@ def draw_marks(image: Float32, scene: Scene, camera: Camera, positions: Float64,
     hidden[hits.ray] = hits.distance < 1 - INSIDE / np.linalg.norm(offsets[hits.ray], axis=1)
     for row, column, behind in zip(rows, columns, hidden, strict=True):
         # Only pixels around the mark change.
-        reach = int(radius * RIM) + 2
-        top, left = max(0, int(row) - reach), max(0, int(column) - reach)
-        patch = image[top : max(0, int(row) + reach + 1), left : max(0, int(column) + reach + 1)]
+        margin = int(radius * RIM) + 2
+        top, left = max(0, int(row) - margin), max(0, int(column) - margin)
+        patch = image[top : max(0, int(row) + margin + 1), left : max(0, int(column) + margin + 1)]
         down, across = np.arange(top, top + patch.shape[0]) - row, np.arange(left, left + patch.shape[1]) - column
-        if square:
-            # The factor makes a square look as large as a dot.
+        distance = np.hypot(down[:, None], across)
+        if square:  # the factor makes a square look as large as a dot
             distance = np.maximum(np.abs(down)[:, None], np.abs(across)) * 1.1
-        else:
-            distance = np.hypot(down[:, None], across)
         for edge, ink in ((radius * RIM, (1.0, 1.0, 1.0)), (radius, DARK if square else BLUE)):
             cover = (edge - distance + 0.5).clip(0, 1) * (HIDDEN if behind else 1)
             patch += (cover[:, :, None] * (np.array(ink) - patch)).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Pictures that notebooks display."""
+"""Draw pictures that notebooks display."""
 
 from __future__ import annotations
 
@@ -13,11 +13,10 @@ from dfd.pictures.sheet import session_views
 
 
 def show(shape: MeshLike | Deformer, **options: Any) -> Image.Image:
-    """Draw a mesh, or a session's posed shape with a dot at the posed position of each handle.
+    """Return a picture of a mesh, or of a session's posed shape with a dot at the posed position of each handle.
 
-    The mesh may be any source of `dfd.load`. A notebook displays the picture that is the result of a cell. `options`
-    are those of `dfd.pictures.picture.picture`. The camera of a session faces its handles by default. Raises ValueError
-    as `picture` does.
+    The mesh can be any source that `dfd.load` accepts. `options` are those of `dfd.pictures.picture.picture`. By
+    default, the camera of a session faces its handles. Raises ValueError as `picture` does.
     """
     if not isinstance(shape, Deformer):
         return Image.fromarray(picture(as_mesh(shape), **options))

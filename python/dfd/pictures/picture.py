@@ -1,4 +1,4 @@
-"""Ray-cast pictures of a mesh, with antialiasing and ambient occlusion; they need no display."""
+"""Draw a mesh by ray casting, with antialiasing and ambient occlusion; no display is needed."""
 
 from __future__ import annotations
 
@@ -27,21 +27,22 @@ from dfd.views.cameras import Camera
 from dfd.views.raycast import Hits, Scene
 from dfd.views.render import surface_points
 
-SAMPLES = 2  # per pixel, along each side
+SAMPLES = 2  # samples along each side of a pixel
 LARGEST_RESOLUTION = 8192
-BAND = 1 << 17  # samples drawn at a time; bounds the memory for large pictures
-HALO = 2  # extra rows of pixels on each side of a band, for the smoothing of the shade; they are removed afterwards
-CREASE = 30.0  # degrees; an edge stays sharp if the smooth normal deviates more from the face's normal
+BAND = 1 << 17  # samples in a band of rows, which is drawn at a time to limit memory
+HALO = 2  # rows of pixels that are drawn on each side of a band and then removed; smoothing of occlusion needs them
+CREASE = 30.0  # angle between the smooth normal and the face's normal above which an edge is sharp, in degrees
 
-# The light: sky from above, a lamp above and to the left of the camera, and shade where the surface hides the sky.
+# Light from the sky above, the ground below, and a lamp above and to the left of the camera.
 SKY, GROUND, LAMP = 0.44, 0.28, 0.68
-LAMP_OFFSET = (-0.45, 0.60)  # to the right and up, against 1 towards the eye
-SHADE_RAYS = 2  # per sample; the samples of a tile cast rays in different directions and share the results
-TILE = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]]) / 16  # of samples, an ordered dither
-SHADE_REACH = 0.7  # range of occlusion, of half the shape's size
-SHADE_DEPTH = 0.75  # darkening by full occlusion
-MAX_LAYERS = 6  # transparent surfaces along a ray
-STEP = 1e-4  # offset of a ray's next start behind a surface, of half the shape's size
+LAMP_OFFSET = (-0.45, 0.60)  # direction of the lamp: its components right and up; the component to the camera is 1
+SHADE_RAYS = 2  # occlusion rays per sample
+# Ordered dither by which the 4 × 4 samples of a tile cast occlusion rays in different directions.
+TILE = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]]) / 16
+SHADE_REACH = 0.7  # distance from which a surface does not occlude, normalized
+SHADE_DEPTH = 0.75  # share of the light that full occlusion removes
+MAX_LAYERS = 6  # most transparent surfaces along a ray
+STEP = 1e-4  # distance behind a surface at which a ray continues, normalized
 
 
 def picture(
@@ -61,15 +62,15 @@ def picture(
     axes: bool = False,
     resolution: int = 512,
 ) -> UInt8:
-    """Draw `mesh` on white, at rest or moved, in its own colors or in colors that show numbers.
+    """Return a picture of `mesh` on white, at rest or moved, in its own or given colors.
 
     Parameters
     ----------
     vertices
-        (V, 3) moved positions, mesh units; None draws the mesh at rest.
+        (V, 3) moved positions in mesh units; None draws the mesh at rest.
     colors
-        (V, 3) sRGB in [0, 1] per vertex, interpolated over the faces. Without `colors` and `weights`, the mesh shows
-        its own colors, or clay if it has none.
+        (V, 3) sRGB colors of the vertices, in [0, 1], interpolated over the faces. Without `colors` and `weights`, the
+        mesh has its own colors, or clay if it has none.
     weights
         (V,) weights, drawn as a heat map; see `weight_colors`.
     handles, fixed
@@ -78,18 +79,19 @@ def picture(
     labels
         A text beside each of `handles`, or an empty sequence.
     azimuth, elevation
-        Position of the camera, degrees. 0, 0 looks from +z at the front, azimuth 90 from +x, elevation 90 from above.
+        Direction from the shape to the camera, in degrees. 0, 0 is the front, +z; azimuth 90 is +x, and elevation 90 is
+        above.
     zoom
-        Values above 1 move the camera nearer, values below 1 farther away.
+        Factor by which the shape is larger in the picture.
     target
-        (3,) in mesh units, the center of the picture; by default the center of the shape.
+        (3,) the center of the picture, in mesh units; None for the center of the shape.
     frame
-        Further positions, each (N, 3) in mesh units, that the picture must contain. Two pictures have one camera if
-        the `frame` of each holds the vertices of the other.
+        Further positions, each (N, 3) in mesh units, that the picture must contain. Two pictures have the same camera
+        if the `frame` of each contains the vertices of the other.
     axes
         Whether to draw the directions of the axes in the lower left corner.
     resolution
-        Pixels R along a side.
+        R, the side of the picture in pixels.
 
     Returns
     -------
@@ -110,7 +112,7 @@ def picture(
         if points is not None
     ]
     if labels and len(labels) != (0 if handles is None else len(np.asarray(handles))):
-        raise ValueError(f"picture: `labels` must be as many as `handles`, got {len(labels)}")
+        raise ValueError(f"picture: `labels` must have one text for each of `handles`, got {len(labels)}")
     normal_form, camera = aim(mesh, drawn, azimuth, elevation, zoom, target, frame)
     positions = normal_form.apply(drawn).astype(np.float32)
     scene = Scene(positions, mesh.faces)
@@ -156,9 +158,9 @@ class _Painter:
         self._colors, self._appearance = colors, mesh.appearance
 
     def draw(self, resolution: int) -> Float32:
-        """Return the picture (R, R, 3) in sRGB, each pixel the mean of several rays."""
+        """Return the picture (R, R, 3) in sRGB; each pixel is the mean of several samples."""
         image = np.empty((resolution, resolution, 3), np.float32)
-        # A multiple of HALO aligns the tiles of all bands.
+        # The height is a multiple of HALO, which aligns the tiles of all bands.
         height = max(HALO, BAND // (SAMPLES * resolution * SAMPLES) // HALO * HALO)
         bands = [slice(top, min(top + height, resolution)) for top in range(0, resolution, height)]
 
@@ -171,7 +173,7 @@ class _Painter:
         return image
 
     def _band(self, band: slice, resolution: int) -> Float32:
-        """Return some rows of the picture, (rows, R, 3)."""
+        """Return the rows `band` of the picture, (rows, R, 3)."""
         count, top = resolution * SAMPLES, max(0, band.start - HALO)
         rows = np.arange(top * SAMPLES, min(resolution, band.stop + HALO) * SAMPLES)
         directions = self._directions(rows, count)
@@ -195,23 +197,23 @@ class _Painter:
             ray = ray[onward]
             starts = place[onward] + STEP * directions[ray]
         color += light[:, None]
-        # The average is taken of sRGB values, so that dark and white mix evenly at an outline.
+        # The mean is that of sRGB values, which gives smoother outlines of dark surfaces on white.
         samples = srgb(color).reshape(-1, SAMPLES, resolution, SAMPLES, 3)
         pixels: Float32 = samples.mean(axis=(1, 3))
         return pixels[band.start - top : band.stop - top]
 
     def _directions(self, rows: NDArray[np.integer], count: int) -> Float32:
-        """Return unit directions through the samples of `rows`, in a square picture of `count` rows of samples."""
+        """Return the unit directions (S, 3) of the samples in `rows`, in a square picture of `count` rows."""
         camera = self._camera
         down, across = (((each + 0.5) / count * 2 - 1) * camera.half_width for each in (rows, np.arange(count)))
         directions = across[None, :, None] * camera.right - down[:, None, None] * camera.up - camera.back
         return _unit(directions.reshape(-1, 3))
 
     def _albedo(self, hits: Hits) -> Float32:
-        """Return linear red, green, blue, and opacity, (K, 4)."""
+        """Return the linear red, green and blue, and the opacity (K, 4) of each hit."""
         rgba = np.ones((len(hits.ray), 4), np.float32)
         if self._colors is not None:
-            rgba[:, :3] = surface_points(self._colors, self._faces, hits)  # interpolates colors like positions
+            rgba[:, :3] = surface_points(self._colors, self._faces, hits)  # colors are interpolated as positions are
         elif self._appearance is not None:
             rgba = self._appearance.albedo(hits.face, hits.barycentric)
         else:
@@ -220,7 +222,7 @@ class _Painter:
         return rgba
 
     def _light(self, normals: Float32, open_sky: Float32) -> Float32:
-        """Return the linear light (K,) on points with unit `normals` (K, 3), whose visible sky is `open_sky` (K,)."""
+        """Return the linear light (K,) on points with unit `normals` (K, 3); each sees the share `open_sky` of sky."""
         right, up = self._camera.right.astype(np.float32), self._camera.up.astype(np.float32)
         lamp = _unit(self._camera.back.astype(np.float32) + LAMP_OFFSET[0] * right + LAMP_OFFSET[1] * up)
         sky = GROUND + (SKY - GROUND) * (0.5 + 0.5 * (normals @ up))
@@ -237,17 +239,17 @@ class _Painter:
             own = self._normals[corners[:, corner]]
             sharp = np.einsum("kc,kc->k", own, flat) < np.cos(np.radians(CREASE))
             normals += hits.barycentric[:, corner : corner + 1] * np.where(sharp[:, None], flat, own)
-        # On a face seen from behind, both normals are reversed. Near an outline, a smooth normal may still point away
-        # from the camera. It is then made perpendicular to the ray, because reversed it would point into the shape.
+        # If a face is seen from behind, both normals are reversed. Near an outline, a smooth normal can still point
+        # away from the camera. Then it is made perpendicular to the ray: its reverse would point into the shape.
         turned = np.where(np.einsum("kc,kc->k", flat, directions) > 0, np.float32(-1), np.float32(1))
         normals *= turned[:, None]
         normals -= np.maximum(np.einsum("kc,kc->k", normals, directions), 0)[:, None] * directions
         return _unit(normals)
 
     def _hidden(self, place: Float32, normals: Float32, ray: Int64, count: int) -> Float32:
-        """Return the fraction (K,), 0 to 1, of the sky that the shape hides from each point; nearer surfaces hide more.
+        """Return the share (K,) of the sky that the shape hides from each point, in [0, 1]; near surfaces hide more.
 
-        Each sample casts few rays, in directions that depend on its place in the tile.
+        Each sample casts few rays, in directions that depend on its position in the tile.
         """
         side = _unit(np.cross(normals, np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0, 0]], [[0, 1.0, 0]])))
         other = np.cross(normals, side)
@@ -269,7 +271,7 @@ class _Painter:
 
 
 def _smoothed(values: Float32, ray: Int64, shape: tuple[int, int]) -> Float32:
-    """Return the mean (K,) of `values` (K,) over the covered samples within a tile around each sample."""
+    """Return the means (K,) of `values` (K,) over the covered samples in a tile around each sample."""
     grid = np.zeros((2, shape[0] * shape[1]), np.float32)
     grid[0, ray], grid[1, ray] = values, 1
     total, covered = (uniform_filter(each.reshape(shape), len(TILE), mode="constant").ravel()[ray] for each in grid)
@@ -277,6 +279,7 @@ def _smoothed(values: Float32, ray: Int64, shape: tuple[int, int]) -> Float32:
 
 
 def _vertex_colors(mesh: Mesh, colors: ArrayLike | None, weights: ArrayLike | None) -> Float32 | None:
+    """Return the colors (V, 3) of vertices; None for the mesh's own."""
     count = len(mesh.vertices)
     if colors is not None and weights is not None:
         raise ValueError("picture: `colors` and `weights` cannot both be given")
@@ -288,7 +291,7 @@ def _vertex_colors(mesh: Mesh, colors: ArrayLike | None, weights: ArrayLike | No
 
 
 def _positions(name: str, dots: Any, vertices: Float64) -> Float64:
-    """Return the positions (H, 3) of dots, which are given as positions or as vertex indices."""
+    """Return the positions (H, 3) of marks that are given as positions or as vertex indices."""
     if np.ndim(dots) == 2:
         return check.array("picture", name, dots, ("H", 3), dtype=np.float64)
     return vertices[check.vertex_indices("picture", name, dots, len(vertices))]

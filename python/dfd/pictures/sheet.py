@@ -1,4 +1,4 @@
-"""A PNG file with several views of one shape, or with the shape before and after an edit."""
+"""Write PNG files with several views of a shape, or with a shape before and after an edit."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ def save_sheet(
     advance: Callable[[], object] = lambda: None,
     **options: Any,
 ) -> None:
-    """Draw every row from `views` sides; a single picture fills the file, several form a sheet with titles.
+    """Write pictures of each row from `views` sides; a single picture fills the file, several form a contact sheet.
 
-    Each of `rows` has a title and the keyword arguments of `picture`. `azimuth` is that of the first side, degrees; by
-    default, the camera faces the row's handles. `elevation`, `zoom`, `resolution` and `options` are as in `picture`. A
-    `zoom` above 1 aims at the row's handles. `legend` adds the scale of the heat map beside the pictures. `advance` is
+    Each of `rows` has a title and the keyword arguments of `picture`. `azimuth` is that of the first side, in degrees;
+    by default, the camera faces the row's handles. `elevation`, `zoom`, `resolution` and `options` are as in `picture`.
+    With a `zoom` other than 1, the row's handles are the center. `legend` adds the legend of the heat map. `advance` is
     called after each picture.
 
     Raises ValueError as `picture` does. Raises OSError if `path` cannot be written.
@@ -65,10 +65,10 @@ def save_sheet(
 def save_before_after(
     path: Path, deformer: Deformer, *, azimuth: float | None = None, elevation: float = 18.0, zoom: float = 1.0
 ) -> None:
-    """Draw the resting shape with its handles, the weights, and the deformed shape, all with one camera.
+    """Write pictures of the shape at rest with its handles, the weights, and the posed shape, all with one camera.
 
-    `azimuth`, `elevation` and `zoom` are as in `picture`. By default, the camera faces the handles. A `zoom` above 1
-    aims at them.
+    `azimuth`, `elevation` and `zoom` are as in `picture`. By default, the camera faces the handles. With a `zoom` other
+    than 1, the handles are the center.
 
     Raises ValueError as `picture` does. Raises OSError if `path` cannot be written.
     """
@@ -82,10 +82,10 @@ def save_before_after(
 
 
 def session_views(deformer: Deformer, azimuth: float | None = None) -> dict[str, dict[str, Any]]:
-    """Return the arguments of `picture` for a session "before" its edit, its "weights", and "after" the edit.
+    """Return the arguments of `picture` for a session "before" its edit, for its "weights", and "after" the edit.
 
-    All three have one camera. Dots mark the handles: at rest before the edit, and at their posed positions after it.
-    Without an `azimuth`, the camera faces the handles.
+    All three have the same camera. Dots mark the handles, "after" the edit at their posed positions. Without an
+    `azimuth`, the camera faces the handles.
     """
     mesh, moved = deformer.mesh, deformer.vertices
     handles = np.array([handle.place.position for handle in deformer.handles]).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""The camera of a picture."""
+"""Choose the camera of a picture."""
 
 from __future__ import annotations
 
@@ -13,15 +13,12 @@ from dfd.mesh.mesh import Mesh
 from dfd.mesh.normalization import Normalization, box_normalization
 from dfd.views.cameras import Camera, camera_towards
 
-FIELD_OF_VIEW = 30.0  # degrees, at zoom 1
-ASIDE = 25.0  # degrees to the side, so that the depth of the shape is visible
+FIELD_OF_VIEW = 30.0  # field of view at zoom 1, in degrees
+ASIDE = 25.0  # angle of the camera from the direction of the points, in degrees, which shows the depth of the shape
 
 
 def azimuth_towards(mesh: Mesh, points: ArrayLike) -> float:
-    """Return the azimuth, degrees, from which `points` (N, 3) on the outside of `mesh` are visible.
-
-    Without points, this is the azimuth of a view from the front.
-    """
+    """Return the azimuth, in degrees, of a camera that faces `points` (N, 3) of `mesh`, or the front without points."""
     outwards = np.reshape(points, (-1, 3)).sum(axis=0) - len(np.reshape(points, (-1, 3))) * mesh.bounds.mean(axis=0)
     return float(np.degrees(np.arctan2(outwards[0], outwards[2]))) + ASIDE
 
@@ -37,12 +34,12 @@ def aim(
 ) -> tuple[Normalization, Camera]:
     """Return the normalization of all points in the picture, and the camera in normalized coordinates.
 
-    `drawn` holds the drawn positions (V, 3) of the mesh's vertices in mesh units.
+    `drawn` (V, 3) are the positions of the mesh's vertices in the picture, in mesh units.
     """
     direction = _direction(azimuth, elevation)
     closer = check.number("picture", "zoom", zoom, minimum=0.0, exclusive=True)
     others = [check.array("picture", "frame", points, ("N", 3), dtype=np.float64) for points in frame]
-    seen = np.unique(mesh.faces)  # vertices without faces are not drawn and would enlarge the frame
+    seen = np.unique(mesh.faces)  # vertices without faces are not drawn
     around = np.concatenate([each[seen] if len(each) == len(drawn) else each for each in (drawn, *others)])
     found = box_normalization(around.min(axis=0), around.max(axis=0))
     if found is None:
@@ -59,7 +56,7 @@ def aim(
 
 
 def _direction(azimuth: float, elevation: float) -> Float64:
-    """Return the unit vector (3,) from the shape to the camera; at 0, 0 degrees it is +z, and azimuth 90 is +x."""
+    """Return the unit vector (3,) from the shape to the camera: +z for 0, 0, and +x for azimuth 90."""
     turn = np.radians(check.number("picture", "azimuth", azimuth))
     tilt = np.radians(check.number("picture", "elevation", elevation, minimum=-90, maximum=90))
     return np.array([np.cos(tilt) * np.sin(turn), np.sin(tilt), np.cos(tilt) * np.cos(turn)])

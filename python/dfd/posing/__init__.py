@@ -1,1 +1,1 @@
-"""Transforms, and the vertices that they move."""
+"""Move vertices by transforms."""

@@ -14,6 +14,7 @@ from dfd.common.linear_algebra import Float32, Float64, Int64
 
 
 def read_points(function: str, vertices: Any) -> NDArray[Any]:
+    """Return `vertices` as an array (V, 3) of float32 or float64, without a copy if they have such a type."""
     points = tensors.shared(function, "vertices", vertices)
     given = points.dtype.newbyteorder("=") if isinstance(points, np.ndarray) else None
     dtype = np.float32 if given in (np.float32, np.float16) else np.float64
@@ -35,6 +36,7 @@ def read_weights(function: str, weights: Any, vertex_count: int) -> Float32:
 
 
 def empty_like(points: NDArray[Any]) -> NDArray[Any]:
+    """Return a new array of the shape and type of `points`."""
     return (_core.empty_float32 if points.dtype == np.float32 else _core.empty_float64)(*points.shape)
 
 
@@ -49,7 +51,7 @@ def read_affine(function: str, name: str, value: Any, count: int | None) -> Floa
     """Return transforms (H, 3, 4), or (1, 3, 4) if `count` is None and `value` is one transform."""
     array = np.asarray(tensors.shared(function, name, value))
     if array.shape == (count, 3, 4) and array.dtype == np.float64 and array.flags.c_contiguous:
-        return array  # the kernel checks that it is finite
+        return array  # the kernel checks that the numbers are finite
     if count is None:
         array = array[np.newaxis] if array.ndim == 2 else array
     elif array.size == 0 and count == 0:
@@ -68,7 +70,7 @@ def read_affine(function: str, name: str, value: Any, count: int | None) -> Floa
 def handle_positions(
     function: str, handles: Any, vertices: NDArray[Any], weights: Float32
 ) -> tuple[Int64 | None, Float64]:
-    """Return the vertices (H,) of the handles, or None if positions were given, and the positions (H, 3)."""
+    """Return the vertices (H,), or None if positions are given, and the positions (H, 3) of the handles."""
     count = weights.shape[1]
     if handles is None:
         if len(vertices) == 0:
@@ -81,18 +83,18 @@ def handle_positions(
         indices = check.vertex_indices(function, "handles", array, len(vertices))
         if len(indices) != count:
             raise ArgumentError(
-                "handles", f"must name {count} handles, as many as `weights` has, got {len(indices)}", function
+                "handles", f"must be {count}, one for each column of weights, got {len(indices)}", function
             )
     return indices, np.ascontiguousarray(vertices[indices], np.float64)
 
 
 def handle_weight_matrix(function: str, handle_weights: Any, weights: Float32, indices: Int64 | None) -> Float64:
-    """Return weights among handles (H, H), row j at the place of handle j."""
+    """Return the weights among handles (H, H); row j holds the weights at the position of handle j."""
     count = weights.shape[1]
     if handle_weights is not None:
         return check.array(function, "handle_weights", handle_weights, (count, count), dtype=np.float64)
     if indices is None:
         if len(weights) == 0:
             return np.eye(count)
-        raise ArgumentError("handle_weights", "must be given to interpolate handles that are no vertices", function)
+        raise ArgumentError("handle_weights", "must be given to interpolate handles that are not vertices", function)
     return check.array(function, "weights", weights[indices], (count, count), dtype=np.float64)

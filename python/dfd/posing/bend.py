@@ -1,4 +1,4 @@
-"""Bend and twist along a curve: every cross-section moves rigidly, so the thickness stays."""
+"""Bend and twist along a curve; each cross-section moves rigidly, so the thickness does not change."""
 
 from __future__ import annotations
 
@@ -9,16 +9,17 @@ from scipy.spatial.transform import Rotation
 
 from dfd.common.linear_algebra import Float64
 
-FINE = 512  # number of steps of the curve; at a joint of 90°, one step turns by one or two degrees
-EASE = 0.25  # fraction of the length over which a bend begins gradually, so that the base has no corner
-LEAST_JOINT = 0.06  # smallest half width of a joint, as a fraction of the length
+FINE = 512  # steps of the curve; at a joint of 90°, a step rotates by one or two degrees
+EASE = 0.25  # share of the length over which a bend begins gradually, so that the base has no corner
+LEAST_JOINT = 0.06  # smallest half width of a joint, relative to the length
 
 
 def bend_maps(nodes: Float64, radius: Float64, bend: ArrayLike, twist: float, joint: float | None = None) -> Float64:
     """Return the rigid maps (513, 3, 4) of the cross-sections at equal steps along a curve; the first is the identity.
 
-    At s, the cross-section turns by R(s) T(s): a growing part R of the bend, and a twist T about the curve. The curve
-    point c(s) moves to c(0) + ∫ R c′, and a point p of the cross-section to c(0) + ∫ R c′ + R(s) T(s) (p − c(s)).
+    The cross-section at s rotates by R(s) T(s): a share R of the bend, and a share T of the twist about the curve. The
+    point c(s) of the curve moves to c̃(s) = c(0) + ∫ R c′, and a point p of the cross-section to
+    c̃(s) + R(s) T(s) (p − c(s)).
 
     Parameters
     ----------
@@ -29,9 +30,9 @@ def bend_maps(nodes: Float64, radius: Float64, bend: ArrayLike, twist: float, jo
     bend
         (3,) the rotation of the tip, as a rotation vector in degrees.
     twist
-        Degrees by which the tip turns about the curve.
+        The rotation of the tip about the curve, in degrees.
     joint
-        The place on the curve, in [0, 1], of the whole rotation; None spreads it over the length.
+        The position on the curve, in [0, 1], of the whole rotation; None distributes it over the length.
     """
     at, fine = np.linspace(0.0, 1.0, len(nodes)), np.linspace(0.0, 1.0, FINE + 1)
     curve = np.stack([np.interp(fine, at, axis) for axis in nodes.T], axis=1)
@@ -44,7 +45,7 @@ def bend_maps(nodes: Float64, radius: Float64, bend: ArrayLike, twist: float, jo
         eased = np.where(fine < EASE, fine**2 / (2 * EASE), fine - EASE / 2)
         turned = eased / eased[-1]
     else:
-        # Wide enough that the inner side of the bend does not cross itself.
+        # With a narrower joint, the surface on the inner side of the bend would cross itself.
         thick = float(np.interp(joint, at, radius)) / max(length, 1e-300)
         half = max(LEAST_JOINT, thick * max(0.75, 0.9 * float(np.linalg.norm(whole))))
         ramp = np.clip((fine - joint + half) / (2 * half), 0.0, 1.0)
@@ -58,19 +59,19 @@ def bend_maps(nodes: Float64, radius: Float64, bend: ArrayLike, twist: float, jo
         along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
         turn = turn @ Rotation.from_rotvec(np.radians(twist) * turned[:, None] * along).as_matrix()
     maps = np.concatenate([turn, (moved - np.einsum("kij,kj->ki", turn, curve))[:, :, None]], axis=2)
-    maps[turned == 0.0] = np.eye(3, 4)  # exact, so that vertices that do not turn stay unchanged to the bit
+    maps[turned == 0.0] = np.eye(3, 4)  # the exact identity leaves positions unchanged to the bit
     return maps
 
 
 class Sections:
-    """Vertices with their places on a curve, to be moved by the maps of its cross-sections.
+    """Vertices with positions on a curve, which the maps of its cross-sections move.
 
     Parameters
     ----------
     vertices
         (N,) indices.
     parameter
-        (N,) the place of each on the curve, in [0, 1].
+        (N,) the position of each vertex on the curve, in [0, 1].
     """
 
     def __init__(self, vertices: NDArray[np.integer], parameter: NDArray[np.floating]) -> None:
@@ -87,15 +88,15 @@ class Sections:
         self._products = np.empty(8 * len(moving))  # the shares times these positions
 
     def move(self, points: Float64, maps: Float64) -> None:
-        """Move the vertices among `points` (V, 3) in place, each by the interpolation of two of `maps` (513, 3, 4)."""
+        """Move the vertices in `points` (V, 3), in place, by interpolating the two nearest of `maps` (513, 3, 4)."""
         turns = (maps != np.eye(3, 4)).any(axis=(1, 2))
         first = int(np.searchsorted(self._below, int(turns.argmax()) - 1)) if turns.any() else len(self._below)
         rest = points[self.vertices]
-        if not np.array_equal(rest, self._rest):  # equal in every frame of a drag
+        if not np.array_equal(rest, self._rest):  # they are equal during a drag
             self._rest = rest
             placed = np.concatenate([rest, np.ones((len(rest), 1))], axis=1)
             self._products = (self._shares[:, :, None] * placed[:, None]).ravel()
-        # Each row holds a vertex's position times the share of each map, so one matrix product moves all vertices.
+        # A row holds a position, (x, y, z, 1), times the shares of both maps. So one product moves all vertices.
         entries = self._products[8 * first :], self._columns[8 * first :], self._rows[: len(rest) - first + 1]
         each = csr_array(entries, shape=(len(rest) - first, maps.size // 3))
         points[self.vertices[first:]] = each @ maps.transpose(0, 2, 1).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""Gradients of a linear blend for torch. The kernel computes the forward pass, torch the backward pass (Eq. 1, 8)."""
+"""Differentiate a linear blend (Eq. 1, 8): the kernel computes the forward pass, and torch the backward pass."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ def posed_with_gradients(
 ) -> Any:
     """Return the result of `pose` as a tensor with gradients for `vertices`, `weights` and `transforms`.
 
-    Raises ValueError as `dfd.pose` does, if other arguments require gradients, or if the blend has no gradients.
+    Raises ValueError as `dfd.pose` does. Raises ValueError if another argument requires gradients, or the blend has no
+    gradients.
     """
     for name in ("default", "normals", "handle_weights", "out"):
         if tensors.tracked(options[name]):
             raise ArgumentError(name, "has no gradient: detach it", "pose")
     if options["normals"] is not None or options["out"] is not None:
         name = "normals" if options["normals"] is not None else "out"
-        raise ArgumentError(name, "is not for tensors that require gradients: detach them", "pose")
+        raise ArgumentError(name, "must not be given with tensors that require gradients: detach them", "pose")
     if options["blend"] != "linear" or options["overlap"] == "interpolate":
-        raise ValueError(
-            "pose: only a linear blend without interpolation has gradients: detach the tensors that require them"
-        )
+        remedy = "detach the tensors that require gradients"
+        raise ValueError(f'pose: only blend="linear" without overlap="interpolate" has gradients: {remedy}')
     given = {"vertices": vertices, "weights": weights, "transforms": transforms}
     for name, value in given.items():
         if tensors.tracked(value) and value.dtype not in (torch.float32, torch.float64):
@@ -46,7 +46,7 @@ def _tensor(name: str, value: Any) -> torch.Tensor:
     if isinstance(value, torch.Tensor):
         return value
     array = np.asarray(tensors.shared("pose", name, value))
-    # A mesh's vertices are read-only; torch has no read-only tensors and would warn.
+    # Vertices of a mesh are read-only. torch has no read-only tensors and would warn.
     return torch.from_numpy(array if array.flags.writeable else array.copy())
 
 
@@ -80,7 +80,7 @@ class _Pose(torch.autograd.Function):
 def _posed(
     vertices: torch.Tensor, weights: torch.Tensor, transforms: torch.Tensor, options: dict[str, Any]
 ) -> torch.Tensor:
-    """Return vertices (V, 3) by Eq. 1 and 8, in float64 and with operations of torch."""
+    """Return the vertices (V, 3) of Eq. 1 and 8, computed by torch in float64."""
     rest = torch.eye(3, 4, dtype=torch.float64)
     if options["default"] is not None:
         rest = torch.from_numpy(read_affine("pose", "default", options["default"], None)[0])

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from dfd.symmetry.plane import SymmetryPlane
 
 Overlap = Literal["add", "interpolate", "normalize", "paper"]
-KERNEL_OVERLAPS = ("add", "paper", "normalize")  # numbered as in the kernels; "interpolate" changes the weights before
+KERNEL_OVERLAPS = ("add", "paper", "normalize")  # numbered as in the kernels; "interpolate" is "add" with new weights
 Blend = Literal["linear", "dual_quaternion"]  # numbered as in the kernels
 
 Out = TypeVar("Out")
@@ -100,7 +100,7 @@ def pose(
     blend: Blend = "linear",
     out: Any = None,
 ) -> Any:
-    """Move each vertex by the transforms of the handles that it follows.
+    """Return vertices moved by the transforms of the handles that they follow.
 
     Parameters
     ----------
@@ -109,54 +109,52 @@ def pose(
     weights
         (V, H), as `dfd.bind` returns them.
     transforms
-        (H, 3, 4) or (H, 4, 4) affine transforms D_k, mesh units.
+        (H, 3, 4) or (H, 4, 4) affine transforms D_k, in mesh units.
     default
-        (3, 4) or (4, 4) transform D₀. Its weight is 1 less the sum of all weights. The identity if left out.
+        (3, 4) or (4, 4) transform D₀, whose weight is 1 less the sum of all weights; None for the identity.
     symmetry
-        Plane across which handles act mirrored on the other side. Over its `band` the sides blend smoothly.
+        The mirror plane; handles act mirrored on the other side. Over its `band`, both sides are blended smoothly.
     handles
         (H,) vertex indices or (H, 3) positions of the handles. They determine the side of the plane, the weights among
-        handles, and the centers of stretches with dual quaternions. If left out, a handle is at the vertex with its
+        handles, and the centers of stretches with dual quaternions. With None, a handle is at the vertex with its
         largest weight.
     handle_weights
-        (H, H) weights among handles for `overlap="interpolate"`, row j at the place of handle j. The default is the
-        rows of `weights` at `handles`; required if handles are at positions that are no vertices.
+        (H, H) weights among handles for `overlap="interpolate"`; row j holds the weights at the position of handle j.
+        None takes the rows of `weights` at `handles`, which must then be vertices.
     normals
         (V, 3) unit normals to transform as well, by the cofactors of each vertex's blended transform.
     overlap
-        The rule for weights with a sum above 1. "paper": Eq. 1 to the letter, which scales the vertex by the sum about
-        the origin. "add": displacements add, so handles at rest change nothing. "normalize": weights are divided by
-        their sum. "interpolate": weights are multiplied by the inverse of the weights among handles, and displacements
-        add. Each handle then arrives exactly at its target, except within the band of a plane.
+        The rule for weights with a sum above 1. "paper": Eq. 1 as it is written, which scales the vertex by the sum
+        about the origin. "add": displacements are added, so handles at rest change nothing. "normalize": weights are
+        divided by their sum. "interpolate": weights are multiplied by the inverse of the weights among handles, and
+        displacements are added. Each handle then moves exactly to its target, except within the band of a plane.
     blend
-        The quantity that is blended. "linear": the matrices, Eq. 1. "dual_quaternion": each transform is a stretch
-        about the handle's place, followed by a rigid motion. Stretches blend linearly, rigid motions as dual
-        quaternions (Kavan et al., Geometric Skinning with Approximate Dual Quaternion Blending, 2008). Twisted parts
-        then keep their thickness. If a transform flattens, its rigid motion does not mirror. If a transform mirrors,
-        its stretch contains the mirror, along the axis that leaves the smallest rotation. If several decompositions are
-        equal, any of them is used.
+        The quantity that is blended. "linear": the matrices, Eq. 1. "dual_quaternion": each transform is divided into a
+        stretch about the handle's position and a rigid motion. Stretches are blended linearly, and rigid motions as
+        dual quaternions (Kavan et al., Geometric Skinning with Approximate Dual Quaternion Blending, 2008). Twisted
+        parts then keep their thickness. The rigid motion of a transform that flattens does not mirror. A transform that
+        mirrors has the mirror in its stretch, along the axis that leaves the smallest rotation.
     out
-        (V, 3) array for the result, of the type of `vertices`; a new one if left out.
+        (V, 3) array for the result, of the type of `vertices`; None makes a new one.
 
     Returns
     -------
     vertices
         (V, 3) in mesh units: float32 if `vertices` is float32 or float16, else float64. A torch tensor if `vertices` is
-        one. With `normals`, a pair: the vertices, and (V, 3) unit normals of the same type. If `vertices`, `weights` or
-        `transforms` require gradients, the result of a linear blend has them.
+        one. With `normals`, a pair: the vertices, and (V, 3) unit normals of the same type. The result of a linear
+        blend can be differentiated by `vertices`, `weights` and `transforms`.
 
     Raises ValueError if shapes disagree, a value is not finite, a transform is not affine, or `out` has another shape
-    or type. Raises ValueError if two handles at one place cannot both arrive, or gradients are required where none
-    exist.
+    or type. Raises ValueError if two handles cannot move independently, or gradients are required that do not exist.
 
-    Equation 1: V' = (max(1 − Σ W_k, 0) D₀ + Σ W_k D_k) V. With "add": V' = V + max(1 − Σ W_k, 0) (D₀ V − V) + Σ W_k
-    (D_k V − V). Both are equal if weights sum to at most 1. With "add", vertices stay unchanged to the bit if all
-    transforms are the identity. Dual quaternions use the same sums for the differences of quaternions and stretches
-    from the identity. Each quaternion has the sign of the shorter rotation from D₀, and D₀ is at the first vertex. For
-    dual quaternions, "paper" is the same as "normalize".
+    Equation 1: V' = (max(1 − Σ W_k, 0) D₀ + Σ W_k D_k) V. With "add":
+    V' = V + max(1 − Σ W_k, 0) (D₀ V − V) + Σ W_k (D_k V − V). Both are equal if weights sum to at most 1. With "add",
+    vertices are unchanged to the bit if all transforms are the identity. For dual quaternions, the sums are those of
+    the differences of quaternions and stretches from the identity. Each quaternion has the sign that gives the shorter
+    rotation from D₀. The stretch of D₀ is about the first vertex. "paper" equals "normalize".
 
-    Equation 8: with the reflection R, handle k acts as R D_k R from its mirror image on vertices on the other side of
-    the plane. Within the band, a smoothstep mixes both sides.
+    Equation 8: with the reflection R, handle k acts as R D_k R, from its mirror image, on vertices on the other side of
+    the plane. Within the band, a smoothstep blends both sides.
     """
     if tensors.tracked(vertices, weights, transforms, default, normals, handle_weights, out):
         from dfd.posing.gradients import posed_with_gradients
@@ -179,10 +177,11 @@ def pose(
 
 
 class Drag:
-    """Pose repeatedly while only some handles move; the sum of all resting handles is computed once.
+    """A series of poses in which only some handles move; the sum over all other handles is computed once.
 
-    Parameters are those of `dfd.pose`. `transforms` are those at the start of the drag. `moving` are the handles that
-    move, as indices of columns of `weights`. With a blend other than linear, a frame costs as much as `dfd.pose`.
+    The parameters are those of `dfd.pose`. `transforms` are the transforms at the start of the drag, and `moving` the
+    handles that move, as columns of `weights`. Dual quaternions have no such sum, so a frame takes as long as
+    `dfd.pose`.
     """
 
     def __init__(
@@ -199,12 +198,12 @@ class Drag:
         overlap: Overlap = "paper",
         blend: Blend = "linear",
     ) -> None:
-        """Compute the sum of the resting handles.
+        """Compute the sum over the handles that do not move.
 
         Raises ValueError as `dfd.pose` does, or if `moving` is out of range or contains a handle twice.
         """
         if tensors.tracked(vertices, weights, transforms, default, handle_weights):
-            raise ValueError("Drag: a drag has no gradients: detach the tensors that require them")
+            raise ValueError("Drag: a drag has no gradients: detach the tensors that require gradients")
         self._points = read_points("Drag", vertices).copy()
         matrix = read_weights("Drag", weights, len(self._points))
         affine = read_affine("Drag", "transforms", transforms, matrix.shape[1])
@@ -215,7 +214,7 @@ class Drag:
         if blend != "linear":
             self._rule, self._weights, self._transforms = rule, matrix.copy(order="K"), affine.copy()
             return
-        # Handles at rest add nothing, so posing with the moving handles at rest gives the base.
+        # The identity adds no displacement, so a pose with the identity for moving handles is the sum over the others.
         resting = affine.copy()
         resting[self._moving] = IDENTITY
         self._base = empty_like(self._points)
@@ -225,12 +224,12 @@ class Drag:
         self._rule = replace(rule, rest=IDENTITY, positive=positive, places=None, mixing=None, overlap="add")
 
     def pose(self, transforms: Any, *, out: Any = None) -> Any:
-        """Return vertices (V, 3) with `transforms` (M, 3, 4) or (M, 4, 4) of the moving handles, in their order.
+        """Return vertices (V, 3) for `transforms` (M, 3, 4) or (M, 4, 4) of the moving handles, in their order.
 
         Raises ValueError as `dfd.pose` does.
         """
         if tensors.tracked(transforms, out):
-            raise ValueError("Drag.pose: a drag has no gradients: detach the tensors that require them")
+            raise ValueError("Drag.pose: a drag has no gradients: detach the tensors that require gradients")
         affine = read_affine("Drag.pose", "transforms", transforms, len(self._moving))
         posed = target("Drag.pose", out, self._points, {"vertices": self._points, "base": self._base})
         if self._base is None:
@@ -242,11 +241,11 @@ class Drag:
 
 @dataclass(frozen=True)
 class _Rule:
-    """The rule for blending transforms, as the kernel takes it."""
+    """The arguments of the kernel that say how transforms are blended."""
 
     rest: Float64  # (3, 4) D₀
-    plane: tuple[tuple[float, float, float], float, float] | None
-    positive: Bool | None  # (H,) which handles are on the side to which the plane's normal points
+    plane: tuple[tuple[float, float, float], float, float] | None  # normal, offset and band of the mirror plane
+    positive: Bool | None  # (H,) whether a handle is on the side to which the plane's normal points
     places: Float64 | None  # (H, 3) positions of the handles
     mixing: Float64 | None  # (H, H) matrix by which the weights are multiplied
     overlap: Overlap
@@ -264,6 +263,7 @@ def _rule(
     overlap: Overlap,
     blend: Blend,
 ) -> _Rule:
+    """Check the options of `pose`, and return them for the kernel."""
     check.choice(function, "overlap", overlap, Overlap)
     check.choice(function, "blend", blend, Blend)
     if symmetry is not None:
@@ -279,9 +279,8 @@ def _rule(
         assert places is not None
         positive = places @ np.asarray(symmetry.normal, np.float64) - symmetry.offset >= 0
     if overlap == "interpolate":
-        mixing = np.ascontiguousarray(
-            interpolating(function, handle_weight_matrix(function, handle_weights, weights, indices))
-        )
+        among = handle_weight_matrix(function, handle_weights, weights, indices)
+        mixing = np.ascontiguousarray(interpolating(function, among))
     plane = None if symmetry is None else (symmetry.normal, symmetry.offset, symmetry.band)
     return _Rule(rest, plane, positive, None if blend == "linear" else places, mixing, overlap, blend)
 
@@ -317,7 +316,7 @@ def _run(
 
 
 def _effective(rule: _Rule, weights: Float32, moving: Int64) -> NDArray[Any]:
-    """Return the weights (V, M) of the `moving` handles' displacements."""
+    """Return the weights (V, M) of the `moving` handles after mixing or normalization."""
     if rule.mixing is not None:
         return weights @ rule.mixing[:, moving].astype(np.float32)
     if rule.overlap == "normalize":

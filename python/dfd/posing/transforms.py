@@ -1,9 +1,9 @@
-"""Translation, rotation and scale about a pivot, as the (3, 4) affine matrices that `dfd.pose` blends.
+"""Define translation, rotation and scale about a pivot, and the (3, 4) affine matrices that `dfd.pose` blends.
 
 A rotation is a *rotation vector in degrees*: its direction is the axis and its length the angle, right-handed.
-(0, 90, 0) turns by 90° about y. It needs no convention for the order of axes and has no gimbal lock. Half the vector is
-half the turn, and more than one turn can be expressed. About a single axis it equals an Euler angle. Every rotation can
-also be given as a quaternion (x, y, z, w), in glTF's order, and is converted to a rotation vector.
+(0, 90, 0) rotates by 90° about y. Rotation vectors need no order of axes and have no gimbal lock. Half the vector is
+half the rotation, and angles can exceed 360°. About a single axis, the vector equals an Euler angle. A rotation can
+also be given as a quaternion (x, y, z, w), in glTF's order, which is converted to a rotation vector.
 """
 
 from __future__ import annotations
@@ -23,25 +23,24 @@ Vector = tuple[float, float, float]
 Frame = tuple[Vector, Vector, Vector]  # three orthonormal vectors
 PivotAt = Literal["base", "middle", "point", "plane", "hinge"]
 
-NOT_UNIT = 1e-3  # a quaternion whose length differs more from 1 gives a warning
-LARGEST_ANGLE = 1e9  # degrees; beyond it, float64 has too few digits for the angle without whole turns
+NOT_UNIT = 1e-3  # difference of a quaternion's length from 1 above which a warning is given
+LARGEST_ANGLE = 1e9  # degrees; for larger angles, float64 has too few digits to remove whole turns
 
-
-# The motions of a handle: fields of `Transform`, and values that are converted to them with the held part.
+# The motions of a handle: fields of `Transform`, and values that the held part converts to them.
 MOTIONS = {
     "translation": About(
         "Move the handle, in mesh units.", metavar="X Y Z", option="translate", unit="length", affects="pose"
     ),
     "rotation": About(
-        "Turn it: the vector is the axis, its length the angle in degrees.",
+        "Rotate the handle: the vector's direction is the axis, and its length the angle in degrees.",
         metavar="X Y Z",
         option="rotate",
         unit="angle",
         affects="pose",
     ),
-    "scale": About("Scale it: one factor, or three along the axes.", metavar="S | X Y Z", affects="pose"),
+    "scale": About("Scale the handle: one factor, or three along the axes.", metavar="S | X Y Z", affects="pose"),
     "pivot": About(
-        "Center of rotation and scale; by default the base of a limb, and the middle of anything else.",
+        "Center of rotation and scale; by default the base of a limb, and the middle of other parts.",
         metavar="X Y Z|base|middle|point|plane|hinge",
         unit="position",
         affects="pose",
@@ -52,14 +51,14 @@ MOTIONS = {
         affects="pose",
     ),
     "bend": About(
-        "Bend the held part along its own axis: the angle by which its tip turns.",
+        "Bend the held part along its own axis: the angle by which its tip rotates.",
         metavar="DEGREES",
         unit="angle",
         affects="pose",
         of_part=True,
     ),
     "towards": About(
-        "The direction in which --bend turns the tip; by default up, or to the front if the part runs upright.",
+        "Direction in which --bend moves the tip; by default up, or to the front if the part is upright.",
         metavar="up|down|left|right|front|back|X Y Z",
         affects="pose",
         of_part=True,
@@ -68,8 +67,8 @@ MOTIONS = {
         "Twist the held part about its own axis.", metavar="DEGREES", unit="angle", affects="pose", of_part=True
     ),
     "joint": About(
-        "Where along the axis to bend: over its length, where it bends or narrows already, at the handle, or from base "
-        "(0) to tip (1).",
+        "Position of the bend along the axis: over the whole length (spread), where the part is already bent or narrow "
+        "(auto), at the handle (here), or from base (0) to tip (1).",
         0.0,
         1.0,
         metavar="spread|auto|here|0…1",
@@ -77,7 +76,7 @@ MOTIONS = {
         of_part=True,
     ),
     "open": About(
-        "Turn the held part about its hinge, away from the rest, as a jaw opens.",
+        "Rotate the held part about its hinge, away from the rest of the shape, as a jaw opens.",
         metavar="DEGREES",
         unit="angle",
         affects="pose",
@@ -90,29 +89,29 @@ MOTIONS = {
 class Transform(Brief):
     """Scale, then rotation, then translation, about a pivot: p ↦ pivot + translation + R A S Aᵀ (p − pivot).
 
-    Raises ValueError if an attribute has another shape or is not finite, a rotation is the quaternion 0 or beyond ±1e9
+    Bend and twist of the held part precede them.
+
+    Raises ValueError if an attribute has another shape or is not finite, a rotation is the quaternion 0 or outside ±1e9
     degrees, or `axes` are not orthonormal. Raises ValueError if `pivot_at` is unknown or `pivot` is missing, `joint`
     lies outside [0, 1], or the matrix is not finite.
     """
 
-    translation: Annotated[Vector, MOTIONS["translation"]] = (0.0, 0.0, 0.0)  # (3,) in mesh units
-    # rotation: (3,) rotation vector in degrees. A quaternion (x, y, z, w) is converted to the shorter rotation.
+    translation: Annotated[Vector, MOTIONS["translation"]] = (0.0, 0.0, 0.0)  # in mesh units
+    # A rotation vector in degrees. A quaternion (x, y, z, w) is converted to the shorter rotation.
     rotation: Annotated[Vector, Written(tuple[float, ...]), MOTIONS["rotation"]] = (0.0, 0.0, 0.0)
-    # scale: (3,) factors along `axes`; one number becomes three. 0 flattens, a negative factor mirrors.
+    # Factors along `axes`; one number becomes three. 0 flattens, a negative factor mirrors.
     scale: Annotated[Vector, Written(float | Vector), MOTIONS["scale"]] = (1.0, 1.0, 1.0)
-    # pivot: (3,) in mesh units; None is the handle's position, or the center of the box for the default transform
+    # In mesh units; None is the handle's position, or the center of the box for the default transform.
     pivot: Annotated[Vector | None, MOTIONS["pivot"]] = None
-    # axes: three orthonormal vectors along which `scale` acts, the columns of A; None is the mesh's axes
+    # Three orthonormal vectors along which `scale` acts, the columns of A; None is the mesh's axes.
     axes: Annotated[Frame | None, MOTIONS["axes"]] = None
-    # pivot_at: the name of the pivot, as in `Deformer.add`; None if the pivot was given in numbers
+    # The name of the pivot, as in `Deformer.add`; None if the pivot was given in numbers.
     pivot_at: Annotated[
-        PivotAt | None, About("Which place of the held part the pivot is.", affects="pose", of_part=True)
+        PivotAt | None, About("Name of the pivot's place on the held part.", affects="pose", of_part=True)
     ] = None
-    # bend, twist: the rotation of the held part's tip, applied before the rest of the transform: (3,) a rotation vector
-    # in degrees, and degrees about the part's axis
-    bend: Annotated[Vector, MOTIONS["bend"]] = (0.0, 0.0, 0.0)
-    twist: Annotated[float, MOTIONS["twist"]] = 0.0
-    # joint: the place on the axis, in [0, 1] from base to tip, of bend and twist; None spreads them over its length
+    bend: Annotated[Vector, MOTIONS["bend"]] = (0.0, 0.0, 0.0)  # rotation vector of the held part's tip, in degrees
+    twist: Annotated[float, MOTIONS["twist"]] = 0.0  # rotation of the tip about the part's axis, in degrees
+    # The position of bend and twist on the axis, from base (0) to tip (1); None distributes them over its length.
     joint: Annotated[float | None, MOTIONS["joint"]] = None
     linear: Float64 = field(init=False, repr=False, compare=False)  # (3, 3) read-only, R A S Aᵀ
 
@@ -139,9 +138,9 @@ class Transform(Brief):
         keep(self, "linear", _linear(self.rotation, self.scale, self.axes))
 
     def changed(self, *, pivot_at: PivotAt | None = None, **given: Any) -> Transform:
-        """Return the transform with other values. None keeps a value; "auto" removes pivot or axes.
+        """Return the transform with other values. None keeps a value; "auto" sets pivot or axes to None.
 
-        `pivot_at` is the name of `pivot`; without it, a new pivot has no name. The `joint` "spread" removes the joint.
+        `pivot_at` is the name of `pivot`; without it, a new pivot has no name. The `joint` "spread" sets it to None.
 
         Raises ValueError as `Transform` does.
         """
@@ -159,7 +158,7 @@ class Transform(Brief):
 
     @property
     def rests(self) -> bool:
-        """Return whether the transform leaves every point in place, for any pivot and axes."""
+        """Return whether the transform leaves all points in place, for any pivot and axes."""
         return self.translation == (0.0, 0.0, 0.0) and not self.turns and not self.bends
 
     @property
@@ -183,9 +182,8 @@ class Transform(Brief):
         with np.errstate(over="ignore", invalid="ignore"):
             matrix[:, 3] = pivot + np.asarray(self.translation) - self.linear @ pivot
         if not np.isfinite(matrix).all():
-            raise ArgumentError(
-                "translation", "is too large beside `scale` and `pivot`: the matrix is not finite", "Transform"
-            )
+            reason = "is too large with this `scale` and `pivot`: the matrix is not finite"
+            raise ArgumentError("translation", reason, "Transform")
         matrix.flags.writeable = False
         return matrix
 
@@ -211,11 +209,11 @@ def rotation_matrix(rotation: ArrayLike) -> Float64:
 
     Raises ValueError if `rotation` has neither 3 nor 4 finite numbers, or is the quaternion 0.
     """
-    from scipy.spatial.transform import Rotation  # late: the command line reads the table above
+    from scipy.spatial.transform import Rotation  # slow to import, and the help of the command line needs only MOTIONS
 
     degrees = np.asarray(rotation_vector(rotation))
     angle = float(np.linalg.norm(degrees))
-    # Whole turns are removed in degrees, where they are exact.
+    # Whole turns are exact in degrees, so they are removed before the conversion to radians.
     within = degrees if angle < 360.0 else degrees * (np.fmod(angle, 360.0) / angle)
     return Rotation.from_rotvec(within, degrees=True).as_matrix()
 
@@ -226,18 +224,14 @@ def rotation_vector(rotation: ArrayLike) -> Vector:
     if numbers.shape == (3,):
         return _angles("rotation", numbers)
     if numbers.shape != (4,):
-        raise ArgumentError(
-            "rotation",
-            "must be a rotation vector in degrees (3 numbers) "
-            f"or a quaternion x y z w (4 numbers), got shape {numbers.shape}",
-            "Transform",
-        )
+        wanted = "a rotation vector in degrees (3 numbers) or a quaternion x y z w (4 numbers)"
+        raise ArgumentError("rotation", f"must be {wanted}, got shape {numbers.shape}", "Transform")
     from scipy.spatial.transform import Rotation
 
     largest = np.abs(numbers).max()
     if largest == 0.0:
         raise ArgumentError("rotation", "must be a quaternion other than 0", "Transform")
-    # Divide first, so that no square overflows or underflows.
+    # The division prevents overflow and underflow of the squares.
     length = float(largest * np.linalg.norm(numbers / largest))
     if abs(length - 1.0) > NOT_UNIT:
         check.warn(f"Transform: `rotation` is a quaternion of length {length:.3g}, normalized to 1", UserWarning)
@@ -278,10 +272,10 @@ def frame_vectors(name: str, value: ArrayLike) -> Frame:
 
 
 def frame_of_normal(normal: ArrayLike) -> Frame:
-    """Return three orthonormal vectors, right-handed. The last is along `normal` (3,), which must not be 0."""
+    """Return a right-handed frame of three orthonormal vectors, the last along `normal` (3,), which must not be 0."""
     along = np.asarray(normal, np.float64)
     along = along / np.linalg.norm(along)
-    # The axis with the smallest component along the normal has the longest projection at a right angle to it.
+    # The axis with the smallest component along the normal has the longest component perpendicular to it.
     beside = np.eye(3)[np.abs(along).argmin()]
     across = beside - (beside @ along) * along
     across /= np.linalg.norm(across)
@@ -304,6 +298,7 @@ def _linear(rotation: Vector, scale: Vector, axes: Frame | None) -> Float64:
 
 
 def _numbers(name: str, value: Any) -> Float64:
+    """Return `value`, one number or a list of numbers, as an array of shape () or (N,)."""
     if value is None or np.isscalar(value) or getattr(value, "ndim", 1) == 0:
         return check.array("Transform", name, value, (), dtype=np.float64).reshape(())
     return check.array("Transform", name, value, ("N",), dtype=np.float64)

@@ -1,6 +1,6 @@
-"""Generate shapes with a part label for every vertex, for tests and demos.
+"""Generate shapes with a part label for each vertex, for tests and demos.
 
-All shapes stand upright (y up) and face +z. They are about 1 high and exactly mirror-symmetric at x = 0.
+All shapes are upright (y up) and face +z. Their height is about 1, and they are exactly symmetric in the plane x = 0.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from dfd.samples.polygonize import polygonize
 
 __all__ = ["Sample", "chair", "quadruped", "robot"]
 
-_FEWEST_FACES = 4000  # fewer faces lose horns and tails
+_FEWEST_FACES = 4000  # with fewer faces, horns and tails are lost
 _MOST_FACES = 10_000_000
 
 
@@ -27,11 +27,11 @@ class Sample:
 
     mesh: Mesh
     labels: Int32  # (V,) the kind of part of each vertex, an index into `parts`
-    instances: Int32  # (V,) the number of the part among those of its kind: the legs of a chair are 0, 1, 2, 3
-    parts: tuple[str, ...]  # the kinds of parts: four legs are one kind
+    instances: Int32  # (V,) the number of the part among those of its kind; the legs of a chair have 0, 1, 2, 3
+    parts: tuple[str, ...]  # the kinds of parts; four legs are one kind
 
     def vertices_of(self, part: str, instance: int | None = None) -> Int64:
-        """Return the vertices (N,) of a kind of part, or of one instance of it.
+        """Return the vertices (N,) of all parts of a kind, or of the part with the number `instance`.
 
         Raises ValueError if `part` is not one of `parts`.
         """

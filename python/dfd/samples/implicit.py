@@ -1,4 +1,4 @@
-"""Signed distances of solid shapes: rounded primitives with part labels, and their smooth union."""
+"""Define solid shapes by signed distances: rounded primitives with part labels, and their smooth union."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Primitive:
-    """One primitive of a shape, given for x ≥ 0; `Shape` mirrors it at the plane x = 0."""
+    """A primitive of a shape, defined for x ≥ 0; `Shape` mirrors it in the plane x = 0."""
 
     part: str  # the kind of part
     distance: Distance
     instance: int = 0  # number of the part among those of its kind
-    paired: bool = False  # off the plane x = 0; its mirror image is the next instance
-    blend: float = 0.02  # radius of the fillet to the preceding primitives
+    paired: bool = False  # whether the mirror image is another part, with the next number
+    blend: float = 0.02  # radius of the fillet between the primitive and the preceding primitives
 
 
 class Shape:
-    """The smooth union of primitives, symmetric in x."""
+    """The smooth union of primitives, symmetric in the plane x = 0."""
 
     def __init__(self, primitives: Sequence[Primitive]) -> None:
         self.primitives = tuple(primitives)
         self.parts = tuple(dict.fromkeys(primitive.part for primitive in primitives))
 
     def distance(self, points: Points) -> Float64:
-        """Return the approximate signed distance (N,) of `points` to the surface, the same on both sides of x = 0."""
+        """Return the approximate signed distance (N,) of `points` from the surface, equal on both sides of x = 0."""
         folded = _folded(points)
         result = self.primitives[0].distance(folded)
         for primitive in self.primitives[1:]:
@@ -41,7 +41,7 @@ class Shape:
         return result
 
     def project(self, points: Points, step: float, times: int) -> Points:
-        """Return `points` moved towards the surface `times` times, by at most `step` each; x = 0 stays x = 0."""
+        """Return `points` after `times` moves towards the surface by at most `step`; points at x = 0 stay there."""
         moved = points.copy()
         for _ in range(times):
             distance = self.distance(moved)
@@ -53,7 +53,7 @@ class Shape:
         return moved
 
     def labels(self, points: Points) -> tuple[Int32, Int32]:
-        """Return for each point the index (N,) in `parts` and the instance (N,) of the nearest primitive."""
+        """Return the index in `parts` (N,) and the instance (N,) of the primitive nearest to each point."""
         folded = _folded(points)
         nearest = np.argmin([primitive.distance(folded) for primitive in self.primitives], axis=0)
         part = np.array([self.parts.index(primitive.part) for primitive in self.primitives], np.int32)
@@ -63,7 +63,7 @@ class Shape:
 
 
 def capsule(start: Triple, end: Triple, start_radius: float, end_radius: float | None = None) -> Distance:
-    """Return the distance from a rod with round ends, whose radius changes linearly between its ends."""
+    """Return the distance function of a rod with round ends, whose radius changes linearly between its ends."""
     origin, along = np.array(start), np.subtract(end, start)
     last = start_radius if end_radius is None else end_radius
 
@@ -77,12 +77,12 @@ def capsule(start: Triple, end: Triple, start_radius: float, end_radius: float |
 
 
 def chain(points: Sequence[Triple], radii: Sequence[float]) -> list[Distance]:
-    """Return the distances from capsules, one between each two consecutive points."""
+    """Return the distance functions of capsules between consecutive points."""
     return [capsule(points[i], points[i + 1], radii[i], radii[i + 1]) for i in range(len(points) - 1)]
 
 
 def ellipsoid(center: Triple, radii: Triple, *, roll: float = 0.0) -> Distance:
-    """Return the approximate distance from an ellipsoid that is rotated about z by `roll`, radians."""
+    """Return the approximate distance function of an ellipsoid that is rotated about z by `roll` radians."""
     origin, semi, turn = np.array(center), np.array(radii), _rotation(0, 1, roll)
 
     def distance(points: Points) -> Float64:
@@ -94,9 +94,9 @@ def ellipsoid(center: Triple, radii: Triple, *, roll: float = 0.0) -> Distance:
 
 
 def rounded_box(center: Triple, half: Triple, radius: float, *, pitch: float = 0.0, bend: float = 0.0) -> Distance:
-    """Return the approximate distance from a box with half sides `half` and edges rounded by `radius`.
+    """Return the approximate distance function of a box with half sides `half` and edges rounded by `radius`.
 
-    The box is rotated about x by `pitch`, radians (positive: front down), and bent along x: z = `bend` · x².
+    The box is rotated about x by `pitch` radians (positive: front down), and bent along x: z = `bend` · x².
     """
     origin, inner, turn = np.array(center), np.subtract(half, radius), _rotation(1, 2, pitch)
 
@@ -114,13 +114,14 @@ def rounded_box(center: Triple, half: Triple, radius: float, *, pitch: float = 0
 
 
 def _folded(points: Points) -> Points:
+    """Return `points` mirrored to x ≥ 0."""
     folded = points.copy()
     folded[:, 0] = np.abs(folded[:, 0])
     return folded
 
 
 def _smooth_minimum(a: Float64, b: Float64, radius: float) -> Float64:
-    """Return the smaller of two distances (N,), smoothed by a quadratic fillet if they differ by less than `radius`."""
+    """Return the smaller of two distances (N,), with a quadratic fillet if they differ by less than `radius`."""
     overlap = np.maximum(radius - np.abs(a - b), 0) / radius
     smaller: Float64 = np.minimum(a, b)
     return smaller - overlap**2 * (radius / 4)
@@ -131,7 +132,7 @@ def _length(vectors: Points) -> Float64:
 
 
 def _rotation(first: int, second: int, angle: float) -> Float64:
-    """Return the matrix (3, 3) that rotates axis `first` towards axis `second` by `angle`, radians."""
+    """Return the matrix (3, 3) that rotates axis `first` towards axis `second` by `angle` radians."""
     matrix = np.eye(3)
     matrix[[first, second], [first, second]] = np.cos(angle)
     matrix[second, first] = np.sin(angle)

@@ -1,8 +1,9 @@
-"""Convert a shape to a closed mesh by surface nets on a grid, smoothed, and mirrored exactly at x = 0.
+"""Convert a shape to a closed mesh, exactly symmetric in the plane x = 0, by surface nets on a grid.
 
-Surface nets (S. F. F. Gibson, "Constrained elastic surface nets", MICCAI 1998) put a vertex into every cell that the
-surface crosses, and a quadrilateral around every grid edge that it crosses. If two sheets pass through one cell, each
-has its own vertex (G. M. Nielson, "Dual marching cubes", IEEE Visualization 2004), which keeps the mesh a manifold.
+Surface nets (S. F. F. Gibson, "Constrained elastic surface nets", MICCAI 1998) have a vertex in each cell that the
+surface crosses, and a quadrilateral around each grid edge that the surface crosses. If two sheets pass through one
+cell, each has its own vertex, so the mesh is a manifold (G. M. Nielson, "Dual marching cubes", IEEE Visualization
+2004).
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ import dfd._core as _core
 from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, UInt8, group_sums
 from dfd.samples.implicit import Shape
 
-_FIRST_SPACING = 1 / 40  # of a first grid; its face count determines the final spacing
-_MOST_GRID_FACES = 60_000  # finer meshes are subdivided from a coarser grid
+_FIRST_SPACING = 1 / 40  # spacing of a first grid, whose number of faces determines the final spacing
+_MOST_GRID_FACES = 60_000  # most faces from a grid; meshes of more faces are subdivided
 _CORNERS = np.array([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 _EDGES = [  # (axis, start corner, end corner), ordered by axis and start
     (axis, corner, corner + (4, 2, 1)[axis]) for axis in range(3) for corner in range(8) if not _CORNERS[corner][axis]
@@ -28,8 +29,8 @@ def polygonize(
 ) -> tuple[Float64, Int32]:
     """Return vertices (V, 3) and outward triangles (F, 3) of a mesh of about `faces` faces.
 
-    The shape must lie inside the box from `low` to `high`. Vertices and faces are exactly mirrored: each vertex
-    (x, y, z) has a counterpart (−x, y, z).
+    The shape must lie inside the box from `low` to `high`. Each vertex (x, y, z) has an exact mirror image (−x, y, z),
+    and each face has a mirrored face.
     """
     halvings = 0
     while faces / 4**halvings > _MOST_GRID_FACES:
@@ -38,9 +39,9 @@ def polygonize(
     count = 2 * len(_half(shape, low, high, _FIRST_SPACING)[1])
     spacing = _FIRST_SPACING * np.sqrt(count / wanted)  # the number of faces grows with the square of the resolution
     vertices, triangles = _connected(*_half(shape, low, high, spacing))
-    vertices = _even_out(shape, vertices, triangles, spacing)
+    vertices = _smoothed(shape, vertices, triangles, spacing)
     for _ in range(halvings):
-        import trimesh  # slow to import, and only needed for fine shapes
+        import trimesh  # slow to import, and needed only for fine meshes
 
         vertices, triangles = trimesh.remesh.subdivide(vertices, triangles)
         spacing /= 2
@@ -52,7 +53,7 @@ def _half(
     shape: Shape, low: tuple[float, float, float], high: tuple[float, float, float], spacing: float
 ) -> tuple[Float64, Int32]:
     """Return the surface net of the half x ≥ 0, with its boundary exactly at x = 0."""
-    origin = np.array([-spacing / 2, low[1], low[2]])  # the first layer of cells straddles the plane of symmetry
+    origin = np.array([-spacing / 2, low[1], low[2]])  # the plane x = 0 halves the first layer of cells
     count = np.ceil((np.array(high) - origin) / spacing).astype(int) + 1
     points = origin + spacing * np.ascontiguousarray(np.indices(count).reshape(3, -1).T)
     values = shape.distance(points).reshape(count)
@@ -71,7 +72,7 @@ def _half(
 
 
 def _connected(vertices: Float64, triangles: Int32) -> tuple[Float64, Int32]:
-    """Return the largest component: on a coarse grid the thin tip of a horn can be disconnected."""
+    """Return the largest component; on a coarse grid, the thin tip of a horn can be a component of its own."""
     component = _core.components(len(vertices), triangles, np.zeros((0, 2), np.int32))
     kept = component == np.bincount(component).argmax()
     number = np.cumsum(kept, dtype=np.int32) - np.int32(1)
@@ -79,7 +80,11 @@ def _connected(vertices: Float64, triangles: Int32) -> tuple[Float64, Int32]:
 
 
 def _net(values: Float64, crossed: Int64, code: UInt8) -> tuple[Float64, Int64, Int64]:
-    """Return the vertices (V, 3) in grid units, the first of each cell (N,), and the sheet (N, 12) of each edge."""
+    """Return the vertices (V, 3) in grid spacings, the first vertex of each cell (N,), and the sheets at its edges.
+
+    `crossed` (N, 3) are the cells that the surface crosses, and `code` (N,) has a bit for each corner that lies inside.
+    The sheets (N, 12) are −1 at edges that the surface does not cross.
+    """
     sheet = _sheets()[code]
     count = sheet.max(axis=1) + 1
     first = np.cumsum(count) - count
@@ -89,7 +94,7 @@ def _net(values: Float64, crossed: Int64, code: UInt8) -> tuple[Float64, Int64, 
     for edge, (_, a, b) in enumerate(_EDGES):
         cut = np.flatnonzero(sheet[:, edge] >= 0)
         fraction = at_corner[cut, a] / (at_corner[cut, a] - at_corner[cut, b])
-        vertex = first[cut] + sheet[cut, edge]  # distinct, so that += counts each
+        vertex = first[cut] + sheet[cut, edge]  # has no duplicates, so += adds to each vertex
         summed[vertex] += _CORNERS[a] + fraction[:, None] * (_CORNERS[b] - _CORNERS[a])
         crossings[vertex] += 1
     vertices = np.repeat(crossed, count, axis=0) + summed / crossings[:, None]
@@ -99,7 +104,7 @@ def _net(values: Float64, crossed: Int64, code: UInt8) -> tuple[Float64, Int64, 
 
 @cache
 def _sheets() -> Int64:
-    """Return, for each of the 256 sets of inside corners, the sheet that crosses each edge, -1 for none."""
+    """Return (256, 12), for each set of corners inside, the sheet that crosses each edge; −1 for none."""
     table = np.full((256, 12), -1)
     for code in range(1, 255):
         cut = [edge for edge, (_, a, b) in enumerate(_EDGES) if (code >> a & 1) != (code >> b & 1)]
@@ -109,7 +114,7 @@ def _sheets() -> Int64:
                 on_face = [edge for edge in cut if all(_CORNERS[c][axis] == side for c in _EDGES[edge][1:])]
                 for edge in on_face:
                     for other in on_face:
-                        # If all four edges of a face are cut, its two inside corners stay separate.
+                        # If all four edges of a face are crossed, its two inside corners are not connected.
                         shared = set(_EDGES[edge][1:]) & set(_EDGES[other][1:])
                         if len(on_face) == 2 or any(code >> corner & 1 for corner in shared):
                             old, new = sheet[edge], sheet[other]
@@ -121,7 +126,7 @@ def _sheets() -> Int64:
 
 
 def _quads(inside: Bool, number: Int32, first: Int64, sheet: Int64, axis: int) -> Int32:
-    """Return outward quadrilaterals (Q, 4) around the crossed grid edges along `axis`, with a vertex of each cell."""
+    """Return outward quadrilaterals (Q, 4) around the crossed grid edges along `axis`."""
     begin, end = [slice(None)] * 3, [slice(None)] * 3
     begin[axis], end[axis] = slice(None, -1), slice(1, None)
     starts = inside[tuple(begin)]
@@ -134,20 +139,20 @@ def _quads(inside: Bool, number: Int32, first: Int64, sheet: Int64, axis: int) -
         start = int(offset @ (4, 2, 1))
         columns.append(first[cell] + sheet[cell, _EDGES.index((axis, start, start + (4, 2, 1)[axis]))])
     quads = np.stack(columns, axis=1).astype(np.int32)
-    leaves = starts[tuple(edges.T)]  # the edge leads out of the shape
+    leaves = starts[tuple(edges.T)]  # whether the edge starts inside the shape
     return np.where(leaves[:, None], quads, quads[:, ::-1])
 
 
 def _triangles(vertices: Float64, quads: Int32) -> Int32:
-    """Return the triangles (2 Q, 3) of `quads` (Q, 4), each cut along its shorter diagonal."""
+    """Return the triangles (2 Q, 3) of `quads` (Q, 4), divided along their shorter diagonals."""
     a, b, c, d = (vertices[quads[:, i]] for i in range(4))
     first = ((a - c) ** 2).sum(axis=1) <= ((b - d) ** 2).sum(axis=1)
     cut = np.where(first[:, None], quads[:, [0, 1, 2, 0, 2, 3]], quads[:, [1, 2, 3, 1, 3, 0]])
     return cut.reshape(-1, 3)
 
 
-def _even_out(shape: Shape, vertices: Float64, triangles: Int32, spacing: float) -> Float64:
-    """Return the vertices after three rounds of moving each towards the mean of its neighbors and onto the surface."""
+def _smoothed(shape: Shape, vertices: Float64, triangles: Int32, spacing: float) -> Float64:
+    """Return the vertices after three rounds, each a move towards the mean of the neighbors and onto the surface."""
     vertices = shape.project(vertices, spacing, 2)
     sides = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     starts, ends = np.concatenate([sides, sides[:, ::-1]]).T
@@ -160,6 +165,7 @@ def _even_out(shape: Shape, vertices: Float64, triangles: Int32, spacing: float)
 
 
 def _with_mirror_image(vertices: Float64, triangles: Int32) -> tuple[Float64, Int32]:
+    """Return a half and its mirror image, joined at the vertices with x = 0."""
     off_plane = vertices[:, 0] > 0
     image = np.arange(len(vertices), dtype=np.int32)
     image[off_plane] = len(vertices) + np.arange(off_plane.sum(), dtype=np.int32)

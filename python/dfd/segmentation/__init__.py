@@ -1,1 +1,1 @@
-"""Parts of a shape at a click: where features part, and where the surface creases."""
+"""Find the parts of a shape, whose borders follow creases and changes of the features."""

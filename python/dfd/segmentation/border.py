@@ -1,4 +1,7 @@
-"""Move the borders of parts to nearby creases by a minimal cut, and find what a part separates from the body."""
+"""Move the borders of parts to nearby creases by a minimum cut, close parts, and find their components.
+
+A patch is a group of nodes; a node is a group of nearby vertices (`dfd.geometry.coarse`).
+"""
 
 from __future__ import annotations
 
@@ -9,22 +12,22 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, dijk
 from dfd.common.linear_algebra import Bool, Int64
 from dfd.segmentation.patches import Patches
 
-NECK = 1.5  # spacings of patches; components that touch only at this distance from the border are separate
-SMALL_COMPONENT = 0.1  # share of the largest component's area; smaller components join their neighbor
-BAND = 1.5  # largest distance by which the border may move, in spacings of patches
+NECK = 1.5  # distance from the border up to which a connection is too narrow to join components, in patch spacings
+SMALL_COMPONENT = 0.1  # area below which a component is small, relative to the largest component
+BAND = 1.5  # largest distance by which the border may move, in patch spacings
 CREASE = 0.1  # concavity that divides the cost of a border by e
-KEEP = 0.1  # cost of a node that changes sides, relative to the girth of a patch of its area
+KEEP = 0.1  # cost of moving a patch's area to the other side, relative to a border as long as the patch spacing
 STEEPEST = 10.0  # largest factor of the concavity between nodes that are nearer to each other than patches
-UNITS, MOST = 1e6, 2**28  # integer cost of a border as long as the diagonal, and the largest cost
+UNITS, MOST = 1e6, 2**28  # integer cost of a border as long as the diagonal of the box, and the largest cost
 
 Mask = Bool
 
 
 def snapped(patches: Patches, inside: Mask, held: int | None = None) -> Mask:
-    """Return (N,) which nodes belong to the part of patches `inside` (P,), after the cheapest cut near its border.
+    """Return (N,) the nodes of the part of patches `inside` (P,), after its border moves to the cheapest cut nearby.
 
-    The cost of a border is its length, lowered where the surface creases inwards. Nodes deeper than `BAND`, or than
-    half of the depth of their component, keep their side. The node `held` belongs to the part.
+    The cost of a border is its length, lowered in concave creases. Nodes farther from the old border than `BAND`, or
+    than half of the depth of their component, keep their side. The node `held` always belongs to the part.
     """
     borders, start = patches.node_borders, inside[patches.of_node]
     one, other = borders.pairs.T
@@ -41,7 +44,7 @@ def snapped(patches: Patches, inside: Mask, held: int | None = None) -> Mask:
     free = depth < deepest[component] / 2
     if held is not None:
         start[held], free[held] = True, False
-    # The graph has the nodes that may change sides, one source for all other nodes inside, and one sink for the rest.
+    # The graph has the nodes that may change sides, a source for all other inner nodes, and a sink for the rest.
     count = int(free.sum())
     number = np.where(start, count, count + 1)
     number[free] = np.arange(count)
@@ -59,14 +62,14 @@ def snapped(patches: Patches, inside: Mask, held: int | None = None) -> Mask:
     left.eliminate_zeros()
     on_side = np.zeros(count + 2, bool)
     on_side[breadth_first_order(left, count, return_predecessors=False)] = True
-    return on_side[number][patches.twin]
+    return on_side[number][patches.first]
 
 
 def closed(patches: Patches, inside: Mask) -> Mask:
-    """Return a part (P,) with everything that it separates from the body, such as the hoof of a leg.
+    """Return a part (P,) with all components that only this part connects to the body, such as the hoof of a leg.
 
-    The body is the largest component that remains without the part. If it has less than half of the remaining area, as
-    around a trunk, the part is returned unchanged.
+    The body is the largest component of the surface without the part. If the body has less than half of the remaining
+    area, as without a trunk, the part is returned unchanged.
     """
     borders = patches.borders
     out = np.flatnonzero(~inside)
@@ -80,10 +83,10 @@ def closed(patches: Patches, inside: Mask) -> Mask:
 
 
 def components_of(patches: Patches, inside: Mask) -> Int64:
-    """Return (P,) the component of a part `inside` (P,) that each patch is on, counted from 0; −1 outside the part.
+    """Return (P,) the component of each patch of a part `inside` (P,), counted from 0; −1 outside the part.
 
-    Legs that meet in a narrow web are separate components. Patches deeper than NECK define the components. Each other
-    patch belongs to the component that is nearest along the surface.
+    Patches farther from the border than `NECK` define the components, so legs that meet in a narrow web are separate.
+    Each other patch belongs to the component that is nearest along the surface.
     """
     borders = patches.borders
     own = np.flatnonzero(inside)
@@ -96,7 +99,7 @@ def components_of(patches: Patches, inside: Mask) -> Int64:
         core = connected_components(graph[deep][:, deep], directed=False)[1] if len(deep) else deep
         area = np.bincount(core, patches.area[own[deep]])
         large = (area > SMALL_COMPONENT * area.max(initial=0))[core]
-        # A component without a deep patch stays one.
+        # A component without a large group of deep patches is not divided.
         whole = np.isin(component, component[deep[large]])
         seeds = deep[large]
         if len(seeds):

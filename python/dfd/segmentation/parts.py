@@ -1,4 +1,4 @@
-"""Find the part of a shape at a place, with all parts that look alike or alone."""
+"""Find the part of a shape at a place, with or without its counterparts, and cut shapes into parts."""
 
 from __future__ import annotations
 
@@ -22,20 +22,22 @@ from dfd.segmentation.hierarchy import Hierarchy, components_and_borders
 from dfd.segmentation.patches import Patches
 
 Level = Literal["smaller", "part", "larger"]
-LARGER = 1.25  # the areas of two levels differ at least by this factor
-LEAST_SALIENCY = 0.033  # parts found by chance on a ball have up to 0.031, parts that people name 0.08 to 2
+LARGER = 1.25  # least ratio of the areas of two levels
+LEAST_SALIENCY = (
+    0.033  # smallest saliency of a part; chance gives up to 0.031 on a ball, parts that people name 0.08 to 2
+)
 # In the blend band, the weights of a grip fall from 1 to 0. The border of the part, with weight 0.5, is the middle of
-# the band. Its width is the smaller of WIDEST diagonals of the box and THICKNESS times the length around the limb.
-# Pulled by 30 % of the part's length, 40 % of 167 places have a 99th percentile of the change of dihedral angles of at
-# most 25°. With 0.05 diagonals it is 22 %, and the IoU with labels is 0.011 higher. With 0.35 times the length around
-# the limb it is 45 %, but the pulled legs of a chair drag the corners of its seat along.
-WIDEST, THICKNESS = 0.1, 0.25
-# Parts with more than MOST_OF_LIMBS borders per component, such as a trunk, have a blend band TRUNK times as wide.
-TRUNK, MOST_OF_LIMBS = 3.0, 1.5
+# the band. Its width is the smaller of WIDEST, in diagonals of the box, and OF_GIRTH, in girths of the limb.
+# In tests, 167 parts were pulled by 30 % of their length. For 40 % of them, the 99th percentile of the change of
+# dihedral angles is at most 25°. With WIDEST 0.05 it is 22 %, and the IoU with labels is 0.011 higher. With OF_GIRTH
+# 0.35 it is 45 %, but the corners of a chair's seat follow its legs.
+WIDEST, OF_GIRTH = 0.1, 0.25
+# Parts with more than MOST_BORDERS borders per component, such as a trunk, have a blend band TRUNK times as wide.
+TRUNK, MOST_BORDERS = 3.0, 1.5
 
 
 class Features(Protocol):
-    """A source of features for the vertices of a mesh, such as `field.on(mesh).rows`."""
+    """A function that returns the features of vertices of a mesh, such as `field.on(mesh).rows`."""
 
     def __call__(self, vertices: Int64) -> Float32:
         """Return the features (N, D) of vertices (N,)."""
@@ -45,10 +47,10 @@ class Features(Protocol):
 class Part:
     """A part of a shape."""
 
-    mask: Bool = field(repr=False)  # (V,) which vertices belong to the part
-    share: float  # its area relative to the whole surface
-    components: int  # the number of its connected components, without very small ones
-    vertex: int  # a vertex far inside it, or the vertex of the request
+    mask: Bool = field(repr=False)  # (V,) whether a vertex belongs to the part
+    share: float  # its share of the area of the surface
+    components: int  # the number of its connected components, without small components
+    vertex: int  # a vertex far from its border, or the vertex of the request
 
     @property
     def vertices(self) -> Int64:
@@ -58,48 +60,38 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Grip:
-    """The part that a handle at a place holds, as weights."""
+    """The part that a handle holds, as weights."""
 
-    # weights: (V,) 1 inside the part and 0 outside, with a smooth transition over its blend band
-    weights: Float32 = field(repr=False)
-    of_node: Float32 = field(repr=False)  # (N,) the same at the nodes of the mesh, `dfd.geometry.coarse`
-    # component: (N,) the connected component that each node is on, numbered from 0, such as one of four legs. It is −1
-    # outside the part, and on very small components.
+    weights: Float32 = field(repr=False)  # (V,) 1 inside the part, 0 outside, and smooth in the blend band
+    of_node: Float32 = field(repr=False)  # (N,) the weights at the mesh's nodes, see `dfd.geometry.coarse`
+    # (N,) the connected component of each node, such as one of four legs, counted from 0. −1 stands for nodes outside
+    # the part and on small components.
     component: Int64 = field(repr=False)
 
 
 class Parts:
-    """Find the parts of one shape. Nothing is computed before the first request.
-
-    Parameters
-    ----------
-    mesh
-        The shape.
-    features
-        Takes vertices (N,) and returns their features (N, D).
-    """
+    """The parts of the shape `mesh`, by the features of its vertices; computed for the first request."""
 
     def __init__(self, mesh: Mesh, features: Features) -> None:
         self._mesh, self._features = mesh, features
 
     def __repr__(self) -> str:
-        """Name the mesh."""
         return f"Parts({self._mesh!r})"
 
     def part(self, at: Any, level: Level = "part", *, alike: bool = True) -> Part:
-        """Find the part at a place.
+        """Return the part at a place.
 
         Parameters
         ----------
         at
-            A vertex index, or a point (3,) in mesh units: the nearest vertex counts.
+            A vertex index, or a point (3,) in mesh units, which stands for the nearest vertex.
         level
-            "part" is the part that people most likely mean. "smaller" is a part inside it, and "larger" is a part
-            around it. If there is none, they equal "part".
+            "part" is the part that people most likely mean. "smaller" is a part inside it, and "larger" is a part that
+            contains it. If there is no such part, "smaller" and "larger" equal "part".
         alike
             Whether counterparts belong to the part, such as the other legs. False gives one connected component.
 
-        Raises ValueError if `at` is neither, `level` is unknown, or the mesh has no face with an area.
+        Raises ValueError if `at` is no vertex or point, `level` is unknown, or the mesh has no face with an area.
         """
         check.choice("Parts.part", "level", level, Level)
         vertex = self._vertex(at)
@@ -109,12 +101,12 @@ class Parts:
             component = components_of(self._patches, inside)
             inside = component == component[patch]
         nodes = self._snapped(inside, vertex)
-        return self._part(inside, self._carried([~nodes, nodes]) == 1, vertex)
+        return self._part(inside, self._at_vertices([~nodes, nodes]) == 1, vertex)
 
     def grip(self, at: Any) -> Grip | None:
-        """Return the part that a handle at a place holds, and everything that only this part connects to the rest.
+        """Return the part that a handle at a place holds, with all components that only this part connects to the body.
 
-        Returns None if there is no part, such as on a ball.
+        Return None if there is no part, such as on a ball.
         """
         vertex = self._vertex(at)
         if not self._has_surface:
@@ -122,12 +114,12 @@ class Parts:
         tree, patches = self._hierarchy, self._patches
         patch = int(patches.of_vertex[vertex])
         chosen = self._chosen(patch, "part")
-        inside = tree.carrying(chosen)
-        if inside.all() or max(map(tree.saliency, tree.holding(patch))) < LEAST_SALIENCY:
+        inside = tree.closed(chosen)
+        if inside.all() or max(map(tree.saliency, tree.candidates(patch))) < LEAST_SALIENCY:
             return None
         side = self._snapped(inside, vertex)
         width = patches.size * self._band(chosen, inside)
-        # The blend band does not cross gaps between components of the mesh, such as from teeth to lips.
+        # The blend band does not cross gaps between components of the mesh, such as between teeth and lips.
         graph, component = patches.nodes.graph, patches.nodes.component
         row = np.repeat(np.arange(len(side)), np.diff(graph.indptr))
         whole = component[row] == component[graph.indices]
@@ -141,7 +133,7 @@ class Parts:
                 depth[side == inner] = np.minimum(found[side == inner], width)
         within = np.clip(0.5 + np.where(side, depth, -depth) / width, 0.0, 1.0)
         within = within * within * (3.0 - 2.0 * within)
-        # A handle in the blend band has weight 1 at its own vertex.
+        # If the handle lies in the blend band, the weights are scaled so that its own vertex has weight 1.
         held = patches.nodes.interpolated(within.astype(np.float32))
         whole = max(held[vertex], np.float32(0.01))
         component = components_of(patches, inside)
@@ -151,19 +143,19 @@ class Parts:
         return Grip(np.minimum(held / whole, 1), np.minimum(within / whole, 1).astype(np.float32), component)
 
     def cut(self) -> list[Part]:
-        """Cut the whole shape into parts, the largest first; every vertex belongs to one.
+        """Return parts that cover the whole shape, the largest first; every vertex belongs to exactly one.
 
-        Counterparts are one part. Of all cuts of the tree, this is the one with the clearest borders.
+        Counterparts form one part. The cut is the one with the clearest borders.
 
         Raises ValueError if the mesh has no face with an area.
         """
-        patches, part = self._patches, self._hierarchy.shown()
+        patches, part = self._patches, self._hierarchy.cut_labels()
         masks = part == np.unique(part)[:, None]
         claims = np.array([snapped(patches, inside) for inside in masks])
         # A node that no part or several parts claim stays with the part of its patch.
         of_node = np.where(claims.sum(axis=0) == 1, claims.argmax(axis=0), masks.argmax(axis=0)[patches.of_node])
         sides = [of_node == number for number in range(len(masks))]
-        label = self._carried(sides)
+        label = self._at_vertices(sides)
         found = [
             self._part(inside, label == number, self._middle(inside))
             for number, inside in enumerate(masks)
@@ -172,27 +164,27 @@ class Parts:
         return sorted(found, key=lambda each: -each.share)
 
     def prepare(self) -> None:
-        """Compute the tree of parts. It takes half a second, and seconds for a million faces."""
+        """Compute the tree of parts, which takes half a second, and seconds for a million faces."""
         if self._has_surface:
             _ = self._hierarchy
 
     def _band(self, chosen: int, inside: Bool) -> float:
         """Return the width of the blend band around a part, in diagonals of the box."""
         components, borders = components_and_borders(self._patches, inside)
-        wider = TRUNK if borders > MOST_OF_LIMBS * len(components) else 1.0
-        return wider * min(WIDEST, self._hierarchy.around(chosen) * THICKNESS)
+        wider = TRUNK if borders > MOST_BORDERS * len(components) else 1.0
+        return wider * min(WIDEST, self._hierarchy.girth(chosen) * OF_GIRTH)
 
     def _snapped(self, inside: Bool, vertex: int) -> Bool:
-        """Return which nodes (N,) belong to the part of patches `inside` (P,) at a vertex."""
-        return snapped(self._patches, inside, int(self._patches.twin[self._patches.nodes.of_vertex[vertex]]))
+        """Return (N,) the nodes of the part of patches `inside` (P,), which always has the node of `vertex`."""
+        return snapped(self._patches, inside, int(self._patches.first[self._patches.nodes.of_vertex[vertex]]))
 
     def _chosen(self, patch: int, level: Level) -> int:
         """Return the tree node of the part at a patch."""
         tree = self._hierarchy
-        nodes = tree.holding(patch)
+        nodes = tree.candidates(patch)
         area = np.array([tree.nodes[node].area for node in nodes])
         clarity = np.array([tree.clarity(node) for node in nodes])
-        best = nodes.index(tree.meant(patch))
+        best = nodes.index(tree.held(patch))
         among = np.array([best])
         if level == "larger":
             among = np.flatnonzero(area > LARGER * area[best])
@@ -201,8 +193,8 @@ class Parts:
         chosen = among[clarity[among].argmax()] if len(among) else best
         return nodes[chosen]
 
-    def _carried(self, sides: Sequence[Bool]) -> Int64:
-        """Return (V,) which of `sides`, masks of the nodes (N,), has the largest share around each vertex."""
+    def _at_vertices(self, sides: Sequence[Bool]) -> Int64:
+        """Return (V,) the index of the mask in `sides`, each (N,), that holds most of the nodes around each vertex."""
         shares = self._patches.nodes.shares(np.array(sides, np.float64))
         best = np.zeros(len(self._mesh.vertices), np.float32)
         label = np.zeros(len(best), np.int64)
@@ -212,6 +204,7 @@ class Parts:
         return label
 
     def _part(self, inside: Bool, mask: Bool, vertex: int) -> Part:
+        """Return the part of patches `inside` (P,) and vertices `mask` (V,)."""
         component, area = components_of(self._patches, inside)[inside], self._patches.area[inside]
         sizes = np.bincount(component, area)
         return Part(mask, float(area.sum()), int((sizes > SMALL_COMPONENT * sizes.max()).sum()), vertex)
@@ -220,9 +213,9 @@ class Parts:
         """Return a vertex of the patch of `inside` (P,) that is farthest from the border of the part."""
         borders = self._patches.borders
         ends = np.unique(borders.pairs[np.not_equal(*inside[borders.pairs.T])])
-        depth = (
-            dijkstra(borders.graph(borders.apart), indices=ends, min_only=True) if len(ends) else np.zeros(len(inside))
-        )
+        depth = np.zeros(len(inside))
+        if len(ends):
+            depth = dijkstra(borders.graph(borders.apart), indices=ends, min_only=True)
         depth = np.where(inside & np.isfinite(depth), depth, -1.0)
         return int(np.flatnonzero(self._patches.of_vertex == depth.argmax())[0])
 
@@ -259,6 +252,6 @@ def cut_document(found: Sequence[Part]) -> dict[str, Any]:
 
 
 def parts(field: Field, mesh: MeshLike) -> Parts:
-    """Find the parts of `mesh`, or of anything that `dfd.load` reads, by the features of `field`."""
+    """Return the parts of `mesh`, or of anything that `dfd.load` reads, by the features of `field`."""
     shape = as_mesh(mesh)
     return Parts(shape, check.field("parts", field).on(shape).rows)

@@ -19,19 +19,19 @@ from dfd.geometry.topology import first_at_place
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-COUNT = 2_000  # approximate number of patches; time grows with its square, and more patches find no other parts
-PACKING = 0.75  # distance between random seeds that yields COUNT patches, in sides of squares of a patch's area
+COUNT = 2_000  # approximate number of patches; time grows with its square, and more patches find the same parts
+PACKING = 0.75  # distance between random seeds that gives COUNT patches, in patch spacings
 TURNED = 0.6  # weight of normals in distances between seeds, so that both sides of a thin sheet get seeds
-# Largest number of patches. Meshes of many loose components fill space and get more than COUNT seeds. The distance
-# between seeds is then multiplied by WIDER until they are at most MOST.
+# Largest number of patches. A mesh of many components gets more than COUNT seeds. If there are more than MOST, the
+# distance between seeds is multiplied by WIDER.
 MOST, WIDER = 2 * COUNT, 1.25
 SAMPLES = 8  # largest number of vertices per patch over which features are averaged
-# Largest distance along the surface between patches that lie beside each other, in diagonals. On 91 rigs, 0.15 leaves
-# 0.010 more of limbs behind, and 0.25 loses 0.003 of the IoU.
+# Largest distance along the surface between patches that lie beside each other, in diagonals of the box. On 91 rigs,
+# 0.15 leaves 0.010 more of limbs behind, and 0.25 lowers the IoU by 0.003.
 BESIDE = 0.2
-STARTS = 96  # number of patches from which distances are measured to find the middle
-# Patches are in the middle if their mean squared distance is at most MIDDLE times the smallest one. On 76 labelled
-# meshes, a single patch as the middle loses 0.006 of the IoU.
+STARTS = 96  # patches from which distances are measured to find the middle of a shape
+# Largest mean squared distance of patches in the middle, relative to the smallest one. With only one patch in the
+# middle, the IoU on 76 labelled meshes is 0.006 lower.
 MIDDLE = 1.5
 BRIDGE = 1.0  # concavity of a small gap between components of the mesh, which is a clear border
 
@@ -39,18 +39,18 @@ Indices = Int64
 
 
 class Borders:
-    """A graph of surface patches, each with a center and a normal, and the borders between neighbors.
+    """The borders between neighboring patches, or nodes, each with a center and a normal.
 
     Attributes
     ----------
     pairs
-        (E, 2) patches that touch, the lower number first.
+        (E, 2) the patches on both sides of each border, the lower number first.
     length
-        (E,) of the border between them, in diagonals of the box; 0 across small gaps.
+        (E,) lengths of the borders, in diagonals of the box; 0 across small gaps.
     concavity
-        (E,) by how much normals point towards each other across it, in [−2, 2]; above 0 in a crease.
+        (E,) how much the normals of both patches point towards each other, in [−2, 2]; above 0 in a concave crease.
     apart
-        (E,) distances of the centers, in diagonals of the box.
+        (E,) distances between the centers of both patches, in diagonals of the box.
     """
 
     def __init__(self, pairs: Indices, length: Float64, center: Float64, normal: Float64) -> None:
@@ -70,24 +70,24 @@ class Borders:
 
 
 class Patches:
-    """The patches of one mesh, groups of the nodes of `dfd.geometry.coarse`.
+    """The patches of one mesh: groups of nodes, which are groups of nearby vertices (`dfd.geometry.coarse`).
 
     Attributes
     ----------
     size
-        The diagonal of the mesh's box, mesh units.
+        The diagonal of the mesh's box, in mesh units.
     spacing
-        Side of a square of a mean patch's area, in diagonals of the box.
+        The patch spacing: the side of a square with a patch's mean area, in diagonals of the box.
     of_node, of_vertex
-        (N,) and (V,) the patch of each.
+        (N,) and (V,) the patch of each node and of each vertex.
     area
-        (P,) of the patches, as shares of the surface.
-    borders
-        Between patches.
-    node_area, twin
-        (N,) area of the nodes, in squared diagonals, and the node that stands for each where several have one position.
-    node_borders
-        Between nodes.
+        (P,) areas of the patches, as shares of the surface.
+    borders, node_borders
+        The borders between patches, and between nodes.
+    node_area
+        (N,) areas of the nodes, in squared diagonals of the box.
+    first
+        (N,) the first node at the position of each node; several nodes can have one position.
 
     Raises ValueError if no face of the mesh has an area.
     """
@@ -100,27 +100,27 @@ class Patches:
         if not area.sum() > 0:
             raise ValueError("parts: `mesh` must have a face with an area, got none")
         self.node_area = area
-        self.twin = nodes.of_vertex[first_at_place(mesh)][nodes.members[nodes.starts]]
+        self.first = nodes.of_vertex[first_at_place(mesh)][nodes.members[nodes.starts]]
         self.spacing = float(np.sqrt(area.sum() / COUNT))
         links = _links(nodes.graph, pairs)
         pairs, length = np.concatenate([pairs, links]), np.concatenate([length, np.zeros(len(links))])
-        self.node_borders = Borders(pairs, length, center, self._even(normal, pairs))
+        self.node_borders = Borders(pairs, length, center, self._smoothed(normal, pairs))
         apart = PACKING * self.spacing
         places = np.column_stack([center, TURNED * apart * unit(normal)])
         used = np.flatnonzero(nodes.used)
-        seeds = used[_spread(places[used], apart)]
-        self.of_node = _nearest(nodes.graph, seeds, center)
+        seeds = used[_seeds(places[used], apart)]
+        self.of_node = _nearest_seed(nodes.graph, seeds, center)
         self.of_vertex = self.of_node[nodes.of_vertex]
         count = len(seeds)
         weight = np.maximum(area, 1e-9 * area.sum())
         self.area = np.bincount(self.of_node, weight, minlength=count) / weight.sum()
         middle = group_sums(self.of_node, center * weight[:, None], count) / (self.area * weight.sum())[:, None]
-        # Mean normals are not normalized: around a thin limb they cancel, and their direction would be noise.
+        # Mean normals are not normalized. Around a thin limb their mean is near 0, and its direction is noise.
         turned = group_sums(self.of_node, normal, count) / (self.area * weight.sum())[:, None]
         self.borders = Borders(*_contracted(self.of_node, pairs, length, count), middle, turned)
 
     def means(self, features: Callable[[Indices], NDArray[np.floating]]) -> Float64:
-        """Return (P, D) means of `features` of vertices (N,) over at most `SAMPLES` vertices of each patch."""
+        """Return the means (P, D) of `features`, a function of vertices (N,), over ≤ `SAMPLES` vertices of a patch."""
         used = np.flatnonzero(self.nodes.used[self.nodes.of_vertex])
         order = used[np.argsort(self.of_vertex[used], kind="stable")]
         size = np.bincount(self.of_vertex[used], minlength=len(self.area))
@@ -131,8 +131,8 @@ class Patches:
         mean = csr_array((1 / taken[patch], (patch, np.arange(len(patch)))), shape=(len(size), len(patch)))
         return np.asarray(mean @ features(vertices).astype(np.float64))
 
-    def _even(self, normal: Float64, pairs: Indices) -> Float64:
-        """Return (N, 3) unit normals of nodes, smoothed over about a patch."""
+    def _smoothed(self, normal: Float64, pairs: Indices) -> Float64:
+        """Return the unit normals (N, 3) of nodes, averaged over about the area of a patch."""
         count = len(normal)
         ends = np.concatenate([pairs, pairs[:, ::-1], np.repeat(np.arange(count), 2).reshape(-1, 2)])
         near = csr_array((np.ones(len(ends)), tuple(ends.T)), shape=(count, count))
@@ -142,7 +142,7 @@ class Patches:
 
 
 class Distal:
-    """Distances along the surface from the patches in the middle of the largest component, and the shortest paths."""
+    """Shortest paths along the surface from the middle of the largest component, to find the distal side of a patch."""
 
     def __init__(self, patches: Patches) -> None:
         borders = patches.borders
@@ -154,7 +154,7 @@ class Distal:
         middle = body[spread <= MIDDLE * spread.min()]
         self._distance, before, _ = dijkstra(graph, indices=middle, min_only=True, return_predecessors=True)
         self._pairs = borders.pairs.astype(np.int32)
-        # For k = 0, 1, …: the patch 2ᵏ steps nearer to the middle.
+        # `_steps[k]` is the patch that lies 2ᵏ steps nearer to the middle on the shortest path.
         step = np.where(before >= 0, before, np.arange(len(before)))
         self._steps = [step]
         while not np.array_equal(step, step[step]):
@@ -162,10 +162,10 @@ class Distal:
             self._steps.append(step)
 
     def beyond(self, patch: int) -> Bool:
-        """Return (P,) which patches are beyond a patch, seen from the middle of the shape.
+        """Return (P,) the patches on the distal side of a patch: beyond it, seen from the middle of the shape.
 
-        Shortest paths from the middle reach them through patches beside this one. These are connected with this patch
-        and at least as far from the middle.
+        Shortest paths from the middle reach these patches through patches beside the given one. Patches beside it are
+        connected with it, at a distance of at most `BESIDE`, by patches at least as far from the middle as it is.
         """
         far = self._distance >= self._distance[patch]
         component = _core.components(len(far), np.zeros((0, 3), np.int32), self._pairs[far[self._pairs].all(axis=1)])
@@ -176,12 +176,12 @@ class Distal:
 
 
 def _surface(mesh: Mesh, nodes: Nodes, size: float) -> tuple[Float64, Float64, Indices, Float64]:
-    """Return areas (N,), normals times areas (N, 3), pairs (E, 2) of neighboring nodes, and lengths of borders (E,)."""
+    """Return areas (N,) and area-weighted normals (N, 3) of nodes, and pairs (E, 2) and lengths (E,) of borders."""
     count = len(nodes.center)
     first = first_at_place(mesh)
     areas, normals = np.zeros(count), np.zeros((count, 3))
     pairs, lengths = [np.zeros((0, 2), np.int64)], [np.zeros(0)]
-    for start in range(0, len(mesh.faces), RUN):  # a batch fits the cache
+    for start in range(0, len(mesh.faces), RUN):  # RUN faces fit the processor's cache
         faces = first[mesh.faces[start : start + RUN]]
         node = nodes.of_vertex[faces]
         corners = mesh.vertices[faces] / size
@@ -196,7 +196,7 @@ def _surface(mesh: Mesh, nodes: Nodes, size: float) -> tuple[Float64, Float64, I
             between = np.flatnonzero(node[:, one] != node[:, other])
             side = np.linalg.norm(corners[between, one] - corners[between, other], axis=1)
             pairs.append(np.stack([node[between, one], node[between, other]], axis=1))
-            # From the middle of a side to that of its face runs a third of the height.
+            # The border runs from the middle of a side to the center of the face: a third of the triangle's height.
             lengths.append(2 / 3 * area[between] / np.maximum(side, 1e-12))
     joined = _contracted(np.arange(count), np.concatenate(pairs), np.concatenate(lengths), count)
     return areas, normals, *joined
@@ -205,7 +205,11 @@ def _surface(mesh: Mesh, nodes: Nodes, size: float) -> tuple[Float64, Float64, I
 def _contracted(
     of: NDArray[np.integer], pairs: NDArray[np.integer], length: Float64, count: int
 ) -> tuple[Indices, Float64]:
-    """Return pairs (E, 2) of the groups `of` nodes, once each, with the sums of their borders."""
+    """Return the distinct pairs (E, 2) of groups, and the total length (E,) of their borders.
+
+    `of` (N,) is the group of each node, `pairs` and `length` the borders between nodes, and `count` the number of
+    groups.
+    """
     ends = of[pairs]
     apart = ends[:, 0] != ends[:, 1]
     joined, which = distinct_pairs(ends[apart], count)
@@ -213,15 +217,15 @@ def _contracted(
 
 
 def _links(graph: csr_array, pairs: Indices) -> Indices:
-    """Return pairs (L, 2) of nodes that only `graph` joins: across small gaps, and at one position."""
+    """Return pairs (L, 2) of nodes that `graph` joins and `pairs` lacks: across small gaps, and at one position."""
     count = graph.shape[0]
     row = np.repeat(np.arange(count, dtype=np.int64), np.diff(graph.indptr))
     key = np.setdiff1d((row * count + graph.indices)[row < graph.indices], pairs @ [count, 1])
     return np.stack(np.divmod(key, count), axis=1)
 
 
-def _spread(points: Float64, near: float) -> Indices:
-    """Return random indices of `points` (N, 6), at least `near` apart, or farther, so that they are at most `MOST`."""
+def _seeds(points: Float64, near: float) -> Indices:
+    """Return at most `MOST` random indices of `points` (N, 6), `near` apart; `near` grows if there are more."""
     tree = cKDTree(points)
     order = np.random.default_rng(0).permutation(len(points)).tolist()
     while True:
@@ -238,8 +242,8 @@ def _spread(points: Float64, near: float) -> Indices:
         near *= WIDER
 
 
-def _nearest(graph: csr_array, seeds: Indices, center: Float64) -> Indices:
-    """Return (N,) the seed nearest to each node along the surface, or in space if none is connected."""
+def _nearest_seed(graph: csr_array, seeds: Indices, center: Float64) -> Indices:
+    """Return (N,) the seed nearest to each node along the surface, or in space if no seed is connected with it."""
     _, _, source = dijkstra(graph, indices=seeds, min_only=True, return_predecessors=True)
     number = np.full(len(center) + 1, -1)
     number[seeds] = np.arange(len(seeds))

@@ -1,1 +1,1 @@
-"""Find the mirror planes across which a shape looks alike."""
+"""Find the mirror planes of a shape, by its features and its surface."""

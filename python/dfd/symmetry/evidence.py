@@ -1,4 +1,7 @@
-"""Judge symmetries of a shape by points of its surface, their features, and pairs of points that look alike."""
+"""Measure symmetries of a shape by surface samples, their features, and pairs of samples with similar features.
+
+Normalized coordinates have their origin at the center of the box, and half its longest side is 1.
+"""
 
 from __future__ import annotations
 
@@ -14,47 +17,47 @@ from dfd.mesh.mesh import Mesh
 from dfd.mesh.normalization import Normalization, box_normalization
 from dfd.mesh.normals import face_normals
 
-POINTS = 2_000
-COUNTERPARTS = 6  # points that look like a queried point, among those farther away than _APART
-_QUERIED = 500  # points whose counterparts are sought; the pairs are far more than the planes that are tried
-_APART = 0.1  # of half the longest side: nearer points always look alike
-_BINS = 24  # of the distances, for the change of features with distance
-STAYS = 0.1  # normalized: points that move by less are not judged
-_MOVED = 0.3  # least share of points that a symmetry moves
-_NO_SPREAD = 1e-4  # least difference of features: smaller ones do not tell symmetries apart
-_TRIMMED = 0.8  # share of the points in a score, because the object in one hand of a figure is not symmetric
+POINTS = 2_000  # surface samples
+COUNTERPARTS = 6  # samples with the most similar features that are paired with a sample
+_QUERIED = 500  # samples for which similar samples are searched, which gives far more pairs than are used
+_APART = 0.1  # least distance between the samples of a pair, normalized; nearer samples always have similar features
+_BINS = 24  # intervals of distance for the mean change of features
+STAYS = 0.1  # distance, normalized, up to which a sample counts as unmoved by a symmetry
+_MOVED = 0.3  # least share of samples that a symmetry must move
+_NO_SPREAD = 1e-4  # mean change of features below which a field does not distinguish symmetries
+_TRIMMED = 0.8  # share of the samples in a score; a figure can hold an object in one hand only
 
 
 @dataclass(frozen=True)
 class SurfaceFeatures:
-    """Points of a surface in normalized coordinates, in which half the longest side is 1, and their features."""
+    """Surface samples in normalized coordinates, and their features."""
 
     field: Field
-    frame: Normalization  # from mesh units to normalized coordinates
+    frame: Normalization  # the map from mesh units to normalized coordinates
     points: Float64  # (N, 3) normalized
     normals: Float64  # (N, 3) unit
     features: Float32  # (N, D)
-    tree: cKDTree  # of `points`
-    pairs: Int64  # (P, 2) points that look alike and are apart
-    change: Float64  # (B,) mean distance between the features of two points, by the distance of the points
-    reach: float  # upper end of the last interval of `change`, normalized
-    spacing: float  # typical distance of neighboring points, normalized
+    tree: cKDTree  # search tree of `points`
+    pairs: Int64  # (P, 2) samples with similar features, at least _APART from each other
+    change: Float64  # (B,) mean change of features between two samples, by intervals of their distance
+    farthest: float  # upper end of the last interval of `change`, normalized
+    spacing: float  # typical distance of neighboring samples, normalized
 
     def features_at(self, points: Float64) -> Float32:
         """Return the features (K, D) of normalized points (K, 3)."""
         return np.asarray(self.field(self.frame.invert(points)), np.float32)
 
     def usual_change(self, distance: Float64) -> Float64:
-        """Return the mean difference of features (K,) between two points at each `distance` (K,), normalized."""
-        places = (np.arange(len(self.change)) + 0.5) * self.reach / len(self.change)
+        """Return the mean change of features (K,) between two samples at each `distance` (K,), normalized."""
+        places = (np.arange(len(self.change)) + 0.5) * self.farthest / len(self.change)
         return np.interp(distance, np.concatenate([[0], places]), [0, *self.change])
 
     def dissimilarity(self, images: Float64) -> tuple[float, float]:
-        """Judge a symmetry by the `images` (N, 3) of `points`, normalized.
+        """Return two measures of the symmetry that maps `points` to `images` (N, 3), both for samples that it moves.
 
-        Return the dissimilarity, and the share of the moved points whose images lie on the surface. The dissimilarity
-        is the mean change of features over `usual_change`, for the best four fifths of the moved points. It is 0 for a
-        perfect symmetry, and 1 for chance. It is also 1 if few points move, as across the plane of a flat shape.
+        The first is the dissimilarity: the mean change of features over `usual_change`, for the best four fifths of the
+        samples. It is 0 for a perfect symmetry, and 1 for chance. It is also 1 if few samples move, as in the plane of
+        a flat shape. The second is the share of images on the surface.
         """
         distance = np.linalg.norm(images - self.points, axis=1)
         moves = distance > STAYS
@@ -70,20 +73,20 @@ class SurfaceFeatures:
 
 
 def surface_features(field: Field, mesh: Mesh) -> SurfaceFeatures | None:
-    """Return points spread evenly over the surface of `mesh`, and their features; None if it has no extent."""
+    """Return evenly spaced surface samples of `mesh` and their features; None if the mesh has no extent."""
     frame = box_normalization(*mesh.bounds)
     if frame is None:
         return None
     points, normals = _surface_points(frame.apply(mesh.vertices), mesh.faces)
     features = np.asarray(field(frame.invert(points)), np.float32)
-    change, reach = _change_with_distance(points, features)
-    pairs, tree = _counterpart_pairs(points, features), cKDTree(points)
+    change, farthest = _change_with_distance(points, features)
+    pairs, tree = _similar_pairs(points, features), cKDTree(points)
     spacing = float(np.median(tree.query(points[:200], k=[2])[0]))
-    return SurfaceFeatures(field, frame, points, normals, features, tree, pairs, change, reach, spacing)
+    return SurfaceFeatures(field, frame, points, normals, features, tree, pairs, change, farthest, spacing)
 
 
 def _surface_points(vertices: Float64, faces: Int32) -> tuple[Float64, Float64]:
-    """Return points (N, 3) spread over the faces by area, and the unit normals (N, 3) of their faces."""
+    """Return surface samples (N, 3), and the unit normals (N, 3) of their faces; vertices if no face has an area."""
     areas = face_areas(vertices, faces)
     if areas.sum() == 0:
         chosen = np.unique(faces)[:: max(1, len(vertices) // POINTS)]
@@ -94,25 +97,24 @@ def _surface_points(vertices: Float64, faces: Int32) -> tuple[Float64, Float64]:
 
 
 def _change_with_distance(points: Float64, features: Float32) -> tuple[Float64, float]:
-    """Return the mean difference (B,) of features by the distance of two points, and the largest distance."""
+    """Return the mean change (B,) of features by the distance of two samples, and the largest distance."""
     random = np.random.default_rng(0)
     a, b = random.integers(0, len(points), (2, 20 * POINTS))
-    # Random pairs are far apart, so the second half of the pairs are near each other.
+    # Random pairs are seldom near each other, so neighbors along a random direction are added.
     order = np.argsort(points @ random.normal(size=3))
-    c = order[:-1]
-    a, b = np.concatenate([a, c]), np.concatenate([b, order[1:]])
+    a, b = np.concatenate([a, order[:-1]]), np.concatenate([b, order[1:]])
     distance = np.linalg.norm(points[a] - points[b], axis=1)
     change = np.linalg.norm(features[a] - features[b], axis=1)
-    reach = float(distance.max()) or 1.0
-    bins = np.minimum((distance / reach * _BINS).astype(int), _BINS - 1)
+    farthest = float(distance.max()) or 1.0
+    bins = np.minimum((distance / farthest * _BINS).astype(int), _BINS - 1)
     count, total = np.bincount(bins, minlength=_BINS), np.bincount(bins, change, _BINS)
     known = count > 0
     means = np.interp(np.arange(_BINS), np.flatnonzero(known), total[known] / count[known])
-    return np.maximum.accumulate(means), reach
+    return np.maximum.accumulate(means), farthest
 
 
-def _counterpart_pairs(points: Float64, features: Float32) -> Int64:
-    """Return pairs (P, 2): evenly spread points, each with the distant points that have the nearest features."""
+def _similar_pairs(points: Float64, features: Float32) -> Int64:
+    """Return pairs (P, 2): evenly strided samples, each with the distant samples that have the nearest features."""
     queried = np.arange(0, len(points), -(-len(points) // _QUERIED))
     unlike = -(features[queried] @ features.T)
     squared = (points**2).sum(axis=1)

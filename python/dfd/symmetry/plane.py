@@ -1,4 +1,4 @@
-"""The mirror plane: its place, the mirror images of points, and the similarity of its two sides."""
+"""Define the mirror plane, reflect points across it, and read and write it as text."""
 
 from __future__ import annotations
 
@@ -14,12 +14,11 @@ from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64
 
-# The mesh readers load SciPy, which the help of the command line does not need.
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # imports SciPy, which the help of the command line does not need
     from dfd.mesh.mesh import Mesh
 
-# Half width, as a fraction of the longest side, of the band in which a symmetric edit passes to the other side. A
-# narrower band shows a crease. In a wider band, each side's edit reaches too far into the other side.
+# Half width of the band in which a symmetric edit changes to the other side's, relative to the longest side. A narrower
+# band shows a crease. In a wider band, the edit of each side affects too much of the other side.
 DEFAULT_BAND = 0.03
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
@@ -29,15 +28,15 @@ class SymmetryPlane:
     """The plane {p : normal · p = offset} in mesh units, and the similarity of its two sides."""
 
     normal: tuple[float, float, float]  #: (3,) unit vector
-    offset: float  #: Signed distance from the origin along `normal`, mesh units
-    #: Mean of ‖Φ(v) − Φ(R v)‖ over the vertices, the quantity that the paper compares with ε; 0 is perfect
+    offset: float  #: Signed distance from the origin along `normal`, in mesh units
+    #: Mean of ‖Φ(v) − Φ(R v)‖ over the vertices, which the paper compares with ε; 0 is perfect
     score: float = 0.0
-    #: Mean change of features across the plane, over the usual change between points at the same distance. It counts
-    #: the best four fifths of the moved surface points, so a small part without a counterpart hardly matters. 0 is
-    #: perfect, 1 is chance
+    #: Mean change of features across the plane, over the usual change between points at the same distance; 0 is
+    #: perfect, 1 is chance. Only the best four fifths of the surface samples count, because a small part can lack a
+    #: mirror image
     relative_score: float = 0.0
-    #: Half width, mesh units, over which a mirrored deformation passes to the other side; 0 switches at the plane, as
-    #: Eq. 8 does
+    #: Half width of the band in which the deformation changes to the mirrored deformation, in mesh units; with 0 it
+    #: changes at the plane, as in Eq. 8
     band: float = 0.0
 
     def __post_init__(self) -> None:
@@ -59,7 +58,7 @@ class SymmetryPlane:
         return matrix
 
     def signed_distance(self, points: ArrayLike) -> Float64:
-        """Return the distance (N,) of `points` (N, 3) from the plane, mesh units, above 0 on the side of the normal."""
+        """Return the distance (N,) of `points` (N, 3) from the plane, in mesh units; above 0 on the normal's side."""
         array = check.array("SymmetryPlane", "points", points, ("N", 3), dtype=np.float64)
         return array @ np.asarray(self.normal) - self.offset
 
@@ -70,12 +69,12 @@ class SymmetryPlane:
 
 
 def axis_name(normal: Sequence[float]) -> str:
-    """Return the axis, "x", "y" or "z", that is nearest to the direction of a plane's `normal` (3,)."""
+    """Return the axis, "x", "y" or "z", nearest to the direction of a plane's `normal` (3,)."""
     return list(AXES)[int(np.argmax(np.abs(normal)))]
 
 
 def axis_plane(mesh: Mesh, axis: str, *, band: float = 0.0) -> SymmetryPlane:
-    """Return the plane across `axis` ("x", "y" or "z") through the center of the bounding box of `mesh`.
+    """Return the plane perpendicular to `axis` ("x", "y" or "z") through the center of the bounding box of `mesh`.
 
     Raises ValueError if `axis` is another word.
     """
@@ -87,10 +86,10 @@ def axis_plane(mesh: Mesh, axis: str, *, band: float = 0.0) -> SymmetryPlane:
 def plane_from_text(text: str, mesh: Mesh) -> SymmetryPlane:
     """Return the plane that `text` describes, with a band of 3 % of the longest side of `mesh`.
 
-    "x", "y" or "z" is the plane across this axis through the center of the bounding box of `mesh`. "x=0.1" lies at this
-    coordinate, mesh units. "0.6,0,0.8=0.1" has this normal, of any length, and this distance from the origin.
+    "x", "y" or "z" is the plane perpendicular to this axis through the center of the bounding box of `mesh`. "x=0.1" is
+    the plane x = 0.1 in mesh units. "0.6,0,0.8=0.1" has this normal, of any length, and this offset.
 
-    Raises ValueError if `text` has another form, a number is not finite, or the direction has no length.
+    Raises ValueError if `text` has another form, a number is not finite, or the normal is 0.
     """
     band = DEFAULT_BAND * float(np.max(mesh.extents))
     name, equals, value = (part.strip() for part in text.partition("="))
@@ -102,17 +101,17 @@ def plane_from_text(text: str, mesh: Mesh) -> SymmetryPlane:
     except ValueError:
         direction, offset = (), 0.0
     if len(direction) != 3:
-        raise ArgumentError("text", f"must be like x, x=0.1 or 0.6,0,0.8=0.1, got {text!r}", "plane_from_text")
+        raise ArgumentError("text", f"must have the form x, x=0.1 or 0.6,0,0.8=0.1, got {text!r}", "plane_from_text")
     length = math.hypot(*direction)
     if not (math.isfinite(length) and math.isfinite(offset)):
         raise ArgumentError("text", f"must have finite numbers, got {text!r}", "plane_from_text")
     if length == 0:
-        raise ArgumentError("text", f"must name a direction that has a length, got {text!r}", "plane_from_text")
+        raise ArgumentError("text", f"must have a normal other than 0, got {text!r}", "plane_from_text")
     return SymmetryPlane((direction[0] / length, direction[1] / length, direction[2] / length), offset, band=band)
 
 
 def plane_text(plane: SymmetryPlane) -> str:
-    """Return the text of a plane that `plane_from_text` reads."""
+    """Return `plane` as a text that `plane_from_text` reads."""
     for axis, normal in AXES.items():
         along = float(np.dot(plane.normal, normal))
         if abs(along) > 1 - 1e-12:

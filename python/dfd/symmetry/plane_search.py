@@ -1,6 +1,6 @@
-"""Find candidate mirror planes between points that look alike, and fit each to the surface and its mirror image.
+"""Find candidate mirror planes between samples with similar features, and fit each to the surface.
 
-Coordinates are the normalized ones of `SurfaceFeatures`. A plane is a row (4,): its unit normal and its offset.
+All coordinates are normalized (`dfd.symmetry.evidence`). A plane is a row (4,): its unit normal and its offset.
 """
 
 from __future__ import annotations
@@ -12,21 +12,21 @@ from dfd.symmetry.evidence import SurfaceFeatures
 
 Planes = Float64  # (K, 4)
 
-_SEEDS = 300  # planes between two points that are compared with all pairs
-_MOST_REFINED = 8
-_PAIR_FITS = 0.12  # normalized: largest distance from the image of a point to its counterpart in a vote for a plane
-_SAME_ANGLE, _SAME_OFFSET = np.radians(8.0), 0.06
-_STEPS = 10
-# The first steps use every fourth point if this leaves more than 300 points.
+_SEEDS = 300  # planes between two samples for which the other pairs vote
+_MOST_REFINED = 8  # planes with the most votes that are fitted
+_PAIR_FITS = 0.12  # distance from the image of a sample to its counterpart, normalized, up to which a pair votes
+_SAME_ANGLE, _SAME_OFFSET = np.radians(8.0), 0.06  # angle and offset, normalized, below which two planes are the same
+_STEPS = 10  # Gauss-Newton steps
+# The first _COARSE_STEPS steps use every fourth sample, if more than _ENOUGH samples remain.
 _COARSE_STEPS, _COARSE, _ENOUGH = 6, 4, 300
-# Normalized: images farther from the surface do not count. Each step multiplies this distance by _SHRINK.
+# Largest distance of images from the surface, normalized, in the first step. Each step multiplies it by _SHRINK.
 _FIRST_REACH, _SHRINK = 0.3, 0.7
-_LONGEST_STEP = 0.2
-_DIFFERENCE = 1e-6
+_LONGEST_STEP = 0.2  # largest change of a parameter in a step
+_DIFFERENCE = 1e-6  # change of a parameter for derivatives by finite differences
 
 
 def candidate_planes(evidence: SurfaceFeatures) -> Planes:
-    """Return candidate mirror planes (K, 4), no two nearly the same."""
+    """Return fitted candidate mirror planes (K, 4), no two of them nearly the same."""
     seeds = _distinct(_voted(evidence), _MOST_REFINED)
     seeds = np.concatenate([seeds, _principal(evidence.points)])
     return _distinct(np.array([_refined(evidence, plane) for plane in seeds]), len(seeds))
@@ -39,13 +39,13 @@ def mirrored(points: Float64, plane: Float64) -> Float64:
 
 
 def same_plane(a: Float64, b: Float64, *, angle: float = _SAME_ANGLE, offset: float = _SAME_OFFSET) -> bool:
-    """Return whether two planes differ by less than `angle`, radians, and by less than `offset`, normalized."""
+    """Return whether two planes differ by less than `angle` in radians, and by less than `offset`, normalized."""
     along = float(a[:3] @ b[:3])
     return bool(abs(along) > np.cos(angle) and abs(a[3] - np.sign(along) * b[3]) < offset)
 
 
 def _voted(evidence: SurfaceFeatures) -> Planes:
-    """Return the planes halfway between points that look alike. Planes that fit more other pairs come first."""
+    """Return the planes halfway between the samples of pairs; planes with more votes of other pairs come first."""
     pairs = evidence.pairs
     if len(pairs) == 0:
         return np.zeros((0, 4))
@@ -59,14 +59,14 @@ def _voted(evidence: SurfaceFeatures) -> Planes:
 
 
 def _between(points: Float64, pairs: Int64) -> Planes:
-    """Return the planes (P, 4) across which the points of each of `pairs` (P, 2) are mirror images."""
+    """Return the planes (P, 4) in which the two points of each of `pairs` (P, 2) are mirror images."""
     one, other = points[pairs[:, 0]], points[pairs[:, 1]]
     normals = (one - other) / np.linalg.norm(one - other, axis=1, keepdims=True)
     return np.column_stack([normals, np.einsum("pd,pd->p", normals, (one + other) / 2)])
 
 
 def _principal(points: Float64) -> Planes:
-    """Return planes across the coordinate axes through the origin, and across the principal axes through the mean."""
+    """Return six planes: perpendicular to the coordinate axes at the origin, and to the principal axes at the mean."""
     middle = points.mean(axis=0)
     axes = np.linalg.svd(points - middle, full_matrices=False)[2] if len(points) >= 3 else np.eye(3)
     normals = np.concatenate([np.eye(3), axes])
@@ -74,7 +74,7 @@ def _principal(points: Float64) -> Planes:
 
 
 def _distinct(planes: Planes, most: int) -> Planes:
-    """Return the first `most` planes that are not nearly the same as an earlier plane."""
+    """Return the first `most` of `planes`, without planes that are nearly the same as an earlier one."""
     kept: list[Float64] = []
     for plane in planes:
         if len(kept) == most:
@@ -85,14 +85,14 @@ def _distinct(planes: Planes, most: int) -> Planes:
 
 
 def _refined(evidence: SurfaceFeatures, plane: Float64) -> Float64:
-    """Return the plane near `plane` across which the mirror image of the surface fits the surface best.
+    """Return the plane near `plane` whose mirror image of the surface fits the surface best.
 
-    Gauss-Newton steps minimize the distances to the tangent planes of the nearest points. Images far from the surface
-    are left out.
+    Gauss-Newton steps minimize the distances of mirror images to the tangent planes of the nearest samples. Images far
+    from the surface are left out.
 
     Source: Chen and Medioni, "Object modelling by registration of multiple range images", 1992.
     """
-    across = np.linalg.svd(plane[None, :3])[2][1:]  # (2, 3) unit, in the plane
+    across = np.linalg.svd(plane[None, :3])[2][1:]  # (2, 3) unit vectors in the plane
 
     def varied(change: Float64) -> Float64:
         turned = plane[:3] + change[:2] @ across

@@ -1,4 +1,4 @@
-"""Find the planes of visual symmetry, across which a shape looks alike (paper, section 3.3.3)."""
+"""Find the planes of visual symmetry, whose two sides look alike (paper, section 3.3.3)."""
 
 from __future__ import annotations
 
@@ -15,16 +15,17 @@ from dfd.symmetry.evidence import SurfaceFeatures, surface_features
 from dfd.symmetry.plane import DEFAULT_BAND, SymmetryPlane
 from dfd.symmetry.plane_search import candidate_planes, mirrored, same_plane
 
-_SCORED_VERTICES = 4_000  # at most, evenly strided: the standard error of the mean is below 1 %
+_SCORED_VERTICES = 4_000  # most vertices in a score, evenly strided; the standard error of the mean is below 1 %
 _AT_ONCE = 50_000  # vertices whose features are in memory together
-RELATIVE_THRESHOLD = 0.25
-# Largest dissimilarity over that of the best plane, and the dissimilarity that remains after the fit. The front and the
-# back of a figure also look alike, but far less than its two sides.
+RELATIVE_THRESHOLD = 0.25  # largest dissimilarity of a symmetry plane
+# Largest dissimilarity of a plane, over that of the best plane, and the dissimilarity that remains after the fit. The
+# front and the back of a figure also look alike, but far less than its two sides.
 WORSE_THAN_BEST, FIT_LEAVES = 3.0, 0.01
-LANDED = 0.5  # share of the moved surface whose image lies on the surface
-# Largest angle and offset between a plane and a better one, and least ratio of their dissimilarities, at which the
-# worse plane counts as an inaccurate copy of the better one.
+LANDED = 0.5  # least share of the moved samples whose images lie on the surface
+# A plane is an inaccurate copy of a better plane if their angle and offset are below these bounds, and the ratio of
+# their dissimilarities is above _COPY_RATIO.
 _COPY_ANGLE, _COPY_OFFSET, _COPY_RATIO = np.radians(20.0), 0.25, 1.3
+# A plane is aligned with an axis if the angle, the change of the offset and the added dissimilarity are below these.
 _SNAP_ANGLE, _SNAP_OFFSET, _SNAP_LOSS = np.radians(1.5), 0.012, 0.01
 
 
@@ -35,26 +36,25 @@ def symmetry_planes(
     threshold: float | Literal["relative"] = "relative",
     candidates: Literal["any", "axes"] = "any",
 ) -> list[SymmetryPlane]:
-    """Find the planes across which `mesh` looks alike.
+    """Return the mirror planes of `mesh`, planes whose two sides look alike.
 
-    Candidates lie between points that look alike, and across the principal axes and the coordinate axes. Each is fitted
-    so that the mirror image of the surface lies best on the surface. Nearly equal planes are merged. A plane nearly
-    across a coordinate axis is aligned with it if the dissimilarity hardly grows. The plane of a flat shape is not
-    found, because its mirror moves no point.
+    Candidates lie halfway between points with similar features, and perpendicular to principal axes and coordinate
+    axes. Each is fitted so that the mirror image of the surface is nearest to the surface. Nearly equal planes are
+    merged. A plane nearly perpendicular to a coordinate axis is aligned with the axis if the dissimilarity hardly
+    increases. The plane of a flat shape is not found, because its reflection moves no point.
 
     Parameters
     ----------
     threshold
         A number is the ε of the paper, which uses 0.1: planes with a smaller `score` are returned. "relative" returns
-        planes with a `relative_score` of at most 0.25, unless another plane has a far smaller one. A fixed ε would
-        depend on the encoder and its block, because the spread of their features differs.
+        planes with a `relative_score` of at most 0.25, unless another plane has a far smaller one. The right ε depends
+        on the encoder and its block, because the spread of their features differs.
     candidates
-        "any", or "axes" for the three planes of the paper: across the axes through the center of the box.
+        "any", or "axes" for the paper's three planes, perpendicular to the axes through the center of the box.
 
     Returns
     -------
-    The planes, those with the most similar sides first, with a band of 3 % of the longest side; an empty list if there
-    is none.
+    The planes, the most similar sides first, with a band of 3 % of the longest side; an empty list if there is none.
 
     Raises ValueError if `field` is not callable, `threshold` is another word, negative or not finite, or `candidates`
     is another word.
@@ -78,11 +78,11 @@ def symmetry_planes(
 class _Judged:
     row: Float64  # (4,) normalized, see `plane_search`
     dissimilarity: float
-    landed: float
+    landed: float  # share of the moved samples whose images lie on the surface
 
 
 def scored_planes(field: Field, mesh: Mesh, *, candidates: Literal["any", "axes"] = "any") -> list[SymmetryPlane]:
-    """Return the fitted planes with their scores, those with the most similar sides first; see `symmetry_planes`."""
+    """Return the fitted planes with their scores, the most similar sides first; see `symmetry_planes`."""
     evidence = surface_features(field, mesh)
     if evidence is None:
         return []
@@ -93,8 +93,8 @@ def scored_planes(field: Field, mesh: Mesh, *, candidates: Literal["any", "axes"
         judged = [_snapped(evidence, each) for each in close if each.landed >= LANDED and each.dissimilarity < 1]
     judged.sort(key=lambda each: each.dissimilarity)
     planes = [_plane(each.row, evidence) for each in judged]
-    vertices = mesh.vertices  # the paper scores all of them
-    if candidates != "axes":
+    vertices = mesh.vertices
+    if candidates != "axes":  # as in the paper, the three planes are scored by all vertices
         vertices = vertices[:: -(-len(vertices) // _SCORED_VERTICES)]
     totals = np.zeros(len(planes))
     for some in np.array_split(vertices, -(-len(vertices) // _AT_ONCE)):
@@ -124,7 +124,7 @@ def _without_copies(judged: list[_Judged]) -> list[_Judged]:
 
 
 def _snapped(evidence: SurfaceFeatures, found: _Judged) -> _Judged:
-    """Return the nearly equal plane across a coordinate axis, if its dissimilarity is hardly larger; else `found`."""
+    """Return the nearly equal plane perpendicular to an axis if its dissimilarity is hardly larger, else `found`."""
     axis = int(np.argmax(np.abs(found.row[:3])))
     if abs(found.row[axis]) < np.cos(_SNAP_ANGLE):
         return found
@@ -140,11 +140,11 @@ def _snapped(evidence: SurfaceFeatures, found: _Judged) -> _Judged:
 
 
 def _plane(row: Float64, evidence: SurfaceFeatures) -> SymmetryPlane:
-    """Return a row (4,) in normalized coordinates as a plane of mesh units, its largest component positive."""
+    """Return a normalized plane (4,) in mesh units; the largest component of its normal is positive."""
     row = row * np.sign(row[np.argmax(np.abs(row[:3]))])
-    normal = row[:3] + 0.0  # no negative zeros
+    normal = row[:3] + 0.0  # turns −0 into 0
     half = 1.0 / evidence.frame.scale
     offset = float(row[3] * half + normal @ evidence.frame.center)
-    offset = 0.0 if abs(offset) < 1e-12 * half else offset  # rounding of a plane through the origin
+    offset = 0.0 if abs(offset) < 1e-12 * half else offset  # a plane through the origin has a rounding error
     band = DEFAULT_BAND * 2 * half
     return SymmetryPlane((float(normal[0]), float(normal[1]), float(normal[2])), offset, band=band)

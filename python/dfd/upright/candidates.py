@@ -1,4 +1,7 @@
-"""Up directions as frames, as users give them, and as settings of a field store them."""
+"""Convert up directions between frames, the forms that users give, and the settings of a field.
+
+A frame is a rotation (3, 3), whose rows are right, up and front in the mesh's coordinates.
+"""
 
 from __future__ import annotations
 
@@ -18,33 +21,32 @@ AXES: dict[str, Float64] = {
     f"{sign}{name}": float(f"{sign}1") * np.eye(3)[axis] for axis, name in enumerate("xyz") for sign in "+-"
 }
 UP_WORDS = ("auto", "file", *AXES)
-LEAST_ACROSS = 0.1  # least length of the component of a unit vector perpendicular to another one
-LEAST_EXTENT = 1e-6  # of the longest side: a smaller extent along an axis counts as 0
+LEAST_ACROSS = 0.1  # least component of a unit vector perpendicular to another one, from which a frame is built
+LEAST_EXTENT = 1e-6  # extent along an axis below which it is taken as 0, relative to the longest side
 
 
 @dataclass(frozen=True, eq=False)
 class Up:
     """The up direction of a mesh."""
 
-    frame: Float64  # (3, 3) rotation, rows in the mesh's coordinates: right, up, front
-    # confidence: probability, 0 to 1, that this axis or a nearly parallel one is upright, up or down; 1 if given
+    frame: Float64  # (3, 3)
+    # Probability, in [0, 1], that the axis of this direction, or a nearly parallel axis, is upright; 1 if given.
     confidence: float
-    # source: "said" if given; "file" if +y is the likeliest, or the fallback with a confidence of 0; "found" if another
-    # direction is the likeliest; "averaged" if uncertain, so that features of two directions are concatenated
+    # "said" if the user gave it; "file" if +y is the likeliest, or +y with confidence 0; "found" if another axis is
+    # the likeliest; "averaged" if the axis is uncertain, so that the features of two directions are concatenated.
     source: Literal["said", "file", "found", "averaged"]
-    # shared, shares: (K, 3, 3) the frames that have pictures, the likeliest first, and (K,) their probabilities of sum
-    # 1; None if `frame` is the only one
-    shared: Float64 | None = None
-    shares: Float64 | None = None
+    # `shared` and `shares` are None if pictures are rendered for `frame` only.
+    shared: Float64 | None = None  # (K, 3, 3) the frames for which pictures are rendered, the likeliest first
+    shares: Float64 | None = None  # (K,) their probabilities, with sum 1
 
     @property
     def frames(self) -> Float64:
-        """Return right, up and front (K, 3, 3) of each set of pictures; see `dfd.views.render.render`."""
+        """Return the frames (K, 3, 3) for which pictures are rendered; see `dfd.views.render.render`."""
         return self.frame[None] if self.shared is None else self.shared
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Return the entries of a field's settings, JSON values."""
+        """Return the entries for a field's settings, JSON values."""
         shared = {}
         if self.shared is not None and self.shares is not None:
             shared = {"up_shared": self.shared[:, 1].tolist(), "up_shares": self.shares.tolist()}
@@ -61,17 +63,17 @@ class Up:
         return self.frame[1]
 
     def __str__(self) -> str:
-        """Return the direction in the form that the setting `up` accepts: an axis, or three numbers."""
+        """Return the direction as a value of the setting `up`: an axis, or three numbers."""
         return _named(self.direction)
 
     @property
     def sentence(self) -> str:
-        """Return `up_sentence` of the settings."""
+        """Return `up_sentence` for the settings."""
         return up_sentence(self.settings)
 
 
 def up_sentence(settings: Mapping[str, Any]) -> str:
-    """Return a description of the up direction in a field's `settings` for users; "" if they have none."""
+    """Return a text for users on the up direction in a field's `settings`; "" if there is none."""
     if "up_source" not in settings:
         return ""
     up, source, sure = _named(settings["up_direction"]), settings["up_source"], settings["up_confidence"]
@@ -88,6 +90,7 @@ def up_sentence(settings: Mapping[str, Any]) -> str:
 
 
 def _named(direction: ArrayLike) -> str:
+    """Return the name of an axis, or the three numbers of another direction."""
     named = next((name for name, axis in AXES.items() if np.allclose(axis, direction)), None)
     return named or ", ".join(f"{part:.3f}" for part in np.asarray(direction))
 
@@ -103,9 +106,9 @@ def axis_frames(frame: Float64) -> list[Float64]:
 
 
 def check_up(up: Any) -> str | tuple[float, float, float]:
-    """Return `up` as one of `UP_WORDS`, or as a unit direction; the text "0, 0, 1" is a direction too.
+    """Return `up` as one of `UP_WORDS`, or as a unit direction; a direction can be a text such as "0, 0, 1".
 
-    Raises ValueError if `up` is neither, or the direction has no length.
+    Raises ValueError if `up` is neither, or the direction is 0.
     """
     word = f"+{up}" if isinstance(up, str) and up in ("x", "y", "z") else up
     if isinstance(word, str) and word in UP_WORDS:
@@ -116,32 +119,29 @@ def check_up(up: Any) -> str | tuple[float, float, float]:
         pass
     else:
         if vector.shape == (3,) and np.isfinite(vector).all() and np.abs(vector).max() > 0:
-            vector = vector / np.abs(vector).max()  # squares neither overflow nor underflow
+            vector = vector / np.abs(vector).max()  # prevents overflow and underflow of the squares
             x, y, z = (vector / np.linalg.norm(vector)).tolist()
             return x, y, z
-    raise ValueError(f"distill: `up` must be one of {', '.join(UP_WORDS)}, or three numbers with a length, got {up!r}")
+    raise ValueError(f"distill: `up` must be one of {', '.join(UP_WORDS)}, or three numbers, not all 0, got {up!r}")
 
 
 def file_up() -> Up:
-    """Return +y, the convention of files, with a confidence of 0."""
+    """Return +y, the convention of files, with confidence 0."""
     return Up(np.eye(3), 0.0, "file")
 
 
 def explicit_up(mesh: Mesh, up: str | tuple[float, float, float]) -> Up:
-    """Return the frame of `up`, a result of `check_up` other than "auto".
-
-    Raises ValueError if `mesh` has no extent along `up`.
-    """
+    """Return the direction `up`, a result of `check_up` except "auto"; ValueError if `mesh` has no extent along it."""
     if up == "file":
         return Up(np.eye(3), 1.0, "said")
     direction = AXES[up] if isinstance(up, str) else np.array(up)
     if np.ptp(mesh.vertices @ direction) <= LEAST_EXTENT * np.max(mesh.extents):
-        raise ValueError(f"distill: `up` must be a direction that `mesh` has some extent along, got {up!r}")
+        raise ValueError(f"distill: `up` must be a direction along which `mesh` has an extent, got {up!r}")
     return Up(_upright_frame(direction), 1.0, "said")
 
 
 def _upright_frame(up: Float64) -> Float64:
-    """Return the frame (3, 3) with `up` (3,) that rotates the other axes of the file least."""
+    """Return the frame (3, 3) with `up` (3,), whose other rows are axes of the file or near them."""
     along = np.flatnonzero(up)
     if len(along) == 1:
         return axis_frames(np.eye(3))[2 * int(along[0]) + int(up[along[0]] < 0)]
@@ -150,7 +150,7 @@ def _upright_frame(up: Float64) -> Float64:
 
 
 def frame_facing(up: Float64, right: Float64) -> Float64:
-    """Return the frame (3, 3) with `up` and with its right axis nearest to `right`; both are unit vectors (3,)."""
+    """Return the frame (3, 3) with `up` whose right is nearest to `right`; both are unit vectors (3,)."""
     across = right - (right @ up) * up
     if np.linalg.norm(across) < LEAST_ACROSS:
         across = np.cross(up, np.eye(3)[np.abs(up).argmin()])

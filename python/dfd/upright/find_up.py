@@ -1,4 +1,4 @@
-"""Find the up direction, because features of a shape that lies on its side give worse weights."""
+"""Find the up direction of a shape; weights are worse if the pictures show the shape on its side."""
 
 from __future__ import annotations
 
@@ -20,35 +20,34 @@ if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
     from dfd.mesh.mesh import Mesh
 
-# Below this probability of the likeliest axis, pictures of the two likeliest axes give concatenated features.
+# Probability of the likeliest axis below which pictures are rendered for the two likeliest axes.
 CLEAR = 0.9
-# If four pictures around the file's up give an axis this probability without the prior, twenty more pictures hardly
-# ever change the result.
+# Probability of an axis, after four pictures around the file's up and without the prior, at which the search ends.
+# Twenty more pictures then hardly ever change the result.
 EARLY_STOP_CONFIDENCE = 0.95
-SURE = 0.97  # the same after pictures along all axes; below it, pictures from the corners are added
-SAME = np.cos(np.radians(8))  # directions within this angle are one candidate
-ALIKE = np.cos(np.radians(20))  # the probabilities of axes within this angle are added
-# Log-odds for +y in glTF files, whose standard says that +y is up. They are added to the learned prior of all files.
-# For 80 of 360 upright glTF files, pictures and stability favored another axis; for 14, by more than these log-odds.
+SURE = 0.97  # probability of an axis, after pictures around all axes, at which no pictures from the corners are added
+SAME = np.cos(np.radians(8))  # cosine of the angle below which two directions are one candidate
+ALIKE = np.cos(np.radians(20))  # cosine of the angle below which the probabilities of two axes are added
+# Log-odds of +y in glTF files, whose standard defines +y as up, in addition to the learned prior of all files. In 80 of
+# 360 upright glTF files, pictures and stability favored another axis; in 14, by more than these log-odds.
 GLTF_UP = 2.5
-UNALIGNED_PRIOR = 0.5  # factor of the prior for a shape that is aligned with no axis of the file
+UNALIGNED_PRIOR = 0.5  # factor of the prior if the shape is not aligned with the axes of the file
 
 
 def resolve_up(
     mesh: Mesh, encoder: Encoder, up: str | tuple[float, float, float], *, stages: Stages | None = None
 ) -> Up:
-    """Return the up direction for the setting `up`, a result of `check_up`; "auto" finds it from pictures."""
+    """Return the up direction for the setting `up`, a result of `check_up`; "auto" calls `find_up`."""
     return find_up(mesh, encoder, stages=stages) if up == "auto" else explicit_up(mesh, up)
 
 
 def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stages: Stages | None = None) -> Up:
-    """Find the up direction of `mesh` from the tokens of pictures and from stability.
+    """Return the up direction of `mesh`, found from the tokens of pictures and from cues of the surface.
 
-    First the upright axis is chosen, and then its upper end. Weights are worse for a shape on its side, but not for a
-    shape upside down. +y is kept unless another axis is clearly likelier. If no axis is clear, the two likeliest axes
-    have pictures.
+    First the upright axis is chosen, because weights are worse for a shape on its side, but not upside down. Then its
+    upper end is chosen. If no axis is clear, pictures are rendered for the two likeliest axes.
 
-    `probe` was learned from the tokens of `encoder`; None takes the package's probe. Without a probe, +y is kept.
+    `probe` was learned from the tokens of `encoder`; None takes the package's probe. Without a probe, the result is +y.
 
     Raises ValueError if `probe` was learned from another encoder.
     """
@@ -65,21 +64,21 @@ def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stage
         cues, cameras = StabilityCues(vertices, mesh.faces), ProbeCameras(mesh, encoder)
         frame = cues.frame()
         choose = _among_file_axes if np.array_equal(frame, np.eye(3)) else _among_candidates
-        says_up = mesh.scene is not None and mesh.scene.gltf is not None
-        return choose(cues, frame, cameras, replace(probe, file_up=probe.file_up + GLTF_UP * says_up))
+        is_gltf = mesh.scene is not None and mesh.scene.gltf is not None
+        return choose(cues, frame, cameras, replace(probe, file_up=probe.file_up + GLTF_UP * is_gltf))
 
 
 def _among_file_axes(cues: StabilityCues, frame: Float64, cameras: ProbeCameras, probe: UpProbe) -> Up:
-    """Choose an axis of the file, with more pictures until the result is conclusive."""
+    """Choose an axis of the file; pictures are added until the result is conclusive."""
     frames = np.stack(axis_frames(frame))
     ups, evidence = frames[:, 1], np.stack([cues.evidence(each) for each in frames])
     before = np.array([prior(probe, each) for each in frames])
-    as_filed = ups @ AXES["+y"] == 1
-    seen = cameras.seen(frames[as_filed], SIDES)
-    at_once = probe.terms(seen, ups, evidence) @ probe.odds[0]
-    if decide(frames, at_once).confidence >= EARLY_STOP_CONFIDENCE:
-        return decide(frames, at_once + before)
-    seen += cameras.seen(frames[~as_filed], SIDES)
+    is_file_up = ups @ AXES["+y"] == 1
+    seen = cameras.seen(frames[is_file_up], SIDES)
+    odds = probe.terms(seen, ups, evidence) @ probe.odds[0]
+    if decide(frames, odds).confidence >= EARLY_STOP_CONFIDENCE:
+        return decide(frames, odds + before)
+    seen += cameras.seen(frames[~is_file_up], SIDES)
     up = decide(frames, probe.terms(seen, ups, evidence) @ probe.odds[1] + before)
     if up.confidence < SURE:
         seen += cameras.seen(frames, CORNERS)
@@ -88,10 +87,10 @@ def _among_file_axes(cues: StabilityCues, frame: Float64, cameras: ProbeCameras,
 
 
 def _among_candidates(cues: StabilityCues, frame: Float64, cameras: ProbeCameras, probe: UpProbe) -> Up:
-    """Choose the up of a shape that is aligned with no axis of the file; the first row of `frame` is its mirror normal.
+    """Choose the up of a shape that is not aligned with the file; the first row of `frame` is its mirror normal.
 
-    Pictures along all axes give a first estimate. Pictures of its likeliest candidates are then added. The axes of the
-    file remain candidates, because the mirror plane may be wrong.
+    Pictures around all axes of the file give a first estimate. Then pictures around its likeliest candidates are added.
+    The axes of the file remain candidates, because the mirror normal may be wrong.
     """
 
     def found() -> Up:
@@ -108,15 +107,14 @@ def _among_candidates(cues: StabilityCues, frame: Float64, cameras: ProbeCameras
 def candidates(cues: StabilityCues, frame: Float64, form: Float64) -> Float64:
     """Return the frames (2K, 3, 3) in which a tilted shape may be upright, each followed by its upside-down frame.
 
-    Their ups are the axes of the file, the stable poses with an upright mirror plane, and the main axes of the
-    quadratic form `form` (3, 3) of the pictures. These main axes are used both unchanged and projected into the mirror
-    plane.
+    Candidates are the axes of the file, the stable poses with an upright mirror plane, and the two main axes of the
+    pictures' quadratic form `form` (3, 3), with and without projection to the mirror plane.
     """
     normal = frame[0]
-    seen = np.linalg.eigh(form)[1].T[::-1][:2]
-    leaned = [each / np.linalg.norm(each) for each in seen - np.outer(seen @ normal, normal) if each @ each > 0.25]
+    main = np.linalg.eigh(form)[1].T[::-1][:2]
+    projected = [each / np.linalg.norm(each) for each in main - np.outer(main @ normal, normal) if each @ each > 0.25]
     found = [AXES["+y"], AXES["+z"], AXES["+x"]]
-    for up in [*cues.stable_ups(frame), *leaned, *seen]:
+    for up in [*cues.stable_ups(frame), *projected, *main]:
         if all(abs(up @ other) < SAME for other in found):
             found.append(up)
     return np.stack([frame_facing(sign * up, normal) for up in found for sign in (1.0, -1.0)])
@@ -132,9 +130,9 @@ def prior(probe: UpProbe, frame: Float64) -> float:
 
 
 def decide(frames: Float64, odds: Float64) -> Up:
-    """Choose among `frames` (2K, 3, 3), each followed by its upside-down frame, by their log-odds (2K,).
+    """Return the likeliest of `frames` (2K, 3, 3), each followed by its upside-down frame, by their log-odds (2K,).
 
-    Probabilities of nearly parallel axes are added. A choice between them matters less than a second set of pictures.
+    Probabilities of nearly parallel axes are added, because their pictures hardly differ.
     """
     chances = np.exp(odds - odds.max())
     of_axes = chances.reshape(-1, 2).sum(axis=1) / chances.sum()

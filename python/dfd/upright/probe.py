@@ -1,9 +1,9 @@
-"""The up probe of an encoder: a learned linear map from its tokens to votes for up directions, in a small file.
+"""Vote for up directions by an up probe: a linear map of tokens, learned once per encoder.
 
-The tokens of a picture give a quadratic form for the upright axis and a vector for its upper end, both in the axes of
-the camera. They are rotated to the mesh's axes and averaged over all pictures. A mirrored picture must give the
-mirrored vote. Components across the picture are therefore linear in the difference of its halves, and the others in the
-mean token. Votes and the cues of the surface (`dfd.upright.stability`) give the log-odds of each candidate.
+The tokens of a picture give two votes in the axes of the camera: a quadratic form for the upright axis, and a vector
+for its upper end. Votes are rotated to the mesh's axes and averaged over all pictures. A mirrored picture must give the
+mirrored vote. So components along the camera's right are linear in the difference of the picture's halves, and other
+components in its mean token. Votes and cues of the surface (`dfd.upright.stability`) give the log-odds of a candidate.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
 
 KIND = "dfd up probe 2"  # format version 2
-LOOKS = ("looks upright", "looks right side up")  # upright: it may be upside down
+LOOKS = ("looks upright", "looks right side up")  # "looks upright" includes upside down
 TERMS = (*LOOKS, *EVIDENCE)
 FOLDER = Path(__file__).with_name("probes")
 
 _HALF = np.sqrt(3) / 2
-# A basis of the traceless symmetric matrices in the right, up and back of a camera, with equal norms. At a unit vector,
-# they are the real spherical harmonics of degree two. `FORM_TOKENS` is the index of the picture's token for each.
+# A basis, of equal norms, of the traceless symmetric matrices in the right, up and back of a camera. Their values at
+# unit vectors are the real spherical harmonics of degree two.
 FORMS = np.array(
     [
         [[-0.5, 0, 0], [0, 1, 0], [0, 0, -0.5]],
@@ -49,6 +49,7 @@ SHAPES: dict[str, tuple[int | str, ...]] = {
     "odds": (3, len(TERMS)),
     "file": (3,),
 }
+# For each of `FORMS` and `VECTORS`, the index in `ViewTokens.tokens` of the token that gives the coefficient.
 FORM_TOKENS, VECTOR_TOKENS = np.array([0, 0, 0, 1, 1]), np.array([0, 0, 1])
 
 
@@ -57,22 +58,19 @@ class UpProbe:
     """The learned probe for tokens of width D."""
 
     mean: Float32  # (D,) subtracted from a picture's mean token
-    # form, vector: (5, D) and (3, D), map the tokens of a picture to coefficients of `FORMS` and `VECTORS`
-    form: Float32
-    vector: Float32
-    # odds: (3, 9) log-odds per unit of each of `TERMS`: a row for pictures around the file's up alone, one for pictures
-    # along all axes of the file, and one for a shape that is aligned with none of them
+    form: Float32  # (5, D) the map of tokens to coefficients of `FORMS`
+    vector: Float32  # (3, D) the map of tokens to coefficients of `VECTORS`
+    # (3, 9) log-odds per unit of each of `TERMS`: for pictures around the file's up alone, for pictures around all axes
+    # of the file, and for a shape that is not aligned with the file.
     odds: Float64
-    # file_up, file_down, file_z: prior log-odds of +y, −y and ±z
-    file_up: float
-    file_down: float
-    file_z: float
-    # encoder_weights, encoder_block: the encoder whose tokens it was learned from
-    encoder_weights: str
-    encoder_block: int
+    file_up: float  # prior log-odds of +y
+    file_down: float  # prior log-odds of −y
+    file_z: float  # prior log-odds of +z and of −z
+    encoder_weights: str  # fingerprint of the weights that gave the training tokens
+    encoder_block: int  # block that gave the training tokens
 
     def votes(self, seen: ViewTokens) -> tuple[Float64, Float64]:
-        """Return the mean votes of all pictures in the mesh's axes: a quadratic form (3, 3) and a vector (3,)."""
+        """Return the mean votes of pictures in the mesh's axes: a quadratic form (3, 3) and a vector (3,)."""
         tokens = seen.tokens - np.stack([self.mean, np.zeros_like(self.mean)])
         weights = np.einsum("njd,jd->nj", tokens[:, FORM_TOKENS], self.form)
         form = np.einsum("nj,jab,nai,nbk->ik", weights, FORMS, seen.axes, seen.axes, optimize=True) / len(tokens)
@@ -90,7 +88,7 @@ class UpProbe:
         return (self.encoder_weights, self.encoder_block) == encoder_identity(encoder)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write a .safetensors file atomically; equal probes give equal files."""
+        """Write a .safetensors file atomically; equal probes give equal bytes."""
         arrays: dict[str, NDArray[Any]] = {
             "mean": self.mean,
             "form": self.form,
@@ -102,10 +100,10 @@ class UpProbe:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> UpProbe:
-        """Read a file that `save` wrote.
+        """Return the probe in a file that `save` wrote.
 
-        Raises ValueError if the file is truncated or of another kind, or its arrays are not finite. Raises OSError if
-        it cannot be read.
+        Raises ValueError if the file is truncated, has another format, or has arrays of wrong shape or not finite.
+        Raises OSError if the file cannot be read.
         """
         arrays, identity = read_learned("UpProbe.load", path, KIND, SHAPES)
         mean, form, vector = (arrays[name].astype(np.float32) for name in ("mean", "form", "vector"))

@@ -1,4 +1,4 @@
-"""Encode a few small pictures around a shape, for candidate up directions."""
+"""Render and encode a few small pictures around a shape for each candidate up direction."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
     from dfd.mesh.mesh import Mesh
 
-PATCHES = 16  # along a picture's side
-SHOWN = 0.3  # least fraction of a patch's pixels that the shape covers if the token counts
+PATCHES = 16  # patches along a picture's side
+SHOWN = 0.3  # least share of a patch's pixels that the shape covers; tokens of other patches are left out
 
 
 def _square(first: float, height: float) -> Float64:
-    """Return four eyes (4, 3) around a shape, `first` and `height` degrees from the front and above the horizon.
+    """Return the directions (4, 3) of four cameras around a shape, which differ by quarter turns.
 
-    They differ by quarter turns, and are symmetric to the planes between them. The result of a candidate therefore does
-    not depend on which of its axes is the front.
+    The first camera is `first` degrees from the front, and all are `height` degrees above the horizon. The votes for a
+    candidate do not depend on its front, because the cameras are symmetric to the planes between them.
     """
     turns, height = np.radians(first + 90 * np.arange(4)), np.radians(height)
     return np.stack(
@@ -36,16 +36,16 @@ def _square(first: float, height: float) -> Float64:
     )
 
 
-SIDES, CORNERS = _square(0, 20), _square(45, 15)  # eyes at the sides and the corners of a square around the shape
+SIDES, CORNERS = _square(0, 20), _square(45, 15)  # cameras at the sides and the corners of a square around the shape
 
 
 @dataclass(frozen=True, eq=False)
 class ViewTokens:
-    """The tokens of N pictures."""
+    """The mean tokens of N pictures."""
 
-    # tokens: (N, 2, D) the mean token of the shape in each picture, and that of its right half minus its left half
+    # (N, 2, D) the mean token of the shape in each picture, and the mean of its right half less that of its left half
     tokens: Float32
-    axes: Float64  # (N, 3, 3) right, up and back of every camera, in the mesh's coordinates
+    axes: Float64  # (N, 3, 3) right, up and back of each camera, in the mesh's coordinates
 
     def __add__(self, other: ViewTokens) -> ViewTokens:
         """Return the tokens of both sets of pictures."""
@@ -53,7 +53,7 @@ class ViewTokens:
 
 
 class ProbeCameras:
-    """Cameras that render and encode small pictures around a mesh."""
+    """The mesh and encoder for small pictures; everything that all pictures share is computed once."""
 
     def __init__(self, mesh: Mesh, encoder: Encoder) -> None:
         center, scale = normalization(mesh)
@@ -64,9 +64,9 @@ class ProbeCameras:
         self._resolution = encoder.nearest_resolution(PATCHES * encoder.patch)
 
     def seen(self, frames: Float64, eyes: Float64) -> ViewTokens:
-        """Return the tokens of K·E pictures: from all `eyes` (E, 3), for each of `frames` (K, 3, 3).
+        """Return the tokens of K·E pictures: from the directions `eyes` (E, 3) in each of `frames` (K, 3, 3).
 
-        Raises ValueError if no ray hits the mesh.
+        Raises ValueError if no camera ray hits the mesh.
         """
         around = [self._used @ frame.T for frame in frames]
         cameras = [
@@ -84,7 +84,7 @@ class ProbeCameras:
         with ThreadPoolExecutor(get_num_threads()) as threads:
             list(threads.map(take, range(len(cameras))))
         if not covered.any():
-            raise ValueError("find_up: no camera ray hits `mesh`: its faces are without area, or smaller than a pixel")
+            raise ValueError("find_up: no camera ray hits `mesh`: its faces have no area, or are smaller than a pixel")
         covered = covered.reshape(images.shape[:3])
         tokens = self._encoder.encode(images, covered=covered)
         axes = np.stack([[camera.right, camera.up, camera.back] for camera in cameras])
@@ -92,15 +92,18 @@ class ProbeCameras:
 
 
 def _halves(tokens: Float32, covered: Bool) -> Float32:
-    """Return the mean of a picture's `tokens` (h, w, D) in covered patches, and that of right minus left, (2, D)."""
+    """Return (2, D): the mean of a picture's `tokens` (h, w, D) on the shape, and that of its right half less its left.
+
+    `covered` (R, R) says whether a pixel shows the shape.
+    """
     side = len(tokens)
     within = len(covered) // side
     shown = covered[: side * within, : side * within].reshape(side, within, side, within).mean(axis=(1, 3))
     if not shown.any():
         return np.zeros((2, tokens.shape[2]), np.float32)
-    rows, columns = np.nonzero(shown > min(SHOWN, 0.99 * shown.max()))  # lower for a shape as thin as a wire
+    rows, columns = np.nonzero(shown > min(SHOWN, 0.99 * shown.max()))  # a thin wire covers less than SHOWN anywhere
     own, across = tokens[rows, columns], 2 * columns - (columns.min() + columns.max())
     mean = own.mean(axis=0)
-    if not across.any():  # a single column
+    if not across.any():  # a single column has no halves
         return np.stack([mean, np.zeros_like(mean)])
     return np.stack([mean, own[across > 0].mean(axis=0) - own[across < 0].mean(axis=0)])

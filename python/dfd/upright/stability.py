@@ -18,21 +18,21 @@ from dfd.mesh.normals import face_normals
 from dfd.views.cameras import fibonacci_directions
 
 EVIDENCE = ("stable", "facing up", "base", "near the base", "middle", "mirrors upright", "mirrors flat")
-POINTS = 2000  # on the surface
-REFLECTED = 500  # of them, whose mirror images are compared with the surface
-BASE = 0.03  # of the diagonal: points within this height above the lowest one are the base
-FACES_UP = 0.9  # cosine
+POINTS = 2000  # surface samples
+REFLECTED = 500  # surface samples whose mirror images are compared with the surface
+BASE = 0.03  # height of the base above the lowest point, in diagonals of the box
+FACES_UP = 0.9  # least cosine between up and a normal that faces up
 ALIGNED = 1.25  # largest mirror error of a file axis that is taken as mirror normal, over the least mirror error
-LEAST_ERROR = 0.004  # of the diagonal: mirror error of an exact mirror plane, caused by random points
-LEAST_HEIGHT = 1e-6  # of the diagonal: avoids division by the height of a flat shape
+LEAST_ERROR = 0.004  # mirror error of an exact mirror plane, due to random samples, in diagonals of the box
+LEAST_HEIGHT = 1e-6  # height of a flat shape, in diagonals of the box, which prevents division by 0
 DIRECTIONS = 200  # candidate normals of mirror planes, over half the sphere
 RESTS = 4  # stable poses that become candidates
-_NEARLY = np.cos(np.radians(8))
-_SHRINKING = (0.15, 0.07, 0.03, 0.015, 0.007)  # radians, steps of the search for the exact normal of a plane
+_NEARLY = np.cos(np.radians(8))  # cosine of the angle below which two directions are nearly parallel
+_SHRINKING = (0.15, 0.07, 0.03, 0.015, 0.007)  # steps of the search for the exact normal of a plane, in radians
 
 
 class StabilityCues:
-    """Stability and symmetry of a surface of `vertices` (V, 3), in any units, and `faces` (F, 3) with some area."""
+    """Cues of a surface of `vertices` (V, 3), in any units, and `faces` (F, 3), of which one must have an area."""
 
     def __init__(self, vertices: NDArray[np.floating], faces: Int32) -> None:
         generator = np.random.default_rng(0)
@@ -69,7 +69,7 @@ class StabilityCues:
         )
 
     def mirror_error(self, normal: Float64) -> float:
-        """Return the mean distance from mirror images of points to the surface, over the diagonal.
+        """Return the mirror error: the mean distance of mirror images from the surface, in diagonals of the box.
 
         The mirror plane has `normal` (3,) and passes through the middle of the surface.
         """
@@ -77,7 +77,7 @@ class StabilityCues:
         return self._mirror_errors[_key(normal)]
 
     def _measure(self, normals: Iterable[Float64]) -> None:
-        """Compute `mirror_error` of `normals`, each (3,), in one parallel query, and keep it."""
+        """Compute and keep the `mirror_error` of `normals`, each (3,), in one parallel query."""
         new = [normal for normal in normals if _key(normal) not in self._mirror_errors]
         if not new:
             return
@@ -94,17 +94,17 @@ class StabilityCues:
         """Return the unit normal (3,) of the plane with the least mirror error."""
         spread = self.points - self.middle
         around = fibonacci_directions(2 * DIRECTIONS)[:DIRECTIONS]
-        # The normal of an exact mirror plane is a principal axis.
+        # Principal axes are candidates, because the normal of an exact mirror plane is one of them.
         candidates = np.concatenate([np.linalg.eigh(spread.T @ spread)[1].T, around])
         self._measure(candidates)
         ranked = sorted(candidates, key=self.mirror_error)[:3]
         return min((self._refined(normal) for normal in ranked), key=self.mirror_error)
 
     def stable_ups(self, frame: Float64) -> Float64:
-        """Return ups (K, 3) of stable poses, perpendicular to the first row of `frame` (3, 3), no two nearly parallel.
+        """Return the up directions (K, 3) of stable poses, K ≤ `RESTS`, no two of them nearly parallel.
 
-        The shape rests on the longest edges of its outline that have its center above them. If there are fewer than
-        `RESTS`, the other rows of `frame` are added.
+        Along the first row of `frame` (3, 3), the shape has a polygon as outline. In a stable pose, it rests on one of
+        the longest edges, with its middle above the edge. If there are few stable poses, other rows of `frame` follow.
         """
         plane = frame[1:]
         kept: list[Float64] = []
@@ -126,9 +126,10 @@ class StabilityCues:
         return normal
 
     def frame(self) -> Float64:
-        """Return the axes (3, 3) of the shape: those of the file if one of them is a mirror normal, else its own.
+        """Return the axes (3, 3) of the shape.
 
-        Its own axes are the normal of its mirror plane, and the sides of its smallest box in that plane.
+        They are the axes of the file if one of them is a mirror normal. Otherwise they are the normal of the shape's
+        mirror plane, and the sides of its smallest box in that plane.
         """
         normal = self.mirror_normal()
         least = max(self.mirror_error(normal), LEAST_ERROR)
@@ -178,7 +179,7 @@ def _hull_of(points: Float64) -> ConvexHull | None:
 
 
 def _hull_vertices(points: Float64) -> Float64:
-    """Return the `points` (N, 3) on their convex hull; all if they are coplanar."""
+    """Return the `points` (N, 3) on their convex hull, or all points if they are coplanar."""
     try:
         return points[ConvexHull(points).vertices]
     except (QhullError, ValueError):

@@ -1,1 +1,1 @@
-"""Ray-cast pictures of a mesh: cameras around it, light, and the surface point of every pixel."""
+"""Render pictures of a mesh by casting rays, and find the surface point of each pixel."""

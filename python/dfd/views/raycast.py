@@ -1,4 +1,4 @@
-"""Intersect rays with triangles, by Embree."""
+"""Intersect rays with triangles by Embree."""
 
 from __future__ import annotations
 
@@ -15,36 +15,35 @@ from dfd.common.linear_algebra import Bool, Float32, Int32, Int64
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """The first intersections of rays with the surface, for the rays that hit it."""
+    """The first intersection of each ray that hits the surface."""
 
-    ray: Int64  # (K,) index of the ray, increasing
+    ray: Int64  # (K,) index of the ray, ascending
     face: Int32  # (K,) the face that the ray hits
-    barycentric: Float32  # (K, 3) weights of the face's corners, each at least 0, of sum 1
-    distance: Float32  # (K,) along the ray, in lengths of its direction
+    barycentric: Float32  # (K, 3) weights of the face's corners, at least 0 and with sum 1
+    distance: Float32  # (K,) distance along the ray, in lengths of its direction
 
     def where(self, chosen: NDArray[np.bool_ | np.integer]) -> Hits:
-        """Return some of the hits; `chosen` is a mask (K,), or indices in the order of the result."""
+        """Return the hits that `chosen` selects by a mask (K,) or by indices."""
         return Hits(self.ray[chosen], self.face[chosen], self.barycentric[chosen], self.distance[chosen])
 
 
 class Scene:
-    """The search tree of triangles in normalized coordinates; rays hit the front and the back of a face.
+    """The search tree of triangles; rays hit the front and the back of a face, but no face without area.
 
-    Several threads may cast rays in parallel. `vertices` (V, 3) are normalized, because Embree computes in float32 and
-    loses hits far from the origin. `faces` (F, 3) are checked by `dfd.Mesh`. Rays never hit a face without area.
+    Several threads may cast rays in parallel. `vertices` (V, 3) must be normalized, because Embree computes in float32
+    and misses hits far from the origin. `faces` (F, 3) must be valid indices.
     """
 
     def __init__(self, vertices: NDArray[np.floating[Any]], faces: NDArray[np.integer[Any]]) -> None:
-        # Of rays at a common edge or vertex, one in 200 is lost with `robust`, and one in seven without it.
+        # Of the rays to a common edge or vertex of faces, one in 200 misses with `robust`, and one in seven without it.
         self._scene = EmbreeScene(robust=True)
-        TriangleMesh(
-            self._scene, np.ascontiguousarray(vertices, dtype=np.float32), np.ascontiguousarray(faces, dtype=np.int32)
-        )
-        # The first query builds the search tree, and must not run in parallel with another.
+        corners = np.ascontiguousarray(faces, dtype=np.int32)
+        TriangleMesh(self._scene, np.ascontiguousarray(vertices, dtype=np.float32), corners)
+        # The first query builds the search tree, so it must not run in parallel with another query.
         self.cast(np.zeros(3), np.ones((1, 3)))
 
     def cast(self, origins: NDArray[np.floating[Any]], directions: NDArray[np.floating[Any]]) -> Hits:
-        """Cast rays along `directions` (N, 3) from `origins`, (N, 3) or one point (3,) for all."""
+        """Return the hits of rays along `directions` (N, 3) from `origins` (N, 3), or from one point (3,)."""
         directions = np.ascontiguousarray(directions, dtype=np.float32)
         origins = np.ascontiguousarray(np.broadcast_to(origins, directions.shape), dtype=np.float32)
         if len(directions) == 0:
@@ -59,13 +58,13 @@ class Scene:
         return Hits(ray, found["primID"][ray], barycentric, found["tfar"][ray])
 
     def hides(self, eye: NDArray[np.floating[Any]], points: NDArray[np.floating[Any]], tolerance: float) -> Bool:
-        """Return a mask (N,) of `points` (N, 3) that the surface hides from `eye` (3,).
+        """Return a mask (N,) of the `points` (N, 3) that the surface hides from `eye` (3,).
 
-        A hit closer to the point than the fraction `tolerance` of the distance is the surface on which the point lies.
+        A point on the surface does not hide itself: rays end before it, by the share `tolerance` of their length.
         """
         if len(points) == 0:
             return np.zeros(0, bool)
         eyes = np.ascontiguousarray(np.broadcast_to(eye, points.shape), dtype=np.float32)
-        reach = np.full(len(points), 1 - tolerance, np.float32)
-        met = self._scene.run(eyes, np.asarray(points - eye, np.float32, order="C"), dists=reach, query="OCCLUDED")
-        return met >= 0
+        ends = np.full(len(points), 1 - tolerance, np.float32)
+        hit = self._scene.run(eyes, np.asarray(points - eye, np.float32, order="C"), dists=ends, query="OCCLUDED")
+        return hit >= 0

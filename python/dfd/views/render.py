@@ -1,4 +1,4 @@
-"""Render pictures of a mesh, and return the surface point of every pixel (paper, Eq. 2)."""
+"""Render pictures of a mesh, with the surface point of each pixel (paper, Eq. 2)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Supervision = Literal["barycentric", "vertex"]
 LARGEST_RESOLUTION = 4096
 LARGEST_VIEWS = 32767  # view numbers have 16 bits
 
-Seen = tuple[Float32, Float32, Float32, Int32]  # points, row, column and face of one picture
+Seen = tuple[Float32, Float32, Float32, Int32]  # points, rows, columns and faces of one picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,25 +35,20 @@ class Views:
     """Pictures of a shape, and the surface points of their pixels."""
 
     images: UInt8  # (n, R, R, 3) 8-bit red, green and blue as displayed, on white
-    covered: Bool  # (n, R, R) the pixels that show the shape
-    cameras: list[Camera]  # one per picture
-    # points: (P, 3) surface points in normalized coordinates: (p − `center`) · `scale` for p in mesh units
-    points: Float32
-    # view, row, column: (P,) the picture that shows each point, and the place in it, in pixels; whole numbers are pixel
-    # centers
-    view: NDArray[np.int16]
-    row: Float32
-    column: Float32
-    face: Int32  # (P,) the face on which each point lies; empty if the points are vertices
-    # vertices, faces: (V, 3) normalized and (F, 3), the rendered surface: of the mesh or of a simplified copy
-    vertices: Float32
-    faces: Int32
-    # center, scale: the normalization, which maps the middle of the box to the origin and its longest side to [−1, 1]
+    covered: Bool  # (n, R, R) whether a pixel shows the shape
+    cameras: list[Camera]  # one for each picture
+    points: Float32  # (P, 3) surface points in normalized coordinates: (p − `center`) · `scale` for p in mesh units
+    view: NDArray[np.int16]  # (P,) the picture that shows each point
+    row: Float32  # (P,) row of each point in its picture, in pixels; whole numbers are pixel centers
+    column: Float32  # (P,) column of each point in its picture
+    face: Int32  # (P,) the face of each point; empty if the points are vertices
+    vertices: Float32  # (V, 3) normalized vertices of the rendered surface, which may be a simplified copy
+    faces: Int32  # (F, 3) faces of the rendered surface
+    # The normalization maps the center of the box to the origin, and its longest side to [−1, 1].
     center: Float64
     scale: float
-    # frame: (3, 3) right, up and front, in the mesh's coordinates
-    frame: Float64 = field(default_factory=lambda: np.eye(3))
-    scene: Scene | None = None  # of `vertices` and `faces`, for more rays; None if no more are cast
+    frame: Float64 = field(default_factory=lambda: np.eye(3))  # (3, 3) right, up and front, in the mesh's coordinates
+    scene: Scene | None = None  # the search tree of `vertices` and `faces`, if it is kept
 
 
 def render(
@@ -68,28 +63,28 @@ def render(
     frame: Float64 | None = None,
     stages: Stages | None = None,
 ) -> Views:
-    """Render pictures of `mesh` from all directions.
+    """Return pictures of `mesh` from all directions.
 
-    One ray passes through the center of every pixel. If it first hits a triangle T at barycentric coordinates B, the
-    pixel shows the surface point P = B·T.
+    A ray passes through the center of each pixel. If it first hits a triangle T at barycentric coordinates B, the pixel
+    shows the surface point P = B·T.
 
     Parameters
     ----------
     views, resolution
-        Number of pictures, and of pixels along a side of each.
+        The number of pictures, and the side of each in pixels.
     framing
-        "shape" fills every picture with the shape; "paper" uses the distance of the paper.
+        "shape" fills each picture with the shape; "paper" uses the distance of the paper.
     mirrored
         Whether cameras form groups of four that are mirror images of each other; see `place_cameras`.
     simplify_to
-        Number of faces of a simplified copy (quadric errors) that is rendered instead; None renders the mesh itself.
+        Number of faces of a simplified copy (quadric errors) that is rendered; None renders the mesh itself.
     supervision
-        The returned points: "barycentric" for the surface points of all covered pixels, "vertex" for the visible
+        Choice of the points: "barycentric" for the surface points of all covered pixels, "vertex" for the visible
         vertices.
     frame
         (3, 3) rotation: right, up and front of the cameras in the mesh's coordinates; None takes the mesh's axes.
 
-    Raises ValueError if an argument is out of its range, or no ray hits the mesh.
+    Raises ValueError if an argument is out of its range, or no camera ray hits the mesh.
     """
     views = check.whole("render", "views", views, minimum=1, maximum=LARGEST_VIEWS)
     resolution = check.whole("render", "resolution", resolution, minimum=1, maximum=LARGEST_RESOLUTION)
@@ -114,15 +109,15 @@ def render(
         cameras = [camera.in_mesh(axes) for camera in placed]
         images = np.empty((views, resolution, resolution, 3), np.uint8)
         covered = np.zeros((views, resolution, resolution), bool)
-        met = np.zeros(views, bool)  # pictures in which a ray hit the surface
+        hit = np.zeros(views, bool)  # whether a ray of a picture hit the surface
 
         def take(index: int) -> Seen:
             images[index], hits = shading.picture(cameras[index], resolution)
             covered[index].ravel()[hits.ray] = True
-            met[index] = len(hits.ray) > 0
+            hit[index] = len(hits.ray) > 0
             if supervision == "vertex":
                 points, row, column = _visible_vertices(scene, used, cameras[index], resolution)
-                # A vertex at the outline may lie in a pixel whose own ray misses the surface.
+                # A vertex at the outline can lie in a pixel whose ray misses the surface.
                 place = np.rint([row, column]).astype(np.int32).clip(0, resolution - 1)
                 covered[index, place[0], place[1]] = True
                 return points, row, column, np.zeros(0, np.int32)
@@ -138,22 +133,22 @@ def render(
                 seen.append((points, view, row, column, face))
                 advance()
             points, view, row, column, face = threads.map(np.concatenate, zip(*seen, strict=True))
-    if not met.any() or len(points) == 0:
-        raise ValueError("render: no camera ray hits `mesh`: all its faces are without area, or smaller than a pixel")
+    if not hit.any() or len(points) == 0:
+        raise ValueError("render: no camera ray hits `mesh`: its faces have no area, or are smaller than a pixel")
     return Views(
         images, covered, cameras, points, view, row, column, face, vertices, mesh.faces, center, scale, axes, scene
     )
 
 
 def used_vertices(vertices: Float32, faces: Int32) -> Float32:
-    """Return the vertices (N, 3) of `vertices` (V, 3) that are corners of faces."""
+    """Return those of `vertices` (V, 3) that are corners of faces, (N, 3)."""
     used = np.zeros(len(vertices), bool)
     used[faces] = True
     return vertices if used.all() else vertices[used]
 
 
 def surface_points(vertices: Float32, faces: Int32, hits: Hits) -> Float32:
-    """Return P = B·T (Eq. 2) of all hits, (K, 3), in the units of `vertices` (V, 3)."""
+    """Return the points P = B·T (Eq. 2) of all hits, (K, 3), in the units of `vertices` (V, 3)."""
     return blend(vertices, faces.take(hits.face, axis=0), hits.barycentric)
 
 

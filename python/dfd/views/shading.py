@@ -15,17 +15,17 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
     from dfd.views.cameras import Camera
 
-AMBIENT, DIFFUSE = 0.6, 0.4  # as in the public reference
-_LAYERS = 8  # at most so many transparent surfaces along a ray
-_CANCELLED = 0.2  # a blend of unit normals shorter than this is unreliable
-_STEP = 1e-4  # normalized: offset of a ray's next start behind a transparent surface
+AMBIENT, DIFFUSE = 0.6, 0.4  # shares of ambient and diffuse light, as in the public reference
+_LAYERS = 8  # most transparent surfaces along a ray
+_CANCELLED = 0.2  # length below which an interpolated unit normal is unreliable
+_STEP = 1e-4  # distance behind a transparent surface at which a ray continues, normalized
 
 
 class Shading:
     """The renderer of one scene."""
 
     def __init__(self, scene: Scene, mesh: Mesh, vertices: Float32) -> None:
-        """Keep `mesh`, and its normalized `vertices` (V, 3), which `scene` contains."""
+        """Store `mesh`, and its normalized `vertices` (V, 3), which `scene` contains."""
         self._scene = scene
         self._vertices = vertices
         self._faces = mesh.faces
@@ -33,9 +33,9 @@ class Shading:
         self._appearance = mesh.appearance
 
     def picture(self, camera: Camera, resolution: int) -> tuple[UInt8, Hits]:
-        """Return one picture (R, R, 3), and for each covered pixel its first hit that is at least half opaque.
+        """Return a picture (R, R, 3), and for each pixel the first hit on a surface that is at least half opaque.
 
-        `ray` of the hits is the index of the pixel.
+        `Hits.ray` is the index of the pixel.
         """
         origin = camera.position.astype(np.float32)
         directions = camera.ray_directions(resolution)
@@ -50,7 +50,7 @@ class Shading:
         return image.reshape(resolution, resolution, 3), hits
 
     def colors(self, hits: Hits, directions: Float32) -> Float32:
-        """Return the lit color and opacity of each hit, (K, 4) in [0, 1]; `directions` (N, 3) are those of all rays."""
+        """Return the lit color and opacity of each hit, (K, 4) in [0, 1], for the `directions` (N, 3) of all rays."""
         if self._appearance is None:
             rgba = np.full((len(hits.ray), 4), GRAY, np.float32)
             rgba[:, 3] = 1
@@ -61,9 +61,9 @@ class Shading:
         return rgba
 
     def _see_through(self, origin: Float32, directions: Float32, hits: Hits, rgba: Float32) -> tuple[Hits, Float32]:
-        """Blend transparent surfaces from front to back, with white behind them.
+        """Return the first hit of each ray that is at least half opaque, and the color (N, 3) of all rays.
 
-        Return the first hit of each ray that is at least half opaque, and the color (N, 3) of all rays.
+        Transparent surfaces are blended from front to back, with white behind them.
         """
         color = np.zeros((len(directions), 3), np.float32)
         light = np.ones(len(directions), np.float32)  # remaining transmittance
@@ -96,9 +96,9 @@ def facing(
     hits: Hits,
     directions: Float32,  # (N, 3) unit, of all rays
 ) -> Float32:
-    """Return |n · d| of each hit, (K,): 1 if the surface faces the eye with its front or back, 0 if seen edge on.
+    """Return |n · d| of each hit, (K,): 1 if the front or the back of the surface faces the eye, 0 if seen edge on.
 
-    The smooth normal nearly cancels between faces of opposite orientation. The face's own normal then replaces it.
+    n is the interpolated normal, or the face's normal if normals of opposite direction nearly cancel.
     """
     corners = faces.take(hits.face, axis=0)
     normal = blend(normals, corners, hits.barycentric)

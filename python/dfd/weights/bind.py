@@ -1,4 +1,4 @@
-"""Weights of vertices for handles: feature distance, fixed points, geodesic falloff (Eq. 4-7)."""
+"""Compute weights of vertices for handles by feature distance, fixed points and locality (Eq. 4-7)."""
 
 from __future__ import annotations
 
@@ -55,38 +55,38 @@ def bind(
     falloff: Falloff | Sequence[Falloff] = "linear",
     out: Any = None,
 ) -> Any:
-    """Compute the weight of each vertex for each handle, in [0, 1].
+    """Return the weight of each vertex for each handle, in [0, 1].
 
-    The weight at a handle is 1, less the weight that fixed points remove there.
+    The weight at a handle itself is 1, less the weight that fixed points remove there.
 
     Parameters
     ----------
     features
-        (V, D) rows, usually of unit length; they are not normalized. float32 is read in place. Or the result of
-        `dfd.compact`, which binds many times faster within its tolerance.
+        (V, D) rows, usually of unit length; they are not normalized. float32 is read in place. The result of
+        `dfd.compact` is accepted too, and is many times faster within its tolerance.
     handles
-        (H,) distinct vertex indices, or (H, D) feature rows for points in space. Or a sequence of H items: vertex
-        indices, lists of them, or (N, D) rows. A handle with several members is a region, whose weights come from the
-        nearest member. A region is reduced to at most 32 members with distant features. Members within 0.001 of a kept
-        one are left out, and above 8,192 members only as many are considered, evenly chosen.
+        (H,) distinct vertex indices, or (H, D) feature rows for points in space. A sequence of H items also permits
+        regions: each item is a vertex index, a list of vertex indices, or (N, D) rows. The weight for a region comes
+        from its member with the nearest feature. Members within 0.001 of another one are left out, and at most 32
+        members with distant features are used. Of more than 8,192 members, 8,192 evenly chosen ones are considered.
     fixed
-        Points or regions that stay in place with everything that looks like them: (P,), (P, D) or a sequence of P
+        Points or regions that stay in place with all surface that looks like them: (P,), (P, D) or a sequence of P
         items, as for `handles`.
     strength
         The share of weight that `fixed` removes, in [0, 1]: one number, or (P,). The default 1 is Eq. 6.
     geodesic
-        (H, V) geodesic distances from each handle, in [0, 1]. float32 is read in place.
+        (H, V) distances along the surface from each handle, in [0, 1]. float32 is read in place.
     locality
-        λ ≥ 0: one number, or (H,). 0 ignores distances; a larger λ keeps weights nearer to the handle.
+        λ ≥ 0: one number, or (H,). 0 ignores `geodesic`; a larger λ lowers weights more with the distance.
     reach
-        r > 0: one number, or (H,). The feature distance at which a handle's weight is 0. Unit rows differ by at most 2,
-        so a reach above 2 includes all vertices.
+        r > 0: one number, or (H,). The feature distance at which the weight is 0. Unit rows differ by at most 2, so a
+        reach above 2 includes all vertices.
     falloff
-        The curve f of x = 1 − d / r: one name, or H names. linear x, smooth x² (3 − 2x), sharp x², root √x, sphere
-        √(x (2 − x)), constant 1 within the reach. The names are those of Blender's proportional editing.
+        The curve f of x = 1 − d / r for the feature distance d: one name, or H names. linear: x, smooth: x² (3 − 2x),
+        sharp: x², root: √x, sphere: √(x (2 − x)), constant: 1. The names are those of Blender's proportional editing.
     out
-        (V, H) float32 array for the result; a new one if left out. Its rows or columns must be contiguous. A column of
-        a column-major array is written without access to the others.
+        (V, H) float32 array for the result; None makes a new one. Its rows or columns must be contiguous. In a
+        column-major array, columns can be written one at a time.
 
     Returns
     -------
@@ -94,15 +94,15 @@ def bind(
         (V, H) float32; a torch tensor if `features` is one.
 
     Raises ValueError if shapes disagree, a value is not finite, an index is out of range or repeated, or a region is
-    empty. Raises ValueError if a distance or strength lies outside [0, 1], a reach is not above 0, an array is masked
-    or requires gradients (weights have none), or `out` has another shape or type.
+    empty. Raises ValueError if a distance or strength lies outside [0, 1], a reach is not above 0, an array is masked,
+    a tensor requires gradients, or `out` has another shape or type.
 
     Equations 4 and 5: W = f(max(1 − ‖Z_i − Z_j‖ / r, 0)); the paper has r = 1 and f(x) = x. Then Equation 6:
     W ← max(W − max_p s_p W_p, 0), where W_p = max(1 − ‖Z_i − Z_p‖, 0); the paper has s = 1. Then Equation 7:
     W ← W (1 − G)^λ.
     """
     if tensors.tracked(features, handles, fixed, geodesic, out):
-        raise ValueError("bind: weights have no gradients: detach the tensors that require them")
+        raise ValueError("bind: weights have no gradients: detach the tensors that require gradients")
     source: Float32 | CompactFeatures
     if isinstance(features, CompactFeatures):
         source, blocks, step = features, features.blocks, features.step
@@ -157,25 +157,23 @@ def _strengths(strength: ArrayLike | None, held: Targets | None) -> Float32 | No
 def _extents(
     reach: ArrayLike, falloff: Falloff | Sequence[Falloff], handle_count: int
 ) -> tuple[Float32 | None, Int32 | None]:
-    """Return reaches (H,) and numbers of falloffs (H,), or (None, None) for those of the paper."""
+    """Return the reach (H,) and the number of the falloff (H,) of each handle, or (None, None) for the paper's."""
     if type(reach) is float and reach == 1.0 and falloff == "linear":
         return None, None
     reaches = _for_each("reach", reach, handle_count, minimum=0.0, exclusive=True)
     if not isinstance(falloff, str | Sequence):
-        raise ArgumentError("falloff", f"must be a name or one for each handle, got {falloff!r}", "bind")
+        raise ArgumentError("falloff", f"must be one name or a list of names, got {falloff!r}", "bind")
     names = [falloff] if isinstance(falloff, str) else list(falloff)
     numbers = [get_args(Falloff).index(check.choice("bind", "falloff", name, Falloff)) for name in names]
     if isinstance(falloff, str):
         numbers *= handle_count
     if len(numbers) != handle_count:
-        raise ArgumentError(
-            "falloff", f"must be one name or {handle_count}, as many as handles, got {len(numbers)}", "bind"
-        )
+        raise ArgumentError("falloff", f"must be one name or {handle_count}, got {len(numbers)}", "bind")
     return reaches, np.array(numbers, np.int32)
 
 
 def _locality(geodesic: Any, locality: ArrayLike, shape: tuple[int, int]) -> tuple[Float32 | None, Float32 | None]:
-    """Return distances (H, V) and exponents λ (H,), or (None, None)."""
+    """Return distances (H, V) and exponents λ (H,), or (None, None) without locality."""
     if geodesic is None and type(locality) is float and locality == 0:
         return None, None
     vertex_count, handle_count = shape
@@ -188,7 +186,7 @@ def _locality(geodesic: Any, locality: ArrayLike, shape: tuple[int, int]) -> tup
 
 
 def _for_each(name: str, value: ArrayLike, count: int, *, minimum: float, exclusive: bool = False) -> Float32:
-    """Return numbers (count,) from one number or `count` numbers."""
+    """Return `value`, one number or `count` numbers, as numbers (count,)."""
     if np.ndim(tensors.shared("bind", name, value)) == 0:
         number = check.number("bind", name, value, minimum=minimum, exclusive=exclusive)
         numbers = np.full(count, np.clip(number, 0, np.finfo(np.float32).max), np.float32)
@@ -197,4 +195,4 @@ def _for_each(name: str, value: ArrayLike, count: int, *, minimum: float, exclus
         if (numbers < minimum).any() or (exclusive and (numbers == minimum).any()):
             bound = "above" if exclusive else "at least"
             raise ArgumentError(name, f"must be {bound} {minimum:g}, got {numbers.min():g}", "bind")
-    return np.maximum(numbers, np.finfo(np.float32).tiny) if exclusive else numbers  # rounding must not give 0
+    return np.maximum(numbers, np.finfo(np.float32).tiny) if exclusive else numbers  # small numbers round to 0

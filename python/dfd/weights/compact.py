@@ -1,8 +1,8 @@
-"""Compact features: features for `dfd.bind` in a tenth of the bytes, within a stated tolerance of the weights.
+"""Compact features for `dfd.bind` to about a tenth of the bytes, within a given tolerance of the weights.
 
 The features of one shape vary mostly along a few directions. They are projected to as few directions as the tolerance
-allows, and stored in 8 or 16 bits in the order in which the kernels read them. Distances between whole numbers of steps
-are exact, so the weight of a handle at itself is still exactly 1.
+permits, and stored in 8 or 16 bits in the order in which the kernels read them. Equal features have equal entries, so
+the weight of a handle at itself is still exactly 1.
 """
 
 from __future__ import annotations
@@ -20,36 +20,37 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.common.threads import get_num_threads, one_blas_thread
 
-BLOCK = 16  # number of vertices that the kernels read together
-BATCH = 512  # number of rows that are projected together: the batch of a field, which fits the cache of a core
-SPAN = 127  # largest number of steps in a byte
-# Directions, weights and handles are sampled with these sizes. On more samples, the largest error grows slowly.
+BLOCK = 16  # vertices that the kernels read together
+BATCH = 512  # rows that are projected together, as many as a field evaluates together; they fit a core's cache
+SPAN = 127  # largest absolute value of an int8 entry, in steps
+# Vertices that determine the directions, and vertices and handles whose weights are compared. With larger samples, the
+# largest error grows slowly.
 DIRECTION_SAMPLE, VERTEX_SAMPLE, HANDLE_SAMPLE = 16_384, 4_096, 128
-SAFETY = 0.8  # fraction of the tolerance that the error of a sample may reach when the number of dimensions is chosen
+SAFETY = 0.8  # largest error on the samples, over the tolerance, for the chosen number of dimensions
 
 Precision = Literal["int8", "float16"]
 
 
 @dataclass(frozen=True, eq=False)
 class CompactFeatures:
-    """Features (V, D) of a shape's vertices, projected and rounded. `dfd.bind` takes them in place of the features."""
+    """Features (V, D) of a shape's vertices, projected and rounded, which `dfd.bind` accepts in place of the features.
+
+    A feature z is stored as d entries, (z − mean) @ basis, in multiples of `step`.
+    """
 
     shape: tuple[int, int]  #: (V, D) of the original features
-    precision: Precision  #: type of the stored entries
-    #: float16: (B, d, 16) uint16, the bits of d entries of 16 vertices. int8: (B, d / 4 + 1, 16, 4) uint8, entries +
-    #: 128 in groups of four, then the squared length in steps as int32.
+    precision: Precision  #: type of an entry
+    #: The entries, in blocks of 16 vertices. float16: (B, d, 16) uint16, the bits of the entries. int8:
+    #: (B, d / 4 + 1, 16, 4) uint8, entries + 128 in groups of four, then the squared length as int32
     blocks: NDArray[Any]
-    #: basis, mean: (D, d) with orthonormal columns and (D,): a row z is stored as (z − mean) @ basis
-    basis: Float32
-    mean: Float32
-    step: float  #: the value of 1 in an int8 entry; 1 for float16
-    radius: float  #: largest distance between a vertex of the sample and its stored entries
-    #: tolerance, error: the requested largest error of a weight, and the largest error on a sample
-    tolerance: float
-    error: float
+    basis: Float32  #: (D, d) orthonormal columns
+    mean: Float32  #: (D,)
+    step: float  #: the unit of an int8 entry; 1 for float16
+    radius: float  #: largest distance between the feature of a sampled vertex and its stored entries
+    tolerance: float  #: the requested largest error of a weight
+    error: float  #: the largest error of a weight on the samples
 
     def __repr__(self) -> str:
-        """Return the shape, the precision and the error."""
         stored = f"{self.dimensions} dimensions as {self.precision}"
         return f"CompactFeatures({self.shape[0]} × {self.shape[1]} in {stored}, error {self.error:.2g})"
 
@@ -58,7 +59,7 @@ class CompactFeatures:
 
     @property
     def dimensions(self) -> int:
-        """Return the number of stored dimensions d."""
+        """Return the number d of entries of a vertex."""
         return int(self.basis.shape[1])
 
     @property
@@ -67,7 +68,7 @@ class CompactFeatures:
         return self.blocks.nbytes
 
     def stored(self, indices: NDArray[np.integer[Any]]) -> Float32:
-        """Return the stored entries (N, d) of vertices, in steps."""
+        """Return the entries (N, d) of vertices, in steps."""
         block, lane = np.divmod(indices, BLOCK)
         if self.precision == "float16":
             return self.blocks[block, :, lane].view(np.float16).astype(np.float32)
@@ -75,16 +76,15 @@ class CompactFeatures:
         return entries.astype(np.float32) - 128
 
     def rows(self, indices: NDArray[np.integer[Any]]) -> Float32:
-        """Return approximate feature rows (N, D) of vertices; `project` maps them to their stored entries."""
+        """Return the approximate features (N, D) of vertices; `project` maps them to the same entries."""
         stored = self.stored(indices)
         stored *= self.step
         return stored @ self.basis.T + self.mean
 
     def principal(self, count: int) -> Float32:
-        """Return coordinates (V, count) of all vertices along the principal directions of their features.
+        """Return the coordinates (V, ≤ `count`) of all features along their principal directions, of which d exist.
 
-        The sign of a direction makes its largest component positive, so equal features have equal coordinates. There
-        are at most as many directions as stored dimensions.
+        The largest component of each direction is positive, so that equal features have equal coordinates.
         """
         sample = self.stored(np.arange(0, len(self), -(-len(self) // DIRECTION_SAMPLE))).astype(np.float64)
         mean = sample.mean(axis=0)
@@ -98,9 +98,9 @@ class CompactFeatures:
         return coordinates
 
     def project(self, rows: Float32) -> tuple[Float32, Float32]:
-        """Return the entries (N, d) that would be stored for rows (N, D), and the squared distances (N,) they miss.
+        """Return the entries (N, d) of features `rows` (N, D), and the squared distances (N,) that the entries miss.
 
-        The missed distance counts only beyond `radius`, the largest one of the shape's own vertices.
+        Up to `radius` they are 0, because entries of the shape's vertices miss distances too.
         """
         centered = rows - self.mean
         stored = _rounded(centered @ self.basis, self.precision, self.step)
@@ -112,7 +112,7 @@ class CompactFeatures:
 def compact(
     features: Any, points: Any = None, *, tolerance: float = 0.01, progress: Callable[[int], object] | None = None
 ) -> CompactFeatures:
-    """Project features to as few dimensions and bits as `tolerance` on the weights allows.
+    """Return features with as few dimensions and bits as `tolerance` of the weights permits.
 
     Parameters
     ----------
@@ -120,11 +120,11 @@ def compact(
         (V, D) rows, a field with `points`, or `field.on(mesh)`. A field is evaluated in batches on several threads, so
         the full features are never in memory.
     points
-        (V, 3) points at which a field is evaluated, mesh units; left out otherwise.
+        (V, 3) points at which a field is evaluated, in mesh units; only for a field.
     tolerance
         Largest difference from weights of the full features in float64, on a sample of vertices and handles.
     progress
-        Called with the number of further rows that are done. A negative number means that rows are computed again.
+        A callback that takes the number of newly finished rows; a negative number if rows are computed again.
 
     Raises ValueError if `features` or `points` have the wrong shape, are empty or are not finite, or 16 bits are too
     few for the tolerance.
@@ -147,7 +147,7 @@ def compact(
         kept = min(dimensions, source.dimension)
         rotation = np.eye(kept)
         step = 1.0
-        if precision == "int8":  # a random rotation makes all dimensions equally wide, because they share one step
+        if precision == "int8":  # all dimensions have one step, so a random rotation gives them equal variance
             rotation = np.linalg.qr(random.standard_normal((kept, kept)))[0]
             step = float(1.02 * np.abs(centered[:, :kept] @ rotation).max() / SPAN or 1.0)
         if max(trial.error(rotation, precision, step) for trial in trials) <= SAFETY * wanted:
@@ -162,12 +162,8 @@ def compact(
     blocks, step = _packed(source, center, basis, precision, step, progress)
     error = max(trial.error(rotation, precision, step) for trial in trials)
     if not error <= wanted:
-        raise ArgumentError(
-            "features",
-            f"hold a row so far from the others that a weight would err by {error:g}, "
-            f"more than `tolerance`, {wanted:g}",
-            "compact",
-        )
+        reason = f"have a row so far from the others that the error is {error:g}, above `tolerance`, {wanted:g}"
+        raise ArgumentError("features", reason, "compact")
     for array in (blocks, basis, center):
         array.flags.writeable = False
     return CompactFeatures(
@@ -200,7 +196,7 @@ class _Source:
             self._array = check.array("compact", "points", points, ("V", 3), dtype=np.float64)
         else:
             if points is not None:
-                raise ArgumentError("points", "are for a field, and `features` are rows already", "compact")
+                raise ArgumentError("points", "must not be given if `features` are rows", "compact")
             self._array = check.array("compact", "features", features, ("V", "D"), finite=False)
         self.count = len(self._array)
         if self.count == 0:
@@ -217,11 +213,11 @@ class _Source:
 
 
 class _Trial:
-    """Compare weights of full features in float64 with weights of stored entries, on sampled vertices and handles.
+    """A comparison of weights of full features in float64 with weights of entries, on sampled vertices and handles.
 
-    `features` (N, D) are the original features, because coordinates far from the mean would lose digits. `along` (N, D)
-    are their coordinates along all principal directions. The first d coordinates are multiplied by `rotation` (d, d)
-    and rounded.
+    `features` (N, D) are the full features, and `along` (N, D) their coordinates along all principal directions. Full
+    features are needed too, because coordinates far from the mean lose digits. The first d coordinates are multiplied
+    by `rotation` (d, d) and rounded.
     """
 
     def __init__(self, features: Float64, along: Float64, handles: Int64) -> None:
@@ -229,14 +225,14 @@ class _Trial:
         self._weights = _weights(features[:VERTEX_SAMPLE], features[handles])
 
     def error(self, rotation: Float64, precision: Precision, step: float) -> float:
-        """Return the largest difference of a weight."""
+        """Return the largest difference between two weights."""
         vertices, handles = (_stored(rows, rotation, precision, step) for rows in (self._vertices, self._handles))
         if not (np.isfinite(vertices).all() and np.isfinite(handles).all()):
             return np.inf
         return float(np.abs(_weights(vertices, handles) - self._weights).max())
 
     def radius(self, rotation: Float64, precision: Precision, step: float) -> float:
-        """Return the largest distance of a vertex from its stored entries."""
+        """Return the largest distance of a vertex's feature from its entries."""
         missed = self._vertices.copy()
         missed[:, : len(rotation)] -= _stored(self._vertices, rotation, precision, step) @ rotation.T
         return float(np.linalg.norm(missed, axis=1).max())
@@ -247,7 +243,7 @@ def _stored(rows: Float64, rotation: Float64, precision: Precision, step: float)
 
 
 def _weights(vertices: Float64, handles: Float64) -> Float64:
-    """Return the weights of Equations 4 and 5."""
+    """Return the weights (V, H) of Equations 4 and 5."""
     squares = np.square(vertices).sum(axis=1)[:, None] + np.square(handles).sum(axis=1) - 2.0 * vertices @ handles.T
     return np.maximum(1.0 - np.sqrt(np.maximum(squares, 0.0)), 0.0)
 
@@ -258,7 +254,7 @@ def _sample(random: np.random.Generator, count: int, size: int) -> Int64:
 
 
 def _candidates(dimension: int) -> Iterator[tuple[Precision, int]]:
-    """Yield precisions and numbers of dimensions, in order of increasing size in bytes."""
+    """Yield precisions and numbers of dimensions, the smallest in bytes first."""
     sizes = {
         min(size, -(-dimension // 4) * 4)
         for size in (*range(8, 64, 8), *range(64, 256, 16), *range(256, dimension + 64, 64))
@@ -271,7 +267,7 @@ def _candidates(dimension: int) -> Iterator[tuple[Precision, int]]:
 
 
 def _rounded(projected: NDArray[Any], precision: Precision, step: float) -> Float32:
-    """Return the stored entries of projected rows, in steps."""
+    """Return the entries of projected rows, in steps."""
     if precision == "float16":
         with np.errstate(over="ignore"):
             return projected.astype(np.float16).astype(np.float32)
@@ -286,10 +282,10 @@ def _packed(
     step: float,
     progress: Callable[[int], object] | None,
 ) -> tuple[NDArray[Any], float]:
-    """Return all rows in blocks, and the step. The step grows if a row outside the sample does not fit."""
+    """Return the blocks of all rows, and the step, which is increased if a row outside the samples needs it."""
     count, dimensions = source.count, basis.shape[1]
     block_count = -(-count // BLOCK)
-    blocks: NDArray[Any]  # np.zeros would allocate its memory in small pages
+    blocks: NDArray[Any]  # np.empty, because np.zeros allocates small memory pages
     if precision == "float16":
         blocks = np.empty((block_count, dimensions, BLOCK), np.uint16)
     else:
@@ -319,7 +315,7 @@ def _packed(
                 if precision == "int8" and largest > (SPAN + 0.5) * step:
                     break
                 if precision == "float16" and largest > float(np.finfo(np.float16).max):
-                    raise ArgumentError("features", "hold a row too far from the others for 16 bits", "compact")
+                    raise ArgumentError("features", "have a row too far from the others for 16 bits", "compact")
                 if progress is not None:
                     progress(min(BATCH, count - start))
             else:

@@ -1,4 +1,4 @@
-"""Convert handles and fixed points for the kernels: single points, or regions with weights by the nearest member."""
+"""Convert handles and fixed points for the kernels: single points, or regions of several members."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Int64
 from dfd.weights.compact import CompactFeatures
 
-MERGED = 1e-3  # members within this feature distance of a kept one are left out; weights differ by as much at most
-MOST_MEMBERS = 32  # largest number of members of a region that are kept, as far apart as possible
-MOST_CONSIDERED = 8_192  # largest number of members from which these are chosen; more would take longer than binding
+MERGED = 1e-3  # feature distance within which a member is left out; weights change by at most as much
+MOST_MEMBERS = 32  # most members of a region that are used
+MOST_CONSIDERED = 8_192  # most members that are considered; with more, this choice takes longer than binding
 
 Source = Float32 | CompactFeatures
 
@@ -25,11 +25,9 @@ Source = Float32 | CompactFeatures
 class Targets:
     """The points from which a kernel measures feature distances."""
 
-    # points: (N,) int64 vertices, or (N, d) float32 rows; rows of compact features are stored entries, in steps
-    points: Int64 | Float32
-    missed: Float32 | None  # (N,) squared distance that stored rows miss; None for vertices and for full features
-    # members: (H,) uint32 number of consecutive points of each handle; None if each handle is one point
-    members: NDArray[np.uint32] | None
+    points: Int64 | Float32  # (N,) vertices, or (N, d) rows; for compact features, their entries in steps
+    missed: Float32 | None  # (N,) squared distances that entries miss; None for vertices and for full features
+    members: NDArray[np.uint32] | None  # (H,) number of consecutive points of each handle; None if all are 1
 
     def __len__(self) -> int:
         return len(self.points if self.members is None else self.members)
@@ -38,8 +36,7 @@ class Targets:
 def resolve_points(name: str, value: Any, source: Source) -> Targets:
     """Return the points of the argument `name` of `dfd.bind`, "handles" or "fixed".
 
-    Raises ValueError if `value` is neither vertices, nor feature rows, nor a sequence of regions with at least one
-    member each.
+    Raises ValueError if `value` is not vertices, feature rows or a sequence of regions, or a region has no member.
     """
     items = _items(name, value)
     if items is None:
@@ -59,7 +56,7 @@ def resolve_points(name: str, value: Any, source: Source) -> Targets:
 
 
 def _items(name: str, value: Any) -> list[NDArray[Any]] | None:
-    """Return the items of a sequence that contains regions; None for an array or a sequence of single points."""
+    """Return the items of a sequence that contains a region; None for an array or a sequence of single points."""
     if not isinstance(value, Sequence) or isinstance(value, str):
         return None
     items = []
@@ -73,7 +70,7 @@ def _items(name: str, value: Any) -> list[NDArray[Any]] | None:
     if all(item.ndim == 0 for item in items):
         return None
     if len({item.shape for item in items}) == 1 and _is_row(items[0]):
-        return None  # feature rows, one by one
+        return None  # a sequence of feature rows
     return [item[np.newaxis] if item.ndim == 0 or _is_row(item) else item for item in items]
 
 
@@ -82,7 +79,7 @@ def _is_row(item: NDArray[Any]) -> bool:
 
 
 def _points(name: str, array: NDArray[Any], source: Source) -> Targets:
-    """Return vertices or rows, one per handle; the kernel checks that vertices exist and are distinct."""
+    """Return the points of handles of one member; the kernel checks that vertices exist and are distinct."""
     if array.ndim == 2:
         rows = check.array("bind", name, array, ("N", source.shape[1]))
         if not isinstance(source, CompactFeatures):
@@ -95,7 +92,7 @@ def _points(name: str, array: NDArray[Any], source: Source) -> Targets:
 
 
 def _region(name: str, array: NDArray[Any], source: Source) -> Targets:
-    """Return the members of one handle, after checking vertices, because their features are read here."""
+    """Return the members of one handle; vertices are checked here, because `_thinned` reads their features."""
     if len(array) == 0:
         raise ArgumentError(name, "must have at least one member", "bind")
     if array.ndim == 2:
@@ -104,7 +101,7 @@ def _region(name: str, array: NDArray[Any], source: Source) -> Targets:
 
 
 def _as_rows(region: Targets, source: Source) -> Targets:
-    """Return a region with the feature rows of its vertices."""
+    """Return a region with feature rows in place of vertices."""
     if region.points.ndim == 2:
         return region
     vertices = region.points.astype(np.int64)
@@ -113,7 +110,7 @@ def _as_rows(region: Targets, source: Source) -> Targets:
 
 
 def _thinned(region: Targets, source: Source) -> Targets:
-    """Return at most `MOST_MEMBERS` of a region's points: the first one, then always the point farthest from these."""
+    """Return at most `MOST_MEMBERS` of a region's points: the first, then always the farthest from all chosen ones."""
     count = len(region.points)
     if count <= 1:
         return region

@@ -31,7 +31,7 @@ DEFORM = ("deform", "MESH", "--field", "FIELD")
         (("--handle", 1, "--radius", "far"), "`--radius` must be a length or a percentage such as 20%, got 'far'"),
         (("--handle", 1, "--radius", 1, "--locality", 1), "`--radius` and `--locality` must not be given both"),
         (("--handle", 1, "--zoom", 0), "'--zoom'"),
-        (("--handle", 1, "--symmetry", "w"), "`--symmetry` must be like x, x=0.1 or 0.6,0,0.8=0.1, got 'w'"),
+        (("--handle", 1, "--symmetry", "w"), "`--symmetry` must have the form x, x=0.1 or 0.6,0,0.8=0.1, got 'w'"),
         (("--handle", 1, "--symmetry", "x=50"), "`--symmetry` must pass through the shape"),
         (("--handle", 1, "--symmetry", "x", "--symmetry-candidates", "axes"), "are for the plane auto, got 'x'"),
         (("--handle", 1, "--preset", "mine"), "'mine' is not one of 'default', 'paper'"),

@@ -86,7 +86,7 @@ def test_thickness_sets_rows_apart_that_look_alike(metric: Metric, features: np.
 
 def test_kinds_are_what_the_twin_says(kinds: Kinds, features: np.ndarray) -> None:
     before = features.copy()
-    rows = kinds.likely(features, features.mean(axis=0))
+    rows = kinds.root_probabilities(features, features.mean(axis=0))
     arrays = (kinds.hidden, kinds.hidden_bias, kinds.output, kinds.output_bias)
     twin = reference.kinds_of_parts(features, features.mean(axis=0, dtype=np.float64), *arrays)
     np.testing.assert_allclose(rows, twin, atol=1e-5)
@@ -114,7 +114,7 @@ def test_damaged_metrics_are_refused(metric: Metric, tmp_path: Path) -> None:
     path = tmp_path / "metric.safetensors"
     metric.save(path)
     path.write_bytes(path.read_bytes()[:-10])
-    with pytest.raises(ValueError, match=r"^Metric\.load: .* is no whole \.safetensors file"):
+    with pytest.raises(ValueError, match=r"^Metric\.load: .* is not a complete \.safetensors file"):
         Metric.load(path)
     save_file({"height": np.zeros(3, np.float32)}, path)
     with pytest.raises(ValueError, match="does not hold dfd metric 3"):

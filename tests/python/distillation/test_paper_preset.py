@@ -88,7 +88,7 @@ def test_the_paper_is_what_its_field_says(encoder: Path, monkeypatch: pytest.Mon
 def test_an_encoder_that_was_loaded_otherwise_is_refused(encoder: Path) -> None:
     mesh, how = dfd.samples.chair(4000).mesh, {"progress": False, "cache": False, "device": "cpu"}
     loaded = load_encoder(encoder, device="cpu")
-    with pytest.raises(ValueError, match="`background` must be as the encoder was loaded"):
+    with pytest.raises(ValueError, match="`background` must be False for this loaded encoder"):
         dfd.distill(mesh, loaded, preset="paper", **how)
     with pytest.raises(ValueError, match="`block` must be that of the loaded encoder, 3, got 2"):
         dfd.distill(mesh, loaded, block=2, **how)

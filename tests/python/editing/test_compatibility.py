@@ -37,7 +37,7 @@ def test_a_field_of_another_shape_is_refused(mesh, field, features, stranger):
         "Deformer: `field` must belong to this mesh, but it was distilled from a shape with a longest side of 0.9897 "
         f"around (0, 0.526, -0.007948), and this mesh has one of {max(other.extents):.4g} around "
     )
-    remedy = r"\(.*\): bring the mesh to that shape's units.*; other_shape=True accepts it anyway$"
+    remedy = r"\(.*\): give the mesh the units, axes and position.*; other_shape=True accepts it anyway$"
     with pytest.raises(ValueError, match=re.escape(message) + remedy):
         dfd.Deformer(other, field)
     dfd.Deformer(other, field, other_shape=True)
@@ -68,7 +68,7 @@ def test_a_mesh_that_reaches_far_out_of_the_field_s_box_is_told_so(mesh, field):
     ground = made_field(16, center=standing.bounds.mean(0), scale=2 / max(standing.extents))
     dfd.Deformer(standing, ground)
     lying = dfd.Mesh(standing.vertices @ [[1, 0, 0], [0, 0, 1], [0, -1, 0]], mesh.faces)
-    with pytest.warns(UserWarning, match="weights beyond that shape's box are a guess"):
+    with pytest.warns(UserWarning, match="weights beyond that shape's box are extrapolated"):
         dfd.Deformer(lying, ground)
 
 

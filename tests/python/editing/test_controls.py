@@ -228,11 +228,11 @@ def test_odd_controls_are_refused_by_name(session, given, message):
 @pytest.mark.parametrize(
     ("verb", "given", "message"),
     [
-        ("add", "stretch", "'stretch' is no motion or control of a handle; these are translation, .*, reach, falloff"),
+        ("add", "stretch", "is not a motion or control of a handle; choose from translation, .*, reach, falloff"),
         ("add", "translate", "did you mean translation"),
-        ("move", "rotate", "'rotate' is no motion of a handle; .*did you mean rotation"),
-        ("change", "reech", "'reech' is no control of a handle; .*did you mean reach"),
-        ("set_default", "translate", "'translate' is no motion; .*did you mean translation"),
+        ("move", "rotate", "'rotate' is not a motion of a handle; .*did you mean rotation"),
+        ("change", "reech", "'reech' is not a control of a handle; .*did you mean reach"),
+        ("set_default", "translate", "'translate' is not a motion; .*did you mean translation"),
     ],
 )
 def test_names_that_are_not_settings_are_refused(session, verb, given, message):

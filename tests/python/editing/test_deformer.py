@@ -205,7 +205,7 @@ def test_a_handle_can_sit_elsewhere_and_its_pivot_comes_along(deformer, mesh):
             r"Deformer.fix: `at` must be a vertex index, a point x,y,z, top, bottom, .*, got 'seat'",
         ),
         (lambda d: d.release(8), r"Deformer.release: `at` must be a fixed point, got 8"),
-        (lambda d: d.set_symmetry("w"), r"Deformer.set_symmetry: `plane` must be like x, x=0.1 or 0.6,0,0.8=0.1"),
+        (lambda d: d.set_symmetry("w"), r"Deformer.set_symmetry: `plane` must have the form x, x=0.1 or 0.6,0,0.8=0.1"),
         (lambda d: d.set_symmetry(1), r"`plane` must be a text such as x or x=0.1, or a SymmetryPlane, got int"),
         (lambda d: d.set_symmetry("x", band=-1), r"Deformer.set_symmetry: `band` must be at least 0"),
         (lambda d: d.set_default(scale=math.nan), r"Deformer.set_default: `scale` must be finite"),

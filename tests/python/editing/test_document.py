@@ -216,7 +216,7 @@ MISSING = object()
         (
             ("handles", 1),
             {"position": [10, 0, 0], "scale": 1e308},
-            r"`handles\[1\].translation` is too large beside `scale` and `pivot`: the matrix is not finite",
+            r"`handles\[1\].translation` is too large with this `scale` and `pivot`: the matrix is not finite",
         ),
         (("handles", 1, "position"), None, r"`handles\[1\]` must have a vertex, a position or a region"),
         (("handles", 0, "reach"), "far", r"`handles\[0\].reach` must be 'part', got .far."),

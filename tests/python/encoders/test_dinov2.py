@@ -81,5 +81,5 @@ def test_a_shape_is_distilled_without_transformers(folder: Path) -> None:
 def test_other_networks_are_refused(folder: Path, odd: dict[str, Any]) -> None:
     weights = find_weights(folder)
     weights.config.update(odd)
-    with pytest.raises(ValueError, match=f"not a valid dinov2 model: `{next(iter(odd))}` is"):
+    with pytest.raises(ValueError, match=f"config.json of a dinov2 model, got `{next(iter(odd))}`: "):
         build_dinov2(weights, None)

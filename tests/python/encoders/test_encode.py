@@ -39,7 +39,7 @@ def test_threads_do_not_show(dinov2: Saved) -> None:
 def test_other_resolutions_are_resized_and_said(dinov2: Saved, given: int, used: int) -> None:
     encoder = load_encoder(dinov2.folder, device="cpu")
     assert encoder.nearest_resolution(given) == used
-    with pytest.warns(UserWarning, match=f"resolution of {given} is no multiple of the 8 pixels.*resized to {used}"):
+    with pytest.warns(UserWarning, match=f"must be a multiple of 8 pixels.*, got {given};.*resized to {used}"):
         tokens = encoder.encode(pictures(1, given))
     assert tokens.shape == (1, used // 8, used // 8, 16)
 
@@ -48,7 +48,7 @@ def test_unknown_precision_and_device_are_refused(dinov2: Saved) -> None:
     with pytest.raises(ValueError, match="`precision` must be one of auto, float32, bfloat16, got 'half'"):
         load_encoder(dinov2.folder, precision="half")
     for device in ("abacus", "cuda:99"):
-        with pytest.raises(ValueError, match=f"`device` must be one that torch can use, got '{device}'"):
+        with pytest.raises(ValueError, match=f"`device` must be a usable torch device, got '{device}'"):
             load_encoder(dinov2.folder, device=device)
 
 

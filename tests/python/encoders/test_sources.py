@@ -84,8 +84,8 @@ def test_a_hub_that_is_of_no_help_is_named_with_the_other_ways(monkeypatch: pyte
         return download
 
     for error, kind, message in (
-        (errors.GatedRepoError("no", response=response), FileNotFoundError, "asks for its license to be accepted"),
-        (errors.RepositoryNotFoundError("no", response=response), ValueError, "has no model 'facebook/dinov2-base'"),
+        (errors.GatedRepoError("no", response=response), FileNotFoundError, "needs its license accepted"),
+        (errors.RepositoryNotFoundError("no", response=response), ValueError, "of .*, got 'facebook/dinov2-base'"),
         (ConnectionError("the line went dead"), FileNotFoundError, "the line went dead"),
     ):
         monkeypatch.setattr(huggingface_hub, "snapshot_download", failing(error))

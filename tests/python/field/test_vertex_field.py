@@ -56,10 +56,7 @@ def test_a_session_weighs_by_them(mesh, rows):
         (lambda rows, mesh: rows[:-1], r"`features` must have shape .*, a row for each vertex, got \(\d+, 12\)$"),
         (lambda rows, mesh: rows[:, :0], r"`features` must have shape"),
         (lambda rows, mesh: rows * np.nan, "`features` must be finite"),
-        (
-            lambda rows, mesh: rows * (np.arange(len(rows)) != 3)[:, None],
-            "rows with a direction, got only zeros in row 3",
-        ),
+        (lambda rows, mesh: rows * (np.arange(len(rows)) != 3)[:, None], "rows other than 0, got zeros in row 3"),
     ],
 )
 def test_what_is_no_row_for_each_vertex_is_refused(mesh, rows, change, message):

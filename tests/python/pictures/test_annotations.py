@@ -44,7 +44,7 @@ def test_labels_stand_beside_their_handles() -> None:
     rows, columns = changed(plain, labelled)
     assert len(rows) > 10
     assert np.hypot(rows - row[0], columns - column[0]).max() < 40
-    with pytest.raises(ValueError, match="`labels` must be as many as `handles`, got 2"):
+    with pytest.raises(ValueError, match="`labels` must have one text for each of `handles`, got 2"):
         picture(MESH, handles=[7], labels=["1", "2"])
 
 

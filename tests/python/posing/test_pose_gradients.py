@@ -63,11 +63,11 @@ def test_without_recording_tensors_are_taken_as_they_are():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"blend": "dual_quaternion"}, r"only a linear blend without interpolation has gradients"),
-        ({"overlap": "interpolate"}, r"only a linear blend without interpolation has gradients"),
+        ({"blend": "dual_quaternion"}, r'only blend="linear" without overlap="interpolate" has gradients'),
+        ({"overlap": "interpolate"}, r'only blend="linear" without overlap="interpolate" has gradients'),
         ({"default": torch.eye(4, requires_grad=True)}, r"`default` has no gradient"),
-        ({"normals": np.ones((12, 3))}, r"`normals` is not for tensors that require gradients"),
-        ({"out": torch.empty(12, 3, dtype=torch.float64)}, r"`out` is not for tensors that require gradients"),
+        ({"normals": np.ones((12, 3))}, r"`normals` must not be given with tensors that require gradients"),
+        ({"out": torch.empty(12, 3, dtype=torch.float64)}, r"`out` must not be given with tensors that require"),
         ({"weights": torch.ones(12, 3, dtype=torch.float16, requires_grad=True)}, r"`weights` must be float32 or"),
         ({"transforms": np.zeros((5, 4, 2))}, r"`transforms` must have shape"),
     ],

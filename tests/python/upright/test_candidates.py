@@ -37,7 +37,7 @@ def test_what_is_no_direction_is_refused(up):
 
 def test_a_mesh_without_extent_along_up_is_refused():
     sheet = dfd.Mesh([[0, 0, 0], [1, 0, 0], [0, 0, 1]], [[0, 1, 2]])
-    with pytest.raises(ValueError, match=r"`up` must be a direction that `mesh` has some extent along, got '\+y'"):
+    with pytest.raises(ValueError, match=r"`up` must be a direction along which `mesh` has an extent, got '\+y'"):
         explicit_up(sheet, "+y")
     assert explicit_up(sheet, "file").direction.tolist() == [0, 1, 0]  # "file" needs no extent
 

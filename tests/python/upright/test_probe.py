@@ -79,7 +79,7 @@ def test_damaged_and_foreign_probes_are_refused(encoder, tmp_path):
     whole, cut, other = (tmp_path / f"{name}.safetensors" for name in ("whole", "cut", "other"))
     probe_of(encoder).save(whole)
     cut.write_bytes(whole.read_bytes()[:-10])
-    with pytest.raises(ValueError, match=r"is no whole \.safetensors file"):
+    with pytest.raises(ValueError, match=r"is not a complete \.safetensors file"):
         UpProbe.load(cut)
     from safetensors.numpy import save_file
 

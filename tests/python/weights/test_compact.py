@@ -115,7 +115,7 @@ def test_a_row_out_of_all_proportion_is_refused_and_not_called_exact(count, tole
     sample = np.random.default_rng(0).choice(count, min(count, 16_384), replace=False)
     others = np.setdiff1d(np.arange(count), sample)  # what the first sample does not see
     features[others[0] if len(others) else 7] *= 1e18
-    with pytest.raises(ValueError, match=r"^compact: (`tolerance` must be larger|`features` hold a row (so|too) far)"):
+    with pytest.raises(ValueError, match=r"^compact: (`tolerance` must be larger|`features` have a row (so|too) far)"):
         dfd.compact(features, tolerance=tolerance)
 
 
@@ -169,7 +169,7 @@ np.savez(sys.argv[2], **results)
         ({"features": FEATURES, "tolerance": 1e-9}, "`tolerance` must be larger for features of 16 bits"),
         ({"features": FEATURES[0]}, r"`features` must have shape \(V, D\)"),
         ({"features": np.where(np.arange(96) == 7, np.nan, FEATURES)}, "`features` must be finite"),
-        ({"features": FEATURES, "points": np.zeros((3, 3))}, "`points` are for a field"),
+        ({"features": FEATURES, "points": np.zeros((3, 3))}, "`points` must not be given if `features` are rows"),
         ({"features": lambda points: points}, "`points` must be given for a field"),
     ],
 )

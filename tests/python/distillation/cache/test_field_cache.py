@@ -142,7 +142,7 @@ def test_a_cache_that_cannot_be_written_is_one_warning(
 ) -> None:
     (tmp_path / "full").write_text("a file where a folder should be")
     monkeypatch.setenv("DFD_CACHE", str(tmp_path / "full"))
-    with pytest.warns(RuntimeWarning, match="cache folder .* cannot be written .* DFD_CACHE names another") as told:
+    with pytest.warns(RuntimeWarning, match="cache folder .* cannot be written .* DFD_CACHE sets another") as told:
         field = dfd.distill(mesh, encoder, **SMALL)
     assert len(told) == 1
     assert told[0].filename == __file__
