@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64, UInt8
 
+WHITE = (1.0, 1.0, 1.0, 1.0)
 GRAY = 0.8  # display-referred color of a surface without a material
 
 Wrap = Literal["repeat", "mirror", "clamp"]
@@ -30,7 +31,7 @@ class Material:
 
     def shown(self, *, has_colors: bool) -> Material:
         """Return the displayed material: a default material is white if the surface has vertex colors."""
-        return replace(self, color=(1.0, 1.0, 1.0, 1.0)) if self.is_default and has_colors else self
+        return replace(self, color=WHITE) if self.is_default and has_colors else self
 
 
 @dataclass(frozen=True)

@@ -10,13 +10,11 @@ import trimesh
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
 from dfd.common.linear_algebra import UInt8
-from dfd.mesh.appearance import Material, srgb
-from dfd.mesh.file.images import MOST_TEXELS
+from dfd.mesh.appearance import WHITE, Material, srgb
+from dfd.mesh.file.assets import MOST_TEXELS
 from dfd.mesh.file.materials import rgba
 from dfd.mesh.file.primitives import IDENTITY, Geometry, MeshInstance
 from dfd.mesh.file.scene_file import SceneFile
-
-_WHITE = (1.0, 1.0, 1.0, 1.0)
 
 
 def of_trimesh(source: trimesh.Trimesh | trimesh.Scene) -> SceneFile:
@@ -90,7 +88,7 @@ def _material(source: Any) -> Material:
         )
     texture = _texels(getattr(source, "image", None))
     if texture is not None:
-        return Material(_WHITE, texture, name=name)
+        return Material(WHITE, texture, name=name)
     settings: Mapping[str, Any] = getattr(source, "kwargs", {})
     if "kd" in settings:
         red, green, blue = (float(each) / 255 for each in source.diffuse[:3])

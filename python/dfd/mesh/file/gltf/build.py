@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import UInt8
 from dfd.mesh.appearance import Material, Wrap, linear
+from dfd.mesh.file.assets import as_png
 from dfd.mesh.file.edits import far_origin
 from dfd.mesh.file.gltf import glb
 from dfd.mesh.file.gltf.header import COMPONENT_TYPES, Header
-from dfd.mesh.file.images import as_png
 from dfd.mesh.file.primitives import IDENTITY, MovedPrimitive
 
 FLOAT, _ARRAY_BUFFER = 5126, 34962

@@ -12,7 +12,6 @@ from dfd.mesh.appearance import Material, Wrap, srgb
 from dfd.mesh.file.assets import shortened
 from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import Header, extension, item
-from dfd.mesh.file.images import ImageCache
 
 _WRAPS: dict[object, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 
@@ -30,7 +29,7 @@ class GltfMaterials:
     """Reads each material that primitives use once, and only the images that it displays."""
 
     def __init__(self, data: GltfData) -> None:
-        self._data, self._header, self._images = data, data.header, ImageCache()
+        self._data, self._header = data, data.header
         self._surfaces: dict[int, Surface] = {}
 
     def of(self, primitive: Header) -> Surface | None:
@@ -81,7 +80,7 @@ class GltfMaterials:
                 if content is None:
                     continue
                 try:
-                    return self._images.texels(self._data.picture(content)), self._wrap(texture)
+                    return self._data.assets.texels(self._data.picture(content)), self._wrap(texture)
                 except (ValueError, OSError):
                     uri = content.get("uri")
                     failed.append(shortened(uri) if isinstance(uri, str) else failed[0])

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Float64
+from dfd.mesh.file.assets import image_format
 from dfd.mesh.file.edits import far_origin
 from dfd.mesh.file.gltf.build import GltfBuilder
 from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import COMPONENT_TYPES, DRACO, MESHOPT, Header, extension, is_index, objects
-from dfd.mesh.file.images import image_format
 from dfd.mesh.file.primitives import MovedPrimitive
 
 _UNSIGNED = 5125

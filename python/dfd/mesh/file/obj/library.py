@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path, PurePosixPath
 
-from dfd.mesh.file.assets import AssetFolder, read_regular
-from dfd.mesh.file.images import image_format
+from dfd.mesh.file.assets import AssetFolder, image_format, read_regular
 from dfd.mesh.file.obj.read import picture_name, used_materials
 from dfd.mesh.file.obj.text import ObjText, decoded
 

@@ -10,9 +10,8 @@ import numpy as np
 
 from dfd.common import check
 from dfd.common.linear_algebra import Int32, Int64
-from dfd.mesh.appearance import Material
+from dfd.mesh.appearance import WHITE, Material
 from dfd.mesh.file.assets import AssetFolder
-from dfd.mesh.file.images import ImageCache
 from dfd.mesh.file.materials import rgba
 from dfd.mesh.file.obj.text import ObjText, decoded, parse
 from dfd.mesh.file.polygons import distinct_rows, ranges, triangulate
@@ -35,8 +34,7 @@ def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInsta
     UserWarning
         If faces of fewer than three corners are left out.
     """
-    images, described = ImageCache(), used_materials(text, assets)[0]
-    materials = {name: _material(name, lines, assets, images) for name, lines in described.items()}
+    materials = {name: _material(name, lines, assets) for name, lines in used_materials(text, assets)[0].items()}
     part_names, part = _parts(text, path.stem)
     material_names, material = _state_at_faces(text, "usemtl", "")
     known = np.array([name in materials for name in material_names], bool)
@@ -178,7 +176,7 @@ def used_materials(text: ObjText, assets: AssetFolder) -> tuple[dict[str, list[s
     return found, read
 
 
-def _material(name: str, lines: list[str], assets: AssetFolder, images: ImageCache) -> Material:
+def _material(name: str, lines: list[str], assets: AssetFolder) -> Material:
     """Return a material as it is shown: its texture alone, or else its diffuse color.
 
     Programs disagree about the product of the two.
@@ -193,11 +191,8 @@ def _material(name: str, lines: list[str], assets: AssetFolder, images: ImageCac
                 continue
         elif keyword.lower() == "map_kd":
             picture = picture_name(line) or picture
-    if picture is not None:
-        try:
-            return Material((1.0, 1.0, 1.0, 1.0), images.texels(assets.read(picture)), name=name)
-        except (ValueError, OSError):
-            assets.unreadable.add(picture)
+    if picture is not None and (texels := assets.texture(picture, picture)) is not None:
+        return Material(WHITE, texels, name=name)
     if picture is not None or color is None or not np.isfinite(color).all():
         return Material(name=name, is_default=True)
     red, green, blue = color.tolist()

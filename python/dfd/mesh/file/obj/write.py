@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
 from dfd.mesh.appearance import GRAY, Material
-from dfd.mesh.file.images import as_png
+from dfd.mesh.file.assets import as_png
 from dfd.mesh.file.obj.library import Companions
 from dfd.mesh.file.primitives import MovedPrimitive, UniqueNames
 from dfd.mesh.file.scene_file import SceneFile

@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 
 from dfd.common import check
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
-from dfd.mesh.appearance import Material
+from dfd.mesh.appearance import WHITE, Material
 from dfd.mesh.file.assets import AssetFolder, shortened
 from dfd.mesh.file.edits import Edits, far_origin
-from dfd.mesh.file.images import ImageCache
 from dfd.mesh.file.materials import rgba
 from dfd.mesh.file.obj.text import decoded
 from dfd.mesh.file.polygons import check_corners, ranges, triangulate
@@ -90,7 +89,8 @@ def read(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, Float6
     corners, sizes, kept = _polygons(path, polygons, _indices(found.get("tristrips", {})), len(positions))
     triangles = triangulate(positions, corners, sizes)
     picture = next((match[1].strip() for line in lines if (match := _TEXTURE.match(line))), None)
-    material = None if picture is None else _material(picture, assets)
+    texels = None if picture is None else assets.texture(picture, shortened(picture))
+    material = None if texels is None else Material(WHITE, texels)
     uv = next((each for names in _UV_NAMES if (each := _columns(vertex, names, np.float64)) is not None), None)
     of_corners = face.get("texcoord")
     numbers = np.arange(len(positions))
@@ -160,14 +160,6 @@ def _strip_triangles(strips: _List) -> Int64:
     triangles[odd] = triangles[odd][:, [1, 0, 2]]
     distinct = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)  # repeated corners only turn the strip
     return triangles[distinct]
-
-
-def _material(picture: str, assets: AssetFolder) -> Material | None:
-    try:
-        return Material((1.0, 1.0, 1.0, 1.0), ImageCache().texels(assets.read(picture)))
-    except (ValueError, OSError):
-        assets.unreadable.add(shortened(picture))
-        return None
 
 
 def _columns(element: _Element, names: tuple[str, ...], dtype: Any) -> NDArray[Any] | None:
