@@ -16,6 +16,7 @@ from dfd.mesh.file.materials import rgba
 from dfd.mesh.file.obj.text import ObjText, decoded, parse
 from dfd.mesh.file.polygons import distinct_rows, ranges, triangulate
 from dfd.mesh.file.primitives import Geometry, MeshInstance
+from dfd.mesh.weld import by_appearance
 
 _PICTURES = ("map_", "bump", "disp", "decal", "refl", "norm")  # prefixes of MTL keywords that name an image
 _OPTIONS = re.compile(r"-(?:imfchan\s+\w+|\w+(?:\s+(?:on|off|[-+]?[\d.]+(?:[eE][-+]?\d+)?))+)\s+")
@@ -44,7 +45,7 @@ def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInsta
         _warn_of_short_faces(text, path)
     order = faces
     if len(faces) and ((material != material[0]).any() or (part != part[0]).any()):
-        order = faces[np.lexsort((_by_appearance(material)[faces], _by_appearance(part)[faces]))]
+        order = faces[np.lexsort((by_appearance(material)[1][faces], by_appearance(part)[1][faces]))]
     begins = np.flatnonzero(np.diff(part[order] * (len(material_names) + 1) + material[order], prepend=-2))
     counts = np.diff(begins, append=len(order))  # faces of each primitive: of one part and one material
     sizes = text.sizes[order]
@@ -107,14 +108,6 @@ def _state_at_faces(text: ObjText, keyword: str, default: str) -> tuple[list[str
             lines.append(line)
             values.append(numbers[name])
     return names, np.array(values)[np.searchsorted(lines, text.face_lines) - 1]
-
-
-def _by_appearance(values: Int64) -> Int64:
-    """Return the values (P,) as numbers in the order in which they first appear."""
-    _, first, inverse = np.unique(values, return_index=True, return_inverse=True)
-    rank = np.empty(len(first), np.int64)
-    rank[np.argsort(first)] = np.arange(len(first))
-    return rank[inverse]
 
 
 def _warn_of_short_faces(text: ObjText, path: Path) -> None:
