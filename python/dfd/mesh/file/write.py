@@ -140,7 +140,7 @@ def _rewrite(
     if source.numbers is None:
         corners = vertices[scene.vertex]
         new = off_stl.rewrite_stl(data, corners)
-        lost = lost if off_stl.is_text_stl(data) else rounding(corners)
+        lost = lost if off_stl.binary_stl(data) is None else rounding(corners)
     else:
         of_vertices = np.full(vertices.shape, np.nan)
         of_vertices[source.numbers] = normals

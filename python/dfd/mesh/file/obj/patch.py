@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from dfd.common.linear_algebra import Float64, Int32
-from dfd.mesh.file.edits import Edits, triples
+from dfd.mesh.file.edits import Edits, spelled
 from dfd.mesh.file.obj.library import Companions, copied_materials
 from dfd.mesh.file.obj.text import ObjText, parse
 from dfd.mesh.file.scene_file import SceneFile
@@ -30,7 +30,7 @@ def encode(target: Path, vertices: Float64, scene: SceneFile, normals: Float64) 
     text = parse(scene.source.data.tobytes())
     changed = (vertices != text.positions).any(axis=1)
     edits = Edits(text.data)
-    edits.replace(text.position_spans[changed], triples(vertices[changed]))
+    edits.replace(text.position_spans[changed], spelled(vertices[changed]))
     _edit_normals(edits, text, scene.source.corner_rows, normals)
     companions = Companions(target)
     if target.parent.resolve() != scene.path.parent.resolve():
@@ -65,12 +65,12 @@ def _edit_normals(edits: Edits, text: ObjText, corner_rows: Int32, normals: Floa
     keeps = np.diff(number[first], prepend=-1) > 0
     directions = own[first]
     moved = keeps & (directions != text.normals[number[first]]).any(axis=1)
-    edits.replace(text.normal_spans[number[first][moved]], triples(directions[moved]))
+    edits.replace(text.normal_spans[number[first][moved]], spelled(directions[moved]))
     if keeps.all():
         return
     new = np.cumsum(~keeps) - 1
     begin = text.data.rfind(b"\n", 0, int(text.corner_spans[0, 0])) + 1
-    edits.replace([(begin, begin)], [b"".join(b"vn %s\n" % each for each in triples(directions[~keeps]))])
+    edits.replace([(begin, begin)], [b"".join(b"vn %s\n" % each for each in spelled(directions[~keeps]))])
     # the new normals stand before the first face, so later ones are renumbered
     before = int(np.searchsorted(text.normal_spans[:, 0], begin))
     numbers = text.corners[:, 2].copy()

@@ -12,9 +12,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.errors import one_line
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
 from dfd.mesh.appearance import GRAY, Material
 from dfd.mesh.file.assets import as_png
+from dfd.mesh.file.edits import spelled
 from dfd.mesh.file.obj.library import Companions
 from dfd.mesh.file.primitives import MovedPrimitive, UniqueNames
 from dfd.mesh.file.scene_file import SceneFile
@@ -25,7 +27,7 @@ _LONGEST_NAME = 60  # largest length of a material's name, which becomes part of
 
 def encode(vertices: Float64, faces: Int32) -> bytes:
     """Return the text of a file of plain vertices (V, 3) and faces (F, 3)."""
-    return _lines("v", vertices) + _faces([faces])
+    return _lines(b"v", vertices) + _faces([faces])
 
 
 def encode_groups(
@@ -35,7 +37,7 @@ def encode_groups(
     groups: Sequence[tuple[str, Int64]],
 ) -> bytes:
     """Return the text of a file with the faces (F, 3) in named groups, given by the numbers of their faces."""
-    text = [_lines("v", vertices), b"" if uv is None else _lines("vt", uv[0].astype(np.float64))]
+    text = [_lines(b"v", vertices), b"" if uv is None else _lines(b"vt", uv[0])]
     for name, own in groups:
         if len(own):
             text += [f"g {name}\n".encode(), _faces([faces[own], None if uv is None else uv[1][own]])]
@@ -60,14 +62,14 @@ def encode_scene(
         columns: list[NDArray[np.integer] | None] = [scene.vertex[each.rows][local], None, None]
         if each.part != part:  # primitives of one part differ only in their materials
             part = each.part
-            body.append(f"o {_one_line(part)}\n".encode())
+            body.append(f"o {one_line(part)}\n".encode())
         uv = each.geometry.uv
         if uv is not None:
-            body.append(_lines("vt", uv))
+            body.append(_lines(b"vt", uv))
             columns[1] = local + uv_count
             uv_count += len(uv)
         if normals is not None:
-            body.append(_lines("vn", each.normals_to_scene(normals)))
+            body.append(_lines(b"vn", each.normals_to_scene(normals)))
             columns[2] = local + normal_count
             normal_count += len(normals)
         used = library.add(each.geometry.material)
@@ -79,7 +81,7 @@ def encode_scene(
     head = f"mtllib {companions.add_library(library.text)}\n".encode() if library.text else b""
     colors = _vertex_colors(scene)
     positions = vertices if colors is None else np.hstack([vertices, colors])
-    return {target.name: head + _lines("v", positions) + b"".join(body), **companions.files}
+    return {target.name: head + _lines(b"v", positions) + b"".join(body), **companions.files}
 
 
 class _MaterialLibrary:
@@ -96,7 +98,7 @@ class _MaterialLibrary:
         if material is None or material.is_default:
             return None
         if id(material) not in self._names:
-            name = self._unused(_one_line(material.name).replace(" ", "_"))
+            name = self._unused(one_line(material.name).replace(" ", "_"))
             self._names[id(material)] = name
             lines = [f"newmtl {name}", "Kd " + " ".join(f"{each:.6g}" for each in material.color[:3])]
             if material.texture is not None:  # the stem avoids overwriting textures of other files
@@ -127,24 +129,13 @@ def _vertex_colors(scene: SceneFile) -> Float64 | None:
     return colors[scene.representative]
 
 
-def _lines(kind: str, values: Float64) -> bytes:
-    """Return a line for each row, with numbers in the shortest form that is read back exactly."""
-    numbers = [repr(value) for value in np.asarray(values, np.float64).ravel().tolist()]
-    width = values.shape[1]
-    template = f"{kind} {' '.join(['%s'] * width)}\n"
-    return (template * len(values) % tuple(numbers)).encode()
+def _lines(kind: bytes, values: NDArray[np.floating]) -> bytes:
+    return b"".join(b"%s %s\n" % (kind, row) for row in spelled(values))
 
 
 def _faces(columns: Sequence[NDArray[np.integer] | None]) -> bytes:
     """Return the face lines of vertex, texture and normal numbers (F, 3) each, from 0."""
-    given = [column + 1 for column in columns if column is not None]
-    have_uv = len(columns) > 1 and columns[1] is not None
-    have_normal = len(columns) > 2 and columns[2] is not None
-    corner = {(False, False): "%d", (True, False): "%d/%d", (False, True): "%d//%d", (True, True): "%d/%d/%d"}
-    template = f"f {' '.join([corner[have_uv, have_normal]] * 3)}\n"
-    numbers = np.stack(given, axis=-1).ravel().tolist()
-    return (template * (len(given[0])) % tuple(numbers)).encode()
-
-
-def _one_line(name: str) -> str:
-    return " ".join(name.split())
+    corner = b"/".join(b"" if column is None else b"%d" for column in columns).rstrip(b"/")
+    template = b"f %s\n" % b" ".join([corner] * 3)
+    numbers = np.stack([column + 1 for column in columns if column is not None], axis=-1)
+    return b"".join(template % tuple(row) for row in numbers.reshape(len(numbers), -1).tolist())
