@@ -8,13 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from dfd.common import check
 from dfd.common.linear_algebra import Int32, Int64
 from dfd.mesh.appearance import WHITE, Material
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.materials import rgba
 from dfd.mesh.file.obj.text import ObjText, decoded, parse
-from dfd.mesh.file.polygons import distinct_rows, ranges, triangulate
+from dfd.mesh.file.polygons import distinct_rows, long_faces, ranges, triangulate
 from dfd.mesh.file.primitives import Geometry, MeshInstance
 from dfd.mesh.weld import by_appearance
 
@@ -40,9 +39,7 @@ def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInsta
     material_names, material = _state_at_faces(text, "usemtl", "")
     known = np.array([name in materials for name in material_names], bool)
     material = np.where(known[material], material, -1)  # undefined materials count as one
-    faces = np.flatnonzero(text.sizes >= 3)
-    if len(faces) < len(text.sizes):
-        _warn_of_short_faces(text, path)
+    faces = np.flatnonzero(long_faces(path, text.sizes, text.face_lines))
     order = faces
     if len(faces) and ((material != material[0]).any() or (part != part[0]).any()):
         order = faces[np.lexsort((by_appearance(material)[1][faces], by_appearance(part)[1][faces]))]
@@ -108,15 +105,6 @@ def _state_at_faces(text: ObjText, keyword: str, default: str) -> tuple[list[str
             lines.append(line)
             values.append(numbers[name])
     return names, np.array(values)[np.searchsorted(lines, text.face_lines) - 1]
-
-
-def _warn_of_short_faces(text: ObjText, path: Path) -> None:
-    short = np.flatnonzero(text.sizes < 3)
-    check.warn(
-        f"load: `path` {path} has {len(short)} faces of fewer than three corners, the first in line "
-        f"{text.face_lines[short[0]] + 1}; they are left out",
-        UserWarning,
-    )
 
 
 def face_groups(data: bytes) -> dict[str, Int64]:

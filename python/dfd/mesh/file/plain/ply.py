@@ -15,14 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.common import check
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.mesh.appearance import WHITE, Material
 from dfd.mesh.file.assets import AssetFolder, shortened
 from dfd.mesh.file.edits import Edits, far_origin
 from dfd.mesh.file.materials import rgba
 from dfd.mesh.file.obj.text import decoded
-from dfd.mesh.file.polygons import check_corners, ranges, triangulate
+from dfd.mesh.file.polygons import check_corners, long_faces, ranges, triangulate
 from dfd.mesh.file.primitives import Geometry
 
 _CODES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
@@ -108,13 +107,7 @@ def read(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, Float6
 def _polygons(path: Path, face: _Element, strips: _Element, count: int) -> tuple[Int64, Int64, Bool]:
     """Return the corners (C,) of faces and strips, the size of each face, and which corners of `face` are kept."""
     corners, sizes = _indices(face)
-    long = sizes >= 3
-    if not long.all():
-        check.warn(
-            f"load: `path` {path} has {int((~long).sum())} faces of fewer than three corners, the first is face "
-            f"{long.argmin()}; they are left out",
-            UserWarning,
-        )
+    long = long_faces(path, sizes)
     kept = np.repeat(long, sizes)
     triangles = _strip_triangles(*_indices(strips))
     corners = np.concatenate([corners[kept], triangles.ravel()])
