@@ -17,12 +17,13 @@ from dfd.mesh.file.assets import as_png
 from dfd.mesh.file.edits import far_origin
 from dfd.mesh.file.gltf import glb
 from dfd.mesh.file.gltf.header import COMPONENT_TYPES, Header
+from dfd.mesh.file.gltf.materials import WRAPS
 from dfd.mesh.file.primitives import IDENTITY, MovedPrimitive
 
 FLOAT, _ARRAY_BUFFER = 5126, 34962
 LIMITS = {"min": np.min, "max": np.max}
 _KINDS = {(): "SCALAR", (2,): "VEC2", (3,): "VEC3", (4,): "VEC4", (4, 4): "MAT4"}
-_WRAPS: dict[Wrap, int] = {"repeat": 10497, "mirror": 33648, "clamp": 33071}
+_WRAPS = {name: number for number, name in WRAPS.items()}
 _PLAIN = Material()
 _NUMBERS = {np.dtype(kind): number for number, kind in COMPONENT_TYPES.items()}
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
-from collections.abc import Iterator
+from collections import Counter
 from typing import Any, TypeGuard, cast
 
 from dfd.mesh.file.assets import shortened
@@ -86,12 +86,9 @@ def parents(header: Header) -> dict[int, int]:
     return {child: index for index, node in nodes for child in node.get("children", [])}
 
 
-def primitives(header: Header) -> Iterator[tuple[int, int, Header]]:
-    """Yield the mesh, the number and the content of each primitive with faces."""
-    for mesh, content in enumerate(objects(header, "meshes")):
-        for number, primitive in enumerate(objects(content, "primitives")):
-            if primitive.get("mode", 4) in MODES_READ:
-                yield mesh, number, primitive
+def primitives(mesh: Header) -> list[tuple[int, Header]]:
+    """Return the number and the content of each primitive of a mesh that has faces."""
+    return [each for each in enumerate(objects(mesh, "primitives")) if each[1].get("mode", 4) in MODES_READ]
 
 
 def _check_depth(header: Header) -> None:
@@ -186,25 +183,19 @@ def _check_accessors(header: Header) -> None:
     stored = sum(view["byteLength"] for view in views)
     if total > max(_MOST_OVERLAP * stored, _SMALL):
         raise ValueError(f"its accessors add up to {total} bytes of {stored}")
-    filled_otherwise = _draco_accessors(header)
-    for i, count in unfilled:
-        if count > max(longest, _MOST_ZEROS) and i not in filled_otherwise:
-            raise ValueError(f"accessor {i} has {count} items but no data")
-
-
-def _draco_accessors(header: Header) -> set[object]:
-    """Return the accessors whose data is in a primitive's compressed stream."""
-    found: set[object] = set()
-    for _, _, primitive in primitives(header):
+    packed: set[object] = set()  # accessors whose data is in a primitive's compressed stream
+    for _, primitive in (each for mesh in objects(header, "meshes") for each in primitives(mesh)):
         attributes = primitive.get("attributes")
         if extension(primitive, DRACO) is not None and isinstance(attributes, dict):
-            found.update(each for each in (*attributes.values(), primitive.get("indices")) if isinstance(each, int))
-    return found
+            packed.update(each for each in (*attributes.values(), primitive.get("indices")) if isinstance(each, int))
+    for i, count in unfilled:
+        if count > max(longest, _MOST_ZEROS) and i not in packed:
+            raise ValueError(f"accessor {i} has {count} items but no data")
 
 
 def _check_primitives(header: Header) -> None:
     accessors = objects(header, "accessors")
-    for _, _, primitive in primitives(header):
+    for _, primitive in (each for mesh in objects(header, "meshes") for each in primitives(mesh)):
         attributes = primitive.get("attributes")
         if not isinstance(attributes, dict):
             raise ValueError("a primitive has no attributes")
@@ -216,25 +207,20 @@ def _check_primitives(header: Header) -> None:
 
 
 def _check_nodes(header: Header) -> None:
-    nodes = objects(header, "nodes")
-    children: list[list[int]] = []
-    for i, node in enumerate(nodes):
-        below = node.get("children", [])
-        if not isinstance(below, list) or not all(is_index(child, len(nodes)) for child in below):
+    children = [node.get("children", []) for node in objects(header, "nodes")]
+    for i, below in enumerate(children):
+        if not isinstance(below, list) or not all(is_index(child, len(children)) for child in below):
             raise ValueError(f"node {i} has children that are not there")
-        children.append(below)
-    parents = [0] * len(nodes)
-    for child in (child for below in children for child in below):
-        parents[child] += 1
-    if (many := next((i for i, count in enumerate(parents) if count > 1), None)) is not None:
-        raise ValueError(f"node {many} is the child of more than one node")
-    layer, reached = [i for i, count in enumerate(parents) if count == 0], 0
+    parents = Counter(child for below in children for child in below)
+    if many := [i for i in range(len(children)) if parents[i] > 1]:
+        raise ValueError(f"node {many[0]} is the child of more than one node")
+    layer, reached = [i for i in range(len(children)) if not parents[i]], 0
     for _ in range(_DEEPEST):
         reached += len(layer)
         layer = [child for i in layer for child in children[i]]
     if layer:
         raise ValueError(f"its nodes are nested more than {_DEEPEST} deep")
-    if reached < len(nodes):
+    if reached < len(children):
         raise ValueError("its nodes are their own ancestors")
 
 

@@ -186,10 +186,8 @@ def _corners(faces: Tokens, counted: tuple[Int64, Int64, Int64]) -> Int64:
 
     `counted` are the lines of vertices, textures and normals: a relative number counts back from the face's line.
     """
-    slashes = np.zeros(len(faces.starts), np.int64)
-    if b"/" in faces.text:
-        places = np.flatnonzero(np.frombuffer(faces.text, np.uint8) == ord("/"))
-        slashes = np.searchsorted(places, faces.ends) - np.searchsorted(places, faces.starts)
+    places = np.flatnonzero(np.frombuffer(faces.text, np.uint8) == ord("/"))
+    slashes = np.searchsorted(places, faces.ends) - np.searchsorted(places, faces.starts)
     if (slashes > 2).any():
         raise _bad_face(faces, int(np.argmax(slashes > 2)), "has more than two slashes")
     plain = faces.text.replace(b"//", b"/0/")
@@ -207,8 +205,7 @@ def _corners(faces: Tokens, counted: tuple[Int64, Int64, Int64]) -> Int64:
         given = np.flatnonzero(slashes >= column)
         found = numbers[first[given] + column]
         relative = found < 0
-        if relative.any():
-            found[relative] += np.searchsorted(lines, line[given][relative]) + 1
+        found[relative] += np.searchsorted(lines, line[given[relative]]) + 1
         outside = (found < 1) | (found > len(lines))
         if column:  # a missing texture or normal becomes −1
             found[outside] = 0
