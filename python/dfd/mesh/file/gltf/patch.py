@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Sequence
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -32,10 +33,8 @@ def encode(source: GltfData, moved: Sequence[MovedPrimitive], *, binary: bool) -
     """
     patch = GltfPatch(source)
     users = Counter(mesh for node in objects(patch.header, "nodes") if isinstance(mesh := node.get("mesh"), int))
-    of_node: dict[int, list[MovedPrimitive]] = {}
-    for each in moved:
-        of_node.setdefault(each.primitive.source[0], []).append(each)
-    for node, group in of_node.items():
+    for node, of_node in groupby(moved, lambda each: each.primitive.source[0]):
+        group = list(of_node)
         if not any(each.moved for each in group):
             continue
         mesh = group[0].primitive.source[1]
@@ -48,9 +47,11 @@ def encode(source: GltfData, moved: Sequence[MovedPrimitive], *, binary: bool) -
         if origin is not None:
             patch.move_origin(node, origin)
             known = {each.primitive.source[2] for each in group}
-            for number, content in enumerate(primitives):
-                if number not in known:
-                    patch.shift(content, origin)
+            for content in (each for number, each in enumerate(primitives) if number not in known):  # without faces
+                positions = source.attribute(content, "POSITION")
+                if positions is not None:
+                    shifted = (positions - origin).astype("<f4")
+                    content["attributes"]["POSITION"] = patch.accessor(shifted, bounds=True)
         for each in group:
             if each.moved or origin is not None:
                 patch.move(node, primitives[each.primitive.source[2]], each, origin)
@@ -119,12 +120,6 @@ class GltfPatch(GltfBuilder):
         if "name" in content:
             below["name"] = content["name"]
         content.setdefault("children", []).append(self.append("nodes", below))
-
-    def shift(self, primitive: dict[str, Any], origin: Float64) -> None:
-        """Subtract `origin` from the positions of a primitive that has no faces."""
-        positions = self._source.attribute(primitive, "POSITION")
-        if positions is not None:
-            primitive["attributes"]["POSITION"] = self.accessor((positions - origin).astype("<f4"), bounds=True)
 
     def move(self, node: int, primitive: dict[str, Any], each: MovedPrimitive, origin: Float64 | None = None) -> None:
         """Replace the positions, seen from `origin`, and normals of a primitive of a node."""
