@@ -82,8 +82,7 @@ def export_rig(
     if form == "skin":
         _check_joints(rig)
     if form == "baked":
-        mesh = session.mesh
-        lost = write(target, session.vertices, mesh.faces, appearance=mesh.appearance, scene=mesh.scene)
+        lost = write(target, session.mesh, session.vertices)
         difference = Difference(float(lost.max(initial=0.0)), float(lost.mean()) if len(lost) else 0.0)
         report = report_of(rig, target, form, difference)
     else:

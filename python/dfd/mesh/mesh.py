@@ -213,7 +213,7 @@ class Mesh:
         from dfd.mesh.file.write import write
 
         moved = self._moved("Mesh.save", vertices)
-        write(path, moved, self.faces, appearance=self.appearance, scene=self.scene)
+        write(path, self, moved)
 
     def to_trimesh(self, vertices: Any | None = None) -> trimesh.Trimesh:
         """Return the mesh as a `trimesh.Trimesh` with the same vertices and faces in the same order.

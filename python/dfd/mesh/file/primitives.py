@@ -50,10 +50,13 @@ class MeshInstance:
 
 @dataclass(frozen=True, kw_only=True)
 class Primitive(MeshInstance):
-    """An instance with its rows and faces among those of the file."""
+    """An instance with its rows and faces among those of the file, and its shape in the geometry's own coordinates."""
 
     rows: slice  # its vertices among all rows of the file
     faces: slice  # its faces among all faces
+    vertices: Float64  # (rows, 3) those of the geometry, unless it is moved
+    normals: Float64 | None  # (rows, 3) None where the file had none
+    moved: bool = False  # whether any row differs from the file's
 
     def to_scene(self, points: Float64) -> Float64:
         """Return points (rows, 3) of the geometry in the scene's coordinates."""
@@ -94,16 +97,6 @@ class Primitive(MeshInstance):
         return self.transform[:3, :3] if self.transform.ndim == 2 else self.transform[rows, :3, :3]
 
 
-@dataclass(frozen=True)
-class MovedPrimitive:
-    """A primitive with its new shape, in its geometry's own coordinates."""
-
-    primitive: Primitive
-    vertices: Float64  # (rows of the primitive, 3)
-    normals: Float64 | None  # (rows of the primitive, 3), None where the file had none
-    moved: bool  # whether any row differs from the file's
-
-
 def place(instances: Sequence[MeshInstance]) -> tuple[tuple[Primitive, ...], Float64]:
     """Return the primitives that have faces, and the positions (R, 3) of their rows in the scene.
 
@@ -128,8 +121,9 @@ def place(instances: Sequence[MeshInstance]) -> tuple[tuple[Primitive, ...], Flo
         row_count, face_count = rows.stop, faces.stop
         if max(row_count, face_count) > MOST_ROWS:
             raise ArgumentError("path", f"places more than {MOST_ROWS} vertices or faces")
-        primitives.append(Primitive(**vars(each), rows=rows, faces=faces))
-        positions.append(primitives[-1].to_scene(geometry.vertices))
+        vertices, normals = geometry.vertices, geometry.normals
+        primitives.append(Primitive(**vars(each), rows=rows, faces=faces, vertices=vertices, normals=normals))
+        positions.append(primitives[-1].to_scene(vertices))
     if not primitives:
         raise ArgumentError("path", "holds no faces")
     stacked = np.concatenate(positions)

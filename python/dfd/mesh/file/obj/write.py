@@ -18,7 +18,7 @@ from dfd.mesh.appearance import GRAY, Material
 from dfd.mesh.file.assets import as_png
 from dfd.mesh.file.edits import spelled
 from dfd.mesh.file.obj.library import Companions
-from dfd.mesh.file.primitives import MovedPrimitive, UniqueNames
+from dfd.mesh.file.primitives import Primitive, UniqueNames
 from dfd.mesh.file.scene_file import SceneFile
 
 _SEPARATORS = re.compile(r"[/\\:*?\"<>|\0]")  # not allowed in file names on some systems
@@ -44,9 +44,7 @@ def encode_groups(
     return b"".join(text)
 
 
-def encode_scene(
-    target: Path, vertices: Float64, scene: SceneFile, moved: Sequence[MovedPrimitive]
-) -> dict[str, bytes]:
+def encode_scene(target: Path, vertices: Float64, scene: SceneFile, moved: Sequence[Primitive]) -> dict[str, bytes]:
     """Return the files of a scene: the OBJ file `target`, and materials and textures whose names begin with its stem.
 
     The mesh's vertices are at `vertices` (V, 3); `moved` are the scene's primitives, with their normals.
@@ -57,7 +55,7 @@ def encode_scene(
     body: list[bytes] = []
     uv_count = normal_count = 0
     part = None
-    for each, normals in ((each.primitive, each.normals) for each in moved):
+    for each in moved:
         local = scene.local_faces(each)
         columns: list[NDArray[np.integer] | None] = [scene.vertex[each.rows][local], None, None]
         if each.part != part:  # primitives of one part differ only in their materials
@@ -68,10 +66,10 @@ def encode_scene(
             body.append(_lines(b"vt", uv))
             columns[1] = local + uv_count
             uv_count += len(uv)
-        if normals is not None:
-            body.append(_lines(b"vn", each.normals_to_scene(normals)))
+        if each.normals is not None:
+            body.append(_lines(b"vn", each.normals_to_scene(each.normals)))
             columns[2] = local + normal_count
-            normal_count += len(normals)
+            normal_count += len(each.normals)
         used = library.add(each.geometry.material)
         if used is None and several:  # a primitive without a material would inherit the previous one
             used = library.plain(1.0 if each.geometry.colors is not None else GRAY)
