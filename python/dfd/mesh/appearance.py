@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,6 +89,14 @@ class Appearance:
         for values in (self.corner_faces, self.face_material, self.uv, self.colors, *textures):
             yield b"none" if values is None else str(values.shape).encode()
             yield b"" if values is None else values.tobytes()
+
+
+def rgba(values: NDArray[Any]) -> Float32:
+    """Return colors (N, 3 or 4) as RGBA (N, 4) in [0, 1]; integers are divided by the largest of their type."""
+    scale = np.iinfo(values.dtype).max if values.dtype.kind in "iu" else 1
+    result = np.ones((len(values), 4), np.float32)
+    result[:, : values.shape[1]] = values[:, :4] / scale
+    return np.where(np.isfinite(result), result, 1).clip(0, 1).astype(np.float32)
 
 
 def srgb(linear: NDArray[np.floating]) -> Float32:

@@ -10,9 +10,8 @@ import trimesh
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
 from dfd.common.linear_algebra import UInt8
-from dfd.mesh.appearance import WHITE, Material, srgb
+from dfd.mesh.appearance import WHITE, Material, rgba, srgb
 from dfd.mesh.file.assets import MOST_TEXELS
-from dfd.mesh.file.materials import rgba
 from dfd.mesh.file.primitives import IDENTITY, Geometry, MeshInstance
 from dfd.mesh.file.scene_file import SceneFile
 

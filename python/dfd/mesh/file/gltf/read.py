@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from dfd.common.linear_algebra import Float64, Int64, unit
-from dfd.mesh.appearance import srgb
+from dfd.mesh.appearance import rgba, srgb
 from dfd.mesh.file.assets import AssetFolder, shortened
 from dfd.mesh.file.gltf import glb
 from dfd.mesh.file.gltf.data import GltfData
@@ -23,7 +23,6 @@ from dfd.mesh.file.gltf.header import Header, are_numbers, is_index, item, objec
 from dfd.mesh.file.gltf.header import read as read_header
 from dfd.mesh.file.gltf.materials import Surface, read_surface
 from dfd.mesh.file.gltf.rest import closed_seams, joint_matrices, morph_weights, morphed, skin_transforms
-from dfd.mesh.file.materials import rgba
 from dfd.mesh.file.primitives import IDENTITY, MOST_INSTANCES, MOST_PRIMITIVES, Geometry, MeshInstance, UniqueNames
 
 _STRIP, _FAN = 5, 6

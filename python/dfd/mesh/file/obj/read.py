@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from dfd.common.linear_algebra import Int32, Int64
-from dfd.mesh.appearance import WHITE, Material
+from dfd.mesh.appearance import WHITE, Material, rgba
 from dfd.mesh.file.assets import AssetFolder
-from dfd.mesh.file.materials import rgba
 from dfd.mesh.file.obj.text import ObjText, decoded, parse
 from dfd.mesh.file.polygons import distinct_rows, long_faces, ranges, triangulate
 from dfd.mesh.file.primitives import Geometry, MeshInstance

@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
-from dfd.mesh.appearance import WHITE, Material
+from dfd.mesh.appearance import WHITE, Material, rgba
 from dfd.mesh.file.assets import AssetFolder, shortened
 from dfd.mesh.file.edits import Edits, far_origin
-from dfd.mesh.file.materials import rgba
 from dfd.mesh.file.obj.text import decoded
 from dfd.mesh.file.polygons import check_corners, long_faces, ranges, triangulate
 from dfd.mesh.file.primitives import Geometry
