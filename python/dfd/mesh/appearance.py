@@ -60,7 +60,10 @@ class Appearance:
                 result[here] *= _sample(each, blend(self.uv, rows[here], weights[here]))
         if self.colors is not None:
             result *= blend(self.colors, rows, weights)
-        self._apply_alpha_modes(result, material)
+        for index, each in enumerate(self.materials):
+            if each.alpha_mode != "BLEND":
+                here = slice(None) if len(self.materials) == 1 else material == index
+                result[here, 3] = each.alpha_mode == "OPAQUE" or result[here, 3] >= each.alpha_cutoff
         np.clip(result, 0, 1, out=result)
         return result
 
@@ -73,13 +76,6 @@ class Appearance:
         used, where = np.unique(numbers, return_index=True)
         colors[used] = self.albedo(where // 3, np.eye(3, dtype=np.float32)[where % 3])
         return colors
-
-    def _apply_alpha_modes(self, result: Float32, material: Int32) -> None:
-        for index, each in enumerate(self.materials):
-            if each.alpha_mode != "BLEND":
-                here = slice(None) if len(self.materials) == 1 else material == index
-                opaque = each.alpha_mode == "OPAQUE" or result[here, 3] >= each.alpha_cutoff
-                result[here, 3] = opaque
 
     def content(self) -> Iterator[bytes]:
         """Yield everything that `albedo` depends on, for a hash."""

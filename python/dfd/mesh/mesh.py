@@ -93,11 +93,8 @@ class Mesh:
     @cached_property
     def bounds(self) -> Float64:
         """Return the smallest and largest coordinates (2, 3), without unused vertices of a file."""
-        places = self.vertices
-        if self.scene is not None:  # in a mesh of arrays, unused vertices count too
-            used = np.zeros(len(self.vertices), bool)
-            used[self.faces] = True
-            places = self.vertices if used.all() else self.vertices[used]
+        # in a mesh of arrays, unused vertices count too
+        places = self.vertices if self.scene is None else self.vertices[self._corners_of(slice(None))]
         return _frozen(np.stack([places.min(axis=0), places.max(axis=0)]))
 
     @cached_property
@@ -120,11 +117,9 @@ class Mesh:
     def _corners_of(self, faces: slice) -> Int64:
         """Return the vertices (N,), ascending, of the given faces."""
         corners = self.faces[faces].ravel()
-        if len(corners) < len(self.vertices):  # sorting a few corners is cheaper than marking all vertices
+        if len(corners) < len(self.vertices):  # sorting a few corners is cheaper than counting for all vertices
             return np.unique(corners).astype(np.int64)
-        used = np.zeros(len(self.vertices), bool)
-        used[corners] = True
-        return np.flatnonzero(used).astype(np.int64)
+        return np.flatnonzero(np.bincount(corners))
 
     @cached_property
     def part_names(self) -> tuple[str, ...]:
@@ -191,9 +186,8 @@ class Mesh:
         for values in (self.vertices, self.faces):
             digest.update(f"{values.shape}".encode())
             digest.update(values.data)
-        if self.appearance is not None:
-            for piece in self.appearance.content():
-                digest.update(piece)
+        for piece in () if self.appearance is None else self.appearance.content():
+            digest.update(piece)
         return digest.hexdigest()
 
     def save(self, path: str | os.PathLike[str], vertices: Any | None = None) -> None:

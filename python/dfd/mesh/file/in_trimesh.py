@@ -17,17 +17,13 @@ from dfd.mesh.file.scene_file import SceneFile
 
 
 def of_trimesh(source: trimesh.Trimesh | trimesh.Scene) -> SceneFile:
-    """Convert a trimesh object to a scene with copies of the arrays.
-
-    Raises ValueError if the object has no faces, an index out of range or a coordinate that is not finite.
-    """
+    """Convert a trimesh object to a scene with copies of the arrays; ValueError if it is not valid."""
     if isinstance(source, trimesh.Trimesh):
-        geometry = _geometry(source.copy(), {})
+        geometry = _geometry(source.copy())
         instances = [MeshInstance(str(source.metadata.get("name") or "mesh"), "mesh", geometry)]
         return SceneFile.of(None, instances, own_vertices=geometry.vertices)
-    meshes = {name: each.copy() for name, each in source.geometry.items() if isinstance(each, trimesh.Trimesh)}
-    known: dict[int, Material] = {}
-    copies = {name: _geometry(each, known) for name, each in meshes.items()}
+    meshes = {name: each for name, each in source.geometry.items() if isinstance(each, trimesh.Trimesh)}
+    copies = {name: _geometry(each.copy()) for name, each in meshes.items()}
     instances = []
     for node in source.graph.nodes_geometry:
         transform, name = source.graph[node]
@@ -37,12 +33,9 @@ def of_trimesh(source: trimesh.Trimesh | trimesh.Scene) -> SceneFile:
     return SceneFile.of(None, instances)
 
 
-def _geometry(mesh: trimesh.Trimesh, materials: dict[int, Material]) -> Geometry:
-    """Convert a trimesh geometry; `materials` caches converted materials by the `id` of trimesh's material."""
+def _geometry(mesh: trimesh.Trimesh) -> Geometry:
     visual = mesh.visual
-    source = getattr(visual, "material", None)
-    if source is not None and id(source) not in materials:
-        materials[id(source)] = _material(source)
+    material = getattr(visual, "material", None)
     count = len(mesh.vertices)
     uv = getattr(visual, "uv", None)
     if visual.kind == "vertex":
@@ -60,7 +53,7 @@ def _geometry(mesh: trimesh.Trimesh, materials: dict[int, Material]) -> Geometry
         np.asarray(uv, np.float64) if uv is not None and np.shape(uv) == (count, 2) else None,
         None if colors is None else rgba(np.asarray(colors)),
         rgba(np.asarray(visual.face_colors)) if visual.kind == "face" else None,
-        None if source is None or _is_default_material(source) else materials[id(source)],
+        None if material is None or _is_default_material(material) else _material(material),
         {
             name: np.asarray(each)
             for name, each in mesh.vertex_attributes.items()

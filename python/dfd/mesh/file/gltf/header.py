@@ -38,11 +38,7 @@ _SMALL = 2**24  # bytes, below which the overlap does not matter
 
 
 def read(text: bytes, *, glb: bool) -> Header:
-    """Return the header of a glTF or GLB file from its JSON text.
-
-    Raises ValueError if it cannot be read, it needs an unknown extension, or its views, accessors or nodes are
-    inconsistent.
-    """
+    """Return the header of a glTF or GLB file from its JSON text; ValueError if it is inconsistent or unknown."""
     header: object = json.loads(text.decode())
     if not isinstance(header, dict):
         raise ValueError(f"its JSON is a {type(header).__name__}, not an object")

@@ -38,8 +38,6 @@ def read(data: GltfData, *, at_rest: bool = True) -> list[MeshInstance]:
     """Return the mesh instances of the scene, in the order of the file's nodes.
 
     With `at_rest`, skins and default morph weights are applied; otherwise both are ignored.
-
-    Raises ValueError or OSError if a primitive of the scene cannot be read.
     """
     header = data.header
     world = world_transforms(header)

@@ -27,10 +27,7 @@ _STL_NORMAL = re.compile(rb"\bfacet\s+normal" + _NUMBERS, re.IGNORECASE)
 
 
 def read_off(data: bytes) -> Geometry:
-    """Return the vertices and faces of an OFF file.
-
-    Raises ValueError if it has fewer vertices, faces or corners than stated, or a face has fewer than three corners.
-    """
+    """Return the vertices and faces of an OFF file; ValueError if it is malformed."""
     lines = [decoded(line[0]) for line in _lines(data)]
     if not lines:
         raise ValueError("it holds nothing")
@@ -103,10 +100,7 @@ def encode_off(vertices: Float64, faces: NDArray[np.integer]) -> bytes:
 
 
 def read_stl(data: bytes) -> list[tuple[str, Geometry]]:
-    """Return the solids of an STL file and their names; the name may be "".
-
-    Raises ValueError if its length differs from the stated one, or it is cut off.
-    """
+    """Return the solids of an STL file and their names, which may be ""; ValueError if it is malformed."""
     binary = binary_stl(data)
     if binary is not None:
         return [("", _soup(binary["corners"].reshape(-1, 3)))]

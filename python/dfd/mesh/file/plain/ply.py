@@ -64,8 +64,7 @@ class _Content:
 def read(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, Float64, Int64]:
     """Return the geometry of a file, its vertices (V, 3), and the vertex (N,) of each row of the geometry.
 
-    Raises ValueError if it has fewer numbers than stated, or vertex indices of faces are not integers. Warns if faces
-    with fewer than three corners are left out.
+    Raises ValueError if it is malformed. Warns if faces with fewer than three corners are left out.
     """
     content = _parse(data)
     vertex, face = content.elements.get("vertex", {}), content.elements.get("face", {})
