@@ -108,12 +108,8 @@ def linear(encoded: NDArray[np.floating]) -> Float64:
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
-def blend(
-    values: Float32,  # (R, K)
-    rows: Int32,  # (N, 3)
-    weights: Float32,  # (N, 3)
-) -> Float32:
-    """Return values (N, K), each a weighted sum of the values of three rows, which are the corners of a face."""
+def blend(values: Float32, rows: Int32, weights: Float32) -> Float32:
+    """Return sums (N, K) of the `values` (R, K) of three `rows` (N, 3), a face's corners, times `weights` (N, 3)."""
     blended: Float32 = weights[:, :1] * values.take(rows[:, 0], axis=0)
     blended += weights[:, 1:2] * values.take(rows[:, 1], axis=0)
     blended += weights[:, 2:] * values.take(rows[:, 2], axis=0)

@@ -59,18 +59,10 @@ class Mesh:
     def __init__(
         self, vertices: Any, faces: Any, *, appearance: Appearance | None = None, scene: SceneFile | None = None
     ) -> None:
-        """Check and keep the arrays.
+        """Check and copy at least three finite positions `vertices` (V, 3), and at least one face of `faces` (F, 3).
 
-        Parameters
-        ----------
-        vertices
-            (V, 3) finite positions, at least three.
-        faces
-            (F, 3) vertex indices, at least one face; faces without area and repeated faces are kept.
-        appearance
-            Colors and textures of the faces.
-        scene
-            The scene of the source file, which `save` rewrites.
+        Faces without area and repeated faces are kept. `appearance` colors the faces. `save` rewrites the `scene` of
+        the source file.
 
         Raises ValueError if an array has another shape or type, a coordinate is not finite or an index is out of range.
         """

@@ -103,12 +103,8 @@ class SceneFile:
         return cls(path, primitives, corner_faces, vertices, representative, vertex, appearance, gltf, source)
 
 
-def _appearance(
-    primitives: Sequence[Primitive],
-    vertex: Int32,  # (R,) the vertex of each row
-    corner_faces: Int32,  # (F, 3)
-) -> Appearance | None:
-    """Return the appearance of the primitives; None if the file defines none."""
+def _appearance(primitives: Sequence[Primitive], vertex: Int32, corner_faces: Int32) -> Appearance | None:
+    """Return the appearance of the primitives, with the `vertex` (R,) of each row; None if the file defines none."""
     numbers: dict[tuple[int, bool], int] = {}  # from a material, and whether its surface has colors, to our number
     known: list[Material] = []
     of_primitive: list[int] = []

@@ -171,13 +171,10 @@ def moved_primitives(vertices: Float64, scene: SceneFile | None) -> list[Primiti
     return result
 
 
-def moved_normals(
-    vertices: Float64,  # (V, 3) after
-    before: Float64,  # (V, 3)
-    scene: SceneFile,
-) -> list[Float64 | None]:
+def moved_normals(vertices: Float64, before: Float64, scene: SceneFile) -> list[Float64 | None]:
     """Return each primitive's normals in its own coordinates; None for a primitive without normals in the file.
 
+    The surface moves to `vertices` (V, 3) from the vertices (V, 3) `before`.
     Rows with equal position and normal belong to one smooth surface, even on both sides of a texture seam. They get
     one new normal: the area-weighted sum of their faces' normals. Rows with another normal lie across a sharp edge.
     Rows whose faces did not move keep the bits of the file's normals.

@@ -19,7 +19,6 @@ from dfd.mesh.file.gltf.header import (
     Header,
     extension,
     item,
-    objects,
     reference,
     whole,
 )
@@ -186,7 +185,7 @@ class GltfData:
         except ImportError as error:
             raise ValueError(f"it is compressed with {name}, which needs `pip install dfd[gltf]`") from error
         what = f"bufferView {index}, of {name},"
-        buffer = reference(packed, "buffer", len(objects(self.header, "buffers")), what)
+        buffer = reference(self.header, packed, "buffer", what)
         size = whole(packed, "byteLength", what)
         start = whole(packed, "byteOffset", what, default=0)
         count, stride = whole(packed, "count", what), whole(packed, "byteStride", what)
@@ -231,7 +230,7 @@ class GltfData:
 
         def stored(part: Header, dtype: np.dtype[Any], width: int) -> NDArray[Any]:
             start = whole(part, "byteOffset", what, default=0)
-            data = self.view(reference(part, "bufferView", len(self.header.get("bufferViews", [])), what))
+            data = self.view(reference(self.header, part, "bufferView", what))
             if start + count * width * dtype.itemsize > len(data):
                 raise ValueError(f"{what} has {count} sparse items beyond byte {len(data)}")
             return np.frombuffer(data, dtype, count * width, start).reshape(count, width)

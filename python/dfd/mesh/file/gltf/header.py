@@ -47,8 +47,7 @@ def read(text: bytes, *, glb: bool) -> Header:
         objects(header, name)
     _check_version(header)
     _check_extensions(header)
-    _check_buffers(header, glb)
-    _check_views(header)
+    _check_views(header, glb)
     _check_accessors(header)
     _check_primitives(header)
     _check_nodes(header)
@@ -123,25 +122,22 @@ def _check_extensions(header: Header) -> None:
             raise ValueError(f"it requires the extension {shortened(name)}, which cannot be read")
 
 
-def _check_buffers(header: Header, glb: bool) -> None:
+def _check_views(header: Header, glb: bool) -> None:
     for i, buffer in enumerate(objects(header, "buffers")):
         fallback = any((extension(buffer, name) or {}).get("fallback") for name in MESHOPT)
         if not isinstance(buffer.get("uri"), str) and not (glb and i == 0) and not fallback:
             raise ValueError(f"buffer {i} does not say where its data is")
-
-
-def _check_views(header: Header) -> None:
     lengths = [whole(buffer, "byteLength", f"buffer {i}") for i, buffer in enumerate(objects(header, "buffers"))]
     total = 0
     for i, view in enumerate(objects(header, "bufferViews")):
-        buffer = reference(view, "buffer", len(lengths), f"bufferView {i}")
+        size = lengths[reference(header, view, "buffer", f"bufferView {i}")]
         length = whole(view, "byteLength", f"bufferView {i}")
         for name in MESHOPT:
             if (packed := extension(view, name)) is not None:
-                reference(packed, "buffer", len(lengths), f"bufferView {i}")
+                reference(header, packed, "buffer", f"bufferView {i}")
         end = whole(view, "byteOffset", f"bufferView {i}", default=0) + length
-        if end > lengths[buffer]:
-            raise ValueError(f"bufferView {i} ends at byte {end} of a buffer of {lengths[buffer]}")
+        if end > size:
+            raise ValueError(f"bufferView {i} ends at byte {end} of a buffer of {size}")
         total += length
     if total > max(_MOST_OVERLAP * sum(lengths), _SMALL):
         raise ValueError(f"its bufferViews add up to {total} bytes of {sum(lengths)}")
@@ -163,16 +159,15 @@ def _check_accessors(header: Header) -> None:
         if "bufferView" not in accessor:
             unfilled.append((i, count))
             continue
-        view = reference(accessor, "bufferView", len(views), f"accessor {i}")
+        view = reference(header, accessor, "bufferView", f"accessor {i}")
         stride = whole(views[view], "byteStride", f"bufferView {view}", default=max(size, _LEAST_STRIDE))
         if stride < max(size, _LEAST_STRIDE):
             raise ValueError(
                 f"bufferView {view} has the byteStride {stride}, but items of accessor {i} have {size} bytes"
             )
         stride = stride if "byteStride" in views[view] else size
-        end = (
-            whole(accessor, "byteOffset", f"accessor {i}", default=0) + max(count - 1, 0) * stride + size * (count > 0)
-        )
+        end = whole(accessor, "byteOffset", f"accessor {i}", default=0)
+        end += (count - 1) * stride + size if count else 0
         if end > views[view]["byteLength"]:
             raise ValueError(f"accessor {i} has {count} items up to byte {end} of {views[view]['byteLength']}")
         total, longest = total + count * size, max(longest, count)
@@ -230,9 +225,9 @@ def are_numbers(value: object) -> TypeGuard[list[float]]:
     return isinstance(value, list) and all(type(each) in (int, float) for each in value)
 
 
-def reference(owner: Header, name: str, count: int, what: str) -> int:
-    """Return an index below `count` that an object of the header contains."""
-    value = whole(owner, name, what)
+def reference(header: Header, owner: Header, name: str, what: str) -> int:
+    """Return the number of an object of the list `name`s of the header to which `owner` refers."""
+    value, count = whole(owner, name, what), len(header.get(f"{name}s", []))
     if value >= count:
         raise ValueError(f"{what} names {name} {value}, but there are {count}")
     return value

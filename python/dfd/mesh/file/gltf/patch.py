@@ -183,14 +183,9 @@ class GltfPatch(GltfBuilder):
                     del self.header[name]
 
     def _collect(
-        self,
-        node: int,
-        name: str,
-        attributes: dict[str, Any],
-        old: Float64,
-        new: Float64,
-        stored: Float64 | None = None,  # the file's positions, before morph targets
+        self, node: int, name: str, attributes: Header, old: Float64, new: Float64, stored: Float64 | None = None
     ) -> None:
+        """Move the rows of an attribute; `stored` are the file's positions, before morph targets."""
         key = (node, name, int(attributes[name]))
         rows, users = self._moved.setdefault(key, ((old if stored is None else stored).copy(), []))
         changed = (old != new).any(axis=1)

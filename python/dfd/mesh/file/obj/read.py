@@ -94,16 +94,12 @@ def _parts(text: ObjText, default: str) -> tuple[list[str], Int64]:
 
 def _state_at_faces(text: ObjText, keyword: str, default: str) -> tuple[list[str], Int64]:
     """Return the names after a keyword, `default` first, and the number (P,) of the name that applies to each face."""
-    names, numbers, lines, values = [default], {default: 0}, [-1], [0]
+    numbers, lines, values = {default: 0}, [-1], [0]
     for line, found, name in text.statements:
         if found == keyword:
-            name = name or default
-            if name not in numbers:
-                numbers[name] = len(names)
-                names.append(name)
             lines.append(line)
-            values.append(numbers[name])
-    return names, np.array(values)[np.searchsorted(lines, text.face_lines) - 1]
+            values.append(numbers.setdefault(name or default, len(numbers)))
+    return list(numbers), np.array(values)[np.searchsorted(lines, text.face_lines) - 1]
 
 
 def face_groups(data: bytes) -> dict[str, Int64]:
@@ -120,16 +116,14 @@ def face_groups(data: bytes) -> dict[str, Int64]:
     for keyword in _GROUP_KEYWORDS:
         names, state = _state_at_faces(text, keyword, "")
         state = np.repeat(state, text.sizes)[kept]
-        order = np.argsort(state, kind="stable")
-        bounds = np.searchsorted(state[order], np.arange(len(names) + 1))
-        lines: dict[str, list[int]] = {}
-        for number, name in enumerate(names):
+        ends = np.cumsum(np.bincount(state, minlength=len(names)))
+        of_word: dict[str, list[Int64]] = {}
+        for name, own in zip(names, np.split(vertices[np.argsort(state, kind="stable")], ends[:-1]), strict=True):
             for word in dict.fromkeys([name, *(name.split() if keyword == "g" else [])]):
-                lines.setdefault(word, []).append(number)
-        for name, numbers in lines.items():
-            corners = np.concatenate([order[bounds[number] : bounds[number + 1]] for number in numbers])
-            if name and len(corners):
-                found.setdefault(name, np.unique(vertices[corners]))
+                of_word.setdefault(word, []).append(own)
+        for word, members in of_word.items():
+            if word and any(map(len, members)):
+                found.setdefault(word, np.unique(np.concatenate(members)))
     return found
 
 

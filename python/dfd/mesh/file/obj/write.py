@@ -31,12 +31,12 @@ def encode(vertices: Float64, faces: Int32) -> bytes:
 
 
 def encode_groups(
-    vertices: Float64,
-    faces: Int32,
-    uv: tuple[Float32, Int32] | None,  # (R, 2), v upwards, and the row of every corner (F, 3)
-    groups: Sequence[tuple[str, Int64]],
+    vertices: Float64, faces: Int32, uv: tuple[Float32, Int32] | None, groups: Sequence[tuple[str, Int64]]
 ) -> bytes:
-    """Return the text of a file with the faces (F, 3) in named groups, given by the numbers of their faces."""
+    """Return the text of a file with the faces (F, 3) in named groups, given by the numbers of their faces.
+
+    `uv` are texture coordinates (R, 2), v upwards, and the row of every corner (F, 3).
+    """
     text = [_lines(b"v", vertices), b"" if uv is None else _lines(b"vt", uv[0])]
     for name, own in groups:
         if len(own):
