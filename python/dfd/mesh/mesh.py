@@ -157,7 +157,7 @@ class Mesh:
     @cached_property
     def _groups(self) -> dict[str, Int64]:
         """The file's own vertices of each group; the first access parses the text again."""
-        if self.scene is None or self.scene.source is None or self.scene.ending != ".obj":
+        if self.scene is None or self.scene.source is None or self.scene.source.corner_rows is None:
             return {}
         return face_groups(self.scene.source.data.tobytes())
 
@@ -260,11 +260,8 @@ def load(
     another type or value. Raises ValueError if the file is empty, malformed, truncated, or in an unknown format or
     compression. Raises ValueError if there are no faces, a face index is out of range or a coordinate is not finite.
 
-    Warns
-    -----
-    UserWarning
-        If a texture or materials file cannot be read; its faces are then gray. If an OBJ file has faces of fewer than
-        three corners; the mesh omits them.
+    Warns if a texture or materials file cannot be read; its faces are then gray. Warns if an OBJ or PLY file has faces
+    of fewer than three corners; the mesh omits them.
     """
     check.choice("load", "pose", pose, _Pose)
     known = sys.modules.get("trimesh")  # this check does not import trimesh

@@ -52,14 +52,6 @@ class AssetFolder:
                 return read_regular(path)
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), shortened(name))
 
-    def has(self, name: str) -> bool:
-        """Return whether `read` would find a file with this name."""
-        try:
-            self.read(name)
-        except (ValueError, OSError):
-            return False
-        return True
-
     def texture(self, name: str, shown: str) -> UInt8 | None:
         """Return the texels of an image file; None, and a warning that names it as `shown`, if it cannot be read."""
         try:

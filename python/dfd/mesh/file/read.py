@@ -28,7 +28,12 @@ def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
     ending = path.suffix.lower()
     if ending not in ENDINGS:
         raise ArgumentError("path", f"must end in {', '.join(ENDINGS)}, got {path}", "load")
-    data = _read_bytes(path)
+    try:
+        data = read_regular(path)
+    except OSError as error:
+        raise OSError(error.errno, f"load: `path` {path} could not be read: {error.strerror}") from error
+    if not data:
+        raise ArgumentError("path", f"{path} is empty", "load")
     assets = AssetFolder(path)
     try:
         scene = _scene(path, data, assets, at_rest=at_rest)
@@ -52,18 +57,8 @@ def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
     return scene
 
 
-def _read_bytes(path: Path) -> bytes:
-    try:
-        data = read_regular(path)
-    except OSError as error:
-        raise OSError(error.errno, f"load: `path` {path} could not be read: {error.strerror}") from error
-    if not data:
-        raise ArgumentError("path", f"{path} is empty", "load")
-    return data
-
-
 def _scene(path: Path, data: bytes, assets: AssetFolder, *, at_rest: bool) -> SceneFile:
-    ending, source = path.suffix.lower(), FileSource(np.frombuffer(data, np.uint8))
+    ending, source = path.suffix.lower(), FileSource(path, np.frombuffer(data, np.uint8))
     if ending in (".glb", ".gltf"):
         from dfd.mesh.file.gltf import read as gltf_read
 
@@ -72,7 +67,7 @@ def _scene(path: Path, data: bytes, assets: AssetFolder, *, at_rest: bool) -> Sc
     if ending == ".obj":
         text = obj_text.parse(data)
         instances, numbers, corner_rows = obj_read.read(text, path, assets)
-        source = FileSource(np.frombuffer(text.data, np.uint8), numbers, corner_rows)
+        source = FileSource(path, np.frombuffer(text.data, np.uint8), numbers, corner_rows)
         return SceneFile.of(path, instances, own_vertices=text.positions, source=source)
     if ending == ".stl":
         solids, names = off_stl.read_stl(data), UniqueNames()

@@ -23,6 +23,7 @@ _DEFAULT = Material(is_default=True)
 class FileSource:
     """The source for rewriting an OBJ, PLY, STL or OFF file with other positions; rewriting parses it again."""
 
+    path: Path
     data: UInt8  # (N,) its bytes; processes can share an array
     numbers: Int64 | None = None  # (R,) the file's own vertex of each row; None for STL files, which number no vertices
     corner_rows: Int32 | None = None  # (C,) row of each corner of an OBJ file's faces; −1 in a face of too few corners
@@ -45,11 +46,6 @@ class SceneFile:
     appearance: Appearance | None  # the colors of the faces; None if unknown
     gltf: GltfData | None = None  # the source glTF file
     source: FileSource | None = None  # the source file of another format
-
-    @property
-    def ending(self) -> str:
-        """The ending of the file's name in lower case; "" for a scene without a file."""
-        return self.path.suffix.lower() if self.path else ""
 
     def local_faces(self, primitive: Primitive) -> Int32:
         """Return the faces (F, 3) of a primitive as indices of its own rows, with the winding of the scene."""

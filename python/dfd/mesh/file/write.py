@@ -44,7 +44,7 @@ def write(path: str | os.PathLike[str], mesh: Mesh, vertices: Float64) -> Float6
     moved = moved_primitives(vertices, scene)
     lost = np.zeros(0)
     files: dict[str, bytes] = {}
-    if scene is not None and scene.source is not None and scene.ending == ending:
+    if scene is not None and scene.source is not None and scene.source.path.suffix.lower() == ending:
         files, lost = _rewrite(target, scene.source, vertices, scene, moved)
     elif ending == ".obj" and scene is not None:
         files = obj_write.encode_scene(target, vertices, scene, moved)
@@ -115,12 +115,12 @@ def _rewrite(
     target: Path, source: FileSource, vertices: Float64, scene: SceneFile, moved: Sequence[Primitive]
 ) -> tuple[dict[str, bytes], Float64]:
     """Return the scene's own file with other positions, and the distances by which 32-bit floats of STL move them."""
-    data, lost = source.data.tobytes(), np.zeros(0)
+    data, lost, ending = source.data.tobytes(), np.zeros(0), source.path.suffix.lower()
     normals = np.concatenate(
         [np.full(each.vertices.shape, np.nan) if each.normals is None else each.normals for each in moved]
     )
-    if scene.ending == ".obj":
-        return obj_patch.encode(target, vertices, scene, normals), lost
+    if ending == ".obj":
+        return obj_patch.encode(target, vertices, source, normals), lost
     if source.numbers is None:
         corners = vertices[scene.vertex]
         new = off_stl.rewrite_stl(data, corners)
@@ -128,7 +128,7 @@ def _rewrite(
     else:
         of_vertices = np.full(vertices.shape, np.nan)
         of_vertices[source.numbers] = normals
-        rewrite = ply.rewrite if scene.ending == ".ply" else off_stl.rewrite_off
+        rewrite = ply.rewrite if ending == ".ply" else off_stl.rewrite_off
         new = rewrite(data, vertices, of_vertices)
     return {target.name: new}, lost
 

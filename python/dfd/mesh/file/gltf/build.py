@@ -104,14 +104,12 @@ class _Scene(GltfBuilder):
 
     def add(self, part: str, group: Sequence[Primitive]) -> None:
         """Add a part, whose primitives share one transform."""
-        key = tuple(id(each.geometry) for each in group)
-        if any(each.moved for each in group) or key not in self._meshes:
+        moved = any(each.moved for each in group)
+        key = tuple(id(each if moved else each.geometry) for each in group)
+        if key not in self._meshes:
             origin = far_origin(np.concatenate([each.vertices for each in group]))
             primitives = [self._primitive(each, origin) for each in group]
-            number = self.append("meshes", {"name": group[0].name, "primitives": primitives})
-            if any(each.moved for each in group):
-                key = (-number - 1,)
-            self._meshes[key] = number, origin
+            self._meshes[key] = self.append("meshes", {"name": group[0].name, "primitives": primitives}), origin
         mesh, origin = self._meshes[key]
         node: Header = {"name": part, "mesh": mesh}
         transform = group[0].transform
@@ -135,11 +133,8 @@ class _Scene(GltfBuilder):
                 values[f"_{name.lstrip('_').upper()}"] = own
         faces = geometry.faces
         if geometry.face_colors is not None:  # each corner becomes a row
-            values, colors = (
-                {name: own[faces.ravel()] for name, own in values.items()},
-                geometry.face_colors.repeat(3, 0),
-            )
-            faces = np.arange(faces.size)
+            values = {name: own[faces.ravel()] for name, own in values.items()}
+            faces, colors = np.arange(faces.size), geometry.face_colors.repeat(3, 0)
         attributes = {
             name: self.accessor(own.astype("<f4"), attribute=True, bounds=name == "POSITION")
             for name, own in values.items()

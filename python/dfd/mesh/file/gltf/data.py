@@ -109,14 +109,6 @@ class GltfData:
             values = self._replaced(values.copy(), accessor["sparse"], f"accessor {index}")
         return _as_numbers(values, bool(accessor.get("normalized")))
 
-    def indices(self, index: object) -> NDArray[Any]:
-        """Return the items (count,) of an accessor of indices."""
-        accessor = item(self.header, "accessors", index) or {}
-        kinds = (accessor.get("componentType"), accessor.get("type"), accessor.get("normalized", False))
-        if kinds not in [(each, "SCALAR", False) for each in _UNSIGNED]:
-            raise ValueError(f"accessor {shortened(index)}, of indices, must hold unsigned whole numbers, got {kinds}")
-        return self.accessor(index).ravel()
-
     def attribute(self, primitive: Header, name: str) -> NDArray[Any] | None:
         """Return an attribute (rows, components) of a primitive, or None."""
         packed = self.draco(primitive) or {}
@@ -129,9 +121,14 @@ class GltfData:
         packed = self.draco(primitive)
         if packed is not None:
             return packed["indices"].ravel()
-        if "indices" in primitive:
-            return self.indices(primitive["indices"])
-        return np.arange(len(self.accessor(primitive["attributes"]["POSITION"])))
+        if "indices" not in primitive:
+            return np.arange(len(self.accessor(primitive["attributes"]["POSITION"])))
+        index = primitive["indices"]
+        accessor = item(self.header, "accessors", index) or {}
+        kinds = (accessor.get("componentType"), accessor.get("type"), accessor.get("normalized", False))
+        if kinds not in [(each, "SCALAR", False) for each in _UNSIGNED]:
+            raise ValueError(f"accessor {shortened(index)}, of indices, must hold unsigned whole numbers, got {kinds}")
+        return self.accessor(index).ravel()
 
     def draco(self, primitive: Header) -> dict[str, NDArray[Any]] | None:
         """Return the attributes of a primitive compressed with Draco by name, and its faces as `indices`.
@@ -175,7 +172,7 @@ class GltfData:
                 by_id = {each["unique_id"]: np.asarray(each["data"]) for each in decoded.attributes}
                 self._draco[view] = by_id, np.asarray(decoded.faces).reshape(-1, 1)  # a cloud of points has no faces
             except Exception as error:  # the library raises types of its own, and KeyError, ValueError, …
-                raise ValueError(f"its {DRACO} cannot be decoded: {_message(error)}") from error
+                raise ValueError(f"its {DRACO} cannot be decoded: {str(error) or type(error).__name__}") from error
         return self._draco[view]
 
     def _decompress(self, index: int, name: str, packed: Header, length: int) -> bytes:
@@ -200,7 +197,7 @@ class GltfData:
         try:
             plain = meshopt.decode_gltf_buffer(data, count, stride, packed.get("mode"), packed.get("filter", "NONE"))
         except Exception as error:
-            raise ValueError(f"{what} cannot be decoded: {_message(error)}") from error
+            raise ValueError(f"{what} cannot be decoded: {str(error) or type(error).__name__}") from error
         return np.ascontiguousarray(plain).tobytes()
 
     def _stored(self, accessor: Header) -> NDArray[Any]:
@@ -241,10 +238,6 @@ class GltfData:
             raise ValueError(f"{what} has a sparse item {int(where.max())} of {len(values)}")
         values[where] = changed
         return values
-
-
-def _message(error: Exception) -> str:
-    return str(error) or type(error).__name__
 
 
 def _as_numbers(values: NDArray[Any], normalized: bool) -> NDArray[Any]:

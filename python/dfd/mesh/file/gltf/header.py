@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib.util
 import json
 from collections import Counter
+from itertools import chain
 from typing import Any, TypeGuard, cast
 
 from dfd.mesh.file.assets import shortened
@@ -90,12 +91,8 @@ def _check_depth(header: Header) -> None:
     """Raise ValueError for nesting so deep that Python's recursion limit would prevent writing it."""
     layer: list[Any] = [header]
     for _ in range(_DEEPEST_JSON):
-        layer = [
-            inner
-            for value in layer
-            for inner in (value.values() if isinstance(value, dict) else value)
-            if isinstance(inner, dict | list)
-        ]
+        inner = chain.from_iterable(value.values() if isinstance(value, dict) else value for value in layer)
+        layer = [value for value in inner if isinstance(value, dict | list)]
         if not layer:
             return
     raise ValueError(f"its values are nested more than {_DEEPEST_JSON} deep")

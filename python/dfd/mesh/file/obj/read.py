@@ -26,12 +26,7 @@ def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInsta
     """Return the mesh instances, the vertex (R,) of each row, and the row (C,) of each corner, −1 in skipped faces.
 
     Parts are the objects (`o`) of the file, or its groups (`g`) if it has at most one object. Within a part, faces are
-    sorted by material.
-
-    Warns
-    -----
-    UserWarning
-        If faces of fewer than three corners are left out.
+    sorted by material. Warns if faces of fewer than three corners are left out.
     """
     materials = {name: _material(name, lines, assets) for name, lines in used_materials(text, assets)[0].items()}
     part_names, part = _parts(text, path.stem)
@@ -60,14 +55,6 @@ def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInsta
         geometry = _geometry(text, rows[begin:end, 1:], triangles[first:last] - begin, used)
         instances.append(MeshInstance(part_names[part[face]], part_names[part[face]], geometry))
     return instances, rows[:, 1], corner_rows
-
-
-def _libraries(text: ObjText, assets: AssetFolder) -> list[str]:
-    """Return the material libraries that the text names. A line names one, which may contain spaces, or several."""
-    names = []
-    for line in [rest for _, keyword, rest in text.statements if keyword == "mtllib" and rest]:
-        names += [line] if " " not in line or assets.has(line) else line.split()
-    return list(dict.fromkeys(names))
 
 
 def _geometry(text: ObjText, rows: Int64, faces: Int64, material: Material | None) -> Geometry:
@@ -137,17 +124,26 @@ def used_materials(text: ObjText, assets: AssetFolder) -> tuple[dict[str, list[s
     """Return the lines of each material that the file uses, by its name, and the MTL files that could be read."""
     used = {name for _, keyword, name in text.statements if keyword == "usemtl"}
     found: dict[str, list[str]] = {}
-    read = set()
-    for library in _libraries(text, assets):
-        try:
-            content = decoded(assets.read(library))
-        except (ValueError, OSError):
+    read, names = set(), list[str]()
+    for line in [rest for _, keyword, rest in text.statements if keyword == "mtllib" and rest]:
+        # a line names one library, which may contain spaces, or several
+        names += [line] if " " not in line or _library(line, assets) is not None else line.split()
+    for library in dict.fromkeys(names):
+        content = _library(library, assets)
+        if content is None:
             assets.unreadable.add(library)
             continue
         read.add(library)
         own = _material_lines(content)
         found |= {name: own[name] for name in own if name in used and name not in found}
     return found, read
+
+
+def _library(name: str, assets: AssetFolder) -> str | None:
+    try:
+        return decoded(assets.read(name))
+    except (ValueError, OSError):
+        return None
 
 
 def _material(name: str, lines: list[str], assets: AssetFolder) -> Material:

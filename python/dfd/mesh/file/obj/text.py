@@ -33,10 +33,6 @@ class Tokens:
     text: bytes  # the lines, with spaces in place of keywords and comments
     shifts: Int64  # (L,) offset from positions in `text` to those in the file
 
-    def spans(self) -> Int64:
-        """Return the start and end (W, 2) of each word in the file."""
-        return np.stack([self.starts, self.ends], axis=1) + np.repeat(self.shifts, self.counts)[:, None]
-
 
 @dataclass(frozen=True)
 class ObjText:
@@ -86,7 +82,7 @@ def parse(data: bytes) -> ObjText:
         normals=normals[first_normal[:, None] + np.arange(3)],
         normal_spans=_spans(normal_tokens, first_normal),
         corners=_corners(faces, counts),
-        corner_spans=faces.spans(),
+        corner_spans=np.stack([faces.starts, faces.ends], axis=1) + np.repeat(faces.shifts, faces.counts)[:, None],
         sizes=faces.counts,
         face_lines=faces.lines,
         statements=lines.statements(),

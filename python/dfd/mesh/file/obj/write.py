@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from dfd.common.errors import one_line
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
 from dfd.mesh.appearance import GRAY, Material
-from dfd.mesh.file.assets import as_png
+from dfd.mesh.file.assets import as_png, read_regular
 from dfd.mesh.file.edits import spelled
-from dfd.mesh.file.obj.library import Companions
+from dfd.mesh.file.obj.read import picture_name
+from dfd.mesh.file.obj.text import decoded
 from dfd.mesh.file.primitives import Primitive, UniqueNames
 from dfd.mesh.file.scene_file import SceneFile
 
@@ -80,6 +81,58 @@ def encode_scene(target: Path, vertices: Float64, scene: SceneFile, moved: Seque
     colors = _vertex_colors(scene)
     positions = vertices if colors is None else np.hstack([vertices, colors])
     return {target.name: head + _lines(b"v", positions) + b"".join(body), **companions.files}
+
+
+class Companions:
+    """The files written next to an OBJ file; unrelated files are never overwritten.
+
+    A file may be overwritten if the existing OBJ file or its materials reference it and its name begins with the OBJ
+    file's stem.
+    """
+
+    def __init__(self, target: Path) -> None:
+        self.files: dict[str, bytes] = {}
+        self._target = target
+        self._own = _own_files(target)
+
+    def add(self, name: str, data: bytes) -> str:
+        """Add a file and return its name, with a number if an unrelated file has that name."""
+        path, number = PurePosixPath(name), 1
+        while not self._is_free(name, data):
+            number += 1
+            name = f"{path.stem}_{number}{path.suffix}"
+        self.files[name] = data
+        return name
+
+    def add_library(self, text: str) -> str:
+        """Add the material library and return its name."""
+        return self.add(f"{self._target.stem}.mtl", text.encode())
+
+    def _is_free(self, name: str, data: bytes) -> bool:
+        if name == self._target.name:
+            return False
+        if name in self.files:
+            return self.files[name] == data
+        path = self._target.with_name(name)
+        if name in self._own or not (path.exists() or path.is_symlink()):
+            return True
+        return path.is_file() and path.stat().st_size == len(data) and path.read_bytes() == data
+
+
+def _own_files(target: Path) -> set[str]:
+    """Return the names of the files that an existing OBJ file `target` references and that begin with its stem."""
+    mine = re.compile(rf"{re.escape(target.stem)}(_.*)?\.[A-Za-z0-9]+")
+    found = set()
+    try:
+        for library in re.findall(rb"^[ \t]*mtllib[ \t]+([^\r\n]+)", read_regular(target), re.MULTILINE):
+            name = decoded(library).strip()
+            if mine.fullmatch(name) and name.endswith(".mtl"):
+                found.add(name)
+                lines = decoded(read_regular(target.with_name(name))).splitlines()
+                found |= {each for each in map(picture_name, lines) if mine.fullmatch(each)}
+    except (OSError, ValueError):
+        pass
+    return {name for name in found if "/" not in name and "\\" not in name}
 
 
 class _MaterialLibrary:
