@@ -16,10 +16,7 @@ _REFLEX = 1e-6  # of the polygon's size; less reflex corners count as straight
 
 
 def long_faces(path: Path, sizes: Int64, lines: Int64 | None = None) -> Bool:
-    """Return which faces have three corners or more; warn of others, with the line of the first if `lines` are given.
-
-    `sizes` (P,) are the corners of each face.
-    """
+    """Return which faces, of `sizes` (P,) corners, have at least three; warn of others by their `lines` or numbers."""
     long: Bool = sizes >= 3
     if not long.all():
         where = f"is face {long.argmin()}" if lines is None else f"in line {lines[long.argmin()] + 1}"

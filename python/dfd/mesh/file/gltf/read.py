@@ -99,26 +99,25 @@ def _geometry(
         raise ValueError(f"the positions of a primitive have {positions.shape[1]} coordinates")
     vertices = positions.astype(np.float64)
 
-    def values(name: str, width: int) -> NDArray[Any] | None:
-        """Return an attribute of the given width; None if it is missing or has another number of rows."""
+    def values(name: str, *widths: int) -> NDArray[Any] | None:
+        """Return an attribute of one of the given widths; None if it is missing or has another number of rows."""
         found = data.attribute(primitive, name)
-        if found is None or len(found) != len(vertices) or width not in (0, found.shape[1]):
-            return None
-        return found
+        fits = found is not None and len(found) == len(vertices) and (not widths or found.shape[1] in widths)
+        return found if fits else None
 
     index = primitive.get("material")
     surface = None if item(data.header, "materials", index) is None else surfaces(cast(int, index))
     uv = None if surface is None else values(f"TEXCOORD_{surface.uv_set}", 2)
-    color, colors = values("COLOR_0", 0), None
-    if color is not None and color.shape[1] in (3, 4):
-        colors = rgba(color)
+    color = values("COLOR_0", 3, 4)
+    colors = None if color is None else rgba(color)
+    if colors is not None:
         colors[:, :3] = srgb(colors[:, :3])
     normals = values("NORMAL", 3)
     if normals is not None:
         normals = normals.astype(np.float64)
         if (turned := morphed(normals, "NORMAL", primitive, morph_weights, data)) is not normals:
             normals = unit(turned)
-    own = {name: values(name, 0) for name in primitive["attributes"] if name.startswith("_")}
+    own = {name: values(name) for name in primitive["attributes"] if name.startswith("_")}
     shown = morphed(vertices, "POSITION", primitive, morph_weights, data)
     return Geometry(
         shown,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 from pathlib import Path
 
@@ -46,13 +45,12 @@ def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInsta
     corner_rows = np.full(len(text.corners), -1, np.int32)
     corner_rows[corners] = row
     triangles = row[triangulate(text.positions, text.corners[corners, 0], sizes)]
-    row_bounds = np.searchsorted(rows[:, 0], np.arange(len(begins) + 1))
-    triangle_bounds = np.append(0, np.cumsum(sizes - 2))[np.append(begins, len(order))]
-    bounds = zip(itertools.pairwise(row_bounds.tolist()), itertools.pairwise(triangle_bounds.tolist()), strict=True)
+    starts = np.searchsorted(rows[:, 0], np.arange(len(begins)))
+    own_rows, own_faces = np.split(rows[:, 1:], starts[1:]), np.split(triangles, np.cumsum(sizes - 2)[begins[1:] - 1])
     instances = []
-    for face, ((begin, end), (first, last)) in zip(order[begins].tolist(), bounds, strict=True):
+    for face, start, own, drawn in zip(order[begins].tolist(), starts.tolist(), own_rows, own_faces, strict=False):
         used = materials.get(material_names[material[face]]) if material[face] >= 0 else None
-        geometry = _geometry(text, rows[begin:end, 1:], triangles[first:last] - begin, used)
+        geometry = _geometry(text, own, drawn - start, used)
         instances.append(MeshInstance(part_names[part[face]], part_names[part[face]], geometry))
     return instances, rows[:, 1], corner_rows
 
