@@ -82,7 +82,8 @@ def export_rig(
     if form == "skin":
         _check_joints(rig)
     if form == "baked":
-        lost = write(target, session.mesh, session.vertices)
+        mesh = session.mesh
+        lost = write(target, session.vertices, mesh.faces, mesh.appearance, mesh.scene)
         difference = Difference(float(lost.max(initial=0.0)), float(lost.mean()) if len(lost) else 0.0)
         report = report_of(rig, target, form, difference)
     else:

@@ -198,8 +198,7 @@ class Mesh:
         """
         from dfd.mesh.file.write import write
 
-        moved = self._moved("Mesh.save", vertices)
-        write(path, self, moved)
+        write(path, self._moved("Mesh.save", vertices), self.faces, self.appearance, self.scene)
 
     def to_trimesh(self, vertices: Any | None = None) -> trimesh.Trimesh:
         """Return the mesh as a `trimesh.Trimesh` with the same vertices and faces in the same order.

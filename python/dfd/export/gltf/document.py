@@ -39,7 +39,7 @@ class GltfDocument(GltfPatch):
             source = mesh.scene.gltf
         else:
             moved = moved_primitives(mesh.vertices, mesh.scene)
-            written = as_gltf(mesh, mesh.vertices, moved, binary=True)
+            written = as_gltf(mesh.vertices, mesh.faces, mesh.scene, moved, binary=True)
             source = gltf_read.parse(written, AssetFolder(Path("mesh.glb")))
             self.scene = SceneFile.of(None, gltf_read.read(source), gltf=source)
             self.vertex = _rows_written(mesh)

@@ -7,14 +7,13 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dfd.common import check
 from dfd.common.files import atomic_write
-from dfd.common.linear_algebra import Float64, Int64, group_sums
-from dfd.mesh.appearance import Material
+from dfd.common.linear_algebra import Float64, Int32, Int64, group_sums
+from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.file.edits import COARSE, rounding
 from dfd.mesh.file.gltf import patch as gltf_patch
 from dfd.mesh.file.gltf.build import encode_scene
@@ -27,20 +26,20 @@ from dfd.mesh.file.scene_file import FileSource, SceneFile
 from dfd.mesh.normals import face_normals, smooth_normals
 from dfd.mesh.weld import weld
 
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import Mesh
 
-
-def write(path: str | os.PathLike[str], mesh: Mesh, vertices: Float64) -> Float64:
+def write(
+    path: str | os.PathLike[str], vertices: Float64, faces: Int32, look: Appearance | None, scene: SceneFile | None
+) -> Float64:
     """Write a mesh with its vertices at `vertices` (V, 3), within the scene of its file if it has one.
 
     Return the distances (N,) by which 32-bit floats of the file move vertices. Raises as `Mesh.save` does.
     """
-    target, faces, scene = Path(path), mesh.faces, mesh.scene
+    target = Path(path)
     ending = check.ending("Mesh.save", "path", target, ENDINGS)
     if ending in (".glb", ".gltf", ".stl") and np.abs(vertices).max() > np.finfo(np.float32).max:
         raise ValueError(f"Mesh.save: `vertices` must fit in 32-bit floats for a {ending} file; .obj, .off have more")
-    vertices = vertices[mesh.representative]  # all vertices at one position move with the first vertex there
+    if scene is not None:
+        vertices = vertices[scene.representative]  # all vertices at one position move with the first vertex there
     moved = moved_primitives(vertices, scene)
     lost = np.zeros(0)
     files: dict[str, bytes] = {}
@@ -56,13 +55,13 @@ def write(path: str | os.PathLike[str], mesh: Mesh, vertices: Float64) -> Float6
         lost = rounding(vertices[faces.ravel()])
         files[target.name] = off_stl.encode_stl(vertices[faces.ravel()])
     elif ending == ".ply":
-        files[target.name] = _encode_ply(mesh, vertices, moved)
+        files[target.name] = _encode_ply(vertices, faces, look, scene, moved)
     elif scene is not None and scene.gltf is not None:
         files[target.name] = gltf_patch.encode(scene.gltf, moved, binary=ending == ".glb")
         kept = [each for each in moved if each.moved and gltf_patch.keeps_origin(scene.gltf, each)]
         lost = np.concatenate([lost, *(rounding(each.vertices) for each in kept)])
     else:
-        files[target.name] = as_gltf(mesh, vertices, moved, binary=ending == ".glb")
+        files[target.name] = as_gltf(vertices, faces, scene, moved, binary=ending == ".glb")
     _write(target, files)
     size = float(np.linalg.norm(np.ptp(vertices[faces.ravel()], axis=0)))
     if lost.max(initial=0.0) > COARSE * size:
@@ -74,17 +73,18 @@ def write(path: str | os.PathLike[str], mesh: Mesh, vertices: Float64) -> Float6
     return lost
 
 
-def as_gltf(mesh: Mesh, vertices: Float64, moved: Sequence[Primitive], *, binary: bool) -> bytes:
+def as_gltf(
+    vertices: Float64, faces: Int32, scene: SceneFile | None, moved: Sequence[Primitive], *, binary: bool
+) -> bytes:
     """Return the GLB or glTF file of a mesh from another format, or without a file, at `vertices` (V, 3).
 
     Primitives without normals get smooth normals, because readers shade a glTF file without normals flat.
     """
-    scene = mesh.scene
     if scene is None:
-        normals = smooth_normals(vertices, mesh.faces).astype(np.float64)
-        moved, _ = place([MeshInstance("mesh", "mesh", Geometry(vertices, mesh.faces.astype(np.int64), normals))])
+        normals = smooth_normals(vertices, faces).astype(np.float64)
+        moved, _ = place([MeshInstance("mesh", "mesh", Geometry(vertices, faces.astype(np.int64), normals))])
     elif any(each.normals is None for each in moved):
-        normals = smooth_normals(vertices, scene.representative[mesh.faces])[scene.representative].astype(np.float64)
+        normals = smooth_normals(vertices, scene.representative[faces])[scene.representative].astype(np.float64)
         # glTF requires unit length, also of vertices without a face of nonzero area.
         normals[~normals.any(axis=1)] = (0.0, 0.0, 1.0)
         moved = [
@@ -133,9 +133,10 @@ def _rewrite(
     return {target.name: new}, lost
 
 
-def _encode_ply(mesh: Mesh, vertices: Float64, moved: Sequence[Primitive]) -> bytes:
+def _encode_ply(
+    vertices: Float64, faces: Int32, look: Appearance | None, scene: SceneFile | None, moved: Sequence[Primitive]
+) -> bytes:
     """Return a PLY file; several parts are merged, and textures, which PLY cannot store, become vertex colors."""
-    scene, look = mesh.scene, mesh.appearance
     if scene is not None and len(moved) == 1:
         first, geometry = moved[0], moved[0].geometry
         material = geometry.material or Material(is_default=True)
@@ -147,7 +148,7 @@ def _encode_ply(mesh: Mesh, vertices: Float64, moved: Sequence[Primitive]) -> by
             local = scene.local_faces(first).astype(np.int64)
             return ply.encode(replace(geometry, vertices=placed, faces=local, normals=normals))
     if look is None:
-        return ply.encode(Geometry(vertices, mesh.faces.astype(np.int64)))
+        return ply.encode(Geometry(vertices, faces.astype(np.int64)))
     used_rows, corners = np.unique(look.corner_faces, return_inverse=True)
     corners = corners.reshape(-1, 3)
     colors = look.corner_colors(corners, len(used_rows))
