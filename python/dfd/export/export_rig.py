@@ -87,7 +87,7 @@ def export_rig(
         raise ArgumentError("session", why, "export_rig")
     if form == "baked":
         mesh = session.mesh
-        lost = write(target, session.vertices, mesh.faces, appearance=mesh.appearance, scene=mesh.scene)
+        lost = write(target, session.vertices, mesh.faces, mesh.appearance, mesh.scene)
         difference = Difference(float(lost.max(initial=0.0)), float(lost.mean()) if len(lost) else 0.0)
         report = report_of(rig, target, form, difference)
     else:

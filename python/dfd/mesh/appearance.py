@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64, UInt8
 
+WHITE = (1.0, 1.0, 1.0, 1.0)
 GRAY = 0.8  # display-referred color of a surface without a material
 
 Wrap = Literal["repeat", "mirror", "clamp"]
@@ -30,7 +31,7 @@ class Material:
 
     def shown(self, *, has_colors: bool) -> Material:
         """Return the displayed material: a default material is white if the surface has vertex colors."""
-        return replace(self, color=(1.0, 1.0, 1.0, 1.0)) if self.is_default and has_colors else self
+        return replace(self, color=WHITE) if self.is_default and has_colors else self
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,10 @@ class Appearance:
                 result[here] *= _sample(each, blend(self.uv, rows[here], weights[here]))
         if self.colors is not None:
             result *= blend(self.colors, rows, weights)
-        self._apply_alpha_modes(result, material)
+        for index, each in enumerate(self.materials):
+            if each.alpha_mode != "BLEND":
+                here = slice(None) if len(self.materials) == 1 else material == index
+                result[here, 3] = each.alpha_mode == "OPAQUE" or result[here, 3] >= each.alpha_cutoff
         np.clip(result, 0, 1, out=result)
         return result
 
@@ -73,13 +77,6 @@ class Appearance:
         colors[used] = self.albedo(where // 3, np.eye(3, dtype=np.float32)[where % 3])
         return colors
 
-    def _apply_alpha_modes(self, result: Float32, material: Int32) -> None:
-        for index, each in enumerate(self.materials):
-            if each.alpha_mode != "BLEND":
-                here = slice(None) if len(self.materials) == 1 else material == index
-                opaque = each.alpha_mode == "OPAQUE" or result[here, 3] >= each.alpha_cutoff
-                result[here, 3] = opaque
-
     def content(self) -> Iterator[bytes]:
         """Yield everything that `albedo` depends on, for a hash."""
         for material in self.materials:
@@ -88,6 +85,14 @@ class Appearance:
         for values in (self.corner_faces, self.face_material, self.uv, self.colors, *textures):
             yield b"none" if values is None else str(values.shape).encode()
             yield b"" if values is None else values.tobytes()
+
+
+def rgba(values: NDArray[Any]) -> Float32:
+    """Return colors (N, 3 or 4) as RGBA (N, 4) in [0, 1]; integers are divided by the largest of their type."""
+    scale = np.iinfo(values.dtype).max if values.dtype.kind in "iu" else 1
+    result = np.ones((len(values), 4), np.float32)
+    result[:, : values.shape[1]] = values[:, :4] / scale
+    return np.where(np.isfinite(result), result, 1).clip(0, 1).astype(np.float32)
 
 
 def srgb(linear: NDArray[np.floating]) -> Float32:
@@ -103,12 +108,8 @@ def linear(encoded: NDArray[np.floating]) -> Float64:
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
-def blend(
-    values: Float32,  # (R, K)
-    rows: Int32,  # (N, 3)
-    weights: Float32,  # (N, 3)
-) -> Float32:
-    """Return values (N, K), each a weighted sum of the values of three rows, which are the corners of a face."""
+def blend(values: Float32, rows: Int32, weights: Float32) -> Float32:
+    """Return sums (N, K) of the `values` (R, K) of three `rows` (N, 3), a face's corners, times `weights` (N, 3)."""
     blended: Float32 = weights[:, :1] * values.take(rows[:, 0], axis=0)
     blended += weights[:, 1:2] * values.take(rows[:, 1], axis=0)
     blended += weights[:, 2:] * values.take(rows[:, 2], axis=0)

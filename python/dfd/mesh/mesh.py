@@ -59,18 +59,10 @@ class Mesh:
     def __init__(
         self, vertices: Any, faces: Any, *, appearance: Appearance | None = None, scene: SceneFile | None = None
     ) -> None:
-        """Check and keep the arrays.
+        """Check and copy at least three finite positions `vertices` (V, 3), and at least one face of `faces` (F, 3).
 
-        Parameters
-        ----------
-        vertices
-            (V, 3) finite positions, at least three.
-        faces
-            (F, 3) vertex indices, at least one face; faces without area and repeated faces are kept.
-        appearance
-            Colors and textures of the faces.
-        scene
-            The scene of the source file, which `save` rewrites.
+        Faces without area and repeated faces are kept. `appearance` colors the faces. `save` rewrites the `scene` of
+        the source file.
 
         Raises ValueError if an array has another shape or type, a coordinate is not finite or an index is out of range.
         """
@@ -93,11 +85,8 @@ class Mesh:
     @cached_property
     def bounds(self) -> Float64:
         """Return the smallest and largest coordinates (2, 3), without unused vertices of a file."""
-        places = self.vertices
-        if self.scene is not None:  # in a mesh of arrays, unused vertices count too
-            used = np.zeros(len(self.vertices), bool)
-            used[self.faces] = True
-            places = self.vertices if used.all() else self.vertices[used]
+        # in a mesh of arrays, unused vertices count too
+        places = self.vertices if self.scene is None else self.vertices[self._corners_of(slice(None))]
         return _frozen(np.stack([places.min(axis=0), places.max(axis=0)]))
 
     @cached_property
@@ -120,11 +109,9 @@ class Mesh:
     def _corners_of(self, faces: slice) -> Int64:
         """Return the vertices (N,), ascending, of the given faces."""
         corners = self.faces[faces].ravel()
-        if len(corners) < len(self.vertices):  # sorting a few corners is cheaper than marking all vertices
+        if len(corners) < len(self.vertices):  # sorting a few corners is cheaper than counting for all vertices
             return np.unique(corners).astype(np.int64)
-        used = np.zeros(len(self.vertices), bool)
-        used[corners] = True
-        return np.flatnonzero(used).astype(np.int64)
+        return np.flatnonzero(np.bincount(corners))
 
     @cached_property
     def part_names(self) -> tuple[str, ...]:
@@ -170,7 +157,7 @@ class Mesh:
     @cached_property
     def _groups(self) -> dict[str, Int64]:
         """The file's own vertices of each group; the first access parses the text again."""
-        if self.scene is None or self.scene.source is None or self.scene.ending != ".obj":
+        if self.scene is None or self.scene.source is None or self.scene.source.corner_rows is None:
             return {}
         return face_groups(self.scene.source.data.tobytes())
 
@@ -191,9 +178,8 @@ class Mesh:
         for values in (self.vertices, self.faces):
             digest.update(f"{values.shape}".encode())
             digest.update(values.data)
-        if self.appearance is not None:
-            for piece in self.appearance.content():
-                digest.update(piece)
+        for piece in () if self.appearance is None else self.appearance.content():
+            digest.update(piece)
         return digest.hexdigest()
 
     def save(self, path: str | os.PathLike[str], vertices: Any | None = None) -> None:
@@ -212,8 +198,7 @@ class Mesh:
         """
         from dfd.mesh.file.write import write
 
-        moved = self._moved("Mesh.save", vertices)
-        write(path, moved, self.faces, appearance=self.appearance, scene=self.scene)
+        write(path, self._moved("Mesh.save", vertices), self.faces, self.appearance, self.scene)
 
     def to_trimesh(self, vertices: Any | None = None) -> trimesh.Trimesh:
         """Return the mesh as a `trimesh.Trimesh` with the same vertices and faces in the same order.
@@ -274,11 +259,8 @@ def load(
     another type or value. Raises ValueError if the file is empty, malformed, truncated, or in an unknown format or
     compression. Raises ValueError if there are no faces, a face index is out of range or a coordinate is not finite.
 
-    Warns
-    -----
-    UserWarning
-        If a texture or materials file cannot be read; its faces are then gray. If an OBJ file has faces of fewer than
-        three corners; the mesh omits them.
+    Warns if a texture or materials file cannot be read; its faces are then gray. Warns if an OBJ or PLY file has faces
+    of fewer than three corners; the mesh omits them.
     """
     check.choice("load", "pose", pose, _Pose)
     known = sys.modules.get("trimesh")  # this check does not import trimesh

@@ -52,8 +52,7 @@ def updated_normals(normals: Float32, before: Float64, after: Float64, faces: In
     if 3 * np.count_nonzero(turned) > len(turned):
         return smooth_normals(after, faces)
     around = faces[turned[first] | turned[second] | turned[third]]
-    used = np.zeros(len(moved), bool)
-    used[around] = True
+    used = np.bincount(around.ravel(), minlength=len(moved)) > 0
     number = np.cumsum(used, dtype=np.int32) - np.int32(1)
     updated = normals.copy()
     if len(around):

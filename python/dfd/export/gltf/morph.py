@@ -15,9 +15,9 @@ from dfd.common.linear_algebra import Float64
 from dfd.editing.edit import Edit
 from dfd.export.gltf.document import GltfDocument
 from dfd.export.rig import Rig
-from dfd.mesh.file import moved_normals
 from dfd.mesh.file.gltf.header import Header, objects
 from dfd.mesh.file.primitives import Primitive
+from dfd.mesh.file.write import moved_normals
 from dfd.posing.transforms import Transform
 
 
@@ -62,7 +62,7 @@ def add_targets(document: GltfDocument, rig: Rig, targets: MorphTargets) -> list
     """Add the targets to all displayed nodes, which have none yet, at the weights of the edit; return the nodes."""
     rest = _at_rows(document, rig.mesh.vertices)
     moved = [_at_rows(document, shape) for shape in targets.shapes]
-    normals = [moved_normals.follow(each, rest, (each != rest).any(axis=1), document.scene) for each in moved]
+    normals = [moved_normals(each, rest, document.scene) for each in moved]
     before = [each.geometry.normals for each in document.scene.primitives]
     number_of = {id(each): number for number, each in enumerate(document.scene.primitives)}
     nodes = []

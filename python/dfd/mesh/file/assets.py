@@ -3,10 +3,25 @@
 from __future__ import annotations
 
 import errno
+import hashlib
+import io
 import os
 import stat
+import warnings
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
 from urllib.parse import unquote
+
+import numpy as np
+
+from dfd.common.linear_algebra import UInt8
+
+if TYPE_CHECKING:
+    from PIL import Image
+
+_T = TypeVar("_T")
+MOST_TEXELS = 2**26  # of all decoded pictures of a file: 256 MiB as RGBA, four of 4096 × 4096
 
 
 class AssetFolder:
@@ -18,6 +33,8 @@ class AssetFolder:
     def __init__(self, mesh: Path) -> None:
         self.folder = mesh.parent
         self.unreadable: set[str] = set()
+        self._texels: dict[str, UInt8] = {}
+        self._texels_left = MOST_TEXELS
 
     def read(self, name: str) -> bytes:
         """Return the bytes of the file `name`, a relative path or URI in the mesh file.
@@ -35,13 +52,64 @@ class AssetFolder:
                 return read_regular(path)
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), shortened(name))
 
-    def has(self, name: str) -> bool:
-        """Return whether `read` would find a file with this name."""
+    def texture(self, name: str, shown: str) -> UInt8 | None:
+        """Return the texels of an image file; None, and a warning that names it as `shown`, if it cannot be read."""
         try:
-            self.read(name)
+            return self.texels(self.read(name))
         except (ValueError, OSError):
-            return False
-        return True
+            self.unreadable.add(shown)
+            return None
+
+    def texels(self, data: bytes) -> UInt8:
+        """Return an image as RGBA (rows, columns, 4), the first row on top; equal bytes are decoded once.
+
+        The size of an image comes from its first bytes, so an image beyond the limit is refused before it is decoded.
+
+        Raises ValueError if the image cannot be decoded, or has more texels than the limit still allows.
+        """
+        key = hashlib.sha256(data).hexdigest()
+        if key not in self._texels:
+            width, height = _read_image(data, lambda image: image.size)
+            if width * height > self._texels_left:
+                raise ValueError(
+                    f"a picture of {width} × {height} texels exceeds what is left of the {MOST_TEXELS} of a file"
+                )
+            self._texels_left -= width * height
+            self._texels[key] = _read_image(data, lambda image: np.asarray(image.convert("RGBA"), np.uint8))
+        return self._texels[key]
+
+
+def image_format(data: bytes) -> str:
+    """Return the format of an image in lower case; raise ValueError if `data` is not an image."""
+
+    def verified(image: Image.Image) -> str:
+        image.verify()  # cheap; later decoding reports other damage
+        return (image.format or "png").lower()
+
+    return _read_image(data, verified)
+
+
+def as_png(texels: UInt8) -> bytes:
+    """Return RGBA texels (rows, columns, 4) as a PNG file, without alpha if all are opaque."""
+    from PIL import Image
+
+    opaque = (texels[..., 3] == 255).all()
+    stream = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(texels[..., :3]) if opaque else texels).save(stream, "PNG")
+    return stream.getvalue()
+
+
+def _read_image(data: bytes, use: Callable[[Image.Image], _T]) -> _T:
+    """Return the result of `use` for an opened image."""
+    from PIL import Image
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # about Pillow's own size limit; MOST_TEXELS applies instead
+            with Image.open(io.BytesIO(data)) as image:
+                return use(image)
+    except Exception as error:  # Pillow raises OSError, SyntaxError, ValueError and more on damaged pictures
+        raise ValueError(f"it is not a picture that can be read ({type(error).__name__})") from error
 
 
 def read_regular(path: Path) -> bytes:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Float64, Int64
 
@@ -35,9 +36,10 @@ class Edits:
         return b"".join([*pieces, self._data[done:]])
 
 
-def triples(values: Float64) -> list[bytes]:
-    """Return each row of `values` (L, 3) as text, each number in the shortest form that reads back exactly."""
-    return [b"%a %a %a" % (x, y, z) for x, y, z in values.tolist()]
+def spelled(values: NDArray[np.floating]) -> list[bytes]:
+    """Return each row of `values` (L, K) as text, each number in the shortest form that reads back exactly."""
+    template = b" ".join([b"%a"] * values.shape[1])
+    return [template % tuple(row) for row in values.tolist()]
 
 
 def far_origin(vertices: Float64) -> Float64 | None:

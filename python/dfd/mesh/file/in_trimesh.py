@@ -10,27 +10,20 @@ import trimesh
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
 from dfd.common.linear_algebra import UInt8
-from dfd.mesh.appearance import Material, srgb
-from dfd.mesh.file.images import MOST_TEXELS
-from dfd.mesh.file.materials import rgba
+from dfd.mesh.appearance import WHITE, Material, rgba, srgb
+from dfd.mesh.file.assets import MOST_TEXELS
 from dfd.mesh.file.primitives import IDENTITY, Geometry, MeshInstance
 from dfd.mesh.file.scene_file import SceneFile
 
-_WHITE = (1.0, 1.0, 1.0, 1.0)
-
 
 def of_trimesh(source: trimesh.Trimesh | trimesh.Scene) -> SceneFile:
-    """Convert a trimesh object to a scene with copies of the arrays.
-
-    Raises ValueError if the object has no faces, an index out of range or a coordinate that is not finite.
-    """
+    """Convert a trimesh object to a scene with copies of the arrays; ValueError if it is not valid."""
     if isinstance(source, trimesh.Trimesh):
-        geometry = _geometry(source.copy(), {})
+        geometry = _geometry(source.copy())
         instances = [MeshInstance(str(source.metadata.get("name") or "mesh"), "mesh", geometry)]
         return SceneFile.of(None, instances, own_vertices=geometry.vertices)
-    meshes = {name: each.copy() for name, each in source.geometry.items() if isinstance(each, trimesh.Trimesh)}
-    known: dict[int, Material] = {}
-    copies = {name: _geometry(each, known) for name, each in meshes.items()}
+    meshes = {name: each for name, each in source.geometry.items() if isinstance(each, trimesh.Trimesh)}
+    copies = {name: _geometry(each.copy()) for name, each in meshes.items()}
     instances = []
     for node in source.graph.nodes_geometry:
         transform, name = source.graph[node]
@@ -40,12 +33,9 @@ def of_trimesh(source: trimesh.Trimesh | trimesh.Scene) -> SceneFile:
     return SceneFile.of(None, instances)
 
 
-def _geometry(mesh: trimesh.Trimesh, materials: dict[int, Material]) -> Geometry:
-    """Convert a trimesh geometry; `materials` caches converted materials by the `id` of trimesh's material."""
+def _geometry(mesh: trimesh.Trimesh) -> Geometry:
     visual = mesh.visual
-    source = getattr(visual, "material", None)
-    if source is not None and id(source) not in materials:
-        materials[id(source)] = _material(source)
+    material = getattr(visual, "material", None)
     count = len(mesh.vertices)
     uv = getattr(visual, "uv", None)
     if visual.kind == "vertex":
@@ -63,7 +53,7 @@ def _geometry(mesh: trimesh.Trimesh, materials: dict[int, Material]) -> Geometry
         np.asarray(uv, np.float64) if uv is not None and np.shape(uv) == (count, 2) else None,
         None if colors is None else rgba(np.asarray(colors)),
         rgba(np.asarray(visual.face_colors)) if visual.kind == "face" else None,
-        None if source is None or _is_default_material(source) else materials[id(source)],
+        None if material is None or _is_default_material(material) else _material(material),
         {
             name: np.asarray(each)
             for name, each in mesh.vertex_attributes.items()
@@ -90,7 +80,7 @@ def _material(source: Any) -> Material:
         )
     texture = _texels(getattr(source, "image", None))
     if texture is not None:
-        return Material(_WHITE, texture, name=name)
+        return Material(WHITE, texture, name=name)
     settings: Mapping[str, Any] = getattr(source, "kwargs", {})
     if "kd" in settings:
         red, green, blue = (float(each) / 255 for each in source.diffuse[:3])

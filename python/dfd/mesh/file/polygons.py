@@ -5,11 +5,27 @@ Ear clipping: Meisters, "Polygons Have Ears", 1975, by mapbox-earcut.
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
-from dfd.common.linear_algebra import Float64, Int64
+from dfd.common import check
+from dfd.common.linear_algebra import Bool, Float64, Int64
 
 _REFLEX = 1e-6  # of the polygon's size; less reflex corners count as straight
+
+
+def long_faces(path: Path, sizes: Int64, lines: Int64 | None = None) -> Bool:
+    """Return which faces, of `sizes` (P,) corners, have at least three; warn of others by their `lines` or numbers."""
+    long: Bool = sizes >= 3
+    if not long.all():
+        where = f"is face {long.argmin()}" if lines is None else f"in line {lines[long.argmin()] + 1}"
+        check.warn(
+            f"load: `path` {path} has {np.count_nonzero(~long)} faces of fewer than three corners, the first {where}; "
+            "they are left out",
+            UserWarning,
+        )
+    return long
 
 
 def check_corners(corners: Int64, count: int) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -50,10 +52,13 @@ class MeshInstance:
 
 @dataclass(frozen=True, kw_only=True)
 class Primitive(MeshInstance):
-    """An instance with its rows and faces among those of the file."""
+    """An instance with its rows and faces among those of the file, and its shape in the geometry's own coordinates."""
 
     rows: slice  # its vertices among all rows of the file
     faces: slice  # its faces among all faces
+    vertices: Float64  # (rows, 3) those of the geometry, unless it is moved
+    normals: Float64 | None  # (rows, 3) None where the file had none
+    moved: bool = False  # whether any row differs from the file's
 
     def to_scene(self, points: Float64) -> Float64:
         """Return points (rows, 3) of the geometry in the scene's coordinates."""
@@ -67,8 +72,7 @@ class Primitive(MeshInstance):
 
         A singular transform has no inverse; its pseudo-inverse is used.
         """
-        inverse = np.linalg.pinv(self._linear(rows)).astype(np.float64)
-        return _applied(inverse, vectors)
+        return _applied(np.linalg.pinv(self._linear(rows)), vectors)
 
     def from_scene(self, points: Float64, rows: Any = slice(None)) -> Float64:
         """Return the scene points (N, 3) of some rows in the geometry's own coordinates."""
@@ -77,8 +81,7 @@ class Primitive(MeshInstance):
 
     def normals_to_scene(self, normals: Float64) -> Float64:
         """Return unit normals (rows, 3) transformed by the inverse transpose of the transform."""
-        inverse = np.linalg.pinv(self._linear(slice(None))).astype(np.float64)
-        return unit(_applied(np.swapaxes(inverse, -1, -2), normals))
+        return unit(_applied(np.swapaxes(np.linalg.pinv(self._linear(slice(None))), -1, -2), normals))
 
     def normals_from_scene(self, normals: Float64, rows: Any = slice(None)) -> Float64:
         """Undo `normals_to_scene` for some rows."""
@@ -94,21 +97,10 @@ class Primitive(MeshInstance):
         return self.transform[:3, :3] if self.transform.ndim == 2 else self.transform[rows, :3, :3]
 
 
-@dataclass(frozen=True)
-class MovedPrimitive:
-    """A primitive with its new shape, in its geometry's own coordinates."""
-
-    primitive: Primitive
-    vertices: Float64  # (rows of the primitive, 3)
-    normals: Float64 | None  # (rows of the primitive, 3), None where the file had none
-    moved: bool  # whether any row differs from the file's
-
-
 def place(instances: Sequence[MeshInstance]) -> tuple[tuple[Primitive, ...], Float64]:
     """Return the primitives that have faces, and the positions (R, 3) of their rows in the scene.
 
-    Raises ArgumentError if there are no faces or too many, a coordinate is not finite, or a face uses an index out of
-    range.
+    Raises ArgumentError if there are no or too many faces, or a coordinate or index of them is invalid.
     """
     primitives: list[Primitive] = []
     positions: list[Float64] = []
@@ -119,8 +111,12 @@ def place(instances: Sequence[MeshInstance]) -> tuple[tuple[Primitive, ...], Flo
         if size == 0:
             continue
         if id(geometry) not in checked:
-            _check(each.name, geometry)
             checked.add(id(geometry))
+            last, (low, high) = len(geometry.vertices) - 1, (int(geometry.faces.min()), int(geometry.faces.max()))
+            require_finite(geometry.vertices, f" of {shortened(each.name)}")
+            if low < 0 or high > last:
+                between = f"must have faces between vertices 0 … {last} of {shortened(each.name)}"
+                raise ArgumentError("path", f"{between}, got {low if low < 0 else high}")
         if each.transform is not IDENTITY and not np.isfinite(each.transform).all():
             raise ArgumentError("path", f"must place parts by finite transforms, got {shortened(each.part)} without")
         rows = slice(row_count, row_count + len(geometry.vertices))
@@ -128,8 +124,9 @@ def place(instances: Sequence[MeshInstance]) -> tuple[tuple[Primitive, ...], Flo
         row_count, face_count = rows.stop, faces.stop
         if max(row_count, face_count) > MOST_ROWS:
             raise ArgumentError("path", f"places more than {MOST_ROWS} vertices or faces")
-        primitives.append(Primitive(**vars(each), rows=rows, faces=faces))
-        positions.append(primitives[-1].to_scene(geometry.vertices))
+        vertices, normals = geometry.vertices, geometry.normals
+        primitives.append(Primitive(**vars(each), rows=rows, faces=faces, vertices=vertices, normals=normals))
+        positions.append(primitives[-1].to_scene(vertices))
     if not primitives:
         raise ArgumentError("path", "holds no faces")
     stacked = np.concatenate(positions)
@@ -146,17 +143,7 @@ def require_finite(vertices: Float64, owner: str = "") -> None:
         raise ArgumentError("path", f"must hold finite coordinates, got {vertices[row, axis]} at vertex {row}{owner}")
 
 
-def _check(name: str, geometry: Geometry) -> None:
-    """Check that coordinates are finite and that the vertices of faces exist."""
-    count, faces = len(geometry.vertices), geometry.faces
-    require_finite(geometry.vertices, f" of {shortened(name)}")
-    low, high = int(faces.min()), int(faces.max())
-    if low < 0 or high >= count:
-        between = f"must have faces between vertices 0 … {count - 1} of {shortened(name)}"
-        raise ArgumentError("path", f"{between}, got {low if low < 0 else high}")
-
-
-def _applied(linear: Float64, vectors: Float64) -> Float64:
+def _applied(linear: NDArray[np.floating], vectors: Float64) -> Float64:
     """Return vectors (N, 3) times one matrix (3, 3), or each times its own (N, 3, 3)."""
     return vectors @ linear.T if linear.ndim == 2 else np.einsum("nij,nj->ni", linear, vectors)
 
@@ -165,15 +152,13 @@ class UniqueNames:
     """Makes names unique in constant time; repeated names get numbers from `first`."""
 
     def __init__(self, first: int = 1) -> None:
-        self._first = first
         self._taken: set[str] = set()
-        self._next: dict[str, int] = {}
+        self._numbers: dict[str, count[int]] = defaultdict(lambda: count(first))
 
     def unique(self, name: str) -> str:
         """Return `name`, with a number appended if it is taken."""
         found = name
         while found in self._taken:
-            self._next[name] = self._next.get(name, self._first - 1) + 1
-            found = f"{name}_{self._next[name]}"
+            found = f"{name}_{next(self._numbers[name])}"
         self._taken.add(found)
         return found

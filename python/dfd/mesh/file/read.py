@@ -28,15 +28,15 @@ def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
     ending = path.suffix.lower()
     if ending not in ENDINGS:
         raise ArgumentError("path", f"must end in {', '.join(ENDINGS)}, got {path}", "load")
-    data = _read_bytes(path)
+    try:
+        data = read_regular(path)
+    except OSError as error:
+        raise OSError(error.errno, f"load: `path` {path} could not be read: {error.strerror}") from error
+    if not data:
+        raise ArgumentError("path", f"{path} is empty", "load")
     assets = AssetFolder(path)
     try:
-        if ending == ".obj":
-            scene = _read_obj(path, data, assets)
-        elif ending in (".glb", ".gltf"):
-            scene = _read_gltf(path, data, assets, at_rest=at_rest)
-        else:
-            scene = _read_plain(path, data, assets)
+        scene = _scene(path, data, assets, at_rest=at_rest)
     except MemoryError as error:
         raise OSError(errno.ENOMEM, f"load: `path` {path} needs more memory than there is") from error
     except ArgumentError as error:  # the file is well-formed, but its content is no valid mesh
@@ -57,38 +57,23 @@ def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
     return scene
 
 
-def _read_bytes(path: Path) -> bytes:
-    try:
-        data = read_regular(path)
-    except OSError as error:
-        raise OSError(error.errno, f"load: `path` {path} could not be read: {error.strerror}") from error
-    if not data:
-        raise ArgumentError("path", f"{path} is empty", "load")
-    return data
+def _scene(path: Path, data: bytes, assets: AssetFolder, *, at_rest: bool) -> SceneFile:
+    ending, source = path.suffix.lower(), FileSource(path, np.frombuffer(data, np.uint8))
+    if ending in (".glb", ".gltf"):
+        from dfd.mesh.file.gltf import read as gltf_read
 
-
-def _read_obj(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
-    text = obj_text.parse(data)
-    instances, numbers, corner_rows = obj_read.read(text, path, assets)
-    source = FileSource(np.frombuffer(text.data, np.uint8), numbers, corner_rows)
-    return SceneFile.of(path, instances, own_vertices=text.positions, source=source)
-
-
-def _read_gltf(path: Path, data: bytes, assets: AssetFolder, *, at_rest: bool) -> SceneFile:
-    from dfd.mesh.file.gltf import read as gltf_read
-
-    content = gltf_read.parse(data, assets)
-    return SceneFile.of(path, gltf_read.read(content, at_rest=at_rest), gltf=content)
-
-
-def _read_plain(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
-    """Return the scene of a PLY, OFF or STL file."""
-    source = FileSource(np.frombuffer(data, np.uint8))
-    if path.suffix.lower() == ".stl":
+        content = gltf_read.parse(data, assets)
+        return SceneFile.of(path, gltf_read.read(content, at_rest=at_rest), gltf=content)
+    if ending == ".obj":
+        text = obj_text.parse(data)
+        instances, numbers, corner_rows = obj_read.read(text, path, assets)
+        source = FileSource(path, np.frombuffer(text.data, np.uint8), numbers, corner_rows)
+        return SceneFile.of(path, instances, own_vertices=text.positions, source=source)
+    if ending == ".stl":
         solids, names = off_stl.read_stl(data), UniqueNames()
         parts = [(names.unique((len(solids) > 1 and name) or path.stem), each) for name, each in solids]
         return SceneFile.of(path, [MeshInstance(name, name, each) for name, each in parts], source=source)
-    if path.suffix.lower() == ".ply":
+    if ending == ".ply":
         geometry, vertices, numbers = ply.read(path, data, assets)
     else:
         geometry = off_stl.read_off(data)

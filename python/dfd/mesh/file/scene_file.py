@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64, Int32, Int64, UInt8
-from dfd.mesh.appearance import Appearance
+from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.file.gltf.data import GltfData
-from dfd.mesh.file.materials import read_appearance
 from dfd.mesh.file.primitives import MeshInstance, Primitive, place, require_finite
 from dfd.mesh.weld import weld
+
+_DEFAULT = Material(is_default=True)
 
 
 @dataclass(frozen=True)
 class FileSource:
     """The source for rewriting an OBJ, PLY, STL or OFF file with other positions; rewriting parses it again."""
 
+    path: Path
     data: UInt8  # (N,) its bytes; processes can share an array
     numbers: Int64 | None = None  # (R,) the file's own vertex of each row; None for STL files, which number no vertices
     corner_rows: Int32 | None = None  # (C,) row of each corner of an OBJ file's faces; −1 in a face of too few corners
@@ -43,11 +46,6 @@ class SceneFile:
     appearance: Appearance | None  # the colors of the faces; None if unknown
     gltf: GltfData | None = None  # the source glTF file
     source: FileSource | None = None  # the source file of another format
-
-    @property
-    def ending(self) -> str:
-        """The ending of the file's name in lower case; "" for a scene without a file."""
-        return self.path.suffix.lower() if self.path else ""
 
     def local_faces(self, primitive: Primitive) -> Int32:
         """Return the faces (F, 3) of a primitive as indices of its own rows, with the winding of the scene."""
@@ -85,27 +83,61 @@ class SceneFile:
         corner_faces = np.concatenate(numbered)
         if own_vertices is not None:
             require_finite(own_vertices)
-            first, distinct = weld(own_vertices)
+            vertices, (first, distinct) = own_vertices, weld(own_vertices)
             representative = first.astype(np.int32)[distinct]
-            numbers = slice(None) if source is None or source.numbers is None else source.numbers
-            vertices, vertex = own_vertices, representative[numbers]
+            vertex = representative if source is None or source.numbers is None else representative[source.numbers]
         else:
-            vertices, vertex = _weld_used(positions, corner_faces)
+            first, distinct = weld(positions)
+            used = np.bincount(distinct[corner_faces].ravel(), minlength=len(first)) > 0
+            vertices = positions[first[used]]
             representative = np.arange(len(vertices), dtype=np.int32)
-        used = np.zeros(len(vertices), bool)
-        used[vertex[corner_faces]] = True
-        if used.sum() < 3:
-            raise ArgumentError("path", f"must hold at least 3 distinct vertices, got {used.sum()}")
-        appearance = read_appearance(primitives, vertex, corner_faces)
+            vertex = np.where(used, np.cumsum(used, dtype=np.int32) - np.int32(1), np.int32(-1))[distinct]
+        count = np.count_nonzero(np.bincount(vertex[corner_faces].ravel()))
+        if count < 3:
+            raise ArgumentError("path", f"must hold at least 3 distinct vertices, got {count}")
+        appearance = _appearance(primitives, vertex, corner_faces)
         return cls(path, primitives, corner_faces, vertices, representative, vertex, appearance, gltf, source)
 
 
-def _weld_used(positions: Float64, corner_faces: Int32) -> tuple[Float64, Int32]:
-    """Return the distinct positions (V, 3) that faces use, and the vertex (R,) of each row, -1 for unused rows."""
-    first, vertex = weld(positions)
-    used = np.zeros(len(first), bool)
-    used[vertex[corner_faces]] = True
-    if used.all():
-        return positions[first], vertex
-    number = np.where(used, np.cumsum(used, dtype=np.int32) - np.int32(1), np.int32(-1))
-    return positions[first[used]], number[vertex]
+def _appearance(primitives: Sequence[Primitive], vertex: Int32, corner_faces: Int32) -> Appearance | None:
+    """Return the appearance of the primitives, with the `vertex` (R,) of each row; None if the file defines none."""
+    numbers: dict[tuple[int, bool], int] = {}  # from a material, and whether its surface has colors, to our number
+    known: list[Material] = []
+    of_primitive: list[int] = []
+    colored, by_corner = False, False
+    for each in primitives:
+        geometry = each.geometry
+        has_colors = geometry.colors is not None or geometry.face_colors is not None
+        colored, by_corner = colored or has_colors, by_corner or geometry.face_colors is not None
+        material = geometry.material or _DEFAULT
+        of_primitive.append(numbers.setdefault((id(material), has_colors), len(known)))
+        if of_primitive[-1] == len(known):
+            known.append(material.shown(has_colors=has_colors))
+    textured = any(each.texture is not None for each in known)
+    if not colored and not textured and all(replace(each, name="", is_default=False) == Material() for each in known):
+        return None
+    uv = colors = None
+    if textured and any(each.geometry.uv is not None for each in primitives):
+        uv = np.concatenate([_or_fill(each.geometry.uv, each, 0.0, 2) for each in primitives])
+        uv = np.where(np.isfinite(uv), uv, 0).clip(-1e6, 1e6).astype(np.float32)
+    if colored:
+        colors = np.concatenate([_or_fill(each.geometry.colors, each, 1.0, 4) for each in primitives])
+    if colors is not None and by_corner:  # corners are rows of their own
+        rows = corner_faces.ravel()
+        vertex, colors, uv = vertex[rows], colors[rows], None if uv is None else uv[rows]
+        corner_faces = np.arange(len(rows), dtype=np.int32).reshape(-1, 3)
+        for each in primitives:
+            if each.geometry.face_colors is not None:
+                colors[corner_faces[each.faces]] = each.geometry.face_colors[:, None]
+    return Appearance(
+        corners=vertex,
+        corner_faces=corner_faces,
+        face_material=np.repeat(np.array(of_primitive, np.int32), [len(each.geometry.faces) for each in primitives]),
+        materials=tuple(known),
+        uv=uv,
+        colors=colors,
+    )
+
+
+def _or_fill(values: NDArray[np.floating] | None, each: Primitive, missing: float, width: int) -> NDArray[np.floating]:
+    return np.full((len(each.vertices), width), missing, np.float32) if values is None else values

@@ -12,30 +12,25 @@ import numpy as np
 
 from dfd.common import check
 from dfd.common.files import atomic_write
-from dfd.common.linear_algebra import Float64, Int32
+from dfd.common.linear_algebra import Float64, Int32, Int64, group_sums
 from dfd.mesh.appearance import Appearance, Material
-from dfd.mesh.file import moved_normals
 from dfd.mesh.file.edits import COARSE, rounding
 from dfd.mesh.file.gltf import patch as gltf_patch
 from dfd.mesh.file.gltf.build import encode_scene
 from dfd.mesh.file.obj import patch as obj_patch
 from dfd.mesh.file.obj import write as obj_write
 from dfd.mesh.file.plain import off_stl, ply
-from dfd.mesh.file.primitives import Geometry, MeshInstance, MovedPrimitive, place
+from dfd.mesh.file.primitives import Geometry, MeshInstance, Primitive, place
 from dfd.mesh.file.read import ENDINGS
 from dfd.mesh.file.scene_file import FileSource, SceneFile
-from dfd.mesh.normals import smooth_normals
+from dfd.mesh.normals import face_normals, smooth_normals
+from dfd.mesh.weld import weld
 
 
 def write(
-    path: str | os.PathLike[str],
-    vertices: Float64,
-    faces: Int32,
-    *,
-    appearance: Appearance | None = None,
-    scene: SceneFile | None = None,
+    path: str | os.PathLike[str], vertices: Float64, faces: Int32, look: Appearance | None, scene: SceneFile | None
 ) -> Float64:
-    """Write a mesh with its vertices at `vertices` (V, 3), within the `scene` of its file if given.
+    """Write a mesh with its vertices at `vertices` (V, 3), within the scene of its file if it has one.
 
     Return the distances (N,) by which 32-bit floats of the file move vertices. Raises as `Mesh.save` does.
     """
@@ -43,32 +38,30 @@ def write(
     ending = check.ending("Mesh.save", "path", target, ENDINGS)
     if ending in (".glb", ".gltf", ".stl") and np.abs(vertices).max() > np.finfo(np.float32).max:
         raise ValueError(f"Mesh.save: `vertices` must fit in 32-bit floats for a {ending} file; .obj, .off have more")
-    if scene is not None:  # all vertices at one position move with the first vertex there
-        vertices = vertices[scene.representative]
+    if scene is not None:
+        vertices = vertices[scene.representative]  # all vertices at one position move with the first vertex there
     moved = moved_primitives(vertices, scene)
     lost = np.zeros(0)
-    files: dict[str, bytes]
-    if scene is not None and scene.source is not None and scene.ending == ending:
+    files: dict[str, bytes] = {}
+    if scene is not None and scene.source is not None and scene.source.path.suffix.lower() == ending:
         files, lost = _rewrite(target, scene.source, vertices, scene, moved)
+    elif ending == ".obj" and scene is not None:
+        files = obj_write.encode_scene(target, vertices, scene, moved)
     elif ending == ".obj":
-        files = (
-            {target.name: obj_write.encode(vertices, faces)}
-            if scene is None
-            else obj_write.encode_scene(target, vertices, scene, moved)
-        )
+        files[target.name] = obj_write.encode(vertices, faces)
     elif ending == ".off":
-        files = {target.name: off_stl.encode_off(vertices, faces)}
+        files[target.name] = off_stl.encode_off(vertices, faces)
     elif ending == ".stl":
         lost = rounding(vertices[faces.ravel()])
-        files = {target.name: off_stl.encode_stl(vertices[faces.ravel()])}
+        files[target.name] = off_stl.encode_stl(vertices[faces.ravel()])
     elif ending == ".ply":
-        files = {target.name: _encode_ply(vertices, faces, appearance, scene, moved)}
+        files[target.name] = _encode_ply(vertices, faces, look, scene, moved)
     elif scene is not None and scene.gltf is not None:
-        files = {target.name: gltf_patch.encode(scene.gltf, moved, binary=ending == ".glb")}
+        files[target.name] = gltf_patch.encode(scene.gltf, moved, binary=ending == ".glb")
         kept = [each for each in moved if each.moved and gltf_patch.keeps_origin(scene.gltf, each)]
         lost = np.concatenate([lost, *(rounding(each.vertices) for each in kept)])
     else:
-        files = {target.name: as_gltf(vertices, faces, scene, moved, binary=ending == ".glb")}
+        files[target.name] = as_gltf(vertices, faces, scene, moved, binary=ending == ".glb")
     _write(target, files)
     size = float(np.linalg.norm(np.ptp(vertices[faces.ravel()], axis=0)))
     if lost.max(initial=0.0) > COARSE * size:
@@ -81,35 +74,26 @@ def write(
 
 
 def as_gltf(
-    vertices: Float64, faces: Int32, scene: SceneFile | None, moved: Sequence[MovedPrimitive], *, binary: bool
+    vertices: Float64, faces: Int32, scene: SceneFile | None, moved: Sequence[Primitive], *, binary: bool
 ) -> bytes:
-    """Return the GLB or glTF file of a scene from another format, or of a mesh without a scene.
+    """Return the GLB or glTF file of a mesh from another format, or without a file, at `vertices` (V, 3).
 
     Primitives without normals get smooth normals, because readers shade a glTF file without normals flat.
     """
-    if scene is not None:
-        moved = _smoothed(vertices, faces, scene, moved)
-    else:
-        geometry = Geometry(vertices, faces.astype(np.int64), smooth_normals(vertices, faces).astype(np.float64))
-        (primitive,), _ = place([MeshInstance("mesh", "mesh", geometry)])
-        moved = [MovedPrimitive(primitive, vertices, geometry.normals, False)]
+    if scene is None:
+        normals = smooth_normals(vertices, faces).astype(np.float64)
+        moved, _ = place([MeshInstance("mesh", "mesh", Geometry(vertices, faces.astype(np.int64), normals))])
+    elif any(each.normals is None for each in moved):
+        normals = smooth_normals(vertices, scene.representative[faces])[scene.representative].astype(np.float64)
+        # glTF requires unit length, also of vertices without a face of nonzero area.
+        normals[~normals.any(axis=1)] = (0.0, 0.0, 1.0)
+        moved = [
+            each
+            if each.normals is not None
+            else replace(each, normals=each.normals_from_scene(normals[scene.vertex[each.rows]]))
+            for each in moved
+        ]
     return encode_scene(moved, binary=binary)
-
-
-def _smoothed(
-    vertices: Float64, faces: Int32, scene: SceneFile, moved: Sequence[MovedPrimitive]
-) -> Sequence[MovedPrimitive]:
-    if all(each.normals is not None for each in moved):
-        return moved
-    normals = smooth_normals(vertices, scene.representative[faces])[scene.representative].astype(np.float64)
-    # glTF requires unit length, also of vertices without a face of nonzero area.
-    normals[~normals.any(axis=1)] = (0.0, 0.0, 1.0)
-    return [
-        each
-        if each.normals is not None
-        else replace(each, normals=each.primitive.normals_from_scene(normals[scene.vertex[each.primitive.rows]]))
-        for each in moved
-    ]
 
 
 def _write(target: Path, files: dict[str, bytes]) -> None:
@@ -128,67 +112,105 @@ def _write(target: Path, files: dict[str, bytes]) -> None:
 
 
 def _rewrite(
-    target: Path, source: FileSource, vertices: Float64, scene: SceneFile, moved: Sequence[MovedPrimitive]
+    target: Path, source: FileSource, vertices: Float64, scene: SceneFile, moved: Sequence[Primitive]
 ) -> tuple[dict[str, bytes], Float64]:
     """Return the scene's own file with other positions, and the distances by which 32-bit floats of STL move them."""
-    data, lost = source.data.tobytes(), np.zeros(0)
+    data, lost, ending = source.data.tobytes(), np.zeros(0), source.path.suffix.lower()
     normals = np.concatenate(
         [np.full(each.vertices.shape, np.nan) if each.normals is None else each.normals for each in moved]
     )
-    if scene.ending == ".obj":
-        return obj_patch.encode(target, vertices, scene, normals), lost
+    if ending == ".obj":
+        return obj_patch.encode(target, vertices, source, normals), lost
     if source.numbers is None:
         corners = vertices[scene.vertex]
         new = off_stl.rewrite_stl(data, corners)
-        lost = lost if off_stl.is_text_stl(data) else rounding(corners)
+        lost = lost if off_stl.binary_stl(data) is None else rounding(corners)
     else:
         of_vertices = np.full(vertices.shape, np.nan)
         of_vertices[source.numbers] = normals
-        rewrite = ply.rewrite if scene.ending == ".ply" else off_stl.rewrite_off
+        rewrite = ply.rewrite if ending == ".ply" else off_stl.rewrite_off
         new = rewrite(data, vertices, of_vertices)
     return {target.name: new}, lost
 
 
 def _encode_ply(
-    vertices: Float64,
-    faces: Int32,
-    appearance: Appearance | None,
-    scene: SceneFile | None,
-    moved: Sequence[MovedPrimitive],
+    vertices: Float64, faces: Int32, look: Appearance | None, scene: SceneFile | None, moved: Sequence[Primitive]
 ) -> bytes:
     """Return a PLY file; several parts are merged, and textures, which PLY cannot store, become vertex colors."""
-    first = moved[0].primitive if len(moved) == 1 else None
-    if first is not None and scene is not None:
-        geometry = first.geometry
+    if scene is not None and len(moved) == 1:
+        first, geometry = moved[0], moved[0].geometry
         material = geometry.material or Material(is_default=True)
         if geometry.uv is None or (material.texture is None and not material.is_default):
-            placed = first.to_scene(moved[0].vertices).copy()  # the mesh has no vertex for rows that no face uses
+            placed = first.to_scene(first.vertices).copy()  # the mesh has no vertex for rows that no face uses
             used = scene.vertex >= 0
             placed[used] = vertices[scene.vertex[used]]
-            normals = None if moved[0].normals is None else first.normals_to_scene(moved[0].normals)
+            normals = None if first.normals is None else first.normals_to_scene(first.normals)
             local = scene.local_faces(first).astype(np.int64)
             return ply.encode(replace(geometry, vertices=placed, faces=local, normals=normals))
-    if appearance is None:
+    if look is None:
         return ply.encode(Geometry(vertices, faces.astype(np.int64)))
-    used_rows, corners = np.unique(appearance.corner_faces, return_inverse=True)
+    used_rows, corners = np.unique(look.corner_faces, return_inverse=True)
     corners = corners.reshape(-1, 3)
-    colors = appearance.corner_colors(corners, len(used_rows))
-    return ply.encode(Geometry(vertices[appearance.corners[used_rows]], corners, colors=colors))
+    colors = look.corner_colors(corners, len(used_rows))
+    return ply.encode(Geometry(vertices[look.corners[used_rows]], corners, colors=colors))
 
 
-def moved_primitives(vertices: Float64, scene: SceneFile | None) -> list[MovedPrimitive]:
-    """Convert positions (V, 3) to each primitive's coordinates; unmoved rows keep their bits."""
+def moved_primitives(vertices: Float64, scene: SceneFile | None) -> list[Primitive]:
+    """Return the primitives moved to the positions (V, 3) of the mesh; unmoved rows keep their bits."""
     if scene is None:
         return []
     changed = (vertices != scene.vertices).any(axis=1)
-    normals = moved_normals.follow(vertices, scene.vertices, changed, scene)
     result = []
-    for each, own_normals in zip(scene.primitives, normals, strict=True):
+    for each, own_normals in zip(scene.primitives, moved_normals(vertices, scene.vertices, scene), strict=True):
         rows = scene.vertex[each.rows]
         here = (rows >= 0) & changed[rows]
-        local = each.geometry.vertices
+        local = each.vertices
         if here.any():
             local = local.copy()
             local[here] = each.from_scene(vertices[rows[here]], here)
-        result.append(MovedPrimitive(each, local, own_normals, bool(here.any())))
+        result.append(replace(each, vertices=local, normals=own_normals, moved=bool(here.any())))
     return result
+
+
+def moved_normals(vertices: Float64, before: Float64, scene: SceneFile) -> list[Float64 | None]:
+    """Return each primitive's normals in its own coordinates; None for a primitive without normals in the file.
+
+    The surface moves to `vertices` (V, 3) from the vertices (V, 3) `before`.
+    Rows with equal position and normal belong to one smooth surface, even on both sides of a texture seam. They get
+    one new normal: the area-weighted sum of their faces' normals. Rows with another normal lie across a sharp edge.
+    Rows whose faces did not move keep the bits of the file's normals.
+    """
+    own = [each.normals for each in scene.primitives]
+    changed = (vertices != before).any(axis=1)
+    if not changed.any() or all(normals is None for normals in own):
+        return own
+    placed = np.concatenate(
+        [
+            np.zeros(each.vertices.shape) if each.normals is None else each.normals_to_scene(each.normals)
+            for each in scene.primitives
+        ]
+    )
+    _, normal = weld(placed)
+    key = scene.vertex.astype(np.int64) * (int(normal.max()) + 1) + normal
+    first, group = np.unique(key, return_index=True, return_inverse=True)[1:]
+    faces = group[scene.corner_faces]
+    stale = np.zeros(len(first), bool)
+    stale[faces[changed[scene.faces].any(axis=1)]] = True
+    new = _normal_sums(vertices, scene, faces, len(first))
+    # The file or a mirroring transform may wind faces inward. New normals stay on the side of the old normals.
+    inward = np.einsum("ij,ij->i", _normal_sums(before, scene, faces, len(first)), placed[first]) < 0
+    new[inward] *= -1
+    stale &= np.linalg.norm(new, axis=1) > 0
+    result: list[Float64 | None] = []
+    for each, normals in zip(scene.primitives, own, strict=True):
+        if normals is not None:
+            here = group[each.rows]
+            normals = normals.copy()
+            normals[stale[here]] = each.normals_from_scene(new[here[stale[here]]], stale[here])
+        result.append(normals)
+    return result
+
+
+def _normal_sums(vertices: Float64, scene: SceneFile, faces: Int64, count: int) -> Float64:
+    """Return for each group of rows the sum (count, 3) of its faces' normals, each times twice the face's area."""
+    return group_sums(faces.ravel(), np.repeat(face_normals(vertices, scene.faces), 3, axis=0), count)

@@ -14,7 +14,7 @@ import pytest
 from mesh_files import checkered, header_and_data, look_of, obj_cube, textured_quad, write
 from PIL import Image
 
-from dfd.mesh.file import images
+from dfd.mesh.file import assets
 from dfd.mesh.mesh import Mesh, load
 
 SECRET = b"-----BEGIN OPENSSH PRIVATE KEY----- secret"
@@ -141,7 +141,7 @@ def test_a_picture_too_large_to_decode_is_gray(tmp_path: Path) -> None:
 
 
 def test_all_pictures_of_a_file_share_one_budget(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(images, "MOST_TEXELS", 100)
+    monkeypatch.setattr(assets, "MOST_TEXELS", 100)
     materials, faces = [], []
     for number in range(3):
         Image.new("RGB", (6, 6), (number, 0, 0)).save(tmp_path / f"{number}.png")

@@ -13,16 +13,17 @@ from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import UInt8
 from dfd.mesh.appearance import Material, Wrap, linear
+from dfd.mesh.file.assets import as_png
 from dfd.mesh.file.edits import far_origin
 from dfd.mesh.file.gltf import glb
 from dfd.mesh.file.gltf.header import COMPONENT_TYPES, Header
-from dfd.mesh.file.images import as_png
-from dfd.mesh.file.primitives import IDENTITY, MovedPrimitive
+from dfd.mesh.file.gltf.materials import WRAPS
+from dfd.mesh.file.primitives import IDENTITY, Primitive
 
 FLOAT, _ARRAY_BUFFER = 5126, 34962
 LIMITS = {"min": np.min, "max": np.max}
 _KINDS = {(): "SCALAR", (2,): "VEC2", (3,): "VEC3", (4,): "VEC4", (4, 4): "MAT4"}
-_WRAPS: dict[Wrap, int] = {"repeat": 10497, "mirror": 33648, "clamp": 33071}
+_WRAPS = {name: number for number, name in WRAPS.items()}
 _PLAIN = Material()
 _NUMBERS = {np.dtype(kind): number for number, kind in COMPONENT_TYPES.items()}
 
@@ -80,14 +81,14 @@ class GltfBuilder:
         return start
 
 
-def encode_scene(moved: Sequence[MovedPrimitive], *, binary: bool) -> bytes:
+def encode_scene(moved: Sequence[Primitive], *, binary: bool) -> bytes:
     """Return the file of a scene: a node for each part, with the part's primitives in order.
 
     Nodes share a mesh if their parts share unmoved geometries. If a part is so far from the origin that 32-bit floats
     are too coarse, its positions are relative to its middle, and its node is translated.
     """
     scene = _Scene({"asset": {"version": "2.0", "generator": "dfd"}, "scene": 0, "scenes": [{"nodes": []}]})
-    for part, group in groupby(moved, lambda each: each.primitive.part):
+    for part, group in groupby(moved, lambda each: each.part):
         scene.add(part, list(group))
     return scene.encode(binary=binary)
 
@@ -101,19 +102,17 @@ class _Scene(GltfBuilder):
         self._materials: dict[tuple[int, bool, bool], int] = {}
         self._textures: dict[tuple[int, tuple[Wrap, Wrap]], int] = {}
 
-    def add(self, part: str, group: Sequence[MovedPrimitive]) -> None:
+    def add(self, part: str, group: Sequence[Primitive]) -> None:
         """Add a part, whose primitives share one transform."""
-        key = tuple(id(each.primitive.geometry) for each in group)
-        if any(each.moved for each in group) or key not in self._meshes:
+        moved = any(each.moved for each in group)
+        key = tuple(id(each if moved else each.geometry) for each in group)
+        if key not in self._meshes:
             origin = far_origin(np.concatenate([each.vertices for each in group]))
             primitives = [self._primitive(each, origin) for each in group]
-            number = self.append("meshes", {"name": group[0].primitive.name, "primitives": primitives})
-            if any(each.moved for each in group):
-                key = (-number - 1,)
-            self._meshes[key] = number, origin
+            self._meshes[key] = self.append("meshes", {"name": group[0].name, "primitives": primitives}), origin
         mesh, origin = self._meshes[key]
         node: Header = {"name": part, "mesh": mesh}
-        transform = group[0].primitive.transform
+        transform = group[0].transform
         if origin is not None:
             transform = transform.copy()
             transform[:3, 3] += transform[:3, :3] @ origin
@@ -121,8 +120,8 @@ class _Scene(GltfBuilder):
             node["matrix"] = transform.T.ravel().tolist()
         self.header["scenes"][0]["nodes"].append(self.append("nodes", node))
 
-    def _primitive(self, each: MovedPrimitive, origin: NDArray[Any] | None) -> Header:
-        geometry = each.primitive.geometry
+    def _primitive(self, each: Primitive, origin: NDArray[Any] | None) -> Header:
+        geometry = each.geometry
         colors = geometry.colors
         values: dict[str, NDArray[Any]] = {"POSITION": each.vertices if origin is None else each.vertices - origin}
         if each.normals is not None:
@@ -134,11 +133,8 @@ class _Scene(GltfBuilder):
                 values[f"_{name.lstrip('_').upper()}"] = own
         faces = geometry.faces
         if geometry.face_colors is not None:  # each corner becomes a row
-            values, colors = (
-                {name: own[faces.ravel()] for name, own in values.items()},
-                geometry.face_colors.repeat(3, 0),
-            )
-            faces = np.arange(faces.size)
+            values = {name: own[faces.ravel()] for name, own in values.items()}
+            faces, colors = np.arange(faces.size), geometry.face_colors.repeat(3, 0)
         attributes = {
             name: self.accessor(own.astype("<f4"), attribute=True, bounds=name == "POSITION")
             for name, own in values.items()

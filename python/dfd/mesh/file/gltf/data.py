@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import binascii
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +18,7 @@ from dfd.mesh.file.gltf.header import (
     MESHOPT,
     Header,
     extension,
-    is_index,
     item,
-    objects,
     reference,
     whole,
 )
@@ -51,7 +49,12 @@ class GltfData:
             buffer = self.header["buffers"][index]
             uri, length = buffer.get("uri"), int(buffer["byteLength"])
             if uri is not None:
-                data = data_uri(uri) if uri.startswith("data:") else self._file(index, uri, length)
+                data = self._linked(uri)
+                # Saving copies the data into the new file, so a malicious glTF file could leak any file that it
+                # references. A file without a usual ending must therefore have the length that the header states.
+                usual = uri.startswith("data:") or uri.lower().endswith(_DATA_ENDINGS)
+                if not usual and not 0 <= len(data) - length < _ALIGNMENT:
+                    raise ValueError(f"buffer {index} should have {length} bytes, but {shortened(uri)} has {len(data)}")
             elif index == 0 and self._embedded is not None:
                 data = self._embedded
             else:
@@ -63,16 +66,17 @@ class GltfData:
             self._buffers[index] = np.frombuffer(data, np.uint8)[:length]
         return self._buffers[index]
 
-    def _file(self, index: int, uri: str, length: int) -> bytes:
-        """Return the data of a buffer in an external file.
-
-        Saving copies the data into the new file, so a malicious glTF file could leak any file that it references. A
-        file without a usual ending must therefore have the length that the header states.
-        """
-        data = self.assets.read(uri)
-        if not uri.lower().endswith(_DATA_ENDINGS) and not 0 <= len(data) - length < _ALIGNMENT:
-            raise ValueError(f"buffer {index} should have {length} bytes, but {shortened(uri)} has {len(data)}")
-        return data
+    def _linked(self, uri: str) -> bytes:
+        """Return the content of a data URI in base 64, or of an external file."""
+        if not uri.startswith("data:"):
+            return self.assets.read(uri)
+        head, _, body = uri.partition(",")
+        if not head.endswith(";base64"):
+            raise ValueError(f"{shortened(uri)} is not in base 64")
+        try:
+            return base64.b64decode(body, validate=False)
+        except binascii.Error as error:
+            raise ValueError(f"{shortened(uri)} is not in base 64: {error}") from error
 
     def view(self, index: int) -> memoryview:
         """Return the bytes of a view, decompressed."""
@@ -90,8 +94,8 @@ class GltfData:
         """Return the bytes of an object of `images`: from a view, a data URI or an external file."""
         uri = image.get("uri")
         if isinstance(uri, str):
-            return data_uri(uri) if uri.startswith("data:") else self.assets.read(uri)
-        if not is_index(image.get("bufferView"), len(self.header.get("bufferViews", []))):
+            return self._linked(uri)
+        if item(self.header, "bufferViews", image.get("bufferView")) is None:
             raise ValueError("a picture names no data")
         return bytes(self.view(image["bufferView"]))
 
@@ -105,14 +109,6 @@ class GltfData:
             values = self._replaced(values.copy(), accessor["sparse"], f"accessor {index}")
         return _as_numbers(values, bool(accessor.get("normalized")))
 
-    def indices(self, index: object) -> NDArray[Any]:
-        """Return the items (count,) of an accessor of indices."""
-        accessor = item(self.header, "accessors", index) or {}
-        kinds = (accessor.get("componentType"), accessor.get("type"), accessor.get("normalized", False))
-        if kinds not in [(each, "SCALAR", False) for each in _UNSIGNED]:
-            raise ValueError(f"accessor {shortened(index)}, of indices, must hold unsigned whole numbers, got {kinds}")
-        return self.accessor(index).ravel()
-
     def attribute(self, primitive: Header, name: str) -> NDArray[Any] | None:
         """Return an attribute (rows, components) of a primitive, or None."""
         packed = self.draco(primitive) or {}
@@ -125,9 +121,14 @@ class GltfData:
         packed = self.draco(primitive)
         if packed is not None:
             return packed["indices"].ravel()
-        if "indices" in primitive:
-            return self.indices(primitive["indices"])
-        return np.arange(len(self.accessor(primitive["attributes"]["POSITION"])))
+        if "indices" not in primitive:
+            return np.arange(len(self.accessor(primitive["attributes"]["POSITION"])))
+        index = primitive["indices"]
+        accessor = item(self.header, "accessors", index) or {}
+        kinds = (accessor.get("componentType"), accessor.get("type"), accessor.get("normalized", False))
+        if kinds not in [(each, "SCALAR", False) for each in _UNSIGNED]:
+            raise ValueError(f"accessor {shortened(index)}, of indices, must hold unsigned whole numbers, got {kinds}")
+        return self.accessor(index).ravel()
 
     def draco(self, primitive: Header) -> dict[str, NDArray[Any]] | None:
         """Return the attributes of a primitive compressed with Draco by name, and its faces as `indices`.
@@ -138,10 +139,9 @@ class GltfData:
         if packed is None:
             return None
         names, view = packed.get("attributes"), packed.get("bufferView")
-        views = self.header.get("bufferViews", [])
-        if not isinstance(names, dict) or not isinstance(view, int) or not is_index(view, len(views)):
+        if not isinstance(names, dict) or item(self.header, "bufferViews", view) is None:
             raise ValueError(f"its {DRACO} does not say where the data is")
-        by_id, faces = self._draco_mesh(view)
+        by_id, faces = self._draco_mesh(cast(int, view))
         found: dict[str, NDArray[Any]] = {}
         for name, number in names.items():
             accessor = item(self.header, "accessors", primitive["attributes"].get(name))
@@ -151,10 +151,9 @@ class GltfData:
                 found[name] = _as_numbers(values, bool(accessor.get("normalized")))
         if "POSITION" not in found:
             raise ValueError(f"its {DRACO} holds no positions")
-        found["indices"] = faces
         if "indices" in primitive and primitive.get("mode", 4) == 4:
-            self._require_count(primitive["indices"], len(found["indices"]))
-        return found
+            self._require_count(primitive["indices"], len(faces))
+        return {**found, "indices": faces}
 
     def _require_count(self, index: object, count: int) -> None:
         stated = (item(self.header, "accessors", index) or {}).get("count")
@@ -173,7 +172,7 @@ class GltfData:
                 by_id = {each["unique_id"]: np.asarray(each["data"]) for each in decoded.attributes}
                 self._draco[view] = by_id, np.asarray(decoded.faces).reshape(-1, 1)  # a cloud of points has no faces
             except Exception as error:  # the library raises types of its own, and KeyError, ValueError, …
-                raise ValueError(f"its {DRACO} cannot be decoded: {_message(error)}") from error
+                raise ValueError(f"its {DRACO} cannot be decoded: {str(error) or type(error).__name__}") from error
         return self._draco[view]
 
     def _decompress(self, index: int, name: str, packed: Header, length: int) -> bytes:
@@ -183,7 +182,7 @@ class GltfData:
         except ImportError as error:
             raise ValueError(f"it is compressed with {name}, which needs `pip install dfd[gltf]`") from error
         what = f"bufferView {index}, of {name},"
-        buffer = reference(packed, "buffer", len(objects(self.header, "buffers")), what)
+        buffer = reference(self.header, packed, "buffer", what)
         size = whole(packed, "byteLength", what)
         start = whole(packed, "byteOffset", what, default=0)
         count, stride = whole(packed, "count", what), whole(packed, "byteStride", what)
@@ -198,7 +197,7 @@ class GltfData:
         try:
             plain = meshopt.decode_gltf_buffer(data, count, stride, packed.get("mode"), packed.get("filter", "NONE"))
         except Exception as error:
-            raise ValueError(f"{what} cannot be decoded: {_message(error)}") from error
+            raise ValueError(f"{what} cannot be decoded: {str(error) or type(error).__name__}") from error
         return np.ascontiguousarray(plain).tobytes()
 
     def _stored(self, accessor: Header) -> NDArray[Any]:
@@ -218,44 +217,27 @@ class GltfData:
 
     def _replaced(self, values: NDArray[Any], sparse: Any, what: str) -> NDArray[Any]:
         """Replace the items of an accessor that its sparse part changes."""
-        parts: list[Header] = []
-        if isinstance(sparse, dict):
-            parts = [part for name in ("indices", "values") if isinstance(part := sparse.get(name), dict)]
-        if len(parts) < 2:
+        parts: list[Any] = [sparse.get(name) for name in ("indices", "values")] if isinstance(sparse, dict) else [None]
+        if not all(isinstance(part, dict) for part in parts):
             raise ValueError(f"{what} is sparse, but does not say where")
         count = whole(sparse, "count", what)
         kind = parts[0].get("componentType")
         if kind not in _UNSIGNED:
             raise ValueError(f"{what} is sparse, but counts its items in the componentType {shortened(kind)}")
-        found = []
-        for part, dtype, width in zip(
-            parts, (np.dtype(COMPONENT_TYPES[kind]), values.dtype), (1, values.shape[1]), strict=True
-        ):
+
+        def stored(part: Header, dtype: np.dtype[Any], width: int) -> NDArray[Any]:
             start = whole(part, "byteOffset", what, default=0)
-            data = self.view(reference(part, "bufferView", len(self.header.get("bufferViews", [])), what))
+            data = self.view(reference(self.header, part, "bufferView", what))
             if start + count * width * dtype.itemsize > len(data):
                 raise ValueError(f"{what} has {count} sparse items beyond byte {len(data)}")
-            found.append(np.frombuffer(data, dtype, count * width, start).reshape(count, width))
-        where = found[0].ravel()
+            return np.frombuffer(data, dtype, count * width, start).reshape(count, width)
+
+        where = stored(parts[0], np.dtype(COMPONENT_TYPES[kind]), 1).ravel()
+        changed = stored(parts[1], values.dtype, values.shape[1])
         if count and int(where.max()) >= len(values):
             raise ValueError(f"{what} has a sparse item {int(where.max())} of {len(values)}")
-        values[where] = found[1]
+        values[where] = changed
         return values
-
-
-def data_uri(uri: str) -> bytes:
-    """Return the content of a data URI; ValueError if it is not in base 64."""
-    head, _, body = uri.partition(",")
-    if not head.endswith(";base64"):
-        raise ValueError(f"{shortened(uri)} is not in base 64")
-    try:
-        return base64.b64decode(body, validate=False)
-    except binascii.Error as error:
-        raise ValueError(f"{shortened(uri)} is not in base 64: {error}") from error
-
-
-def _message(error: Exception) -> str:
-    return str(error) or type(error).__name__
 
 
 def _as_numbers(values: NDArray[Any], normalized: bool) -> NDArray[Any]:

@@ -17,10 +17,7 @@ def is_glb(data: bytes) -> bool:
 
 
 def split(data: bytes) -> tuple[bytes, bytes | None]:
-    """Return the JSON text and the data (or None) of a GLB file; unknown chunks are skipped.
-
-    Raises ValueError if it is cut off, has another version, or does not begin with a JSON chunk.
-    """
+    """Return the JSON text and the data (or None) of a GLB file; ValueError if it is malformed."""
     if len(data) < 20:
         raise ValueError(f"it is cut off after {len(data)} bytes")
     version, total = struct.unpack("<II", data[4:12])

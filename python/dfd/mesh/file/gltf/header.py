@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import importlib.util
 import json
-from collections.abc import Iterator
+from collections import Counter
+from itertools import chain
 from typing import Any, TypeGuard, cast
 
 from dfd.mesh.file.assets import shortened
@@ -38,11 +39,7 @@ _SMALL = 2**24  # bytes, below which the overlap does not matter
 
 
 def read(text: bytes, *, glb: bool) -> Header:
-    """Return the header of a glTF or GLB file from its JSON text.
-
-    Raises ValueError if it cannot be read, it needs an unknown extension, or its views, accessors or nodes are
-    inconsistent.
-    """
+    """Return the header of a glTF or GLB file from its JSON text; ValueError if it is inconsistent or unknown."""
     header: object = json.loads(text.decode())
     if not isinstance(header, dict):
         raise ValueError(f"its JSON is a {type(header).__name__}, not an object")
@@ -51,8 +48,7 @@ def read(text: bytes, *, glb: bool) -> Header:
         objects(header, name)
     _check_version(header)
     _check_extensions(header)
-    _check_buffers(header, glb)
-    _check_views(header)
+    _check_views(header, glb)
     _check_accessors(header)
     _check_primitives(header)
     _check_nodes(header)
@@ -86,24 +82,17 @@ def parents(header: Header) -> dict[int, int]:
     return {child: index for index, node in nodes for child in node.get("children", [])}
 
 
-def primitives(header: Header) -> Iterator[tuple[int, int, Header]]:
-    """Yield the mesh, the number and the content of each primitive with faces."""
-    for mesh, content in enumerate(objects(header, "meshes")):
-        for number, primitive in enumerate(objects(content, "primitives")):
-            if primitive.get("mode", 4) in MODES_READ:
-                yield mesh, number, primitive
+def primitives(mesh: Header) -> list[tuple[int, Header]]:
+    """Return the number and the content of each primitive of a mesh that has faces."""
+    return [each for each in enumerate(objects(mesh, "primitives")) if each[1].get("mode", 4) in MODES_READ]
 
 
 def _check_depth(header: Header) -> None:
     """Raise ValueError for nesting so deep that Python's recursion limit would prevent writing it."""
     layer: list[Any] = [header]
     for _ in range(_DEEPEST_JSON):
-        layer = [
-            inner
-            for value in layer
-            for inner in (value.values() if isinstance(value, dict) else value)
-            if isinstance(inner, dict | list)
-        ]
+        inner = chain.from_iterable(value.values() if isinstance(value, dict) else value for value in layer)
+        layer = [value for value in inner if isinstance(value, dict | list)]
         if not layer:
             return
     raise ValueError(f"its values are nested more than {_DEEPEST_JSON} deep")
@@ -130,25 +119,22 @@ def _check_extensions(header: Header) -> None:
             raise ValueError(f"it requires the extension {shortened(name)}, which cannot be read")
 
 
-def _check_buffers(header: Header, glb: bool) -> None:
+def _check_views(header: Header, glb: bool) -> None:
     for i, buffer in enumerate(objects(header, "buffers")):
         fallback = any((extension(buffer, name) or {}).get("fallback") for name in MESHOPT)
         if not isinstance(buffer.get("uri"), str) and not (glb and i == 0) and not fallback:
             raise ValueError(f"buffer {i} does not say where its data is")
-
-
-def _check_views(header: Header) -> None:
     lengths = [whole(buffer, "byteLength", f"buffer {i}") for i, buffer in enumerate(objects(header, "buffers"))]
     total = 0
     for i, view in enumerate(objects(header, "bufferViews")):
-        buffer = reference(view, "buffer", len(lengths), f"bufferView {i}")
+        size = lengths[reference(header, view, "buffer", f"bufferView {i}")]
         length = whole(view, "byteLength", f"bufferView {i}")
         for name in MESHOPT:
             if (packed := extension(view, name)) is not None:
-                reference(packed, "buffer", len(lengths), f"bufferView {i}")
+                reference(header, packed, "buffer", f"bufferView {i}")
         end = whole(view, "byteOffset", f"bufferView {i}", default=0) + length
-        if end > lengths[buffer]:
-            raise ValueError(f"bufferView {i} ends at byte {end} of a buffer of {lengths[buffer]}")
+        if end > size:
+            raise ValueError(f"bufferView {i} ends at byte {end} of a buffer of {size}")
         total += length
     if total > max(_MOST_OVERLAP * sum(lengths), _SMALL):
         raise ValueError(f"its bufferViews add up to {total} bytes of {sum(lengths)}")
@@ -170,41 +156,34 @@ def _check_accessors(header: Header) -> None:
         if "bufferView" not in accessor:
             unfilled.append((i, count))
             continue
-        view = reference(accessor, "bufferView", len(views), f"accessor {i}")
+        view = reference(header, accessor, "bufferView", f"accessor {i}")
         stride = whole(views[view], "byteStride", f"bufferView {view}", default=max(size, _LEAST_STRIDE))
         if stride < max(size, _LEAST_STRIDE):
             raise ValueError(
                 f"bufferView {view} has the byteStride {stride}, but items of accessor {i} have {size} bytes"
             )
         stride = stride if "byteStride" in views[view] else size
-        end = (
-            whole(accessor, "byteOffset", f"accessor {i}", default=0) + max(count - 1, 0) * stride + size * (count > 0)
-        )
+        end = whole(accessor, "byteOffset", f"accessor {i}", default=0)
+        end += (count - 1) * stride + size if count else 0
         if end > views[view]["byteLength"]:
             raise ValueError(f"accessor {i} has {count} items up to byte {end} of {views[view]['byteLength']}")
         total, longest = total + count * size, max(longest, count)
     stored = sum(view["byteLength"] for view in views)
     if total > max(_MOST_OVERLAP * stored, _SMALL):
         raise ValueError(f"its accessors add up to {total} bytes of {stored}")
-    filled_otherwise = _draco_accessors(header)
-    for i, count in unfilled:
-        if count > max(longest, _MOST_ZEROS) and i not in filled_otherwise:
-            raise ValueError(f"accessor {i} has {count} items but no data")
-
-
-def _draco_accessors(header: Header) -> set[object]:
-    """Return the accessors whose data is in a primitive's compressed stream."""
-    found: set[object] = set()
-    for _, _, primitive in primitives(header):
+    packed: set[object] = set()  # accessors whose data is in a primitive's compressed stream
+    for _, primitive in (each for mesh in objects(header, "meshes") for each in primitives(mesh)):
         attributes = primitive.get("attributes")
         if extension(primitive, DRACO) is not None and isinstance(attributes, dict):
-            found.update(each for each in (*attributes.values(), primitive.get("indices")) if isinstance(each, int))
-    return found
+            packed.update(each for each in (*attributes.values(), primitive.get("indices")) if isinstance(each, int))
+    for i, count in unfilled:
+        if count > max(longest, _MOST_ZEROS) and i not in packed:
+            raise ValueError(f"accessor {i} has {count} items but no data")
 
 
 def _check_primitives(header: Header) -> None:
     accessors = objects(header, "accessors")
-    for _, _, primitive in primitives(header):
+    for _, primitive in (each for mesh in objects(header, "meshes") for each in primitives(mesh)):
         attributes = primitive.get("attributes")
         if not isinstance(attributes, dict):
             raise ValueError("a primitive has no attributes")
@@ -216,25 +195,20 @@ def _check_primitives(header: Header) -> None:
 
 
 def _check_nodes(header: Header) -> None:
-    nodes = objects(header, "nodes")
-    children: list[list[int]] = []
-    for i, node in enumerate(nodes):
-        below = node.get("children", [])
-        if not isinstance(below, list) or not all(is_index(child, len(nodes)) for child in below):
+    children = [node.get("children", []) for node in objects(header, "nodes")]
+    for i, below in enumerate(children):
+        if not isinstance(below, list) or not all(is_index(child, len(children)) for child in below):
             raise ValueError(f"node {i} has children that are not there")
-        children.append(below)
-    parents = [0] * len(nodes)
-    for child in (child for below in children for child in below):
-        parents[child] += 1
-    if (many := next((i for i, count in enumerate(parents) if count > 1), None)) is not None:
-        raise ValueError(f"node {many} is the child of more than one node")
-    layer, reached = [i for i, count in enumerate(parents) if count == 0], 0
+    parents = Counter(child for below in children for child in below)
+    if many := [i for i in range(len(children)) if parents[i] > 1]:
+        raise ValueError(f"node {many[0]} is the child of more than one node")
+    layer, reached = [i for i in range(len(children)) if not parents[i]], 0
     for _ in range(_DEEPEST):
         reached += len(layer)
         layer = [child for i in layer for child in children[i]]
     if layer:
         raise ValueError(f"its nodes are nested more than {_DEEPEST} deep")
-    if reached < len(nodes):
+    if reached < len(children):
         raise ValueError("its nodes are their own ancestors")
 
 
@@ -248,9 +222,9 @@ def are_numbers(value: object) -> TypeGuard[list[float]]:
     return isinstance(value, list) and all(type(each) in (int, float) for each in value)
 
 
-def reference(owner: Header, name: str, count: int, what: str) -> int:
-    """Return an index below `count` that an object of the header contains."""
-    value = whole(owner, name, what)
+def reference(header: Header, owner: Header, name: str, what: str) -> int:
+    """Return the number of an object of the list `name`s of the header to which `owner` refers."""
+    value, count = whole(owner, name, what), len(header.get(f"{name}s", []))
     if value >= count:
         raise ValueError(f"{what} names {name} {value}, but there are {count}")
     return value

@@ -11,10 +11,9 @@ from dfd.common.linear_algebra import Float64, UInt8
 from dfd.mesh.appearance import Material, Wrap, srgb
 from dfd.mesh.file.assets import shortened
 from dfd.mesh.file.gltf.data import GltfData
-from dfd.mesh.file.gltf.header import Header, extension, item
-from dfd.mesh.file.images import ImageCache
+from dfd.mesh.file.gltf.header import extension, item
 
-_WRAPS: dict[object, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
+WRAPS: dict[int, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 
 
 @dataclass(frozen=True)
@@ -26,76 +25,57 @@ class Surface:
     uv_transform: Float64 | None = None  # (2, 3) of KHR_texture_transform, on coordinates from the top
 
 
-class GltfMaterials:
-    """Reads each material that primitives use once, and only the images that it displays."""
+def read_surface(data: GltfData, index: int) -> Surface:
+    """Return a material of the file, with the image that it displays."""
+    content = data.header["materials"][index]
+    found = content.get("pbrMetallicRoughness")
+    base = found if isinstance(found, dict) else {}
+    factor, reference = base.get("baseColorFactor"), base.get("baseColorTexture")
+    # the older model, in which the diffuse color of a non-metal is the base color
+    glossiness = extension(content, "KHR_materials_pbrSpecularGlossiness")
+    if glossiness is not None:
+        factor, reference = glossiness.get("diffuseFactor"), glossiness.get("diffuseTexture")
+    color = _numbers(factor, 4, 1.0)
+    name = str(content.get("name", ""))
+    texels, wrap = _texture(data, reference, name)
+    if reference is not None and texels is None:
+        return Surface(Material(name=name, is_default=True), *_coordinates(reference))
+    mode, cutoff = content.get("alphaMode"), content.get("alphaCutoff")
+    material = Material(
+        (*(float(each) for each in srgb(np.array(color[:3]))), min(max(color[3], 0.0), 1.0)),  # type: ignore[arg-type]
+        texels,
+        wrap,
+        cast(Literal["OPAQUE", "MASK", "BLEND"], mode if mode in ("MASK", "BLEND") else "OPAQUE"),
+        float(cutoff) if isinstance(cutoff, int | float) else 0.5,
+        name,
+    )
+    return Surface(material, *_coordinates(reference))
 
-    def __init__(self, data: GltfData) -> None:
-        self._data, self._header, self._images = data, data.header, ImageCache()
-        self._surfaces: dict[int, Surface] = {}
 
-    def of(self, primitive: Header) -> Surface | None:
-        """Return the surface of a primitive; None without a material."""
-        index = primitive.get("material")
-        content = item(self._header, "materials", index)
+def _texture(data: GltfData, reference: Any, name: str) -> tuple[UInt8 | None, tuple[Wrap, Wrap]]:
+    """Return the texels and wrap modes of a texture; None for texels that are not given or cannot be read."""
+    texture = item(data.header, "textures", reference.get("index")) if isinstance(reference, dict) else None
+    failed = unnamed = f"the texture of material {shortened(name)}"
+    for owner in () if texture is None else (extension(texture, "EXT_texture_webp") or {}, texture):
+        content = item(data.header, "images", owner.get("source"))
         if content is None:
-            return None
-        if index not in self._surfaces:
-            self._surfaces[cast(int, index)] = self._surface(content)
-        return self._surfaces[cast(int, index)]
-
-    def _surface(self, content: Header) -> Surface:
-        found = content.get("pbrMetallicRoughness")
-        base = found if isinstance(found, dict) else {}
-        factor, reference = base.get("baseColorFactor"), base.get("baseColorTexture")
-        # the older model, in which the diffuse color of a non-metal is the base color
-        glossiness = extension(content, "KHR_materials_pbrSpecularGlossiness")
-        if glossiness is not None:
-            factor, reference = glossiness.get("diffuseFactor"), glossiness.get("diffuseTexture")
-        color = _numbers(factor, 4, 1.0)
-        name = str(content.get("name", ""))
-        material = Material(name=name, is_default=True)
-        texels: UInt8 | None = None
-        wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
-        if reference is not None:
-            texels, wrap = self.texture(reference, name)
-        if reference is None or texels is not None:
-            mode = content.get("alphaMode")
-            cutoff = content.get("alphaCutoff")
-            material = Material(
-                (*(float(each) for each in srgb(np.array(color[:3]))), min(max(color[3], 0.0), 1.0)),  # type: ignore[arg-type]
-                texels,
-                wrap,
-                cast(Literal["OPAQUE", "MASK", "BLEND"], mode if mode in ("MASK", "BLEND") else "OPAQUE"),
-                float(cutoff) if isinstance(cutoff, int | float) else 0.5,
-                name,
-            )
-        return Surface(material, *coordinates(reference))
-
-    def texture(self, reference: Any, name: str) -> tuple[UInt8 | None, tuple[Wrap, Wrap]]:
-        """Return the texels and wrap modes of a texture; None for texels that cannot be read."""
-        texture = item(self._header, "textures", reference.get("index")) if isinstance(reference, dict) else None
-        failed = [f"the texture of material {shortened(name)}"]
-        if texture is not None:
-            for owner in (extension(texture, "EXT_texture_webp") or {}, texture):
-                content = item(self._header, "images", owner.get("source"))
-                if content is None:
-                    continue
-                try:
-                    return self._images.texels(self._data.picture(content)), self._wrap(texture)
-                except (ValueError, OSError):
-                    uri = content.get("uri")
-                    failed.append(shortened(uri) if isinstance(uri, str) else failed[0])
-        self._data.assets.unreadable.add(failed[-1])
-        return None, ("repeat", "repeat")
-
-    def _wrap(self, texture: Header) -> tuple[Wrap, Wrap]:
-        sampler = item(self._header, "samplers", texture.get("sampler")) or {}
+            continue
+        try:
+            texels = data.assets.texels(data.picture(content))
+        except (ValueError, OSError):
+            uri = content.get("uri")
+            failed = shortened(uri) if isinstance(uri, str) else unnamed
+            continue
+        sampler = item(data.header, "samplers", (texture or {}).get("sampler")) or {}
         named = (sampler.get("wrapS"), sampler.get("wrapT"))
-        across, down = (_WRAPS.get(each, "repeat") if isinstance(each, int) else "repeat" for each in named)
-        return across, down
+        across, down = (WRAPS.get(each, "repeat") if isinstance(each, int) else "repeat" for each in named)
+        return texels, (across, down)
+    if reference is not None:
+        data.assets.unreadable.add(failed)
+    return None, ("repeat", "repeat")
 
 
-def coordinates(reference: Any) -> tuple[int, Float64 | None]:
+def _coordinates(reference: Any) -> tuple[int, Float64 | None]:
     """Return the number of a texture's coordinate set, and its KHR_texture_transform as a matrix (2, 3)."""
     if not isinstance(reference, dict):
         return 0, None

@@ -9,36 +9,35 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Sequence
+from itertools import groupby
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Float64
+from dfd.mesh.file.assets import image_format
 from dfd.mesh.file.edits import far_origin
 from dfd.mesh.file.gltf.build import GltfBuilder
 from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import COMPONENT_TYPES, DRACO, MESHOPT, Header, extension, is_index, objects
-from dfd.mesh.file.images import image_format
-from dfd.mesh.file.primitives import MovedPrimitive
+from dfd.mesh.file.primitives import Primitive
 
 _UNSIGNED = 5125
 
 
-def encode(source: GltfData, moved: Sequence[MovedPrimitive], *, binary: bool) -> bytes:
+def encode(source: GltfData, moved: Sequence[Primitive], *, binary: bool) -> bytes:
     """Return the file with its primitives moved, as GLB or as glTF with embedded data.
 
     External buffers and images are embedded; references to those that cannot be read are kept.
     """
     patch = GltfPatch(source)
     users = Counter(mesh for node in objects(patch.header, "nodes") if isinstance(mesh := node.get("mesh"), int))
-    of_node: dict[int, list[MovedPrimitive]] = {}
-    for each in moved:
-        of_node.setdefault(each.primitive.source[0], []).append(each)
-    for node, group in of_node.items():
+    for node, of_node in groupby(moved, lambda each: each.source[0]):
+        group = list(of_node)
         if not any(each.moved for each in group):
             continue
-        mesh = group[0].primitive.source[1]
+        mesh = group[0].source[1]
         own = patch.split_mesh(node, mesh, shared=users[mesh] > 1)
         users[mesh] -= 1
         primitives = patch.header["meshes"][own]["primitives"]
@@ -47,19 +46,21 @@ def encode(source: GltfData, moved: Sequence[MovedPrimitive], *, binary: bool) -
         )
         if origin is not None:
             patch.move_origin(node, origin)
-            known = {each.primitive.source[2] for each in group}
-            for number, content in enumerate(primitives):
-                if number not in known:
-                    patch.shift(content, origin)
+            known = {each.source[2] for each in group}
+            for content in (each for number, each in enumerate(primitives) if number not in known):  # without faces
+                positions = source.attribute(content, "POSITION")
+                if positions is not None:
+                    shifted = (positions - origin).astype("<f4")
+                    content["attributes"]["POSITION"] = patch.accessor(shifted, bounds=True)
         for each in group:
             if each.moved or origin is not None:
-                patch.move(node, primitives[each.primitive.source[2]], each, origin)
+                patch.move(node, primitives[each.source[2]], each, origin)
     return patch.encode(binary=binary)
 
 
-def keeps_origin(source: GltfData, each: MovedPrimitive) -> bool:
+def keeps_origin(source: GltfData, each: Primitive) -> bool:
     """Return whether the node of a primitive has a skin or morph targets, so that its origin must stay."""
-    node, mesh, _ = each.primitive.source
+    node, mesh, _ = each.source
     primitives = source.header["meshes"][mesh]["primitives"]
     return "skin" in source.header["nodes"][node] or any("targets" in each for each in primitives)
 
@@ -120,18 +121,12 @@ class GltfPatch(GltfBuilder):
             below["name"] = content["name"]
         content.setdefault("children", []).append(self.append("nodes", below))
 
-    def shift(self, primitive: dict[str, Any], origin: Float64) -> None:
-        """Subtract `origin` from the positions of a primitive that has no faces."""
-        positions = self._source.attribute(primitive, "POSITION")
-        if positions is not None:
-            primitive["attributes"]["POSITION"] = self.accessor((positions - origin).astype("<f4"), bounds=True)
-
-    def move(self, node: int, primitive: dict[str, Any], each: MovedPrimitive, origin: Float64 | None = None) -> None:
+    def move(self, node: int, primitive: dict[str, Any], each: Primitive, origin: Float64 | None = None) -> None:
         """Replace the positions, seen from `origin`, and normals of a primitive of a node."""
         self.unpack(primitive)
         attributes = primitive["attributes"]
         attributes.pop("TANGENT", None)  # invalid on the moved surface; viewers recompute them
-        geometry = each.primitive.geometry
+        geometry = each.geometry
         positions = [geometry.vertices, each.vertices, geometry.stored]
         if origin is not None:
             positions = [None if values is None else values - origin for values in positions]
@@ -188,14 +183,9 @@ class GltfPatch(GltfBuilder):
                     del self.header[name]
 
     def _collect(
-        self,
-        node: int,
-        name: str,
-        attributes: dict[str, Any],
-        old: Float64,
-        new: Float64,
-        stored: Float64 | None = None,  # the file's positions, before morph targets
+        self, node: int, name: str, attributes: Header, old: Float64, new: Float64, stored: Float64 | None = None
     ) -> None:
+        """Move the rows of an attribute; `stored` are the file's positions, before morph targets."""
         key = (node, name, int(attributes[name]))
         rows, users = self._moved.setdefault(key, ((old if stored is None else stored).copy(), []))
         changed = (old != new).any(axis=1)

@@ -6,6 +6,8 @@ The format: Khronos Group, "glTF 2.0 Specification", 2021.
 from __future__ import annotations
 
 import codecs
+from collections.abc import Callable
+from functools import cache, partial
 from typing import Any, cast
 
 import numpy as np
@@ -13,15 +15,14 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from dfd.common.linear_algebra import Float64, Int64, unit
-from dfd.mesh.appearance import srgb
+from dfd.mesh.appearance import rgba, srgb
 from dfd.mesh.file.assets import AssetFolder, shortened
 from dfd.mesh.file.gltf import glb
 from dfd.mesh.file.gltf.data import GltfData
-from dfd.mesh.file.gltf.header import Header, are_numbers, is_index, objects, parents, primitives
+from dfd.mesh.file.gltf.header import Header, are_numbers, is_index, item, objects, parents, primitives
 from dfd.mesh.file.gltf.header import read as read_header
-from dfd.mesh.file.gltf.materials import GltfMaterials
+from dfd.mesh.file.gltf.materials import Surface, read_surface
 from dfd.mesh.file.gltf.rest import closed_seams, joint_matrices, morph_weights, morphed, skin_transforms
-from dfd.mesh.file.materials import rgba
 from dfd.mesh.file.primitives import IDENTITY, MOST_INSTANCES, MOST_PRIMITIVES, Geometry, MeshInstance, UniqueNames
 
 _STRIP, _FAN = 5, 6
@@ -37,21 +38,16 @@ def read(data: GltfData, *, at_rest: bool = True) -> list[MeshInstance]:
     """Return the mesh instances of the scene, in the order of the file's nodes.
 
     With `at_rest`, skins and default morph weights are applied; otherwise both are ignored.
-
-    Raises ValueError or OSError if a primitive of the scene cannot be read.
     """
     header = data.header
-    world, shown = world_transforms(header), shown_nodes(header)
-    materials = GltfMaterials(data)
+    world = world_transforms(header)
+    surface = cache(partial(read_surface, data))
+    joints = cache(partial(joint_matrices, data=data, world=world))
     geometries: dict[tuple[int, tuple[float, ...]], list[tuple[int, str, Geometry]]] = {}
-    joints: dict[object, Float64 | None] = {}
     meshes, names, taken = objects(header, "meshes"), UniqueNames(), UniqueNames()
-    of_mesh: dict[int, list[tuple[int, Header]]] = {}
-    for mesh, number, primitive in primitives(header):
-        of_mesh.setdefault(mesh, []).append((number, primitive))
     instances: list[MeshInstance] = []
     read_count = 0
-    for node in sorted(shown):
+    for node in sorted(shown_nodes(header)):
         content = header["nodes"][node]
         mesh = content.get("mesh")
         if not is_index(mesh, len(meshes)):
@@ -59,19 +55,17 @@ def read(data: GltfData, *, at_rest: bool = True) -> list[MeshInstance]:
         mesh_name = str(meshes[mesh].get("name") or "")
         weights = morph_weights(content, meshes[mesh]) if at_rest else ()
         if (mesh, weights) not in geometries:
-            read_count += len(of_mesh.get(mesh, []))
+            drawn = primitives(meshes[mesh])
+            read_count += len(drawn)
             if read_count > MOST_PRIMITIVES:
                 raise ValueError(f"its scene shows more than {MOST_PRIMITIVES} primitives")
             geometries[mesh, weights] = [
-                (number, names.unique(mesh_name or "mesh"), _geometry(primitive, data, materials, weights))
-                for number, primitive in of_mesh.get(mesh, [])
+                (number, names.unique(mesh_name or "mesh"), _geometry(primitive, data, surface, weights))
+                for number, primitive in drawn
             ]
         part = taken.unique(str(content.get("name") or mesh_name or f"node {node}"))
-        skin = content.get("skin") if at_rest else None
-        if skin is not None and skin not in joints:
-            joints[skin] = joint_matrices(skin, data, world)
         placed = IDENTITY if np.array_equal(world[node], IDENTITY) else world[node]
-        matrices = joints[skin] if skin is not None else None
+        matrices = joints(content.get("skin")) if at_rest else None
         skinned = {} if matrices is None else _skinned(geometries[mesh, weights], meshes[mesh], data, matrices)
         for number, name, geometry in geometries[mesh, weights]:
             instances.append(MeshInstance(part, name, geometry, skinned.get(number, placed), (node, mesh, number)))
@@ -97,7 +91,7 @@ def _skinned(
 
 
 def _geometry(
-    primitive: Header, data: GltfData, materials: GltfMaterials, morph_weights: tuple[float, ...]
+    primitive: Header, data: GltfData, surfaces: Callable[[int], Surface], morph_weights: tuple[float, ...]
 ) -> Geometry:
     positions = data.attribute(primitive, "POSITION")
     assert positions is not None
@@ -105,25 +99,25 @@ def _geometry(
         raise ValueError(f"the positions of a primitive have {positions.shape[1]} coordinates")
     vertices = positions.astype(np.float64)
 
-    def values(name: str, width: int) -> NDArray[Any] | None:
-        """Return an attribute of the given width; None if it is missing or has another number of rows."""
+    def values(name: str, *widths: int) -> NDArray[Any] | None:
+        """Return an attribute of one of the given widths; None if it is missing or has another number of rows."""
         found = data.attribute(primitive, name)
-        if found is None or len(found) != len(vertices) or width not in (0, found.shape[1]):
-            return None
-        return found
+        fits = found is not None and len(found) == len(vertices) and (not widths or found.shape[1] in widths)
+        return found if fits else None
 
-    surface = materials.of(primitive)
+    index = primitive.get("material")
+    surface = None if item(data.header, "materials", index) is None else surfaces(cast(int, index))
     uv = None if surface is None else values(f"TEXCOORD_{surface.uv_set}", 2)
-    color, colors = values("COLOR_0", 0), None
-    if color is not None and color.shape[1] in (3, 4):
-        colors = rgba(color)
+    color = values("COLOR_0", 3, 4)
+    colors = None if color is None else rgba(color)
+    if colors is not None:
         colors[:, :3] = srgb(colors[:, :3])
     normals = values("NORMAL", 3)
     if normals is not None:
         normals = normals.astype(np.float64)
         if (turned := morphed(normals, "NORMAL", primitive, morph_weights, data)) is not normals:
             normals = unit(turned)
-    own = {name: values(name, 0) for name in primitive["attributes"] if name.startswith("_")}
+    own = {name: values(name) for name in primitive["attributes"] if name.startswith("_")}
     shown = morphed(vertices, "POSITION", primitive, morph_weights, data)
     return Geometry(
         shown,
@@ -140,14 +134,13 @@ def _geometry(
 def triangles(indices: NDArray[Any], mode: int) -> Int64:
     """Return the triangles (F, 3) of a list, a strip or a fan."""
     numbers = indices.astype(np.int64)
-    if mode in (_STRIP, _FAN) and len(numbers) < 3:
-        return np.zeros((0, 3), np.int64)
-    if mode == _STRIP:
-        faces = np.stack([numbers[:-2], numbers[1:-1], numbers[2:]], axis=1)
-        faces[1::2] = faces[1::2, [1, 0, 2]]
+    if mode in (_STRIP, _FAN):
+        count = max(len(numbers) - 2, 0)
+        first = numbers[:count] if mode == _STRIP else np.repeat(numbers[:1], count)
+        faces = np.stack([first, numbers[1 : count + 1], numbers[2:]], axis=1)
+        if mode == _STRIP:
+            faces[1::2] = faces[1::2, [1, 0, 2]]
         return faces
-    if mode == _FAN:
-        return np.stack([np.repeat(numbers[:1], max(len(numbers) - 2, 0)), numbers[1:-1], numbers[2:]], axis=1)
     if len(numbers) % 3:
         raise ValueError(f"a primitive of triangles has {len(numbers)} corners")
     return numbers.reshape(-1, 3)

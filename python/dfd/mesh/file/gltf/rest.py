@@ -63,8 +63,6 @@ def skin_transforms(primitive: Header, data: GltfData, rows: int, matrices: Floa
 
     Weights are divided by their sum; weights that are not positive count as 0. A vertex without weights follows the
     first joint, as in three.js.
-
-    Raises ValueError if counts differ, or a vertex follows a joint that does not exist.
     """
     flat, total, blended, weighted = matrices.reshape(-1, 16), np.zeros(rows), np.zeros((rows, 16)), False
     with np.errstate(over="ignore", invalid="ignore"):

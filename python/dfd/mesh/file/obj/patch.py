@@ -6,36 +6,69 @@ polygons, groups, smoothing, curves, comments and materials stay unchanged.
 
 from __future__ import annotations
 
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import numpy as np
 
 from dfd.common.linear_algebra import Float64, Int32
-from dfd.mesh.file.edits import Edits, triples
-from dfd.mesh.file.obj.library import Companions, copied_materials
+from dfd.mesh.file.assets import AssetFolder, image_format
+from dfd.mesh.file.edits import Edits, spelled
+from dfd.mesh.file.obj.read import picture_name, used_materials
 from dfd.mesh.file.obj.text import ObjText, parse
-from dfd.mesh.file.scene_file import SceneFile
+from dfd.mesh.file.obj.write import Companions
+from dfd.mesh.file.scene_file import FileSource
 from dfd.mesh.weld import weld
 
+_PICTURES = (".bmp", ".gif", ".jpeg", ".jpg", ".png", ".tga", ".tif", ".tiff", ".webp")
 
-def encode(target: Path, vertices: Float64, scene: SceneFile, normals: Float64) -> dict[str, bytes]:
+
+def encode(target: Path, vertices: Float64, source: FileSource, normals: Float64) -> dict[str, bytes]:
     """Return the contents of the moved OBJ file `target` and of the material files next to it.
 
     Unmoved `vertices` (N, 3) keep their text. `normals` (R, 3) are those of the scene's rows, or NaN. Materials are not
     copied if `target` is in the folder of the original.
     """
-    assert scene.path is not None
-    assert scene.source is not None
-    assert scene.source.corner_rows is not None
-    text = parse(scene.source.data.tobytes())
+    assert source.corner_rows is not None
+    text = parse(source.data.tobytes())
     changed = (vertices != text.positions).any(axis=1)
     edits = Edits(text.data)
-    edits.replace(text.position_spans[changed], triples(vertices[changed]))
-    _edit_normals(edits, text, scene.source.corner_rows, normals)
+    edits.replace(text.position_spans[changed], spelled(vertices[changed]))
+    _edit_normals(edits, text, source.corner_rows, normals)
     companions = Companions(target)
-    if target.parent.resolve() != scene.path.parent.resolve():
-        _rename_libraries(edits, text, *copied_materials(text, scene.path.parent, companions))
+    if target.parent.resolve() != source.path.parent.resolve():
+        _rename_libraries(edits, text, *_copied_materials(text, source.path.parent, companions))
     return {target.name: edits.result(), **companions.files}
+
+
+def _copied_materials(text: ObjText, source: Path, companions: Companions) -> tuple[str | None, set[str]]:
+    """Copy the materials that an OBJ file uses, and their textures, next to the written file.
+
+    Only used materials are copied, from the folder `source`, and only textures that are valid images. Return the name
+    of the new material library, or None if no material is used, and the names of all readable libraries.
+    """
+    assets = AssetFolder(source / "materials")
+    materials, read = used_materials(text, assets)
+    if not materials:
+        return None, read
+    copied: list[str] = []
+    for name, lines in materials.items():
+        copied += [f"newmtl {name}", *(_with_copied_picture(line, assets, companions) for line in lines), ""]
+    return companions.add_library("".join(f"{line}\n" for line in copied)), read
+
+
+def _with_copied_picture(line: str, assets: AssetFolder, companions: Companions) -> str:
+    name = picture_name(line)
+    if not name:
+        return line
+    try:
+        data = assets.read(name)
+        kind = image_format(data)
+    except (ValueError, OSError):  # keep the reference
+        return line
+    path = PurePosixPath(name.replace("\\", "/"))
+    plain = path.name if path.suffix.lower() in _PICTURES else f"{path.stem}.{kind}"
+    added = companions.add(plain, data)
+    return line[: len(line) - len(name)] + added if line.endswith(name) else line.replace(name, added)
 
 
 def _rename_libraries(edits: Edits, text: ObjText, name: str | None, read: set[str]) -> None:
@@ -65,12 +98,12 @@ def _edit_normals(edits: Edits, text: ObjText, corner_rows: Int32, normals: Floa
     keeps = np.diff(number[first], prepend=-1) > 0
     directions = own[first]
     moved = keeps & (directions != text.normals[number[first]]).any(axis=1)
-    edits.replace(text.normal_spans[number[first][moved]], triples(directions[moved]))
+    edits.replace(text.normal_spans[number[first][moved]], spelled(directions[moved]))
     if keeps.all():
         return
     new = np.cumsum(~keeps) - 1
     begin = text.data.rfind(b"\n", 0, int(text.corner_spans[0, 0])) + 1
-    edits.replace([(begin, begin)], [b"".join(b"vn %s\n" % each for each in triples(directions[~keeps]))])
+    edits.replace([(begin, begin)], [b"".join(b"vn %s\n" % each for each in spelled(directions[~keeps]))])
     # the new normals stand before the first face, so later ones are renumbered
     before = int(np.searchsorted(text.normal_spans[:, 0], begin))
     numbers = text.corners[:, 2].copy()

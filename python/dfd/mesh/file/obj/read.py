@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 from pathlib import Path
 
 import numpy as np
 
-from dfd.common import check
 from dfd.common.linear_algebra import Int32, Int64
-from dfd.mesh.appearance import Material
+from dfd.mesh.appearance import WHITE, Material, rgba
 from dfd.mesh.file.assets import AssetFolder
-from dfd.mesh.file.images import ImageCache
-from dfd.mesh.file.materials import rgba
 from dfd.mesh.file.obj.text import ObjText, decoded, parse
-from dfd.mesh.file.polygons import distinct_rows, ranges, triangulate
+from dfd.mesh.file.polygons import distinct_rows, long_faces, ranges, triangulate
 from dfd.mesh.file.primitives import Geometry, MeshInstance
+from dfd.mesh.weld import by_appearance
 
 _PICTURES = ("map_", "bump", "disp", "decal", "refl", "norm")  # prefixes of MTL keywords that name an image
 _OPTIONS = re.compile(r"-(?:imfchan\s+\w+|\w+(?:\s+(?:on|off|[-+]?[\d.]+(?:[eE][-+]?\d+)?))+)\s+")
@@ -28,25 +25,17 @@ def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInsta
     """Return the mesh instances, the vertex (R,) of each row, and the row (C,) of each corner, −1 in skipped faces.
 
     Parts are the objects (`o`) of the file, or its groups (`g`) if it has at most one object. Within a part, faces are
-    sorted by material.
-
-    Warns
-    -----
-    UserWarning
-        If faces of fewer than three corners are left out.
+    sorted by material. Warns if faces of fewer than three corners are left out.
     """
-    images, described = ImageCache(), used_materials(text, assets)[0]
-    materials = {name: _material(name, lines, assets, images) for name, lines in described.items()}
+    materials = {name: _material(name, lines, assets) for name, lines in used_materials(text, assets)[0].items()}
     part_names, part = _parts(text, path.stem)
     material_names, material = _state_at_faces(text, "usemtl", "")
     known = np.array([name in materials for name in material_names], bool)
     material = np.where(known[material], material, -1)  # undefined materials count as one
-    faces = np.flatnonzero(text.sizes >= 3)
-    if len(faces) < len(text.sizes):
-        _warn_of_short_faces(text, path)
+    faces = np.flatnonzero(long_faces(path, text.sizes, text.face_lines))
     order = faces
     if len(faces) and ((material != material[0]).any() or (part != part[0]).any()):
-        order = faces[np.lexsort((_by_appearance(material)[faces], _by_appearance(part)[faces]))]
+        order = faces[np.lexsort((by_appearance(material)[1][faces], by_appearance(part)[1][faces]))]
     begins = np.flatnonzero(np.diff(part[order] * (len(material_names) + 1) + material[order], prepend=-2))
     counts = np.diff(begins, append=len(order))  # faces of each primitive: of one part and one material
     sizes = text.sizes[order]
@@ -56,23 +45,14 @@ def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInsta
     corner_rows = np.full(len(text.corners), -1, np.int32)
     corner_rows[corners] = row
     triangles = row[triangulate(text.positions, text.corners[corners, 0], sizes)]
-    row_bounds = np.searchsorted(rows[:, 0], np.arange(len(begins) + 1))
-    triangle_bounds = np.append(0, np.cumsum(sizes - 2))[np.append(begins, len(order))]
-    bounds = zip(itertools.pairwise(row_bounds.tolist()), itertools.pairwise(triangle_bounds.tolist()), strict=True)
+    starts = np.searchsorted(rows[:, 0], np.arange(len(begins)))
+    own_rows, own_faces = np.split(rows[:, 1:], starts[1:]), np.split(triangles, np.cumsum(sizes - 2)[begins[1:] - 1])
     instances = []
-    for face, ((begin, end), (first, last)) in zip(order[begins].tolist(), bounds, strict=True):
+    for face, start, own, drawn in zip(order[begins].tolist(), starts.tolist(), own_rows, own_faces, strict=False):
         used = materials.get(material_names[material[face]]) if material[face] >= 0 else None
-        geometry = _geometry(text, rows[begin:end, 1:], triangles[first:last] - begin, used)
+        geometry = _geometry(text, own, drawn - start, used)
         instances.append(MeshInstance(part_names[part[face]], part_names[part[face]], geometry))
     return instances, rows[:, 1], corner_rows
-
-
-def _libraries(text: ObjText, assets: AssetFolder) -> list[str]:
-    """Return the material libraries that the text names. A line names one, which may contain spaces, or several."""
-    names = []
-    for line in [rest for _, keyword, rest in text.statements if keyword == "mtllib" and rest]:
-        names += [line] if " " not in line or assets.has(line) else line.split()
-    return list(dict.fromkeys(names))
 
 
 def _geometry(text: ObjText, rows: Int64, faces: Int64, material: Material | None) -> Geometry:
@@ -99,33 +79,12 @@ def _parts(text: ObjText, default: str) -> tuple[list[str], Int64]:
 
 def _state_at_faces(text: ObjText, keyword: str, default: str) -> tuple[list[str], Int64]:
     """Return the names after a keyword, `default` first, and the number (P,) of the name that applies to each face."""
-    names, numbers, lines, values = [default], {default: 0}, [-1], [0]
+    numbers, lines, values = {default: 0}, [-1], [0]
     for line, found, name in text.statements:
         if found == keyword:
-            name = name or default
-            if name not in numbers:
-                numbers[name] = len(names)
-                names.append(name)
             lines.append(line)
-            values.append(numbers[name])
-    return names, np.array(values)[np.searchsorted(lines, text.face_lines) - 1]
-
-
-def _by_appearance(values: Int64) -> Int64:
-    """Return the values (P,) as numbers in the order in which they first appear."""
-    _, first, inverse = np.unique(values, return_index=True, return_inverse=True)
-    rank = np.empty(len(first), np.int64)
-    rank[np.argsort(first)] = np.arange(len(first))
-    return rank[inverse]
-
-
-def _warn_of_short_faces(text: ObjText, path: Path) -> None:
-    short = np.flatnonzero(text.sizes < 3)
-    check.warn(
-        f"load: `path` {path} has {len(short)} faces of fewer than three corners, the first in line "
-        f"{text.face_lines[short[0]] + 1}; they are left out",
-        UserWarning,
-    )
+            values.append(numbers.setdefault(name or default, len(numbers)))
+    return list(numbers), np.array(values)[np.searchsorted(lines, text.face_lines) - 1]
 
 
 def face_groups(data: bytes) -> dict[str, Int64]:
@@ -142,16 +101,14 @@ def face_groups(data: bytes) -> dict[str, Int64]:
     for keyword in _GROUP_KEYWORDS:
         names, state = _state_at_faces(text, keyword, "")
         state = np.repeat(state, text.sizes)[kept]
-        order = np.argsort(state, kind="stable")
-        bounds = np.searchsorted(state[order], np.arange(len(names) + 1))
-        lines: dict[str, list[int]] = {}
-        for number, name in enumerate(names):
+        ends = np.cumsum(np.bincount(state, minlength=len(names)))
+        of_word: dict[str, list[Int64]] = {}
+        for name, own in zip(names, np.split(vertices[np.argsort(state, kind="stable")], ends[:-1]), strict=True):
             for word in dict.fromkeys([name, *(name.split() if keyword == "g" else [])]):
-                lines.setdefault(word, []).append(number)
-        for name, numbers in lines.items():
-            corners = np.concatenate([order[bounds[number] : bounds[number + 1]] for number in numbers])
-            if name and len(corners):
-                found.setdefault(name, np.unique(vertices[corners]))
+                of_word.setdefault(word, []).append(own)
+        for word, members in of_word.items():
+            if word and any(map(len, members)):
+                found.setdefault(word, np.unique(np.concatenate(members)))
     return found
 
 
@@ -165,11 +122,13 @@ def used_materials(text: ObjText, assets: AssetFolder) -> tuple[dict[str, list[s
     """Return the lines of each material that the file uses, by its name, and the MTL files that could be read."""
     used = {name for _, keyword, name in text.statements if keyword == "usemtl"}
     found: dict[str, list[str]] = {}
-    read = set()
-    for library in _libraries(text, assets):
-        try:
-            content = decoded(assets.read(library))
-        except (ValueError, OSError):
+    read, names = set(), list[str]()
+    for line in [rest for _, keyword, rest in text.statements if keyword == "mtllib" and rest]:
+        # a line names one library, which may contain spaces, or several
+        names += [line] if " " not in line or _library(line, assets) is not None else line.split()
+    for library in dict.fromkeys(names):
+        content = _library(library, assets)
+        if content is None:
             assets.unreadable.add(library)
             continue
         read.add(library)
@@ -178,7 +137,14 @@ def used_materials(text: ObjText, assets: AssetFolder) -> tuple[dict[str, list[s
     return found, read
 
 
-def _material(name: str, lines: list[str], assets: AssetFolder, images: ImageCache) -> Material:
+def _library(name: str, assets: AssetFolder) -> str | None:
+    try:
+        return decoded(assets.read(name))
+    except (ValueError, OSError):
+        return None
+
+
+def _material(name: str, lines: list[str], assets: AssetFolder) -> Material:
     """Return a material as it is shown: its texture alone, or else its diffuse color.
 
     Programs disagree about the product of the two.
@@ -193,11 +159,8 @@ def _material(name: str, lines: list[str], assets: AssetFolder, images: ImageCac
                 continue
         elif keyword.lower() == "map_kd":
             picture = picture_name(line) or picture
-    if picture is not None:
-        try:
-            return Material((1.0, 1.0, 1.0, 1.0), images.texels(assets.read(picture)), name=name)
-        except (ValueError, OSError):
-            assets.unreadable.add(picture)
+    if picture is not None and (texels := assets.texture(picture, picture)) is not None:
+        return Material(WHITE, texels, name=name)
     if picture is not None or color is None or not np.isfinite(color).all():
         return Material(name=name, is_default=True)
     red, green, blue = color.tolist()

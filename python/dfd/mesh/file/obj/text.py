@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.common.linear_algebra import Bool, Float64, Int64
+from dfd.common.linear_algebra import Float64, Int64
 from dfd.mesh.file.assets import shortened
 
 _CORNER = re.compile(rb"[-+]?\d+(/[-+]?\d*){0,2}")
@@ -32,14 +32,6 @@ class Tokens:
     ends: Int64  # (W,) byte after it
     text: bytes  # the lines, with spaces in place of keywords and comments
     shifts: Int64  # (L,) offset from positions in `text` to those in the file
-
-    def spans(self) -> Int64:
-        """Return the start and end (W, 2) of each word in the file."""
-        return np.stack([self.starts, self.ends], axis=1) + np.repeat(self.shifts, self.counts)[:, None]
-
-    def first(self) -> Int64:
-        """Return the number (L,) of each line's first word."""
-        return np.cumsum(self.counts) - self.counts
 
 
 @dataclass(frozen=True)
@@ -75,13 +67,10 @@ def parse(data: bytes) -> ObjText:
     if b"\n" not in data:
         data = data.replace(b"\r", b"\n")
     lines = _Lines(data)
-    vertices = lines.tokens(b"v")
+    vertices, uv_tokens, normal_tokens, faces = (lines.tokens(keyword) for keyword in (b"v", b"vt", b"vn", b"f"))
     values, first = _values(vertices, "v", at_least=3)
-    normal_tokens = lines.tokens(b"vn")
     normals, first_normal = _values(normal_tokens, "vn", at_least=3)
-    uv_tokens = lines.tokens(b"vt")
     uv, first_uv = _values(uv_tokens, "vt", at_least=1)
-    faces = lines.tokens(b"f")
     counts = (vertices.lines, uv_tokens.lines, normal_tokens.lines)
     second_uv = first_uv + np.minimum(uv_tokens.counts, 2) - 1  # a single coordinate is used twice
     return ObjText(
@@ -93,7 +82,7 @@ def parse(data: bytes) -> ObjText:
         normals=normals[first_normal[:, None] + np.arange(3)],
         normal_spans=_spans(normal_tokens, first_normal),
         corners=_corners(faces, counts),
-        corner_spans=faces.spans(),
+        corner_spans=np.stack([faces.starts, faces.ends], axis=1) + np.repeat(faces.shifts, faces.counts)[:, None],
         sizes=faces.counts,
         face_lines=faces.lines,
         statements=lines.statements(),
@@ -107,28 +96,27 @@ class _Lines:
         self._data = data
         padded = np.frombuffer(data + b"\n\n\n\n", np.uint8)
         self._bytes = padded[: len(data) + 1]
-        ends = np.flatnonzero(self._bytes == ord("\n"))
-        self._ends = ends
-        self._starts = np.concatenate([[0], ends[:-1] + 1]).astype(np.int64)
-        self._begins = self._after_indent(self._starts)
+        self._ends = np.flatnonzero(self._bytes == ord("\n"))
+        starts = np.append(0, self._ends[:-1] + 1)
+        self._lengths = self._ends + 1 - starts
+        blank = (self._bytes == ord(" ")) | (self._bytes == ord("\t"))
+        stops = np.flatnonzero(blank[:-1] & ~blank[1:]) + 1  # of runs of blanks; the last byte is none
+        # the first byte of each line that is no blank
+        self._begins = np.where(blank[starts], np.append(stops, 0)[np.searchsorted(stops, starts, "right")], starts)
         self._keywords = tuple(padded[self._begins + i] for i in range(3))
 
     def tokens(self, keyword: bytes) -> Tokens:
         """Return the words of all lines that begin with `keyword`."""
-        lines = np.flatnonzero(self._is(keyword))
-        runs = np.flatnonzero(np.diff(lines, prepend=-2) > 1)  # where lines begin that follow each other
-        last = np.append(runs[1:], len(lines))[: len(runs)] - 1
-        starts, ends = self._starts[lines], self._ends[lines] + 1
-        kept = bytearray().join(
-            self._data[start:end] for start, end in zip(starts[runs].tolist(), ends[last].tolist(), strict=True)
-        )
-        kept += b"\n" * (len(kept) and kept[-1] != ord("\n"))
-        stops = np.cumsum(ends - starts)
-        shifts = ends - stops
-        array = np.frombuffer(kept, np.uint8)
+        chosen = (self._keywords[len(keyword)] == ord(" ")) | (self._keywords[len(keyword)] == ord("\t"))
+        for i, letter in enumerate(keyword):
+            chosen &= self._keywords[i] == letter
+        lines = np.flatnonzero(chosen)
+        kept = self._bytes[np.repeat(chosen, self._lengths)]
+        stops = np.cumsum(self._lengths[lines])
+        shifts = self._ends[lines] + 1 - stops
         for i in range(len(keyword)):
-            array[self._begins[lines] - shifts + i] = ord(" ")
-        text = re.sub(rb"#[^\n]*", lambda found: b" " * len(found[0]), kept) if b"#" in kept else bytes(kept)
+            kept[self._begins[lines] - shifts + i] = ord(" ")
+        text = re.sub(rb"#[^\n]*", lambda found: b" " * len(found[0]), kept.tobytes())
         words = np.frombuffer(text, np.uint8) > ord(" ")  # no control character is part of a word either
         edges = np.flatnonzero(words[1:] != words[:-1]) + 1  # the first and last bytes are separators
         first, end = edges[::2], edges[1::2]
@@ -137,36 +125,19 @@ class _Lines:
 
     def statements(self) -> tuple[tuple[int, str, str], ...]:
         """Return the lines that name parts and materials."""
-        initial = self._keywords[0]
         found = []
-        for line in np.flatnonzero(
-            (initial == ord("o")) | (initial == ord("g")) | (initial == ord("u")) | (initial == ord("m"))
-        ):
+        for line in np.flatnonzero(np.isin(self._keywords[0], list(b"ogum"))):
             words = self._data[self._begins[line] : self._ends[line]].split(None, 1)
             keyword = words[0].decode("latin-1")
             if keyword in _STATEMENTS:
                 found.append((int(line), keyword, " ".join(decoded(words[1]).split()) if len(words) > 1 else ""))
         return tuple(found)
 
-    def _is(self, keyword: bytes) -> Bool:
-        found: Bool = self._keywords[0] == keyword[0]
-        for i in range(1, len(keyword)):
-            found &= self._keywords[i] == keyword[i]
-        after = self._keywords[len(keyword)]
-        found &= (after == ord(" ")) | (after == ord("\t"))
-        return found
-
-    def _after_indent(self, starts: Int64) -> Int64:
-        """Return the first byte of each line that is no space or tab."""
-        blank = (self._bytes == ord(" ")) | (self._bytes == ord("\t"))
-        stops = np.flatnonzero(blank[:-1] & ~blank[1:]) + 1  # of runs of blanks; the last byte is none
-        return np.where(blank[starts], np.append(stops, 0)[np.searchsorted(stops, starts, side="right")], starts)
-
 
 def _values(tokens: Tokens, keyword: str, at_least: int) -> tuple[Float64, Int64]:
     """Return the numbers of all lines of one kind, and the index of each line's first."""
     short = np.flatnonzero(tokens.counts < at_least)
-    first = tokens.first()
+    first = np.cumsum(tokens.counts) - tokens.counts
     if len(short):
         raise ValueError(
             f"vertex {short[0]} of its {keyword!r} lines has {tokens.counts[short[0]]} numbers, "
@@ -211,18 +182,13 @@ def _corners(faces: Tokens, counted: tuple[Int64, Int64, Int64]) -> Int64:
 
     `counted` are the lines of vertices, textures and normals: a relative number counts back from the face's line.
     """
-    slashes = np.zeros(len(faces.starts), np.int64)
-    if b"/" in faces.text:
-        places = np.flatnonzero(np.frombuffer(faces.text, np.uint8) == ord("/"))
-        slashes = np.searchsorted(places, faces.ends) - np.searchsorted(places, faces.starts)
+    places = np.flatnonzero(np.frombuffer(faces.text, np.uint8) == ord("/"))
+    slashes = np.searchsorted(places, faces.ends) - np.searchsorted(places, faces.starts)
     if (slashes > 2).any():
         raise _bad_face(faces, int(np.argmax(slashes > 2)), "has more than two slashes")
     plain = faces.text.replace(b"//", b"/0/")
     if (np.frombuffer(faces.text, np.uint8)[faces.ends - 1] == ord("/")).any():  # `1/` and `1/2/`
-        plain = b"\n".join(
-            b" ".join(word + b"0" if word.endswith(b"/") else word for word in line.split())
-            for line in plain.split(b"\n")
-        )
+        plain = re.sub(rb"/(?!\S)", b"/0", plain)
     numbers = _numbers(plain.replace(b"/", b" "), np.int64, int((slashes + 1).sum()))
     if numbers is None:
         spans = zip(faces.starts.tolist(), faces.ends.tolist(), strict=True)
@@ -235,8 +201,7 @@ def _corners(faces: Tokens, counted: tuple[Int64, Int64, Int64]) -> Int64:
         given = np.flatnonzero(slashes >= column)
         found = numbers[first[given] + column]
         relative = found < 0
-        if relative.any():
-            found[relative] += np.searchsorted(lines, line[given][relative]) + 1
+        found[relative] += np.searchsorted(lines, line[given[relative]]) + 1
         outside = (found < 1) | (found > len(lines))
         if column:  # a missing texture or normal becomes −1
             found[outside] = 0

@@ -7,16 +7,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.errors import one_line
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
 from dfd.mesh.appearance import GRAY, Material
-from dfd.mesh.file.images import as_png
-from dfd.mesh.file.obj.library import Companions
-from dfd.mesh.file.primitives import MovedPrimitive, UniqueNames
+from dfd.mesh.file.assets import as_png, read_regular
+from dfd.mesh.file.edits import spelled
+from dfd.mesh.file.obj.read import picture_name
+from dfd.mesh.file.obj.text import decoded
+from dfd.mesh.file.primitives import Primitive, UniqueNames
 from dfd.mesh.file.scene_file import SceneFile
 
 _SEPARATORS = re.compile(r"[/\\:*?\"<>|\0]")  # not allowed in file names on some systems
@@ -25,26 +28,24 @@ _LONGEST_NAME = 60  # largest length of a material's name, which becomes part of
 
 def encode(vertices: Float64, faces: Int32) -> bytes:
     """Return the text of a file of plain vertices (V, 3) and faces (F, 3)."""
-    return _lines("v", vertices) + _faces([faces])
+    return _lines(b"v", vertices) + _faces([faces])
 
 
 def encode_groups(
-    vertices: Float64,
-    faces: Int32,
-    uv: tuple[Float32, Int32] | None,  # (R, 2), v upwards, and the row of every corner (F, 3)
-    groups: Sequence[tuple[str, Int64]],
+    vertices: Float64, faces: Int32, uv: tuple[Float32, Int32] | None, groups: Sequence[tuple[str, Int64]]
 ) -> bytes:
-    """Return the text of a file with the faces (F, 3) in named groups, given by the numbers of their faces."""
-    text = [_lines("v", vertices), b"" if uv is None else _lines("vt", uv[0].astype(np.float64))]
+    """Return the text of a file with the faces (F, 3) in named groups, given by the numbers of their faces.
+
+    `uv` are texture coordinates (R, 2), v upwards, and the row of every corner (F, 3).
+    """
+    text = [_lines(b"v", vertices), b"" if uv is None else _lines(b"vt", uv[0])]
     for name, own in groups:
         if len(own):
             text += [f"g {name}\n".encode(), _faces([faces[own], None if uv is None else uv[1][own]])]
     return b"".join(text)
 
 
-def encode_scene(
-    target: Path, vertices: Float64, scene: SceneFile, moved: Sequence[MovedPrimitive]
-) -> dict[str, bytes]:
+def encode_scene(target: Path, vertices: Float64, scene: SceneFile, moved: Sequence[Primitive]) -> dict[str, bytes]:
     """Return the files of a scene: the OBJ file `target`, and materials and textures whose names begin with its stem.
 
     The mesh's vertices are at `vertices` (V, 3); `moved` are the scene's primitives, with their normals.
@@ -55,21 +56,21 @@ def encode_scene(
     body: list[bytes] = []
     uv_count = normal_count = 0
     part = None
-    for each, normals in ((each.primitive, each.normals) for each in moved):
+    for each in moved:
         local = scene.local_faces(each)
         columns: list[NDArray[np.integer] | None] = [scene.vertex[each.rows][local], None, None]
         if each.part != part:  # primitives of one part differ only in their materials
             part = each.part
-            body.append(f"o {_one_line(part)}\n".encode())
+            body.append(f"o {one_line(part)}\n".encode())
         uv = each.geometry.uv
         if uv is not None:
-            body.append(_lines("vt", uv))
+            body.append(_lines(b"vt", uv))
             columns[1] = local + uv_count
             uv_count += len(uv)
-        if normals is not None:
-            body.append(_lines("vn", each.normals_to_scene(normals)))
+        if each.normals is not None:
+            body.append(_lines(b"vn", each.normals_to_scene(each.normals)))
             columns[2] = local + normal_count
-            normal_count += len(normals)
+            normal_count += len(each.normals)
         used = library.add(each.geometry.material)
         if used is None and several:  # a primitive without a material would inherit the previous one
             used = library.plain(1.0 if each.geometry.colors is not None else GRAY)
@@ -79,7 +80,59 @@ def encode_scene(
     head = f"mtllib {companions.add_library(library.text)}\n".encode() if library.text else b""
     colors = _vertex_colors(scene)
     positions = vertices if colors is None else np.hstack([vertices, colors])
-    return {target.name: head + _lines("v", positions) + b"".join(body), **companions.files}
+    return {target.name: head + _lines(b"v", positions) + b"".join(body), **companions.files}
+
+
+class Companions:
+    """The files written next to an OBJ file; unrelated files are never overwritten.
+
+    A file may be overwritten if the existing OBJ file or its materials reference it and its name begins with the OBJ
+    file's stem.
+    """
+
+    def __init__(self, target: Path) -> None:
+        self.files: dict[str, bytes] = {}
+        self._target = target
+        self._own = _own_files(target)
+
+    def add(self, name: str, data: bytes) -> str:
+        """Add a file and return its name, with a number if an unrelated file has that name."""
+        path, number = PurePosixPath(name), 1
+        while not self._is_free(name, data):
+            number += 1
+            name = f"{path.stem}_{number}{path.suffix}"
+        self.files[name] = data
+        return name
+
+    def add_library(self, text: str) -> str:
+        """Add the material library and return its name."""
+        return self.add(f"{self._target.stem}.mtl", text.encode())
+
+    def _is_free(self, name: str, data: bytes) -> bool:
+        if name == self._target.name:
+            return False
+        if name in self.files:
+            return self.files[name] == data
+        path = self._target.with_name(name)
+        if name in self._own or not (path.exists() or path.is_symlink()):
+            return True
+        return path.is_file() and path.stat().st_size == len(data) and path.read_bytes() == data
+
+
+def _own_files(target: Path) -> set[str]:
+    """Return the names of the files that an existing OBJ file `target` references and that begin with its stem."""
+    mine = re.compile(rf"{re.escape(target.stem)}(_.*)?\.[A-Za-z0-9]+")
+    found = set()
+    try:
+        for library in re.findall(rb"^[ \t]*mtllib[ \t]+([^\r\n]+)", read_regular(target), re.MULTILINE):
+            name = decoded(library).strip()
+            if mine.fullmatch(name) and name.endswith(".mtl"):
+                found.add(name)
+                lines = decoded(read_regular(target.with_name(name))).splitlines()
+                found |= {each for each in map(picture_name, lines) if mine.fullmatch(each)}
+    except (OSError, ValueError):
+        pass
+    return {name for name in found if "/" not in name and "\\" not in name}
 
 
 class _MaterialLibrary:
@@ -96,7 +149,7 @@ class _MaterialLibrary:
         if material is None or material.is_default:
             return None
         if id(material) not in self._names:
-            name = self._unused(_one_line(material.name).replace(" ", "_"))
+            name = self._unused(one_line(material.name).replace(" ", "_"))
             self._names[id(material)] = name
             lines = [f"newmtl {name}", "Kd " + " ".join(f"{each:.6g}" for each in material.color[:3])]
             if material.texture is not None:  # the stem avoids overwriting textures of other files
@@ -127,24 +180,13 @@ def _vertex_colors(scene: SceneFile) -> Float64 | None:
     return colors[scene.representative]
 
 
-def _lines(kind: str, values: Float64) -> bytes:
-    """Return a line for each row, with numbers in the shortest form that is read back exactly."""
-    numbers = [repr(value) for value in np.asarray(values, np.float64).ravel().tolist()]
-    width = values.shape[1]
-    template = f"{kind} {' '.join(['%s'] * width)}\n"
-    return (template * len(values) % tuple(numbers)).encode()
+def _lines(kind: bytes, values: NDArray[np.floating]) -> bytes:
+    return b"".join(b"%s %s\n" % (kind, row) for row in spelled(values))
 
 
 def _faces(columns: Sequence[NDArray[np.integer] | None]) -> bytes:
     """Return the face lines of vertex, texture and normal numbers (F, 3) each, from 0."""
-    given = [column + 1 for column in columns if column is not None]
-    have_uv = len(columns) > 1 and columns[1] is not None
-    have_normal = len(columns) > 2 and columns[2] is not None
-    corner = {(False, False): "%d", (True, False): "%d/%d", (False, True): "%d//%d", (True, True): "%d/%d/%d"}
-    template = f"f {' '.join([corner[have_uv, have_normal]] * 3)}\n"
-    numbers = np.stack(given, axis=-1).ravel().tolist()
-    return (template * (len(given[0])) % tuple(numbers)).encode()
-
-
-def _one_line(name: str) -> str:
-    return " ".join(name.split())
+    corner = b"/".join(b"" if column is None else b"%d" for column in columns).rstrip(b"/")
+    template = b"f %s\n" % b" ".join([corner] * 3)
+    numbers = np.stack([column + 1 for column in columns if column is not None], axis=-1)
+    return b"".join(template % tuple(row) for row in numbers.reshape(len(numbers), -1).tolist())

@@ -13,25 +13,22 @@ from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Float64, unit
 from dfd.mesh.file.assets import shortened
-from dfd.mesh.file.edits import Edits, triples
+from dfd.mesh.file.edits import Edits, spelled
 from dfd.mesh.file.obj.text import decoded
 from dfd.mesh.file.polygons import check_corners, triangulate
 from dfd.mesh.file.primitives import Geometry
 
 _STL_HEADER = 84  # bytes
 _STL_FACE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-_LINE = re.compile(rb"[^\r\n]+")
+_LINE = re.compile(rb"(?<![^\r\n])[^\r\n#]+")  # up to a comment
 _NUMBERS = rb"\s+([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)" * 3
 _STL_VERTEX = re.compile(rb"\bvertex" + _NUMBERS, re.IGNORECASE)
 _STL_NORMAL = re.compile(rb"\bfacet\s+normal" + _NUMBERS, re.IGNORECASE)
 
 
 def read_off(data: bytes) -> Geometry:
-    """Return the vertices and faces of an OFF file.
-
-    Raises ValueError if it has fewer vertices, faces or corners than stated, or a face has fewer than three corners.
-    """
-    lines = [decoded(line[0].split(b"#", 1)[0]) for line in _lines(data)]
+    """Return the vertices and faces of an OFF file; ValueError if it is malformed."""
+    lines = [decoded(line[0]) for line in _lines(data)]
     if not lines:
         raise ValueError("it holds nothing")
     kind, *first = lines[0].split()
@@ -77,45 +74,34 @@ def read_off(data: bytes) -> Geometry:
 
 
 def _lines(data: bytes) -> list[re.Match[bytes]]:
-    """Return the lines of an OFF file that contain more than comments."""
-    return [line for line in _LINE.finditer(data) if line[0].split(b"#", 1)[0].strip()]
+    """Return the lines of an OFF file without comments, and without lines that hold nothing else."""
+    return [line for line in _LINE.finditer(data) if line[0].strip()]
 
 
 def rewrite_off(data: bytes, vertices: Float64, normals: Float64) -> bytes:
     """Return the text of an OFF file with other `vertices` and `normals` (V, 3)."""
     lines = _lines(data)
-    first = lines[0][0].split(b"#", 1)[0].split()
-    keyword = not first[0].isdigit()
-    lines = lines[2 if keyword and len(first) == 1 else 1 :]
+    lines = lines[1 if len(lines[0][0].split()) > 1 else 2 :]  # the keyword may have a line of its own
     old = read_off(data)
     edits, written, before = Edits(data), vertices, old.vertices
     if old.normals is not None:
         written, before = np.hstack([vertices, normals]), np.hstack([before, old.normals])
-    numbers = re.compile(rb"\s*" + rb"\s+".join([rb"\S+"] * written.shape[1]))
-    for row in np.flatnonzero((written != before).any(axis=1)).tolist():
-        found = numbers.match(data, lines[row].start())
-        assert found is not None
-        start = lines[row].start() + len(found[0]) - len(found[0].lstrip())
-        edits.replace([(start, found.end())], [b" ".join(b"%a" % each for each in written[row].tolist())])
+    numbers = re.compile(rb"\s*(" + rb"\s+".join([rb"\S+"] * written.shape[1]) + rb")")
+    rows = np.flatnonzero((written != before).any(axis=1))
+    found = [numbers.match(data, *lines[row].span()) for row in rows]
+    edits.replace([each.span(1) for each in found if each], spelled(written[rows]))
     return edits.result()
 
 
 def encode_off(vertices: Float64, faces: NDArray[np.integer]) -> bytes:
     """Return the text of an OFF file, with numbers in the shortest form that is read back exactly."""
-    head = b"OFF\n%d %d 0\n" % (len(vertices), len(faces))
-    return (
-        head
-        + b"".join(b"%s\n" % each for each in triples(vertices))
-        + b"".join(b"3 %d %d %d\n" % tuple(each) for each in faces.tolist())
-    )
+    head = [b"OFF", b"%d %d 0" % (len(vertices), len(faces))]
+    return b"\n".join([*head, *spelled(vertices), *(b"3 %d %d %d" % tuple(each) for each in faces.tolist()), b""])
 
 
 def read_stl(data: bytes) -> list[tuple[str, Geometry]]:
-    """Return the solids of an STL file and their names; the name may be "".
-
-    Raises ValueError if its length differs from the stated one, or it is cut off.
-    """
-    binary = _binary_stl(data)
+    """Return the solids of an STL file and their names, which may be ""; ValueError if it is malformed."""
+    binary = binary_stl(data)
     if binary is not None:
         return [("", _soup(binary["corners"].reshape(-1, 3)))]
     if data.lstrip()[:5].lower() != b"solid":
@@ -139,7 +125,7 @@ def rewrite_stl(data: bytes, corners: Float64) -> bytes:
 
     A normal keeps its side of the face; a zero normal stays zero.
     """
-    binary = _binary_stl(data)
+    binary = binary_stl(data)
     if binary is not None:
         moved, old = binary.copy(), binary["corners"].astype(np.float64)
         changed = (corners.reshape(-1, 3, 3) != old).any(axis=(1, 2))
@@ -156,7 +142,7 @@ def rewrite_stl(data: bytes, corners: Float64) -> bytes:
     edits = Edits(data)
     for found, kept, values in ((places, changed, corners), (turns, changed.reshape(-1, 3).any(axis=1), new)):
         rows = np.flatnonzero(kept)
-        edits.replace([(found[row].start(1), found[row].end(3)) for row in rows], triples(values[rows]))
+        edits.replace([(found[row].start(1), found[row].end(3)) for row in rows], spelled(values[rows]))
     return edits.result()
 
 
@@ -168,12 +154,7 @@ def encode_stl(corners: Float64) -> bytes:
     return bytes(_STL_HEADER - 4) + len(faces).to_bytes(4, "little") + faces.tobytes()
 
 
-def is_text_stl(data: bytes) -> bool:
-    """Return whether a valid STL file stores its numbers as text."""
-    return _binary_stl(data) is None
-
-
-def _binary_stl(data: bytes) -> NDArray[Any] | None:
+def binary_stl(data: bytes) -> NDArray[Any] | None:
     """Return the faces (F,) of a binary file; None for a text file."""
     if len(data) >= _STL_HEADER:
         count = int.from_bytes(data[80:84], "little")
