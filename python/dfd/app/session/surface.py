@@ -13,7 +13,7 @@ from dfd.app.protocol.messages import Group, MaterialEntry, MeshMessage
 from dfd.common.linear_algebra import Bool, Float64, Int32, UInt8
 from dfd.editing.edit import box_center
 from dfd.mesh.appearance import Material
-from dfd.mesh.file.images import as_image
+from dfd.mesh.file.assets import as_image
 from dfd.mesh.mesh import Mesh
 
 LONGEST_TEXTURE = 4096  # texels along a side, supported by every graphics card

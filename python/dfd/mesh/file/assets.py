@@ -89,13 +89,18 @@ def image_format(data: bytes) -> str:
     return _read_image(data, verified)
 
 
-def as_png(texels: UInt8) -> bytes:
-    """Return RGBA texels (rows, columns, 4) as a PNG file, without alpha if all are opaque."""
+def as_image(texels: UInt8) -> Image.Image:
+    """Return texels (rows, columns, 4) as an image, without the alpha channel if all texels are opaque."""
     from PIL import Image
 
-    opaque = (texels[..., 3] == 255).all()
+    opaque = bool((texels[..., 3] == 255).all())
+    return Image.fromarray(np.ascontiguousarray(texels[..., :3]) if opaque else texels)
+
+
+def as_png(texels: UInt8) -> bytes:
+    """Return `as_image` as a PNG file."""
     stream = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(texels[..., :3]) if opaque else texels).save(stream, "PNG")
+    as_image(texels).save(stream, "PNG")
     return stream.getvalue()
 
 
