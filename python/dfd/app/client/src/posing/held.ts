@@ -1,5 +1,7 @@
 /** How much of the surface follows a handle, by the weights that move it. */
 
+import { Triangle } from "three";
+
 import { weightOf, type Column } from "./columns";
 
 /** Sample vertices of the surface, and the area of each. */
@@ -22,22 +24,14 @@ export function surfaceOf(
   most: number = MOST_SAMPLES,
 ): Surface {
   const around = new Float64Array(count);
-  // No array is allocated per triangle, because there may be millions while the page waits.
-  const side = (from: number, to: number, axis: number) => positions[3 * to + axis] - positions[3 * from + axis];
+  // No object is allocated per triangle, because there may be millions while the page waits.
+  const triangle = new Triangle();
   for (let corner = 0; corner < triangles.length; corner += 3) {
-    const a = triangles[corner];
-    const b = triangles[corner + 1];
-    const c = triangles[corner + 2];
-    const ux = side(a, b, 0);
-    const uy = side(a, b, 1);
-    const uz = side(a, b, 2);
-    const vx = side(a, c, 0);
-    const vy = side(a, c, 1);
-    const vz = side(a, c, 2);
-    const area = Math.hypot(uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx);
-    around[vertexOf[a]] += area;
-    around[vertexOf[b]] += area;
-    around[vertexOf[c]] += area;
+    triangle.a.fromArray(positions, 3 * triangles[corner]);
+    triangle.b.fromArray(positions, 3 * triangles[corner + 1]);
+    triangle.c.fromArray(positions, 3 * triangles[corner + 2]);
+    const area = triangle.getArea();
+    for (let k = 0; k < 3; k++) around[vertexOf[triangles[corner + k]]] += area;
   }
   const used = Uint32Array.from(around.keys()).filter((vertex) => around[vertex] > 0);
   const step = Math.max(Math.ceil(used.length / most), 1);
@@ -47,10 +41,8 @@ export function surfaceOf(
 
 /** Return the weight of a vertex in all columns of a handle. */
 export function followed(columns: readonly Column[], vertex: number): number {
-  return Math.min(
-    columns.reduce((sum, column) => sum + weightOf(column, vertex), 0),
-    1,
-  );
+  const total = columns.reduce((sum, column) => sum + weightOf(column, vertex), 0);
+  return Math.min(total, 1);
 }
 
 /** Return the share of the surface that visibly follows the `columns` of a handle. */

@@ -84,7 +84,7 @@ function installHook() {
       /** Where a vertex appears, in pixels of the page. */
       project(vertex) {
         const row = shown().vertexOf.indexOf(vertex);
-        return this.place(posePoint(sceneOf(store.get()), shown().at(row), vertex).position);
+        return this.place(posePoint(sceneOf(store.get()), shown().at(row), vertex));
       },
       /** Where a point, relative to the mesh's center, appears in pixels of the page. */
       place(point) {

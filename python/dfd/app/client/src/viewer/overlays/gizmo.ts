@@ -1,13 +1,21 @@
 /** The gizmo that moves, turns and scales the selected handle, or moves its pivot. */
 
-import { MathUtils, Object3D, Quaternion, type Camera } from "three";
+import { MathUtils, Object3D, Quaternion, Vector3, type Camera } from "three";
 import { TransformControls } from "three/addons/controls/TransformControls.js";
 
 import { dragTo, endDrag, startDrag } from "../../actions/edit";
-import { apply, basisOf, matrixOf, quaternionOf, rotationOf, type Transform, type Vec3 } from "../../posing/affine";
+import {
+  apply,
+  basisOf,
+  matrixOf,
+  quaternionOf,
+  rotationOf,
+  subtract,
+  type Transform,
+  type Vec3,
+} from "../../posing/affine";
 import { bendTowards, bentTip, type PartEnds } from "../../posing/bend";
 import type { GizmoMode } from "../../store/state";
-import { gripOf } from "../scene";
 
 export interface Held {
   readonly transform: Transform;
@@ -57,12 +65,10 @@ export class Gizmo {
       return;
     }
     const { ends, transform, position, center } = held;
-    if (ends) {
-      const tip = apply(matrixOf(transform, position), bentTip(ends, transform.bend, transform.joint));
-      this.proxy.position.set(tip[0] - center[0], tip[1] - center[1], tip[2] - center[2]);
-    } else this.proxy.position.set(...gripOf(transform, position, center));
-    this.proxy.quaternion.copy(quaternionOf(held.transform.rotation)).multiply(axesTurn(held.transform));
-    this.proxy.scale.set(...held.transform.scale);
+    const grip = ends ? bentTip(ends, transform.bend, transform.joint) : (transform.pivot ?? position);
+    this.proxy.position.set(...subtract(apply(matrixOf(transform, position), grip), center));
+    this.proxy.quaternion.copy(quaternionOf(transform.rotation)).multiply(axesTurn(transform));
+    this.proxy.scale.set(...transform.scale);
     this.proxy.updateMatrixWorld();
     this.controls.attach(this.proxy);
   }
@@ -77,27 +83,23 @@ export class Gizmo {
   }
 
   private read(held: Held): Transform {
-    const { x, y, z } = this.proxy.position;
-    const grip: Vec3 = [x + held.center[0], y + held.center[1], z + held.center[2]];
-    const { transform, position } = held;
-    if (held.ends) {
+    const { transform, position, center, ends } = held;
+    const { scale, quaternion } = this.proxy;
+    const grip = this.proxy.position
+      .clone()
+      .add(new Vector3(...center))
+      .toArray();
+    if (ends) {
       // The bend is applied before the rest of the transform.
       const tip = apply(matrixOf(transform, position).invert(), grip);
-      return { ...transform, bend: bendTowards(held.ends, tip, transform.joint) };
+      return { ...transform, bend: bendTowards(ends, tip, transform.joint) };
     }
-    if (this.pivoting) {
-      // When the pivot moves, the translation is adjusted so that the shape does not move.
-      const [tx, ty, tz] = transform.translation;
-      return { ...transform, pivot: [grip[0] - tx, grip[1] - ty, grip[2] - tz], pivotAt: null };
-    }
-    const pivot = transform.pivot ?? position;
-    const q = this.proxy.quaternion.clone().multiply(axesTurn(transform).invert()).normalize();
-    const { scale } = this.proxy;
+    if (this.pivoting) return { ...transform, pivot: subtract(grip, transform.translation), pivotAt: null };
     return {
       ...transform,
-      translation: [grip[0] - pivot[0], grip[1] - pivot[1], grip[2] - pivot[2]],
-      rotation: rotationOf(q),
-      scale: [scale.x, scale.y, scale.z],
+      translation: subtract(grip, transform.pivot ?? position),
+      rotation: rotationOf(quaternion.clone().multiply(axesTurn(transform).invert()).normalize()),
+      scale: scale.toArray(),
     };
   }
 }

@@ -17,7 +17,7 @@ export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
   const { center } = mesh;
   const posed = (vertex: number | null, position: Vec3): Vec3 => {
     const at = subtract(position, center);
-    return vertex === null ? at : posePoint(scene, at, vertex).position;
+    return vertex === null ? at : posePoint(scene, at, vertex);
   };
   const marks: Mark[] = [];
   edit.fixed.forEach((fixed, index) => {
@@ -55,7 +55,7 @@ export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
   }
   const { hover } = state;
   if (hover && !state.dragging && state.tool !== "pivot") {
-    const at = posePoint(scene, shape.at(hover.row), hover.vertex).position;
+    const at = posePoint(scene, shape.at(hover.row), hover.vertex);
     marks.push({ key: "hover", kind: "hover", at, label: `Vertex ${hover.vertex}` });
   }
   return marks;
