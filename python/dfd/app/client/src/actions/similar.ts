@@ -4,33 +4,27 @@ import type { SimilarPoint } from "../protocol/messages";
 import { selectedHandle, store, type State } from "../store/state";
 import { ask, send } from "./connection";
 
-/** Return a key of everything that counterparts depend on; null if there is nothing to request. */
-function key(state: State): string | null {
-  const handle = selectedHandle(state);
-  if (!handle || state.dragging || handle.counterparts === "only") return null;
-  const symmetry = JSON.stringify(state.edit?.symmetry?.normal ?? null);
-  return [handle.handle, handle.position, handle.excluded_counterparts, handle.counterparts, symmetry].join(" ");
-}
-
+/** Request the counterparts of the selected handle when they may have changed. */
 export function followSimilar(): void {
-  store.watch(key, (wanted) => {
-    const { selected, similar } = store.get();
-    if (wanted !== null && selected !== null) send({ type: "counterparts", handle: selected });
-    else if (similar && similar.handle !== selected) store.set({ similar: null });
+  const wanted = (state: State) => {
+    const handle = selectedHandle(state);
+    if (!handle || state.dragging || handle.counterparts === "only") return null;
+    const { position, excluded_counterparts, counterparts } = handle;
+    const normal = state.edit?.symmetry?.normal;
+    return [handle.handle, JSON.stringify([position, excluded_counterparts, counterparts, normal])] as const;
+  };
+  store.watch(wanted, (found) => {
+    if (found) send({ type: "counterparts", handle: found[0] });
   });
 }
 
 /** Request the pivots and the axis of the selected handle when a mode of the gizmo needs them. */
 export function followAxis(): void {
   const wanted = ({ gizmo, selected, dragging, edit }: State) =>
-    gizmo === "translate" || dragging || selected === null || !edit ? null : [selected, edit.after];
-  store.watch(
-    (state) => wanted(state)?.join() ?? null,
-    () => {
-      const { selected } = store.get();
-      if (wanted(store.get()) && selected !== null) send({ type: "axis", handle: selected });
-    },
-  );
+    gizmo === "translate" || dragging || selected === null || !edit ? null : ([selected, edit.after] as const);
+  store.watch(wanted, (found) => {
+    if (found) send({ type: "axis", handle: found[0] });
+  });
 }
 
 /** Return the counterparts of the selected handle without its own place. */

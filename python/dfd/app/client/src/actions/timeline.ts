@@ -4,7 +4,7 @@ import { interpolate, REST, type Transform } from "../posing/affine";
 import type { KeyPose } from "../protocol/messages";
 import { store, transformOf } from "../store/state";
 import { send } from "./connection";
-import { poseTo, poseTransform } from "./edit";
+import { poseTransform, seenTransforms, showAhead } from "./edit";
 import { note } from "./toasts";
 
 const SECONDS_BETWEEN = 1;
@@ -66,10 +66,11 @@ export function leave(): void {
 
 /** Make the shown moment the edit. */
 export function applyMoment(): void {
-  const { moment, edit } = store.get();
-  if (!moment || !edit) return;
-  const present = new Set(edit.handles.map(({ handle }) => handle));
-  poseTo(new Map([...moment].filter(([handle]) => present.has(handle))));
+  const { moment } = store.get();
+  const transforms = seenTransforms();
+  if (!moment || !transforms) return;
+  const request = send({ type: "pose", transforms });
+  moment.forEach((transform, handle) => showAhead(handle, { transform }, request));
   leave();
 }
 

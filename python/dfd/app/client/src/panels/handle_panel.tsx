@@ -1,12 +1,12 @@
 import { useEffect, useState } from "preact/hooks";
 
-import { send } from "../actions/connection";
-import { change, changePart, moveTo, previewPart, type PartChange } from "../actions/edit";
+import { ask, send } from "../actions/connection";
+import { change, changePart, move, setMotion, type PartChange } from "../actions/edit";
 import { otherPlaces, toggleCounterpart } from "../actions/similar";
 import { niceStep, type PivotAt, type Transform } from "../posing/affine";
 import { followed, LEAST_SEEN } from "../posing/held";
 import type { AxisMessage, HandleState } from "../protocol/messages";
-import { handleName, present, selectedHandle, store, type GizmoMode, type State } from "../store/state";
+import { handleName, present, store, type GizmoMode, type State } from "../store/state";
 import { readably, useParts } from "../store/use";
 import { columnsOf } from "../viewer/scene";
 import {
@@ -33,17 +33,12 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
   const { transform } = handle;
   const id = handle.handle;
   const step = niceStep((state.mesh?.diagonal ?? 1) / 100);
-  const set = (part: Partial<Transform>) => {
-    // The server's state may be older than the last change.
-    const now = selectedHandle(store.get()) ?? known;
-    moveTo(now.handle, { ...present(store.get(), now).transform, ...part });
-  };
   const names = (state.session?.controls ?? []).map(({ name }) => name).filter((name) => name in handle);
   const folded = names.filter((name) => !SHOWN.includes(name) && (name !== "mask_feather" || handle.mask > 0));
   const field = (name: string) => <ControlField key={name} name={name} handle={handle} />;
   const verb = {
-    ...motionFields(transform, step, set),
-    bend: <Bend key="bend" handle={id} transform={transform} set={set} />,
+    ...motionFields(transform, step, setMotion),
+    bend: <Bend key="bend" handle={id} transform={transform} />,
   };
   const all = state.edit?.preset === "paper" ? "shared_pivot" : "own_pivot";
   const others = (Object.keys(verb) as GizmoMode[]).filter((name) => name !== state.gizmo);
@@ -84,16 +79,14 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
           hint="The point about which it turns and scales"
           value={transform.pivot ?? handle.position}
           step={step}
-          onChange={(pivot) => set({ pivot, pivotAt: null })}
+          onChange={(pivot) => setMotion({ pivot, pivotAt: null })}
         />
         {folded.map(field)}
         <Toggle
           label="Scale along the surface"
           hint="Along the surface's normal and across it, not along x, y and z"
           checked={transform.axes !== null}
-          onChange={(on) =>
-            send({ type: "move", handle: id, transform: { axes: on ? "normal" : "auto" }, settle: true })
-          }
+          onChange={(on) => move(id, { axes: on ? "normal" : "auto" })}
         />
       </More>
     </Panel>
@@ -158,9 +151,7 @@ function PivotChoice({ handle, axis }: { readonly handle: HandleState; readonly 
       value={value}
       options={["auto", ...known, ...(value === "as set" ? [value] : [])]}
       named={{ auto: "automatic pivot", ...PIVOTS }}
-      onChange={(name) =>
-        send({ type: "move", handle: handle.handle, transform: { pivot: name as PivotAt | "auto" }, settle: true })
-      }
+      onChange={(name) => move(handle.handle, { pivot: name as PivotAt | "auto" })}
     />
   );
 }
@@ -168,19 +159,18 @@ function PivotChoice({ handle, axis }: { readonly handle: HandleState; readonly 
 interface BendProps {
   readonly handle: number;
   readonly transform: Transform;
-  readonly set: (part: Partial<Transform>) => void;
 }
 
 const JOINTS = { spread: "over its length", auto: "at its joint", here: "at the handle" };
 
 /** Angles of bend and twist of the part. */
-function Bend({ handle, transform: { bend, twist, joint }, set }: BendProps) {
+function Bend({ handle, transform: { bend, twist, joint } }: BendProps) {
   const degrees = Math.hypot(...bend);
   // A first bend turns up, or to the front.
   const bendBy = (angle: number) =>
     degrees === 0
-      ? send({ type: "move", handle, transform: { bend: angle }, settle: true })
-      : set({ bend: bend.map((part) => (part * angle) / degrees) as unknown as Transform["bend"] });
+      ? move(handle, { bend: angle })
+      : setMotion({ bend: bend.map((part) => (part * angle) / degrees) as unknown as Transform["bend"] });
   return (
     <>
       <NumberRow
@@ -195,7 +185,7 @@ function Bend({ handle, transform: { bend, twist, joint }, set }: BendProps) {
         hint="How far the tip turns about the part's own axis"
         value={twist}
         step={1}
-        onChange={(angle) => set({ twist: angle })}
+        onChange={(angle) => setMotion({ twist: angle })}
       />
       <Select
         label="Bends"
@@ -203,10 +193,7 @@ function Bend({ handle, transform: { bend, twist, joint }, set }: BendProps) {
         options={[...Object.keys(JOINTS), ...(joint === null ? [] : ["joint"])]}
         named={{ ...JOINTS, joint: `at ${percent(joint ?? 0)}` }}
         hint="Over all of the part, or about a joint such as a knee"
-        onChange={(name) => {
-          if (name !== "joint")
-            send({ type: "move", handle, transform: { joint: name as keyof typeof JOINTS }, settle: true });
-        }}
+        onChange={(name) => name !== "joint" && move(handle, { joint: name as keyof typeof JOINTS })}
       />
     </>
   );
@@ -260,9 +247,16 @@ function PartButtons({ ways, handle: { handle, columns } }: PartButtonsProps) {
   const held = [handle, ...columns.map(({ column }) => column)].join();
   useEffect(() => setMissing([]), [held]);
   useEffect(() => {
-    void previewPart(pointed).then((found) => {
-      if (!found && pointed) setMissing((others) => [...others, pointed]);
+    if (!pointed) return undefined;
+    let current = true;
+    void ask({ type: "take_part", handle, how: pointed, preview: true }, true).then((answer) => {
+      if (!answer) setMissing((others) => [...others, pointed]);
+      else if (current) store.set({ probe: { vertex: null, weights: answer.payload.get("values", "U16") } });
     });
+    return () => {
+      current = false;
+      store.set({ probe: null });
+    };
   }, [pointed, held]);
   const leave = () => setPointed(null);
   const button = ([way, hint]: Way) => (
@@ -273,7 +267,7 @@ function PartButtons({ ways, handle: { handle, columns } }: PartButtonsProps) {
       title={missing.includes(way) ? "There is none here" : hint}
       disabled={ways.length === 0 || missing.includes(way)}
       onPoint={() => setPointed(way)}
-      onPress={() => changePart(way)}
+      onPress={() => void changePart(way)}
     />
   );
   return (

@@ -1,7 +1,7 @@
 /** The panels at the right: handles, fixed points, the brush, and settings. */
 
 import { send } from "../actions/connection";
-import { regionOf, setDefault, throttle } from "../actions/edit";
+import { regionOf, throttle } from "../actions/edit";
 import { niceStep, REST, type Transform } from "../posing/affine";
 import type { FixedState, StateMessage } from "../protocol/messages";
 import { handleName, placeName, ready, selectedHandle, store } from "../store/state";
@@ -35,7 +35,7 @@ function BrushPanel() {
   const selected = selectedHandle(state);
   const use = (what: (region: { mask: string }) => void) => () => {
     if (!painted) return;
-    what(regionOf(painted.mask));
+    what(regionOf(painted.weights));
     store.set({ painted: null, tool: "hold" });
   };
   return (
@@ -105,10 +105,11 @@ function FixedPanel({ fixed }: { readonly fixed: readonly FixedState[] }) {
 function DefaultPanel({ known }: { readonly known: StateMessage }) {
   const size = useParts().mesh?.diagonal ?? 1;
   const now = { ...REST, ...known.default };
-  const set = (part: Partial<Transform>) => setDefault({ ...now, ...part });
-  const reset = (
-    <IconButton icon="reset" label="Reset" disabled={known.default === null} onPress={() => setDefault(REST)} />
-  );
+  const set = (part: Partial<Transform>) => {
+    const { translation, rotation, scale } = { ...now, ...part };
+    throttle("default", (merge) => send({ type: "set_default", transform: { translation, rotation, scale }, merge }));
+  };
+  const reset = <IconButton icon="reset" label="Reset" disabled={known.default === null} onPress={() => set(REST)} />;
   return (
     <Panel title="The rest of the shape" action={reset}>
       {Object.values(motionFields(now, niceStep(size / 100), set, " the rest"))}

@@ -1,6 +1,6 @@
 /** The state of the page. `edit` is the server's last state, unchanged. */
 
-import type { Transform } from "../posing/affine";
+import type { Transform, Vec3 } from "../posing/affine";
 import type { Surface } from "../posing/held";
 import type { Payload } from "../protocol/binary_messages";
 import type {
@@ -28,19 +28,16 @@ export interface Ahead extends Partial<Omit<HandleState, "handle">> {
   readonly request: number;
 }
 
-export interface Hover {
-  /** The nearest vertex, and one of its rows. */
+/** A picked point of the shape. */
+export interface Picked {
+  /** The nearest vertex, and a row of the mesh for it. */
   readonly vertex: number;
   readonly row: number;
+  /** The point on the resting surface, relative to the mesh's center. */
+  readonly point: Vec3;
 }
 
-/** The weights that a handle would have: a new one at a vertex, or the selected one with another part. */
-export interface Probe {
-  readonly vertex: number | null;
-  readonly weights: Uint16Array;
-}
-
-export interface Toast {
+interface Toast {
   readonly key: number;
   readonly text: string;
   readonly kind: "note" | "problem";
@@ -68,10 +65,11 @@ export const CLOSED = {
   columns: new Map() as ReadonlyMap<number, Uint16Array>,
   ahead: new Map() as ReadonlyMap<number, Ahead>,
   selected: null as number | null,
-  hover: null as Hover | null,
-  probe: null as Probe | null,
-  /** The painted region: one bit per vertex, and the same as weights. */
-  painted: null as { readonly mask: Uint8Array; readonly weights: Uint16Array; readonly count: number } | null,
+  hover: null as Picked | null,
+  /** The weights that a handle would have: a new one at a vertex, or the selected one with another part. */
+  probe: null as { readonly vertex: number | null; readonly weights: Uint16Array } | null,
+  /** The painted region: (V) weights of 0 or 65535, and the number of painted vertices. */
+  painted: null as { readonly weights: Uint16Array; readonly count: number } | null,
   suggestions: [] as readonly Suggestion[],
   /** The counterparts of the selected handle. */
   similar: null as SimilarMessage | null,
@@ -165,6 +163,16 @@ export function selectedHandle(state: State): HandleState | null {
 /** Whether the shape has a field, so that it can be held. */
 export function ready({ edit }: Pick<State, "edit">): boolean {
   return edit?.field.status === "ready";
+}
+
+/** Whether a tool draws over the shape. */
+export function draws(tool: Tool): tool is "paint" | "box" {
+  return tool === "paint" || tool === "box";
+}
+
+/** Whether only the part that the selected handle holds is visible. */
+export function isolates({ isolated, selected, painted }: Pick<State, "isolated" | "selected" | "painted">): boolean {
+  return isolated && selected !== null && !painted;
 }
 
 /** The color of a handle: hues at multiples of the golden angle are distinct for any number of handles. */

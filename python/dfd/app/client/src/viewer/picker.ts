@@ -15,22 +15,15 @@ import {
 } from "three";
 
 import type { Vec3 } from "../posing/affine";
+import type { Picked } from "../store/state";
 import { define, material } from "./posing/shaders";
 import type { Shape } from "./shape";
-
-export interface Pick {
-  readonly vertex: number;
-  /** A row of the mesh for the vertex. */
-  readonly row: number;
-  /** The point on the resting surface, relative to the mesh's center. */
-  readonly point: Vec3;
-}
 
 export class Picker {
   private readonly target = pixels(1, 1);
   private readonly scene = new ThreeScene();
   private readonly material = material("pick", {}, { side: DoubleSide });
-  private newest: { readonly key: string; readonly pick: Pick | null } | null = null;
+  private newest: { readonly key: string; readonly pick: Picked | null } | null = null;
 
   constructor(
     private readonly renderer: WebGLRenderer,
@@ -43,7 +36,7 @@ export class Picker {
   }
 
   /** Pick at (x, y) in pixels of the page within a view of `width` × `height`; null beside the shape. */
-  pick(camera: PerspectiveCamera, x: number, y: number, width: number, height: number): Pick | null {
+  pick(camera: PerspectiveCamera, x: number, y: number, width: number, height: number): Picked | null {
     const about = [Math.floor(x), Math.floor(y), width, height, this.shape.poses].join();
     camera.updateMatrixWorld();
     const key = [about, camera.matrixWorld.elements, camera.projectionMatrix.elements].join();
@@ -52,7 +45,7 @@ export class Picker {
     return this.newest.pick;
   }
 
-  private find(camera: PerspectiveCamera, x: number, y: number, width: number, height: number): Pick | null {
+  private find(camera: PerspectiveCamera, x: number, y: number, width: number, height: number): Picked | null {
     // The target has one pixel, so the GPU discards all other fragments.
     camera.setViewOffset(width, height, Math.floor(x), Math.floor(y), 1, 1);
     const bits = this.draw(this.target, camera);

@@ -3,18 +3,16 @@
 import { Box3, BufferGeometry, Color, LineBasicMaterial, LineLoop, MOUSE, Sphere, Vector3 } from "three";
 
 import { send } from "../actions/connection";
-import { changePart, hold, select, toggleFixed, wheelReach } from "../actions/edit";
 import { saveBlob, stem } from "../actions/files";
 import { problem } from "../actions/toasts";
-import { niceStep } from "../posing/affine";
 import { weightOf } from "../posing/columns";
 import type { MeshMessage } from "../protocol/messages";
-import { present, ready, selectedHandle, store, type State } from "../store/state";
-import { paint, touch } from "./overlays/brush";
+import { draws, isolates, ready, store, type Picked, type State } from "../store/state";
+import { touch } from "./overlays/brush";
 import { Gizmo } from "./overlays/gizmo";
 import { marksOf } from "./overlays/marks";
 import { Markers } from "./overlays/markers";
-import { Picker, type Pick as Picked } from "./picker";
+import { Picker } from "./picker";
 import { Pointer } from "./pointer";
 import { mirrorOf, sceneOf } from "./scene";
 import { Shape } from "./shape";
@@ -26,7 +24,7 @@ export class Viewer {
   private picker: Picker | null = null;
   /** The shape for which the camera was placed. */
   private framed: MeshMessage | null = null;
-  private readonly gizmo: Gizmo;
+  readonly gizmo: Gizmo;
   private readonly markers: Markers;
   private readonly plane = new LineLoop(
     new BufferGeometry().setFromPoints(
@@ -49,18 +47,7 @@ export class Viewer {
     // The gizmo handles a press before the orbit controls, and stops it.
     this.gizmo = new Gizmo(this.stage.camera, canvas, () => this.stage.invalidate());
     this.stage.scene.add(this.plane, this.gizmo.proxy, this.gizmo.helper);
-    new Pointer(canvas, {
-      busy: () => this.gizmo.dragging || this.gizmo.hovered,
-      dragging: () => this.gizmo.dragging,
-      pick: (x, y) => this.pick(x, y),
-      click: (picked, event) => this.click(picked, event),
-      wheel: (delta) => this.wheel(delta),
-      paint: (picked, erase) => {
-        if (this.shape) paint(this.shape, picked, erase);
-      },
-      box: (box, done, erase) => this.selectBox(box, done, erase),
-      rest: (picked) => this.probe(picked),
-    });
+    new Pointer(canvas, this);
     this.box.className = "box";
     this.box.hidden = true;
     overlay.append(this.box);
@@ -119,9 +106,8 @@ export class Viewer {
       },
     );
     store.on("tool", (tool) => {
-      const draws = tool === "paint" || tool === "box";
-      stage.orbit.mouseButtons.LEFT = draws ? null : MOUSE.ROTATE;
-      overlay.classList.toggle("through", draws);
+      stage.orbit.mouseButtons.LEFT = draws(tool) ? null : MOUSE.ROTATE;
+      overlay.classList.toggle("through", draws(tool));
     });
     store.on("framed", (wish) => {
       if (!wish || !this.shape) return;
@@ -183,7 +169,7 @@ export class Viewer {
   private pose(): void {
     const state = store.get();
     this.shape?.show(sceneOf(state));
-    this.hold(state);
+    this.gizmo.follow(state);
     this.mark();
     this.stage.invalidate();
   }
@@ -191,34 +177,6 @@ export class Viewer {
   private mark(): void {
     const state = store.get();
     this.markers.show(this.shape ? marksOf(state, sceneOf(state), this.shape) : []);
-  }
-
-  private hold(state: State): void {
-    const handle = selectedHandle(state);
-    const { mesh, snap, tool } = state;
-    const draws = tool === "paint" || tool === "box";
-    const shown = handle && !draws && !state.comparing;
-    if (!shown || !mesh || !this.shape) {
-      this.gizmo.hold(null);
-      return;
-    }
-    this.gizmo.configure(
-      state.gizmo,
-      state.local ? "local" : "world",
-      snap ? niceStep(mesh.diagonal / 50) : null,
-      tool === "pivot",
-    );
-    const { transform } = present(state, handle);
-    const { base, tip } = axisOf(state) ?? { base: null, tip: null };
-    const ends = state.gizmo === "bend" && base && tip ? { base, tip } : null;
-    if (state.gizmo === "bend" && tool !== "pivot" && !ends) this.gizmo.hold(null);
-    else
-      this.gizmo.hold({
-        transform,
-        position: handle.position,
-        center: mesh.center,
-        ends: tool === "pivot" ? null : ends,
-      });
   }
 
   private drawPlane({ edit, mesh }: State, color: Color): void {
@@ -251,54 +209,15 @@ export class Viewer {
     }
   }
 
-  // --- the user's actions on the canvas
-
-  private selectBox(box: DOMRect, done: boolean, erase: boolean): void {
-    const { style } = this.box;
+  /** Show a box, and paint what is visible in it when it is done. */
+  selectBox(box: DOMRect, done: boolean, erase: boolean): void {
     this.box.hidden = done;
-    for (const side of ["left", "top", "width", "height"] as const) {
-      style[side] = `${{ left: box.x, top: box.y, width: box.width, height: box.height }[side]}px`;
-    }
+    for (const side of ["left", "top", "width", "height"] as const) this.box.style[side] = `${box[side]}px`;
     if (!done || !this.shape || !this.picker) return;
     const { camera, width, height } = this.stage;
     const rows = this.picker.within(camera, box, width, height, store.get().xray);
     touch(this.shape, (row) => rows.has(row), erase);
   }
-
-  private click(picked: Picked | null, event: PointerEvent): void {
-    const state = store.get();
-    if (!picked) {
-      select(null);
-      return;
-    }
-    if (!ready(state)) return;
-    store.set({ hover: { vertex: picked.vertex, row: picked.row }, probe: null });
-    if (event.shiftKey || event.ctrlKey || event.metaKey) changePart(event.shiftKey ? "add" : "remove", picked.vertex);
-    else if (state.tool === "fix") toggleFixed(picked.vertex);
-    else if (state.tool === "hold") hold(picked.vertex);
-  }
-
-  private wheel(delta: number): boolean {
-    const { selected } = store.get();
-    if (selected === null) return false;
-    wheelReach(selected, Math.exp(-delta / 900));
-    return true;
-  }
-
-  private probe({ vertex }: Picked): void {
-    const state = store.get();
-    if (!ready(state) || ["paint", "box", "pivot"].includes(state.tool) || isolates(state)) return;
-    send({ type: "probe", vertex });
-  }
-}
-
-function isolates({ isolated, selected, painted }: Pick<State, "isolated" | "selected" | "painted">) {
-  return isolated && selected !== null && !painted;
-}
-
-/** Return the axis of the selected handle's part, if it is known. */
-function axisOf({ axis, selected }: State): State["axis"] {
-  return axis?.handle === selected ? axis : null;
 }
 
 /** Keys of the state on which the pose and the marks depend. */

@@ -8,6 +8,7 @@ import {
   apply,
   basisOf,
   matrixOf,
+  niceStep,
   quaternionOf,
   rotationOf,
   subtract,
@@ -15,14 +16,17 @@ import {
   type Vec3,
 } from "../../posing/affine";
 import { bendTowards, bentTip, type PartEnds } from "../../posing/bend";
-import type { GizmoMode } from "../../store/state";
+import { draws, present, selectedHandle, type State } from "../../store/state";
 
-export interface Held {
+/** What the gizmo moves. */
+interface Held {
   readonly transform: Transform;
   readonly position: Vec3;
   readonly center: Vec3;
   /** Both ends of the axis, in the bend mode. */
   readonly ends: PartEnds | null;
+  /** Whether only the pivot moves. */
+  readonly pivoting: boolean;
 }
 
 const SNAP_ANGLE = MathUtils.degToRad(15);
@@ -34,7 +38,6 @@ export class Gizmo {
   readonly proxy = new Object3D();
   private readonly controls: TransformControls;
   private held: Held | null = null;
-  private pivoting = false;
 
   constructor(camera: Camera, canvas: HTMLElement, redraw: () => void) {
     this.controls = new TransformControls(camera, canvas);
@@ -48,23 +51,26 @@ export class Gizmo {
     });
   }
 
-  get dragging(): boolean {
-    return this.controls.dragging;
+  /** Whether the gizmo uses the pointer. */
+  get busy(): boolean {
+    return this.controls.dragging || this.controls.axis !== null;
   }
 
-  /** Whether the pointer is over the gizmo. */
-  get hovered(): boolean {
-    return this.controls.axis !== null;
-  }
-
-  hold(held: Held | null): void {
+  /** Move the gizmo to the selected handle, or hide it. */
+  follow(state: State): void {
+    const { gizmo, tool, local, snap, mesh } = state;
+    this.controls.setMode(tool === "pivot" || gizmo === "bend" ? "translate" : gizmo);
+    this.controls.setSpace(local ? "local" : "world");
+    this.controls.setTranslationSnap(snap && mesh ? niceStep(mesh.diagonal / 50) : null);
+    this.controls.setRotationSnap(snap ? SNAP_ANGLE : null);
+    this.controls.setScaleSnap(snap ? SNAP_SCALE : null);
     if (this.controls.dragging) return;
-    this.held = held;
-    if (!held) {
+    this.held = heldOf(state);
+    if (!this.held) {
       this.controls.detach();
       return;
     }
-    const { ends, transform, position, center } = held;
+    const { ends, transform, position, center } = this.held;
     const grip = ends ? bentTip(ends, transform.bend, transform.joint) : (transform.pivot ?? position);
     this.proxy.position.set(...subtract(apply(matrixOf(transform, position), grip), center));
     this.proxy.quaternion.copy(quaternionOf(transform.rotation)).multiply(axesTurn(transform));
@@ -73,17 +79,7 @@ export class Gizmo {
     this.controls.attach(this.proxy);
   }
 
-  configure(mode: GizmoMode, space: "local" | "world", snap: number | null, pivoting: boolean): void {
-    this.pivoting = pivoting;
-    this.controls.setMode(pivoting || mode === "bend" ? "translate" : mode);
-    this.controls.setSpace(space);
-    this.controls.setTranslationSnap(snap);
-    this.controls.setRotationSnap(snap === null ? null : SNAP_ANGLE);
-    this.controls.setScaleSnap(snap === null ? null : SNAP_SCALE);
-  }
-
-  private read(held: Held): Transform {
-    const { transform, position, center, ends } = held;
+  private read({ transform, position, center, ends, pivoting }: Held): Transform {
     const { scale, quaternion } = this.proxy;
     const grip = this.proxy.position
       .clone()
@@ -94,7 +90,7 @@ export class Gizmo {
       const tip = apply(matrixOf(transform, position).invert(), grip);
       return { ...transform, bend: bendTowards(ends, tip, transform.joint) };
     }
-    if (this.pivoting) return { ...transform, pivot: subtract(grip, transform.translation), pivotAt: null };
+    if (pivoting) return { ...transform, pivot: subtract(grip, transform.translation), pivotAt: null };
     return {
       ...transform,
       translation: subtract(grip, transform.pivot ?? position),
@@ -102,6 +98,18 @@ export class Gizmo {
       scale: scale.toArray(),
     };
   }
+}
+
+function heldOf(state: State): Held | null {
+  const { mesh, axis, tool, gizmo, comparing } = state;
+  const handle = selectedHandle(state);
+  if (!handle || !mesh || comparing || draws(tool)) return null;
+  const pivoting = tool === "pivot";
+  const bends = gizmo === "bend" && !pivoting;
+  const { base, tip } = axis?.handle === handle.handle ? axis : { base: null, tip: null };
+  const ends = bends && base && tip ? { base, tip } : null;
+  if (bends && !ends) return null;
+  return { ...present(state, handle), center: mesh.center, ends, pivoting };
 }
 
 /** The rotation from the mesh's axes to the axes of scale. */
