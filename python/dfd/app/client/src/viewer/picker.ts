@@ -68,7 +68,7 @@ export class Picker {
     const view = new Matrix4().multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse);
     camera.clearViewOffset();
     target.dispose();
-    const [posed, rest] = [shape.read(), shape.positions];
+    const [posed, rest] = [shape.posed.read(), shape.positions];
     // A vertex is visible if the surface at its pixel is within some pixels of it; their size at distance 1.
     const near = (8 * Math.tan((camera.fov * Math.PI) / 360)) / height;
     const found = new Set<number>();
@@ -92,7 +92,7 @@ export class Picker {
 
   private draw(target: WebGLRenderTarget, camera: PerspectiveCamera): Uint32Array {
     const { renderer, scene, shape } = this;
-    shape.update();
+    shape.posed.update();
     define(this.material, { ISOLATED: shape.isolated });
     const before = renderer.getRenderTarget();
     // Clear to alpha 0 (no face), because an opaque canvas would clear to alpha 1 (the first face).

@@ -23,12 +23,14 @@ import { IDENTITY, type Vec3 } from "../posing/affine";
 import { sameScene, type Scene } from "../posing/columns";
 import type { Payload } from "../protocol/binary_messages";
 import type { MaterialEntry, MeshMessage } from "../protocol/messages";
-import type { Look, Posed } from "../store/state";
+import { isolates, type Look, type Posed, type State } from "../store/state";
 import { Faces } from "./posing/faces";
 import { PosePass } from "./posing/pose_pass";
 import { PoseTextures } from "./posing/pose_textures";
 import { define, material } from "./posing/shaders";
 
+const CLAY = "#c9c6c1";
+const WIRE = "#10182c";
 const WRAPS = { repeat: RepeatWrapping, mirror: MirroredRepeatWrapping, clamp: ClampToEdgeWrapping } as const;
 
 export class Shape {
@@ -45,7 +47,7 @@ export class Shape {
   /** The number of poses so far: a pick is valid while it and the camera stay the same. */
   poses = 0;
   private readonly pose: PoseTextures;
-  private readonly posed: PosePass;
+  readonly posed: PosePass;
   private readonly shared: Record<string, IUniform>;
   private readonly materials: ShaderMaterial[];
   private readonly wires: Mesh<BufferGeometry, ShaderMaterial>;
@@ -63,8 +65,7 @@ export class Shape {
     this.positions = payload.get("positions", "F32");
     this.vertexOf = payload.get("vertex", "U32");
     this.pose = new PoseTextures(message.vertices);
-    const rows = { positions: this.positions, normals: payload.get("normals", "I16"), vertexOf: this.vertexOf };
-    this.posed = new PosePass(renderer, rows, this.pose);
+    this.posed = new PosePass(renderer, this.positions, payload.get("normals", "I16"), this.vertexOf, this.pose);
     const triangles = payload.get("triangles", "U32");
     this.faces = new Faces(this.positions, triangles);
     const { geometry } = this;
@@ -78,14 +79,14 @@ export class Shape {
     geometry.boundingSphere = new Sphere(new Vector3(), this.radius);
     for (const { start, count, material } of message.groups) geometry.addGroup(3 * start, 3 * count, material);
     this.shared = {
-      lookColor: { value: new Color(0.62, 0.61, 0.6) },
+      lookColor: { value: new Color(CLAY) },
       ownLook: { value: true },
       heatStrength: { value: 1 },
       heatAlone: { value: false },
       fade: { value: 1 },
     };
     this.materials = message.materials.map((entry) => this.material(entry, payload));
-    const flat = { baseColor: { value: new Color() }, opacity: { value: 0.5 } };
+    const flat = { baseColor: { value: new Color(WIRE) }, opacity: { value: 0.5 } };
     this.wires = new Mesh(
       geometry,
       material("surface", flat, { defines: { FLAT: "" }, wireframe: true, transparent: true, depthWrite: false }),
@@ -94,16 +95,6 @@ export class Shape {
     this.group.add(new Mesh(geometry, this.materials), this.wires);
     // The resting bounding sphere does not contain all poses.
     for (const drawn of this.group.children) drawn.frustumCulled = false;
-  }
-
-  /** Pose all rows, unless they have the present pose. */
-  update(): void {
-    this.posed.update();
-  }
-
-  /** Read back the posed positions and heat (R, 4). */
-  read(): Float32Array {
-    return this.posed.read();
   }
 
   show(scene: Scene): void {
@@ -116,30 +107,22 @@ export class Shape {
     this.compile();
   }
 
-  setLook(look: Look, heatStrength: number, clay: Color): void {
+  /** Set the look, and the X-ray and isolate modes. */
+  dress(state: State): void {
+    const { look, xray, comparing, wireframe } = state;
     this.look = look;
+    this.isolated = isolates(state);
+    this.wires.visible = wireframe && !this.isolated;
     this.shared.ownLook.value = look === "texture";
     this.shared.heatAlone.value = look === "heat";
-    this.shared.heatStrength.value = heatStrength;
-    this.shared.lookColor.value = clay;
-    this.compile();
-  }
-
-  /** Set X-ray and isolate modes. */
-  reveal(xray: boolean, isolated: boolean): void {
+    this.shared.heatStrength.value = comparing ? 0 : 1;
     this.shared.fade.value = xray ? 0.4 : 1;
-    this.isolated = isolated;
     for (const each of this.materials) {
       each.transparent = xray || each.uniforms.blends.value === true;
       each.depthWrite = !xray;
     }
     this.poses++;
     this.compile();
-  }
-
-  setWireframe(on: boolean, color: Color): void {
-    this.wires.visible = on;
-    this.wires.material.uniforms.baseColor.value = color;
   }
 
   /** (V, 4) colors of the features' principal directions. */

@@ -1,6 +1,16 @@
 /** The view: it follows the store, and reports the user's actions on the canvas. */
 
-import { Box3, BufferGeometry, Color, LineBasicMaterial, LineLoop, MOUSE, Sphere, Vector3 } from "three";
+import {
+  Box3,
+  Color,
+  EdgesGeometry,
+  LineBasicMaterial,
+  LineSegments,
+  MOUSE,
+  PlaneGeometry,
+  Sphere,
+  Vector3,
+} from "three";
 
 import { send } from "../actions/connection";
 import { saveBlob, stem } from "../actions/files";
@@ -26,23 +36,13 @@ export class Viewer {
   private framed: MeshMessage | null = null;
   readonly gizmo: Gizmo;
   private readonly markers: Markers;
-  private readonly plane = new LineLoop(
-    new BufferGeometry().setFromPoints(
-      [
-        [-1, -1],
-        [1, -1],
-        [1, 1],
-        [-1, 1],
-      ].map(([x, y]) => new Vector3(x, y)),
-    ),
-    new LineBasicMaterial(),
-  );
+  private readonly plane = new LineSegments(new EdgesGeometry(new PlaneGeometry(2, 2)), new LineBasicMaterial());
   private readonly box = document.createElement("div");
 
   constructor(canvas: HTMLCanvasElement, overlay: HTMLElement) {
     this.stage = new Stage(canvas);
     this.markers = new Markers(overlay, (point) => this.stage.project(point));
-    this.stage.draws = () => this.shape?.update();
+    this.stage.draws = () => this.shape?.posed.update();
     this.stage.drawn = () => this.markers.place();
     // The gizmo handles a press before the orbit controls, and stops it.
     this.gizmo = new Gizmo(this.stage.camera, canvas, () => this.stage.invalidate());
@@ -143,14 +143,12 @@ export class Viewer {
     this.pose();
   }
 
-  /** Read the colors of the page's theme for drawing on the canvas. */
+  /** Apply the look, and the colors of the page's theme. */
   private dress(): void {
-    const state = store.get();
-    this.stage.scene.background = themeColor("--stage");
-    this.shape?.reveal(state.xray, isolates(state));
-    this.shape?.setWireframe(state.wireframe && !isolates(state), themeColor("--wire"));
-    this.shape?.setLook(state.look, state.comparing ? 0 : 1, themeColor("--clay"));
-    this.drawPlane(state, themeColor("--accent"));
+    const { color, backgroundColor } = getComputedStyle(this.stage.canvas);
+    this.stage.scene.background = new Color(backgroundColor);
+    this.shape?.dress(store.get());
+    this.drawPlane(store.get(), new Color(color));
     this.stage.invalidate();
   }
 
@@ -195,7 +193,7 @@ export class Viewer {
   private frameSelection(shape: Shape): void {
     const { selected } = store.get();
     const columns = sceneOf(store.get()).columns.filter(({ handle }) => handle === selected && handle > 0);
-    const posed = shape.read();
+    const posed = shape.posed.read();
     const held = new Box3();
     const point = new Vector3();
     shape.vertexOf.forEach((vertex, row) => {
@@ -225,16 +223,3 @@ const POSED_BY = [
   ...(["edit", "columns", "ahead", "moment", "comparing", "probe", "painted", "selected", "mesh"] as const),
   ...(["suggestions", "similar", "dragging", "gizmo", "local", "snap", "tool", "axis"] as const),
 ];
-
-let sample: HTMLElement | null = null;
-
-/** Return a color variable of the style sheets in the present theme. */
-function themeColor(name: string): Color {
-  if (!sample) {
-    sample = document.createElement("span");
-    sample.hidden = true;
-    document.body.append(sample);
-  }
-  sample.style.color = `var(${name})`;
-  return new Color(getComputedStyle(sample).color);
-}

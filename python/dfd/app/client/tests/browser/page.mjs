@@ -59,7 +59,7 @@ function installHook() {
       drop,
       /** (R, 4) posed positions relative to the mesh's center, and heat, as the shader has them. */
       positions() {
-        const found = shown().read();
+        const found = shown().posed.read();
         const error = stage.renderer.getContext().getError();
         if (error !== 0) throw new Error(`The graphics refused something: ${error}`);
         return found;

@@ -4,17 +4,19 @@ import { GLBufferAttribute, type WebGLRenderer } from "three";
 
 import { IDENTITY } from "../../posing/affine";
 import type { Posed } from "../../store/state";
-import { ATTRIBUTES, PosePrograms } from "./pose_program";
+import pose from "../../shaders/pose.glsl?raw";
+import pass from "../../shaders/pose_pass.glsl?raw";
 import type { PoseTextures } from "./pose_textures";
 
-/** The input of each row: (R, 3) resting positions, (R, 4) normals of length 32767, (R) vertices. */
-export interface Rows {
-  readonly positions: Float32Array;
-  readonly normals: Int16Array;
-  readonly vertexOf: Uint32Array;
-}
-
+const ATTRIBUTES = { rest: 0, restNormal: 1, vertex: 2, givenPosition: 3, givenNormal: 4 } as const;
+const VARYINGS = ["posedPosition", "posedNormal"];
+const UNIFORMS = ["weights", "columns", "columnCount", "defaultTransform", "mirror", "mirrorBand"] as const;
 const NOTHING = new Uint8Array(0);
+
+interface Program {
+  readonly program: WebGLProgram;
+  readonly at: Readonly<Record<(typeof UNIFORMS)[number], WebGLUniformLocation | null>>;
+}
 
 export class PosePass {
   /** (R, 4) posed positions and heat. */
@@ -24,7 +26,8 @@ export class PosePass {
   /** (R, 3) resting positions. */
   readonly rest: GLBufferAttribute;
   private readonly gl: WebGL2RenderingContext;
-  private readonly programs: PosePrograms;
+  /** The pose shader, compiled once for each set of defines. */
+  private readonly programs = new Map<string, Program>();
   private readonly count: number;
   private readonly buffers: WebGLBuffer[] = [];
   private readonly input: WebGLVertexArrayObject;
@@ -37,15 +40,17 @@ export class PosePass {
   /** Whether the buffers contain the present pose. */
   private fresh = false;
 
+  /** Of each row: (R, 3) resting positions, (R, 4) normals of length 32767, (R) vertices. */
   constructor(
     private readonly renderer: WebGLRenderer,
-    { positions, normals, vertexOf }: Rows,
+    positions: Float32Array,
+    normals: Int16Array,
+    vertexOf: Uint32Array,
     private readonly pose: PoseTextures,
   ) {
     const gl = renderer.getContext() as WebGL2RenderingContext;
     this.gl = gl;
     this.count = vertexOf.length;
-    this.programs = new PosePrograms(gl);
     this.input = gl.createVertexArray();
     gl.bindVertexArray(this.input);
     const rest = this.filled(positions);
@@ -103,7 +108,9 @@ export class PosePass {
     this.fresh = true;
     const { gl, pose, renderer } = this;
     pose.textures.forEach((texture) => renderer.initTexture(texture));
-    const { program, at } = this.programs.with([...pose.defines, ...(this.given ? ["GIVEN"] : [])]);
+    const defines = [...pose.defines, ...(this.given ? ["GIVEN"] : [])];
+    const { program, at } = this.programs.get(defines.join()) ?? compile(gl, defines);
+    this.programs.set(defines.join(), { program, at });
     gl.useProgram(program);
     const { mirror, defaultTransform } = pose.scene;
     [gl.TEXTURE_2D_ARRAY, gl.TEXTURE_2D].forEach((target, unit) => {
@@ -153,7 +160,7 @@ export class PosePass {
     gl.deleteTransformFeedback(this.output);
     gl.deleteFramebuffer(this.nowhere);
     gl.deleteRenderbuffer(this.pixel);
-    this.programs.dispose();
+    this.programs.forEach(({ program }) => gl.deleteProgram(program));
   }
 
   /** Create a buffer with this content or of this many bytes, bound to an attribute. */
@@ -167,11 +174,40 @@ export class PosePass {
     return buffer;
   }
 
-  /** Whether integers represent numbers in [-1, 1]. */
+  /** Read an attribute from the bound buffer; integers represent numbers in [-1, 1]. */
   private reads(place: number, size: number, type: GLenum, on = true): void {
     const { gl } = this;
     if (on) gl.enableVertexAttribArray(place);
     else gl.disableVertexAttribArray(place);
     gl.vertexAttribPointer(place, size, type, type !== gl.FLOAT, 0, 0);
   }
+}
+
+function compile(gl: WebGL2RenderingContext, defines: readonly string[]): Program {
+  const defined = defines.map((name) => `#define ${name}\n`).join("");
+  const header = "#version 300 es\nprecision highp float;\nprecision highp int;\n";
+  const program = gl.createProgram();
+  const shaders = [
+    shader(gl, gl.VERTEX_SHADER, `${header}${defined}${pose}\n${pass}`),
+    shader(gl, gl.FRAGMENT_SHADER, `${header}void main() {}`),
+  ];
+  shaders.forEach((each) => gl.attachShader(program, each));
+  for (const [name, place] of Object.entries(ATTRIBUTES)) gl.bindAttribLocation(program, place, name);
+  gl.transformFeedbackVaryings(program, VARYINGS, gl.SEPARATE_ATTRIBS);
+  gl.linkProgram(program);
+  shaders.forEach((each) => gl.deleteShader(each));
+  if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost())
+    throw new Error(`The pose shader does not link: ${gl.getProgramInfoLog(program)}`);
+  const at = Object.fromEntries(UNIFORMS.map((name) => [name, gl.getUniformLocation(program, name)]));
+  return { program, at: at as Program["at"] };
+}
+
+function shader(gl: WebGL2RenderingContext, type: GLenum, source: string): WebGLShader {
+  const made = gl.createShader(type);
+  if (!made) throw new Error("The graphics are gone.");
+  gl.shaderSource(made, source);
+  gl.compileShader(made);
+  if (!gl.getShaderParameter(made, gl.COMPILE_STATUS) && !gl.isContextLost())
+    throw new Error(`The pose shader does not compile: ${gl.getShaderInfoLog(made)}`);
+  return made;
 }

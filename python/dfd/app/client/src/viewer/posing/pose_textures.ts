@@ -19,17 +19,15 @@ const WIDTH = 4096;
 const TEXELS = 7;
 const LEAST_LAYERS = 4;
 const LEAST_ROWS = 16;
-/** The matrix that transforms normals under an affine transform. */
+/** The elements of the linear part of an affine matrix. */
 const LINEAR = [0, 1, 2, 4, 5, 6, 8, 9, 10];
-
-/** The features of a scene for which a shader is compiled. */
-export type Define = "MIRROR" | "DEFAULT" | "TURNED";
 
 export class PoseTextures {
   weights: DataArrayTexture;
   columns = rows(LEAST_ROWS);
   columnCount = 0;
-  defines: ReadonlySet<Define> = new Set();
+  /** The parts of the shader that the scene needs. */
+  defines: readonly string[] = [];
   scene: Scene = EMPTY_SCENE;
   private readonly height: number;
   private readonly places = new Map<Uint16Array, number>();
@@ -117,13 +115,10 @@ function rows(count: number): DataTexture {
   return texture;
 }
 
-export function definesOf({ columns, mirror, defaultTransform }: Scene): Set<Define> {
-  const has: Record<Define, boolean> = {
-    MIRROR: mirror !== null,
-    DEFAULT: defaultTransform !== null,
-    TURNED: columns.some(({ transform }) => LINEAR.some((i) => transform.elements[i] !== IDENTITY.elements[i])),
-  };
-  return new Set((Object.keys(has) as Define[]).filter((part) => has[part]));
+function definesOf({ columns, mirror, defaultTransform }: Scene): string[] {
+  const turns = ({ elements }: Matrix4) => LINEAR.some((i) => elements[i] !== IDENTITY.elements[i]);
+  const has = { MIRROR: mirror, DEFAULT: defaultTransform, TURNED: columns.some(({ transform }) => turns(transform)) };
+  return Object.entries(has).flatMap(([name, part]) => (part ? [name] : []));
 }
 
 /** Rows of D − I. Adding displacements to a point keeps precision where the motion is small. */
