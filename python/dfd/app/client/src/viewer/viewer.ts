@@ -20,8 +20,7 @@ import type { MeshMessage } from "../protocol/messages";
 import { draws, isolates, ready, store, type Picked, type State } from "../store/state";
 import { touch } from "./overlays/brush";
 import { Gizmo } from "./overlays/gizmo";
-import { marksOf } from "./overlays/marks";
-import { Markers } from "./overlays/markers";
+import { drawMarks, marksOf } from "./overlays/marks";
 import { Picker } from "./picker";
 import { Pointer } from "./pointer";
 import { mirrorOf, sceneOf } from "./scene";
@@ -35,22 +34,21 @@ export class Viewer {
   /** The shape for which the camera was placed. */
   private framed: MeshMessage | null = null;
   readonly gizmo: Gizmo;
-  private readonly markers: Markers;
+  private marks: ReturnType<typeof marksOf> = [];
   private readonly plane = new LineSegments(new EdgesGeometry(new PlaneGeometry(2, 2)), new LineBasicMaterial());
-  private readonly box = document.createElement("div");
 
-  constructor(canvas: HTMLCanvasElement, overlay: HTMLElement) {
+  constructor(
+    canvas: HTMLCanvasElement,
+    overlay: HTMLElement,
+    private readonly box: HTMLElement,
+  ) {
     this.stage = new Stage(canvas);
-    this.markers = new Markers(overlay, (point) => this.stage.project(point));
     this.stage.draws = () => this.shape?.posed.update();
-    this.stage.drawn = () => this.markers.place();
+    this.stage.drawn = () => drawMarks(overlay, this.marks, (point) => this.stage.project(point));
     // The gizmo handles a press before the orbit controls, and stops it.
     this.gizmo = new Gizmo(this.stage.camera, canvas, () => this.stage.invalidate());
     this.stage.scene.add(this.plane, this.gizmo.proxy, this.gizmo.helper);
     new Pointer(canvas, this);
-    this.box.className = "box";
-    this.box.hidden = true;
-    overlay.append(this.box);
     this.follow(overlay);
   }
 
@@ -174,7 +172,8 @@ export class Viewer {
 
   private mark(): void {
     const state = store.get();
-    this.markers.show(this.shape ? marksOf(state, sceneOf(state), this.shape) : []);
+    this.marks = this.shape ? marksOf(state, sceneOf(state), this.shape) : [];
+    this.stage.drawn();
   }
 
   private drawPlane({ edit, mesh }: State, color: Color): void {

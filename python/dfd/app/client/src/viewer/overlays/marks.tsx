@@ -1,4 +1,6 @@
-/** Choose the marks over the shape. */
+/** Marks over the canvas: handles, fixed places, counterparts, suggestions and the point under the pointer. */
+
+import { render } from "preact";
 
 import { send } from "../../actions/connection";
 import { select, hold } from "../../actions/edit";
@@ -9,7 +11,32 @@ import { followed, LEAST_SEEN } from "../../posing/held";
 import { handleColor, handleName, placeName, present, type State } from "../../store/state";
 import { columnsOf } from "../scene";
 import type { Shape } from "../shape";
-import type { Mark } from "./markers";
+
+type Project = (point: Vec3) => readonly [number, number] | null;
+
+interface Mark {
+  readonly key: string;
+  readonly kind: "handle" | "handle selected" | "fixed" | "counterpart" | "counterpart off" | "suggestion" | "hover";
+  readonly at: Vec3;
+  readonly label: string;
+  /** The color of the handle. */
+  readonly color?: string;
+  readonly press?: () => unknown;
+}
+
+/** Draw the marks where `project` shows their points, in pixels. */
+export function drawMarks(layer: HTMLElement, marks: readonly Mark[], project: Project): void {
+  const drawn = marks.map(({ key, kind, at, label, color, press }) => {
+    const [x, y] = project(at) ?? [null, null];
+    const style = {
+      "--own": color,
+      ...(x === null ? { visibility: "hidden" } : { transform: `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)` }),
+    };
+    const shown = { key, class: `mark ${kind}`, title: label, "aria-label": label, style };
+    return press ? <button type="button" onClick={press} {...shown} /> : <div {...shown} />;
+  });
+  render(drawn, layer);
+}
 
 export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
   const { edit, mesh } = state;
@@ -37,13 +64,11 @@ export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
       handle.vertex === null
         ? subtract(apply(matrixOf(handle.transform, handle.position), handle.position), center)
         : posed(handle.vertex, handle.position);
-    const label = handleName(handle);
     marks.push({
       key: `handle ${handle.handle}`,
-      kind: "handle",
+      kind: selected ? "handle selected" : "handle",
       at,
-      label,
-      selected,
+      label: handleName(handle),
       color: handleColor(handle.handle),
       press: () => select(handle.handle),
     });
@@ -68,10 +93,9 @@ function counterpartMarks(state: State, posed: (vertex: number | null, position:
   const columns = columnsOf(state, selected);
   return otherPlaces(state).map(({ vertex, position, on }, i) => ({
     key: `counterpart ${selected} ${vertex}`,
-    kind: "counterpart",
+    kind: on && followed(columns, vertex) >= LEAST_SEEN ? "counterpart" : "counterpart off",
     at: posed(vertex, position),
     label: `Counterpart ${i + 1}: press to ${on ? "leave it behind" : "take it along"}`,
-    off: !on || followed(columns, vertex) < LEAST_SEEN,
     color: handleColor(selected),
     press: () => toggleCounterpart(selected, vertex),
   }));
