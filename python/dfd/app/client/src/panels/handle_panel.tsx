@@ -1,18 +1,18 @@
 import { useEffect, useState } from "preact/hooks";
 
-import { ask, send } from "../actions/connection";
+import { ask } from "../actions/connection";
 import { change, changePart, move, setMotion, type PartChange } from "../actions/edit";
 import { otherPlaces, toggleCounterpart } from "../actions/similar";
-import { niceStep, type PivotAt, type Transform } from "../posing/affine";
+import { niceStep, type PivotAt, type Transform, type Vec3 } from "../posing/affine";
 import { followed, LEAST_SEEN } from "../posing/held";
-import type { AxisMessage, HandleState } from "../protocol/messages";
+import type { HandleState } from "../protocol/messages";
 import { handleName, present, store, type GizmoMode, type State } from "../store/state";
-import { readably, useParts } from "../store/use";
+import { useParts } from "../store/use";
 import { columnsOf } from "../viewer/scene";
 import {
   Button,
   count,
-  IconButton,
+  KeyButton,
   More,
   NumberRow,
   Panel,
@@ -28,7 +28,7 @@ import { ControlField } from "./control_field";
 const SHOWN = ["reach", "locality"];
 
 export function HandlePanel({ known }: { readonly known: HandleState }) {
-  const state = useParts(readably);
+  const state = useParts();
   const handle = present(state, known);
   const { transform } = handle;
   const id = handle.handle;
@@ -40,19 +40,12 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
     ...motionFields(transform, step, setMotion),
     bend: <Bend key="bend" handle={id} transform={transform} />,
   };
+  const pivots = state.axis?.handle === id ? state.axis.pivots : (["point"] as const);
+  const pivot = handle.pivot_at ?? (handle.pivot_set ? "as set" : "auto");
   const all = state.edit?.preset === "paper" ? "shared_pivot" : "own_pivot";
   const others = (Object.keys(verb) as GizmoMode[]).filter((name) => name !== state.gizmo);
-  const reset = (
-    <IconButton
-      icon="reset"
-      label="Return this handle to rest"
-      keys="0"
-      disabled={!known.moved}
-      onPress={() => send({ type: "reset", handle: id })}
-    />
-  );
   return (
-    <Panel title={handleName(handle)} action={reset}>
+    <Panel title={handleName(handle)} action={<KeyButton icon="reset" keys="0" disabled={!known.moved} />}>
       <PartButtons ways={state.edit?.field.parts ?? []} handle={known} />
       <Toggle
         label="With its counterparts"
@@ -73,7 +66,14 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
       <More>
         <Counterparts state={state} handle={id} />
         {others.map((name) => verb[name])}
-        <PivotChoice handle={handle} axis={state.axis} />
+        <Select
+          label="Turns about"
+          hint="The base of a limb, the middle of other parts, or a chosen point"
+          value={pivot}
+          options={["auto", ...pivots, ...(pivot === "as set" ? [pivot] : [])]}
+          named={{ auto: "automatic pivot", ...PIVOTS }}
+          onChange={(name) => move(id, { pivot: name as PivotAt | "auto" })}
+        />
         <Triple
           label="Pivot"
           hint="The point about which it turns and scales"
@@ -93,43 +93,21 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
   );
 }
 
+const MOTIONS = {
+  translate: ["translation", "Move", "How far, in the shape's own units"],
+  rotate: ["rotation", "Rotate °", "The axis of rotation times its angle"],
+  scale: ["scale", "Scale", "Factors along x, y and z"],
+} as const;
+
 /** Fields for the transform of a handle, or of the rest of the shape. */
 export function motionFields(now: Transform, step: number, set: (part: Partial<Transform>) => void, of = "") {
-  return {
-    translate: (
-      <Triple
-        key="translate"
-        label="Move"
-        of={of}
-        hint="How far, in the shape's own units"
-        value={now.translation}
-        step={step}
-        onChange={(translation) => set({ translation })}
-      />
-    ),
-    rotate: (
-      <Triple
-        key="rotate"
-        label="Rotate °"
-        of={of}
-        hint="An axis times an angle; about one axis alone, its angle"
-        value={now.rotation}
-        step={1}
-        onChange={(rotation) => set({ rotation })}
-      />
-    ),
-    scale: (
-      <Triple
-        key="scale"
-        label="Scale"
-        of={of}
-        hint="Factors along x, y and z"
-        value={now.scale}
-        step={0.05}
-        onChange={(scale) => scale.every((factor) => factor !== 0) && set({ scale })}
-      />
-    ),
+  const steps = { translation: step, rotation: 1, scale: 0.05 };
+  const field = (name: keyof typeof MOTIONS) => {
+    const [key, label, hint] = MOTIONS[name];
+    const change = (value: Vec3) => (key !== "scale" || value.every((factor) => factor !== 0)) && set({ [key]: value });
+    return <Triple key={name} label={label} of={of} hint={hint} value={now[key]} step={steps[key]} onChange={change} />;
   };
+  return { translate: field("translate"), rotate: field("rotate"), scale: field("scale") };
 }
 
 const PIVOTS: Record<PivotAt, string> = {
@@ -139,22 +117,6 @@ const PIVOTS: Record<PivotAt, string> = {
   point: "the handle",
   plane: "on the mirror plane",
 };
-
-/** The pivot: found by the session, unless the user chooses one. */
-function PivotChoice({ handle, axis }: { readonly handle: HandleState; readonly axis: AxisMessage | null }) {
-  const known = axis?.handle === handle.handle ? axis.pivots : (["point"] as const);
-  const value = handle.pivot_at ?? (handle.pivot_set ? "as set" : "auto");
-  return (
-    <Select
-      label="Turns about"
-      hint="The base of a limb, the middle of other parts, or a chosen point"
-      value={value}
-      options={["auto", ...known, ...(value === "as set" ? [value] : [])]}
-      named={{ auto: "automatic pivot", ...PIVOTS }}
-      onChange={(name) => move(handle.handle, { pivot: name as PivotAt | "auto" })}
-    />
-  );
-}
 
 interface BendProps {
   readonly handle: number;

@@ -1,7 +1,7 @@
 import { send } from "../actions/connection";
 import { dismiss } from "../actions/toasts";
 import { present, ready, selectedHandle, type State } from "../store/state";
-import { readably, useParts } from "../store/use";
+import { useParts } from "../store/use";
 import { held } from "../viewer/scene";
 import { Button, IconButton, percent, titled } from "../widgets/controls";
 
@@ -14,7 +14,7 @@ const HINTS = {
 } as const;
 
 export function StatusLine() {
-  const state = useParts(readably);
+  const state = useParts();
   const { link, tool, dragging, report, edit, ahead, comparing } = state;
   const { gizmo, selected, axis } = state;
   const said = report && !dragging ? report.text : "";

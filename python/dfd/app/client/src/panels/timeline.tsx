@@ -1,9 +1,9 @@
 import { useState } from "preact/hooks";
 
-import { applyMoment, changePose, leave, play, removePose, scrub, storePose } from "../actions/timeline";
+import { applyMoment, changePose, leave, play, removePose, scrub } from "../actions/timeline";
 import { store } from "../store/state";
 import { useParts } from "../store/use";
-import { Button, IconButton, NumberField } from "../widgets/controls";
+import { Button, IconButton, KeyButton, NumberField } from "../widgets/controls";
 
 export function Timeline() {
   const { timeline, edit, playhead, playing, moment } = useParts();
@@ -22,7 +22,7 @@ export function Timeline() {
     <section class="timeline" aria-label="Timeline">
       <div class="timeline-tools">
         <IconButton icon={playing ? "pause" : "play"} label={playing ? "Pause" : "Play"} keys="Space" onPress={play} />
-        <IconButton icon="add" label="Store the present pose" keys="K" onPress={storePose} />
+        <KeyButton icon="add" keys="K" />
         {moment && (
           <>
             <Button text="Use this pose" style="primary small" onPress={applyMoment} />

@@ -20,12 +20,9 @@ void main() {
   color = vec4(toScreen(baseColor), opacity);
 }
 #else
-uniform vec3 lookColor;     // of clay, where the shape's own color is not shown
-uniform bool ownLook;
 uniform float cutoff;
 uniform bool blends;
 uniform float heatStrength; // how much of the heat map lies over the look
-uniform bool heatAlone;
 uniform sampler2D map;
 uniform float fade; // what is left of it where things shine through
 
@@ -73,27 +70,29 @@ void main() {
   // Scans hold triangles that face either way.
   if (facingEye < 0.0) n = -n;
 
-  vec3 albedo = lookColor;
+  vec3 albedo = vec3(0.584078, 0.564712, 0.533276); // clay, #c9c6c1
   float alpha = 1.0;
-#ifdef FEATURES
+#if defined(FEATURES)
   albedo = fromScreen(ownColor);
-#else
-  if (ownLook) {
-    vec4 own = vec4(baseColor, opacity);
+#elif defined(OWN)
+  vec4 own = vec4(baseColor, opacity);
 #ifdef MAP
-    own *= texture(map, textureAt);
+  own *= texture(map, textureAt);
 #endif
 #ifdef COLORS
-    own.rgb *= fromScreen(ownColor);
+  own.rgb *= fromScreen(ownColor);
 #endif
-    if (own.a < cutoff) discard;
-    albedo = own.rgb;
-    alpha = blends ? own.a : 1.0;
-  }
+  if (own.a < cutoff) discard;
+  albedo = own.rgb;
+  alpha = blends ? own.a : 1.0;
 #endif
 #ifdef HEAT
-  // One hundredth of a weight must not tint the whole shape, unless the heat map is all that is asked for.
-  float shown = heatAlone ? 0.94 : 0.86 * smoothstep(0.01, 0.12, heat);
+#ifdef HEAT_ALONE
+  float shown = 0.94;
+#else
+  // Weights near 0.01 must not tint the whole shape.
+  float shown = 0.86 * smoothstep(0.01, 0.12, heat);
+#endif
   albedo = mix(albedo, ramp(heat), heatStrength * shown);
 #endif
 

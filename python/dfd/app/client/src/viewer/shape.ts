@@ -29,7 +29,6 @@ import { PosePass } from "./posing/pose_pass";
 import { PoseTextures } from "./posing/pose_textures";
 import { define, material } from "./posing/shaders";
 
-const CLAY = "#c9c6c1";
 const WIRE = "#10182c";
 const WRAPS = { repeat: RepeatWrapping, mirror: MirroredRepeatWrapping, clamp: ClampToEdgeWrapping } as const;
 
@@ -48,7 +47,8 @@ export class Shape {
   poses = 0;
   private readonly pose: PoseTextures;
   readonly posed: PosePass;
-  private readonly shared: Record<string, IUniform>;
+  /** Uniforms of all materials. */
+  private readonly shared = { heatStrength: { value: 1 }, fade: { value: 1 } };
   private readonly materials: ShaderMaterial[];
   private readonly wires: Mesh<BufferGeometry, ShaderMaterial>;
   private readonly textures: Texture[] = [];
@@ -78,13 +78,6 @@ export class Shape {
       geometry.setAttribute("rowColor", new BufferAttribute(payload.get("colors", "U8"), 4, true));
     geometry.boundingSphere = new Sphere(new Vector3(), this.radius);
     for (const { start, count, material } of message.groups) geometry.addGroup(3 * start, 3 * count, material);
-    this.shared = {
-      lookColor: { value: new Color(CLAY) },
-      ownLook: { value: true },
-      heatStrength: { value: 1 },
-      heatAlone: { value: false },
-      fade: { value: 1 },
-    };
     this.materials = message.materials.map((entry) => this.material(entry, payload));
     const flat = { baseColor: { value: new Color(WIRE) }, opacity: { value: 0.5 } };
     this.wires = new Mesh(
@@ -113,8 +106,6 @@ export class Shape {
     this.look = look;
     this.isolated = isolates(state);
     this.wires.visible = wireframe && !this.isolated;
-    this.shared.ownLook.value = look === "texture";
-    this.shared.heatAlone.value = look === "heat";
     this.shared.heatStrength.value = comparing ? 0 : 1;
     this.shared.fade.value = xray ? 0.4 : 1;
     for (const each of this.materials) {
@@ -169,13 +160,16 @@ export class Shape {
   /** Compile the materials for the present view. */
   private compile(): void {
     const { look, heats, geometry } = this;
-    const features = look === "features" && geometry.hasAttribute("featureColor");
-    const colors = look === "texture" && geometry.hasAttribute("rowColor");
-    const heat = look === "heat" || (look !== "features" && heats);
-    for (const each of this.materials) {
-      const map = look === "texture" && each.uniforms.map.value !== null;
-      define(each, { FEATURES: features, COLORS: colors, MAP: map, HEAT: heat, ISOLATED: this.isolated });
-    }
+    const own = look === "texture";
+    const defines = {
+      OWN: own,
+      COLORS: own && geometry.hasAttribute("rowColor"),
+      FEATURES: look === "features" && geometry.hasAttribute("featureColor"),
+      HEAT: look === "heat" || (look !== "features" && heats),
+      HEAT_ALONE: look === "heat",
+      ISOLATED: this.isolated,
+    };
+    for (const each of this.materials) define(each, { ...defines, MAP: own && each.uniforms.map.value !== null });
   }
 
   private material(entry: MaterialEntry, payload: Payload): ShaderMaterial {

@@ -6,7 +6,7 @@ import { IDENTITY } from "../../posing/affine";
 import type { Posed } from "../../store/state";
 import pose from "../../shaders/pose.glsl?raw";
 import pass from "../../shaders/pose_pass.glsl?raw";
-import type { PoseTextures } from "./pose_textures";
+import { definesOf, type PoseTextures } from "./pose_textures";
 
 const ATTRIBUTES = { rest: 0, restNormal: 1, vertex: 2, givenPosition: 3, givenNormal: 4 } as const;
 const VARYINGS = ["posedPosition", "posedNormal"];
@@ -108,11 +108,11 @@ export class PosePass {
     this.fresh = true;
     const { gl, pose, renderer } = this;
     pose.textures.forEach((texture) => renderer.initTexture(texture));
-    const defines = [...pose.defines, ...(this.given ? ["GIVEN"] : [])];
+    const defines = [...definesOf(pose.scene), ...(this.given ? ["GIVEN"] : [])];
     const { program, at } = this.programs.get(defines.join()) ?? compile(gl, defines);
     this.programs.set(defines.join(), { program, at });
     gl.useProgram(program);
-    const { mirror, defaultTransform } = pose.scene;
+    const { columns, mirror, defaultTransform } = pose.scene;
     [gl.TEXTURE_2D_ARRAY, gl.TEXTURE_2D].forEach((target, unit) => {
       const { __webglTexture } = renderer.properties.get(pose.textures[unit]) as { __webglTexture: WebGLTexture };
       gl.activeTexture(gl.TEXTURE0 + unit);
@@ -120,7 +120,7 @@ export class PosePass {
     });
     gl.uniform1i(at.weights, 0);
     gl.uniform1i(at.columns, 1);
-    gl.uniform1i(at.columnCount, pose.columnCount);
+    gl.uniform1i(at.columnCount, columns.length);
     gl.uniformMatrix4fv(at.defaultTransform, false, (defaultTransform ?? IDENTITY).elements);
     if (mirror) gl.uniform4f(at.mirror, ...mirror.normal, mirror.offset);
     gl.uniform1f(at.mirrorBand, mirror?.band ?? 0);

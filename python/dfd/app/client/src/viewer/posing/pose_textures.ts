@@ -25,12 +25,10 @@ const LINEAR = [0, 1, 2, 4, 5, 6, 8, 9, 10];
 export class PoseTextures {
   weights: DataArrayTexture;
   columns = rows(LEAST_ROWS);
-  columnCount = 0;
-  /** The parts of the shader that the scene needs. */
-  defines: readonly string[] = [];
   scene: Scene = EMPTY_SCENE;
   private readonly height: number;
-  private readonly places = new Map<Uint16Array, number>();
+  /** The column of weights in each layer. */
+  private places = empty(LEAST_LAYERS);
 
   constructor(vertexCount: number) {
     this.height = Math.max(Math.ceil(vertexCount / WIDTH), 1);
@@ -50,13 +48,11 @@ export class PoseTextures {
       const at = 4 * TEXELS * k;
       writeMove(table, at, column.transform);
       writeMove(table, at + 12, scene.mirror ? mirrored(column.transform, scene.mirror) : column.transform);
-      const layer = this.places.get(column.weights) ?? -1;
+      const layer = this.places.indexOf(column.weights);
       table.set([layer, column.positive ? 1 : -1, column.heat, column.handle > 0 ? 1 : 0], at + 24);
     });
     this.columns.needsUpdate = true;
-    this.columnCount = count;
     this.scene = scene;
-    this.defines = definesOf(scene);
   }
 
   get textures(): readonly Texture[] {
@@ -67,33 +63,23 @@ export class PoseTextures {
     this.textures.forEach((texture) => texture.dispose());
   }
 
+  /** Give each column of weights a layer of the texture. */
   private keep(scene: Scene): void {
     const wanted = new Set(scene.columns.map(({ weights }) => weights));
-    for (const layer of this.places.keys()) if (!wanted.has(layer)) this.places.delete(layer);
-    const fresh = [...wanted].filter((layer) => !this.places.has(layer));
-    if (fresh.length === 0) return;
-    const capacity = this.weights.image.depth;
-    if (wanted.size > capacity) {
+    if (wanted.size > this.places.length) {
       this.weights.dispose();
       this.weights = this.layers(2 * wanted.size);
-      this.places.clear();
-      fresh.splice(0, fresh.length, ...wanted);
+      this.places = empty(2 * wanted.size);
     }
-    const taken = new Set(this.places.values());
-    let next = 0;
-    for (const layer of fresh) {
-      while (taken.has(next)) next++;
-      taken.add(next);
-      this.places.set(layer, next);
-      this.write(layer, next);
+    this.places = this.places.map((kept) => (kept && wanted.has(kept) ? kept : null));
+    for (const weights of wanted) {
+      if (this.places.includes(weights)) continue;
+      const place = this.places.indexOf(null);
+      this.places[place] = weights;
+      (this.weights.image.data as Uint16Array).set(weights, WIDTH * this.height * place);
+      this.weights.addLayerUpdate(place);
+      this.weights.needsUpdate = true;
     }
-  }
-
-  private write(layer: Uint16Array, place: number): void {
-    const texture = this.weights;
-    (texture.image.data as Uint16Array).set(layer, WIDTH * this.height * place);
-    texture.addLayerUpdate(place);
-    texture.needsUpdate = true;
   }
 
   private layers(count: number): DataArrayTexture {
@@ -109,13 +95,18 @@ export class PoseTextures {
   }
 }
 
+function empty(count: number): (Uint16Array | null)[] {
+  return new Array<Uint16Array | null>(count).fill(null);
+}
+
 function rows(count: number): DataTexture {
   const texture = new DataTexture(new Float32Array(4 * TEXELS * count), TEXELS, count, RGBAFormat, FloatType);
   texture.needsUpdate = true;
   return texture;
 }
 
-function definesOf({ columns, mirror, defaultTransform }: Scene): string[] {
+/** Return the names of the shader's branches that a scene needs. */
+export function definesOf({ columns, mirror, defaultTransform }: Scene): string[] {
   const turns = ({ elements }: Matrix4) => LINEAR.some((i) => elements[i] !== IDENTITY.elements[i]);
   const has = { MIRROR: mirror, DEFAULT: defaultTransform, TURNED: columns.some(({ transform }) => turns(transform)) };
   return Object.entries(has).flatMap(([name, part]) => (part ? [name] : []));
