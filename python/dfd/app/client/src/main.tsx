@@ -2,10 +2,9 @@ import { render } from "preact";
 
 import { ask, start as connect, drop } from "./actions/connection";
 import { takeDrops } from "./actions/files";
+import { follow } from "./actions/follow";
 import { listen } from "./actions/keyboard";
 import { receive } from "./actions/receive";
-import { followPosed } from "./actions/edit";
-import { followAxis, followSimilar } from "./actions/similar";
 import { App } from "./panels/app";
 import { posePoint } from "./posing/columns";
 import { store } from "./store/state";
@@ -33,9 +32,7 @@ function start(): void {
   render(<App viewer={viewer} />, panels);
   listen();
   takeDrops();
-  followSimilar();
-  followAxis();
-  followPosed();
+  follow();
   connect(receive);
   // Access for tests.
   if (new URLSearchParams(location.search).has("test")) {

@@ -4,7 +4,7 @@ import { MathUtils } from "three";
 
 import type { Transform } from "../posing/affine";
 import type { Controls, Move, PoseTransform, TakePart } from "../protocol/messages";
-import { present, ready, selectedHandle, serverPoses, store, type Ahead } from "../store/state";
+import { otherPlaces, present, ready, selectedHandle, serverPoses, store, type Ahead } from "../store/state";
 import { ask, congested, send } from "./connection";
 import { note } from "./toasts";
 
@@ -37,6 +37,12 @@ export async function changePart(how: PartChange, vertex: number | null = null):
   const resizes = how === "smaller" || how === "larger";
   const taken = await ask({ type: "take_part", handle: selected, how, vertex }, resizes);
   if (!taken && resizes && store.get().link === "open") note(`There is no ${how} part here.`);
+}
+
+/** Let a counterpart follow the handle, or leave it behind. */
+export function toggleCounterpart(handle: number, vertex: number): void {
+  const off = otherPlaces(store.get()).filter((place) => place.on === (place.vertex === vertex));
+  send({ type: "change", handle, controls: { excluded_counterparts: off.map((place) => place.vertex) } });
 }
 
 /** Convert painted weights to a region for requests: one bit per vertex, lowest first. */
@@ -189,17 +195,6 @@ export function seenTransforms(): PoseTransform[] | null {
   const { moment, edit } = store.get();
   const present = new Set(edit?.handles.map(({ handle }) => handle));
   return moment && [...moment].filter(([handle]) => present.has(handle)).map(poseTransform);
-}
-
-/** Let the server pose if the shader cannot, after every change; drags request it themselves. */
-export function followPosed(): void {
-  store.watch(serverPoses, (on) => {
-    if (!on) store.set({ posed: null });
-  });
-  const compute = () => serverPoses(store.get()) && send({ type: "compute", transforms: seenTransforms() });
-  store.on("edit", compute);
-  store.on("comparing", compute);
-  store.on("moment", () => throttle("compute", compute));
 }
 
 /** Show a change before the server confirms it; `request` is the number of the request that contains it. */

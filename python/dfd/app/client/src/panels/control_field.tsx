@@ -30,7 +30,7 @@ export function ControlField({ name, handle }: ControlProps) {
   const value = handle[name as keyof HandleState];
   const id = handle.handle;
   const set = (given: unknown) => change(id, { [name]: given });
-  if (kind === "switch") return <Toggle label={label} hint={hint} checked={value === true} onChange={set} />;
+  if (kind === "switch") return <Toggle label={label} hint={hint} value={value === true} onChange={set} />;
   if (slider === null)
     return <Select label={label} hint={hint} value={value as string} options={choices} onChange={set} />;
   const unit = kind === "length" ? size : 1;
@@ -44,7 +44,7 @@ export function ControlField({ name, handle }: ControlProps) {
         range={slider}
         text={TEXTS[name]?.(handle, size) ?? percent(number)}
         // A radius of 0 removes the radius.
-        onInput={(part) => slide(id, name === "radius" && part === 0 ? { locality: 0 } : { [name]: part * unit })}
+        onChange={(part) => slide(id, name === "radius" && part === 0 ? { locality: 0 } : { [name]: part * unit })}
       />
       {name === "reach" && (
         <Segmented

@@ -1,12 +1,11 @@
 import { useEffect, useState } from "preact/hooks";
 
 import { ask } from "../actions/connection";
-import { change, changePart, move, setMotion, type PartChange } from "../actions/edit";
-import { otherPlaces, toggleCounterpart } from "../actions/similar";
+import { change, changePart, move, setMotion, toggleCounterpart, type PartChange } from "../actions/edit";
 import { niceStep, type PivotAt, type Transform, type Vec3 } from "../posing/affine";
 import { followed, LEAST_SEEN } from "../posing/held";
 import type { HandleState } from "../protocol/messages";
-import { handleName, present, store, type GizmoMode, type State } from "../store/state";
+import { handleName, otherPlaces, present, store, type GizmoMode, type State } from "../store/state";
 import { useParts } from "../store/use";
 import { columnsOf } from "../viewer/scene";
 import {
@@ -50,7 +49,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
       <Toggle
         label="With its counterparts"
         hint="Off: this one only. Marks in the view switch single counterparts."
-        checked={handle.counterparts !== "only"}
+        value={handle.counterparts !== "only"}
         onChange={(on) => change(id, { counterparts: on ? all : "only" })}
       />
       <Toggle
@@ -58,7 +57,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
           handle.mask === 0 || handle.mask_part ? "Limit to part" : `Limit to ${count.format(handle.mask)} vertices`
         }
         hint="Nothing outside this region moves; the brush paints other limits"
-        checked={handle.mask > 0}
+        value={handle.mask > 0}
         onChange={(on) => change(id, { mask: on ? "part" : "everywhere" })}
       />
       {SHOWN.map(field)}
@@ -85,7 +84,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
         <Toggle
           label="Scale along the surface"
           hint="Along the surface's normal and across it, not along x, y and z"
-          checked={transform.axes !== null}
+          value={transform.axes !== null}
           onChange={(on) => move(id, { axes: on ? "normal" : "auto" })}
         />
       </More>
@@ -174,7 +173,7 @@ function Counterparts({ state, handle }: { readonly state: State; readonly handl
             <Toggle
               label={`Counterpart ${i + 1} · ${percent(follows)}`}
               hint="How much of it follows"
-              checked={on}
+              value={on}
               onChange={() => toggleCounterpart(handle, vertex)}
             />
           </li>

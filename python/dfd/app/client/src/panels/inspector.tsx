@@ -46,7 +46,7 @@ function BrushPanel() {
           value={brush}
           range={[0.005, 0.2, 0.005]}
           text={`${(100 * brush).toFixed(1)} % of the size`}
-          onInput={(radius) => store.set({ brush: radius })}
+          onChange={(radius) => store.set({ brush: radius })}
         />
       )}
       <p class="empty" role="status">
@@ -89,7 +89,7 @@ function FixedPanel({ fixed }: { readonly fixed: readonly FixedState[] }) {
                 value={place.strength}
                 range={[0, 1, 0.05]}
                 text={percent(place.strength)}
-                onInput={(strength) =>
+                onChange={(strength) =>
                   throttle(`fixed ${index}`, (merge) => send({ type: "change_fixed", index, strength, merge }))
                 }
               />

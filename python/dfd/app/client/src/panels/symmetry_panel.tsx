@@ -31,7 +31,7 @@ export function SymmetryPanel({ known: { symmetry: used, planes: found } }: { re
           value={(used.band ?? 0) / size}
           range={[0, 0.1, 0.0025]}
           text={used.band ? `${percent(used.band / size)} of the size` : "sharp"}
-          onInput={(part) =>
+          onChange={(part) =>
             throttle("band", (merge) => send({ type: "set_symmetry", plane: used, band: part * size, merge }))
           }
         />

@@ -29,8 +29,7 @@ export function Timeline() {
             <Button text="Back to the edit" style="small" onPress={leave} />
           </>
         )}
-        <span class="unit">{playhead.toFixed(2)} s</span>
-        <span class="spacer" />
+        <span class="unit spacer">{playhead.toFixed(2)} s</span>
         {pose && (
           <>
             <input

@@ -11,6 +11,7 @@ import type {
   ReportMessage,
   SessionMessage,
   SimilarMessage,
+  SimilarPoint,
   StateMessage,
   Suggestion,
 } from "../protocol/messages";
@@ -158,6 +159,13 @@ export function serverPoses(state: State): boolean {
 
 export function selectedHandle(state: State): HandleState | null {
   return state.edit?.handles.find((handle) => handle.handle === state.selected) ?? null;
+}
+
+/** Return the counterparts of the selected handle without its own place. */
+export function otherPlaces(state: State): readonly SimilarPoint[] {
+  const handle = selectedHandle(state);
+  const known = handle && state.similar?.handle === handle.handle && handle.counterparts !== "only";
+  return known ? state.similar.places.slice(1) : [];
 }
 
 /** Whether the shape has a field, so that it can be held. */

@@ -12,12 +12,11 @@ import {
   Vector3,
 } from "three";
 
-import { send } from "../actions/connection";
 import { saveBlob, stem } from "../actions/files";
 import { problem } from "../actions/toasts";
 import { weightOf } from "../posing/columns";
 import type { MeshMessage } from "../protocol/messages";
-import { draws, isolates, ready, store, type Picked, type State } from "../store/state";
+import { draws, isolates, store, type Picked, type State } from "../store/state";
 import { touch } from "./overlays/brush";
 import { Gizmo } from "./overlays/gizmo";
 import { drawMarks, marksOf } from "./overlays/marks";
@@ -97,12 +96,6 @@ export class Viewer {
       () => this.dress(),
     );
     store.on("dragging", (dragging) => (stage.orbit.enabled = !dragging));
-    store.watch(
-      (state) => state.look === "features" && ready(state) && state.mesh,
-      (wanted) => {
-        if (wanted) send({ type: "features" });
-      },
-    );
     store.on("tool", (tool) => {
       stage.orbit.mouseButtons.LEFT = draws(tool) ? null : MOUSE.ROTATE;
       overlay.classList.toggle("through", draws(tool));

@@ -32,7 +32,7 @@ interface IconButtonProps {
   readonly keys?: string;
   readonly pressed?: boolean;
   readonly disabled?: boolean;
-  readonly onPress?: () => void;
+  readonly onPress?: (() => unknown) | undefined;
 }
 
 export function IconButton({ icon, label, keys, pressed, disabled, onPress }: IconButtonProps) {
@@ -51,12 +51,10 @@ export function IconButton({ icon, label, keys, pressed, disabled, onPress }: Ic
   );
 }
 
-type KeyButtonProps = Pick<IconButtonProps, "icon" | "pressed" | "disabled"> & { readonly keys: string };
-
 /** The action of a shortcut key. */
-export function KeyButton({ keys, ...rest }: KeyButtonProps) {
+export function KeyButton({ keys, ...rest }: Omit<IconButtonProps, "label" | "onPress"> & { readonly keys: string }) {
   const [, , label, run] = shortcut(keys) ?? [];
-  return <IconButton label={label ?? keys} keys={keys} {...(run && { onPress: run })} {...rest} />;
+  return <IconButton label={label ?? keys} keys={keys} onPress={run} {...rest} />;
 }
 
 interface ButtonProps {
@@ -85,14 +83,19 @@ export function Button({ text, style, title, disabled, onPoint, onPress }: Butto
   );
 }
 
-interface ChoiceProps<Value extends string> {
+interface FieldProps<Value> {
   readonly label: string;
-  readonly value: Value;
-  readonly options: readonly Value[];
+  /** An addition to the label for screen readers, if `label` occurs more than once. */
+  readonly of?: string;
   readonly hint?: string;
+  readonly value: Value;
+  readonly onChange: (value: Value) => unknown;
+}
+
+interface ChoiceProps<Value extends string> extends FieldProps<Value> {
+  readonly options: readonly Value[];
   /** Labels of options that differ from their values. */
   readonly named?: Partial<Record<Value, string>>;
-  readonly onChange: (value: Value) => void;
 }
 
 /** A choice among a few words, all visible. */
@@ -123,13 +126,9 @@ export function Select<Value extends string>({ label, value, options, hint, name
   );
 }
 
-interface NumberFieldProps {
-  readonly label: string;
-  readonly value: number;
+interface NumberFieldProps extends FieldProps<number> {
   readonly step: number;
-  readonly onChange: (value: number) => void;
   readonly axis?: "x" | "y" | "z";
-  readonly hint?: string;
 }
 
 /** A number field with arrow keys. */
@@ -171,18 +170,8 @@ export function NumberRow(props: NumberFieldProps) {
 
 const AXES = ["x", "y", "z"] as const;
 
-interface TripleProps {
-  readonly label: string;
-  readonly value: Vec3;
-  readonly step: number;
-  readonly onChange: (value: Vec3) => void;
-  /** Label for screen readers, if `label` occurs more than once. */
-  readonly of?: string;
-  readonly hint?: string;
-}
-
 /** Three number fields, one per axis. */
-export function Triple({ label, of = "", hint, value, step, onChange }: TripleProps) {
+export function Triple({ label, of = "", hint, value, step, onChange }: FieldProps<Vec3> & { readonly step: number }) {
   return (
     <div class="triple" role="group" aria-label={`${label}${of}`} aria-description={hint} title={hint}>
       <span>{label}</span>
@@ -200,18 +189,12 @@ export function Triple({ label, of = "", hint, value, step, onChange }: TriplePr
   );
 }
 
-interface SliderProps {
-  readonly label: string;
-  /** Label for screen readers, if `label` occurs more than once. */
-  readonly of?: string;
-  readonly hint?: string;
-  readonly value: number;
+interface SliderProps extends FieldProps<number> {
   readonly range: readonly [min: number, max: number, step: number];
   readonly text: string;
-  readonly onInput: (value: number) => void;
 }
 
-export function Slider({ label, of = "", hint, value, range: [min, max, step], text, onInput }: SliderProps) {
+export function Slider({ label, of = "", hint, value, range: [min, max, step], text, onChange }: SliderProps) {
   const [held, setHeld] = useState<number | null>(null);
   const shown = held ?? value;
   // A value set by hand stays until the server has confirmed it.
@@ -235,21 +218,14 @@ export function Slider({ label, of = "", hint, value, range: [min, max, step], t
         aria-description={hint}
         onInput={(event) => {
           setHeld(event.currentTarget.valueAsNumber);
-          onInput(event.currentTarget.valueAsNumber);
+          onChange(event.currentTarget.valueAsNumber);
         }}
       />
     </div>
   );
 }
 
-interface ToggleProps {
-  readonly label: string;
-  readonly hint?: string;
-  readonly checked: boolean;
-  readonly onChange: (checked: boolean) => void;
-}
-
-export function Toggle({ label, hint, checked, onChange }: ToggleProps) {
+export function Toggle({ label, hint, value, onChange }: FieldProps<boolean>) {
   return (
     <label class="toggle" title={hint}>
       <span>{label}</span>
@@ -257,7 +233,7 @@ export function Toggle({ label, hint, checked, onChange }: ToggleProps) {
         type="checkbox"
         role="switch"
         aria-description={hint}
-        checked={checked}
+        checked={value}
         onChange={(event) => onChange(event.currentTarget.checked)}
       />
     </label>

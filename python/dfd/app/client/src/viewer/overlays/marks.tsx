@@ -3,12 +3,11 @@
 import { render } from "preact";
 
 import { send } from "../../actions/connection";
-import { select, hold } from "../../actions/edit";
-import { otherPlaces, toggleCounterpart } from "../../actions/similar";
+import { hold, select, toggleCounterpart } from "../../actions/edit";
 import { apply, matrixOf, subtract, type Vec3 } from "../../posing/affine";
 import { posePoint, type Scene } from "../../posing/columns";
 import { followed, LEAST_SEEN } from "../../posing/held";
-import { handleColor, handleName, placeName, present, type State } from "../../store/state";
+import { handleColor, handleName, otherPlaces, placeName, present, type State } from "../../store/state";
 import { columnsOf } from "../scene";
 import type { Shape } from "../shape";
 
