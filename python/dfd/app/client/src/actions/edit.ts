@@ -1,4 +1,4 @@
-/** Actions of the user that change the shape and consist of more than one request. */
+/** Actions of the user that change the shape, if they are more than one request. */
 
 import { MathUtils } from "three";
 
@@ -31,7 +31,7 @@ export async function changePart(how: PartChange, vertex: number | null = null):
   const { edit, selected } = store.get();
   if (selected === null) return;
   if (!edit?.field.parts.includes(how)) {
-    note("The parts are not found yet. Try again in a moment.");
+    note("The server is still finding parts. Try again in a moment.");
     return;
   }
   const resizes = how === "smaller" || how === "larger";
@@ -57,15 +57,13 @@ export function regionOf(weights: Uint16Array): { mask: string } {
 export function suggest(): void {
   if (store.get().suggestions.length > 0) store.set({ suggestions: [] });
   else if (ready(store.get())) send({ type: "suggest" });
-  else note("Handles can be suggested once the shape is ready.");
+  else note("Handles can be suggested when the features are learned.");
 }
-
-// --- sliders and drags: shown at once, sent at intervals
 
 /** Milliseconds between two requests of a slider, and of a drag. */
 const SLIDER_INTERVAL = 80;
 const DRAG_INTERVAL = 50;
-/** Milliseconds after which another move of a slider is a new step of undo. */
+/** Milliseconds without a request after which the next one is a new step of undo. */
 const GESTURE = 1000;
 
 interface Gesture {
@@ -76,7 +74,7 @@ interface Gesture {
 
 const gestures = new Map<string, Gesture>();
 
-/** Send the newest value of a slider. With `merge`, it joins the previous step of the same `key`. */
+/** Send the newest request of each `key` at intervals. With `merge`, it joins the previous step. */
 export function throttle(key: string, request: (merge: boolean) => unknown, interval = SLIDER_INTERVAL): void {
   const gesture = gestures.get(key) ?? { timer: 0, sent: -Infinity, send: request };
   gestures.set(key, gesture);
@@ -129,12 +127,12 @@ function sendDrag(own: Drag, settle: boolean): number {
   const request = send({ type: "move", handle, transform, controls, merge: begun, settle });
   own.begun = true;
   own.controls = {};
-  // The shader does not support all blends; the server then poses as fast as it can.
+  // The server poses where the shader does not support the blend.
   if (serverPoses(store.get()) && !settle) send({ type: "compute" });
   return request;
 }
 
-/** Change the reach of the selected handle by the wheel; during a drag, the change is part of the same step. */
+/** Change the reach of the dragged handle, as a part of the same step of undo. */
 export function wheelReach(factor: number): void {
   const state = store.get();
   const known = selectedHandle(state);
@@ -167,12 +165,12 @@ export function setMotion(part: Partial<Transform>): void {
   showAhead(known.handle, { transform }, move(known.handle, message(known.handle, transform)));
 }
 
-/** Set a part of a transform, where words stand for values that the server finds. */
+/** Set a part of a transform; the server replaces names, such as of pivots, by values. */
 export function move(handle: number, transform: Move["transform"]): number {
   return send({ type: "move", handle, transform, settle: true });
 }
 
-/** Convert a transform for a request; the pivot is sent only if the server has another one. */
+/** Convert a transform for a request. The pivot is null if the server has the same one. */
 function message(handle: number, { pivotAt, pivot, axes, joint, ...rest }: Transform) {
   const known = store.get().edit?.handles.find((other) => other.handle === handle);
   const same = known?.pivot_set && known.pivot.every((x, i) => x === pivot?.[i]);
@@ -190,14 +188,14 @@ export function poseTransform([handle, transform]: readonly [number, Transform])
   return { handle, translation, rotation, scale, pivot, axes, bend, twist, joint };
 }
 
-/** Return the transforms at the timeline's moment, or null to show the edit. */
+/** Return the transforms at the timeline's moment, or null if the edit is shown. */
 export function seenTransforms(): PoseTransform[] | null {
   const { moment, edit } = store.get();
   const present = new Set(edit?.handles.map(({ handle }) => handle));
   return moment && [...moment].filter(([handle]) => present.has(handle)).map(poseTransform);
 }
 
-/** Show a change before the server confirms it; `request` is the number of the request that contains it. */
+/** Show a change before the server confirms the `request` with it. */
 export function showAhead(handle: number, part: Partial<Ahead>, request: number): void {
   const ahead = new Map(store.get().ahead);
   ahead.set(handle, { ...ahead.get(handle), ...part, request });

@@ -48,7 +48,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
       <PartButtons ways={state.edit?.field.parts ?? []} handle={known} />
       <Toggle
         label="With its counterparts"
-        hint="Off: this one only. Marks in the view switch single counterparts."
+        hint="Counterparts move too. Marks in the view switch them one by one."
         value={handle.counterparts !== "only"}
         onChange={(on) => change(id, { counterparts: on ? all : "only" })}
       />
@@ -56,7 +56,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
         label={
           handle.mask === 0 || handle.mask_part ? "Limit to part" : `Limit to ${count.format(handle.mask)} vertices`
         }
-        hint="Nothing outside this region moves; the brush paints other limits"
+        hint="Only this region moves. The brush paints other limits."
         value={handle.mask > 0}
         onChange={(on) => change(id, { mask: on ? "part" : "everywhere" })}
       />
@@ -67,7 +67,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
         {others.map((name) => verb[name])}
         <Select
           label="Turns about"
-          hint="The base of a limb, the middle of other parts, or a chosen point"
+          hint="The automatic pivot is the base of a limb, or the middle of another part"
           value={pivot}
           options={["auto", ...pivots, ...(pivot === "as set" ? [pivot] : [])]}
           named={{ auto: "automatic pivot", ...PIVOTS }}
@@ -75,7 +75,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
         />
         <Triple
           label="Pivot"
-          hint="The point about which it turns and scales"
+          hint="The center of rotation and scale"
           value={transform.pivot ?? handle.position}
           step={step}
           onChange={(pivot) => setMotion({ pivot, pivotAt: null })}
@@ -83,7 +83,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
         {folded.map(field)}
         <Toggle
           label="Scale along the surface"
-          hint="Along the surface's normal and across it, not along x, y and z"
+          hint="Use the surface's normal and tangents as the axes of scale"
           value={transform.axes !== null}
           onChange={(on) => move(id, { axes: on ? "normal" : "auto" })}
         />
@@ -93,12 +93,12 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
 }
 
 const MOTIONS = {
-  translate: ["translation", "Move", "How far, in the shape's own units"],
+  translate: ["translation", "Move", "The translation in units of the file"],
   rotate: ["rotation", "Rotate °", "The axis of rotation times its angle"],
   scale: ["scale", "Scale", "Factors along x, y and z"],
 } as const;
 
-/** Fields for the transform of a handle, or of the rest of the shape. */
+/** Return fields for the transform of a handle, or of the rest of the shape. */
 export function motionFields(now: Transform, step: number, set: (part: Partial<Transform>) => void, of = "") {
   const steps = { translation: step, rotation: 1, scale: 0.05 };
   const field = (name: keyof typeof MOTIONS) => {
@@ -124,10 +124,10 @@ interface BendProps {
 
 const JOINTS = { spread: "over its length", auto: "at its joint", here: "at the handle" };
 
-/** Angles of bend and twist of the part. */
+/** The bend and the twist of the held part. */
 function Bend({ handle, transform: { bend, twist, joint } }: BendProps) {
   const degrees = Math.hypot(...bend);
-  // A first bend turns up, or to the front.
+  // The server finds the direction of the first bend: up, or to the front.
   const bendBy = (angle: number) =>
     degrees === 0
       ? move(handle, { bend: angle })
@@ -136,14 +136,14 @@ function Bend({ handle, transform: { bend, twist, joint } }: BendProps) {
     <>
       <NumberRow
         label="Bend °"
-        hint="How far the tip of the held part bends; drag it in the view for any direction"
+        hint="The angle at the tip. Drag the tip in the view to bend in any direction."
         value={degrees}
         step={1}
         onChange={bendBy}
       />
       <NumberRow
         label="Twist °"
-        hint="How far the tip turns about the part's own axis"
+        hint="The angle at the tip about the part's own axis"
         value={twist}
         step={1}
         onChange={(angle) => setMotion({ twist: angle })}
@@ -153,14 +153,14 @@ function Bend({ handle, transform: { bend, twist, joint } }: BendProps) {
         value={joint === null ? "spread" : "joint"}
         options={[...Object.keys(JOINTS), ...(joint === null ? [] : ["joint"])]}
         named={{ ...JOINTS, joint: `at ${percent(joint ?? 0)}` }}
-        hint="Over all of the part, or about a joint such as a knee"
+        hint="Bend the whole part, or only a joint such as a knee"
         onChange={(name) => name !== "joint" && move(handle, { joint: name as keyof typeof JOINTS })}
       />
     </>
   );
 }
 
-/** A switch for each counterpart with its weight; gray if it does not visibly move. */
+/** A switch for each counterpart. Those that do not move visibly are gray. */
 function Counterparts({ state, handle }: { readonly state: State; readonly handle: number }) {
   const columns = columnsOf(state, handle);
   const places = otherPlaces(state);
@@ -172,7 +172,7 @@ function Counterparts({ state, handle }: { readonly state: State; readonly handl
           <li key={vertex} class={on && follows < LEAST_SEEN ? "stays" : undefined}>
             <Toggle
               label={`Counterpart ${i + 1} · ${percent(follows)}`}
-              hint="How much of it follows"
+              hint="The percentage is the weight of this counterpart"
               value={on}
               onChange={() => toggleCounterpart(handle, vertex)}
             />
@@ -191,9 +191,9 @@ const SIZES: readonly Way[] = [
 ];
 /** Units of the file that a handle can hold. */
 const UNITS: readonly Way[] = [
-  ["scene_part", "Hold all of this part of the scene"],
-  ["material", "Hold all that has this material"],
-  ["component", "Hold all that is connected with it"],
+  ["scene_part", "Hold this whole part of the scene"],
+  ["material", "Hold all parts with this material"],
+  ["component", "Hold the whole connected component"],
 ];
 
 interface PartButtonsProps {
@@ -201,7 +201,7 @@ interface PartButtonsProps {
   readonly handle: HandleState;
 }
 
-/** Buttons for other parts; each part is shown before it is taken. */
+/** Buttons for other parts. Each part is shown while its button is under the pointer. */
 function PartButtons({ ways, handle: { handle, columns } }: PartButtonsProps) {
   const [pointed, setPointed] = useState<PartChange | null>(null);
   const [missing, setMissing] = useState<readonly PartChange[]>([]);
@@ -225,7 +225,7 @@ function PartButtons({ ways, handle: { handle, columns } }: PartButtonsProps) {
       key={way}
       text={titled(way)}
       style="small"
-      title={missing.includes(way) ? "There is none here" : hint}
+      title={missing.includes(way) ? "There is no such part here" : hint}
       disabled={ways.length === 0 || missing.includes(way)}
       onPoint={() => setPointed(way)}
       onPress={() => void changePart(way)}

@@ -1,10 +1,10 @@
-/** The panels at the right: handles, fixed points, the brush, and settings. */
+/** The panels on the right: handles, fixed points, the brush and settings. */
 
 import { send } from "../actions/connection";
 import { regionOf, throttle } from "../actions/edit";
 import { niceStep, REST, type Transform } from "../posing/affine";
 import type { FixedState, StateMessage } from "../protocol/messages";
-import { handleName, placeName, ready, selectedHandle, store } from "../store/state";
+import { draws, handleName, placeName, ready, selectedHandle, store } from "../store/state";
 import { useParts } from "../store/use";
 import { Button, count, IconButton, Panel, percent, Select, Slider, titled } from "../widgets/controls";
 import { HandleList } from "./handle_list";
@@ -18,7 +18,7 @@ export function Inspector() {
   if (!inspector) return null;
   return (
     <aside class="inspector" aria-label="Inspector">
-      {(tool === "paint" || tool === "box" || painted) && <BrushPanel />}
+      {(draws(tool) || painted) && <BrushPanel />}
       <HandleList />
       {handle && <HandlePanel known={handle} />}
       {edit && edit.fixed.length > 0 && <FixedPanel fixed={edit.fixed} />}
@@ -50,7 +50,7 @@ function BrushPanel() {
         />
       )}
       <p class="empty" role="status">
-        {painted ? `${painted.count} vertices chosen.` : "Paint over the shape, or draw a box; Shift takes away."}
+        {painted ? `${painted.count} vertices are selected.` : "Paint the shape, or draw a box. Shift erases."}
       </p>
       <div class="buttons">
         <Button text="Fix" style="primary" disabled={!painted} onPress={use((at) => send({ type: "fix", at }))} />
@@ -85,7 +85,7 @@ function FixedPanel({ fixed }: { readonly fixed: readonly FixedState[] }) {
               <Slider
                 label="Strength"
                 of={` of ${name}`}
-                hint="How firmly similar surface stays in place"
+                hint="How strongly this place and similar parts stay in place"
                 value={place.strength}
                 range={[0, 1, 0.05]}
                 text={percent(place.strength)}

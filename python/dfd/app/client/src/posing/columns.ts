@@ -1,7 +1,4 @@
-/**
- * The columns of weights of a scene, and their effect on single points, in float64. It equals the shader
- * `src/shaders/pose.glsl`, and serves marks, measurements and tests.
- */
+/** The columns of weights of a scene, and their effect on single points. It equals the shader `pose.glsl`. */
 
 import { MathUtils, Vector3, type Matrix4 } from "three";
 
@@ -22,7 +19,7 @@ export interface Column {
 export interface Mirror {
   readonly normal: Vec3;
   readonly offset: number;
-  /** Half width of the blend band between the sides, mesh units. */
+  /** Half the width of the band in which the sides blend, in mesh units. */
   readonly band: number;
 }
 
@@ -38,7 +35,7 @@ export function weightOf({ weights }: Column, vertex: number): number {
   return weights[vertex] / 65535;
 }
 
-/** Whether two scenes, or two parts of scenes, are equal; weights are compared by identity. */
+/** Return whether two scenes, or parts of them, are equal. Weights are compared by identity. */
 export function sameScene(one: unknown, other: unknown): boolean {
   if (!hasParts(one) || !hasParts(other)) return one === other;
   const keys = Object.keys(one);
@@ -49,25 +46,25 @@ function hasParts(value: unknown): value is Record<string, unknown> {
   return value instanceof Object && !ArrayBuffer.isView(value);
 }
 
-/** The signed distance of a point from a plane {p : normal · p = offset}. */
+/** Return the signed distance of a point from a plane {p : normal · p = offset}. */
 export function height({ normal, offset }: Omit<Mirror, "band">, point: Vec3): number {
   return new Vector3(...normal).dot(new Vector3(...point)) - offset;
 }
 
-/** The share of the positive side of the mirror plane at a point: a step, or smooth within the band. */
+/** Return the share of the positive side of the mirror plane at a point, which is smooth within the band. */
 function positiveShare(mirror: Mirror, point: Vec3): number {
   const above = height(mirror, point);
   if (mirror.band === 0) return above >= 0 ? 1 : 0;
   return MathUtils.smoothstep(above, -mirror.band, mirror.band);
 }
 
-/** The transform on the other side of the mirror plane, R D R (Eq. 8). */
+/** Return the transform on the other side of the mirror plane, R D R (Eq. 8). */
 export function mirrored(transform: Matrix4, mirror: Mirror): Matrix4 {
   const across = reflection(mirror.normal, mirror.offset);
   return transform.clone().premultiply(across).multiply(across);
 }
 
-/** The posed position of one vertex. */
+/** Return the posed position of one vertex (Eq. 1 and 8). */
 export function posePoint(scene: Scene, point: Vec3, vertex: number): Vec3 {
   const { mirror } = scene;
   const positive = mirror ? positiveShare(mirror, point) : 1;

@@ -1,4 +1,4 @@
-/** How much of the surface follows a handle, by the weights that move it. */
+/** Measure how much of the surface follows a handle. */
 
 import { Triangle } from "three";
 
@@ -10,12 +10,12 @@ export interface Surface {
   readonly areas: Float64Array;
 }
 
-/** Weight below which a motion is not visible. */
+/** The weight below which a motion is not visible. */
 export const LEAST_SEEN = 0.05;
-/** Number of samples: enough for whole percents, and fast enough while a slider moves. */
+/** Number of samples, which is enough for whole percents. */
 const MOST_SAMPLES = 5_000;
 
-/** Return samples of `count` vertices; (R, 3) `positions`, (F, 3) `triangles` of rows, `vertexOf` (R) each row. */
+/** Return samples of `count` vertices, from (R, 3) `positions`, (F, 3) `triangles`, and (R) the vertex of each row. */
 export function surfaceOf(
   count: number,
   positions: Float32Array,
@@ -24,7 +24,7 @@ export function surfaceOf(
   most: number = MOST_SAMPLES,
 ): Surface {
   const around = new Float64Array(count);
-  // No object is allocated per triangle, because there may be millions while the page waits.
+  // There may be millions of triangles, so the loop creates no objects.
   const triangle = new Triangle();
   for (let corner = 0; corner < triangles.length; corner += 3) {
     triangle.a.fromArray(positions, 3 * triangles[corner]);

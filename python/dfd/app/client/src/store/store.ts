@@ -1,4 +1,4 @@
-/** An immutable state that is replaced as a whole, and its listeners. */
+/** Create a store of an immutable state, which is replaced as a whole. */
 export function createStore<State extends object>(initial: State) {
   let state = initial;
   const watchers = new Set<() => void>();
@@ -14,13 +14,13 @@ export function createStore<State extends object>(initial: State) {
   }
   return {
     get: () => state,
-    /** Replace some keys; listeners of changed keys are called at once. */
+    /** Replace some keys, and call the listeners of the changed ones. */
     set(change: Partial<State>): void {
       state = { ...state, ...change };
-      // Iterate over a copy, because a listener may remove itself or another one.
+      // A listener may remove itself or another one.
       for (const watcher of [...watchers]) if (watchers.has(watcher)) watcher();
     },
-    /** Call `listener` when the result of `select` changes (arrays by their elements); return a stop function. */
+    /** Call `listener` when the result of `select`, or an element of it, changes; return a function that stops it. */
     watch,
     /** Call `listener` when one key changes. */
     on<Key extends keyof State>(key: Key, listener: (part: State[Key]) => unknown): () => void {

@@ -1,4 +1,4 @@
-/** Mouse, pen and touch on the canvas: hover, clicks, the wheel during a drag, brush strokes and boxes. */
+/** Mouse, pen and touch on the canvas: hover, clicks, brush strokes, boxes, and the wheel during a drag. */
 
 import { send } from "../actions/connection";
 import { changePart, hold, select, toggleFixed, wheelReach } from "../actions/edit";
@@ -26,17 +26,17 @@ export class Pointer {
     canvas.addEventListener("pointerup", (event) => this.released(event));
     canvas.addEventListener("pointercancel", () => this.forget());
     canvas.addEventListener("pointerleave", () => this.unhover());
-    // The focus ring is only shown for keyboard users.
+    // Only users of the keyboard see the outline of the focus.
     canvas.addEventListener("pointerdown", () => (canvas.dataset.pointed = ""));
     canvas.addEventListener("blur", () => delete canvas.dataset.pointed);
-    // Listen before the orbit controls, which would zoom.
+    // This listener must run before that of the orbit controls, which zoom.
     canvas.addEventListener("wheel", (event) => this.turned(event), { capture: true, passive: false });
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
   }
 
   private pressed(event: PointerEvent): void {
     if (!event.isPrimary) {
-      // A second finger zooms, so this is no click.
+      // A second finger zooms.
       if (this.down) this.down.moved = true;
       return;
     }

@@ -1,4 +1,4 @@
-/** Convert the store's state to the scene of the pose shader, in coordinates relative to the mesh's center. */
+/** Convert the state to the scene of the pose shader, relative to the mesh's center. */
 
 import type { Matrix4 } from "three";
 
@@ -18,7 +18,7 @@ import { heldPart } from "../posing/held";
 import type { ColumnState, HandleState, SymmetryPlane } from "../protocol/messages";
 import { present, type State } from "../store/state";
 
-/** The handle's motion about the pivot of a column, in the column's frame. */
+/** Return the handle's motion about the pivot of a column, in the column's frame. */
 export function columnMatrix(handle: Placed, { frame, position }: ColumnState): Matrix4 {
   const { transform, position: held } = handle;
   const back = basisOf(frame);
@@ -56,7 +56,6 @@ export function sceneOf(state: State): Scene {
       });
     }
   }
-  // The painted region, in a color of the ramp that is also visible on pale shapes.
   if (painted) columns.push(shownColumn(painted.weights, PAINTED));
   else if (probe) columns.push(shownColumn(probe.weights, 1));
   const d0 = state.comparing ? null : edit.default;
@@ -78,6 +77,7 @@ export function held(state: State, handle: number): number {
   return state.surface ? heldPart(columnsOf(state, handle), state.surface) : 0;
 }
 
+/** The heat of the painted region, in a color that is visible on pale shapes. */
 const PAINTED = 0.66;
 
 /** A column that is only shown in the heat map. */

@@ -19,7 +19,7 @@ import {
   type WebGLRenderer,
 } from "three";
 
-import { IDENTITY, type Vec3 } from "../posing/affine";
+import type { Vec3 } from "../posing/affine";
 import { sameScene, type Scene } from "../posing/columns";
 import type { Payload } from "../protocol/binary_messages";
 import type { MaterialEntry, MeshMessage } from "../protocol/messages";
@@ -43,8 +43,6 @@ export class Shape {
   readonly faces: Faces;
   /** Whether only the heat map's part is shown. */
   isolated = false;
-  /** The number of poses so far: a pick is valid while it and the camera stay the same. */
-  poses = 0;
   private readonly pose: PoseTextures;
   readonly posed: PosePass;
   /** Uniforms of all materials. */
@@ -70,7 +68,7 @@ export class Shape {
     this.faces = new Faces(this.positions, triangles);
     const { geometry } = this;
     const { position, normal, rest } = this.posed;
-    // three.js counts rows by `position`.
+    // three.js needs `position` to count the rows.
     Object.assign(geometry.attributes, { position, posedPosition: position, posedNormal: normal, rest });
     geometry.setIndex(new BufferAttribute(triangles, 1));
     if (payload.has("uv")) geometry.setAttribute("uv", new BufferAttribute(payload.get("uv", "F32"), 2));
@@ -86,15 +84,13 @@ export class Shape {
     );
     this.wires.visible = false;
     this.group.add(new Mesh(geometry, this.materials), this.wires);
-    // The resting bounding sphere does not contain all poses.
+    // The bounding sphere at rest does not contain all poses.
     for (const drawn of this.group.children) drawn.frustumCulled = false;
   }
 
   show(scene: Scene): void {
     if (sameScene(scene, this.pose.scene)) return;
-    const rested = rests(this.pose.scene);
     this.pose.show(scene);
-    if (!rested || !rests(scene)) this.poses++;
     this.posed.invalidate();
     this.heats = scene.columns.some((column) => column.heat !== 0);
     this.compile();
@@ -112,19 +108,17 @@ export class Shape {
       each.transparent = xray || each.uniforms.blends.value === true;
       each.depthWrite = !xray;
     }
-    this.poses++;
     this.compile();
   }
 
-  /** (V, 4) colors of the features' principal directions. */
+  /** Set (V, 4) colors of the features' principal directions. */
   setFeatureColors(colors: Uint8Array): void {
     this.geometry.setAttribute("featureColor", new BufferAttribute(this.perRow(colors, 4), 4, true));
     this.compile();
   }
 
-  /** Show the server's pose: (V, 3) positions and (V, 4) normals; null lets the shader pose again. */
+  /** Show the server's pose in place of the shader's; null shows the shader's. */
   setPosed(posed: Posed | null): void {
-    this.poses++;
     this.posed.setGiven(
       posed && { positions: this.perRow(posed.positions, 3), normals: this.perRow(posed.normals, 4) },
     );
@@ -196,7 +190,7 @@ export class Shape {
   private async picture(entry: MaterialEntry, file: Uint8Array, map: IUniform): Promise<void> {
     const blob = new Blob([file.slice()], { type: entry.media_type ?? "image/png" });
     try {
-      // The protocol's v points upwards, as in OpenGL: the first row of texels is the lowest of the picture.
+      // The protocol's v points upwards, so the first row of texels is the lowest of the picture.
       const image = await createImageBitmap(blob, { imageOrientation: "flipY", premultiplyAlpha: "none" });
       const texture = new Texture(image, Texture.DEFAULT_MAPPING, WRAPS[entry.wrap[0]], WRAPS[entry.wrap[1]]);
       texture.flipY = false;
@@ -208,12 +202,7 @@ export class Shape {
       this.compile();
       this.changed();
     } catch {
-      // If the browser cannot read a picture, the material has its plain color.
+      // The material has its plain color if the browser cannot read the picture.
     }
   }
-}
-
-/** Return whether no handle moves anything. */
-function rests({ columns, defaultTransform }: Scene): boolean {
-  return defaultTransform === null && columns.every(({ transform }) => transform.equals(IDENTITY));
 }

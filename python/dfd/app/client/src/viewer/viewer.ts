@@ -1,4 +1,4 @@
-/** The view: it follows the store, and reports the user's actions on the canvas. */
+/** Draw the shape, the gizmo and the marks of the store's state. */
 
 import {
   Box3,
@@ -12,10 +12,9 @@ import {
   Vector3,
 } from "three";
 
-import { saveBlob, stem } from "../actions/files";
+import { savePicture } from "../actions/files";
 import { problem } from "../actions/toasts";
 import { weightOf } from "../posing/columns";
-import type { MeshMessage } from "../protocol/messages";
 import { draws, isolates, store, type Picked, type State } from "../store/state";
 import { touch } from "./overlays/brush";
 import { Gizmo } from "./overlays/gizmo";
@@ -30,8 +29,6 @@ export class Viewer {
   readonly stage: Stage;
   shape: Shape | null = null;
   private picker: Picker | null = null;
-  /** The shape for which the camera was placed. */
-  private framed: MeshMessage | null = null;
   readonly gizmo: Gizmo;
   private marks: ReturnType<typeof marksOf> = [];
   private readonly plane = new LineSegments(new EdgesGeometry(new PlaneGeometry(2, 2)), new LineBasicMaterial());
@@ -44,21 +41,21 @@ export class Viewer {
     this.stage = new Stage(canvas);
     this.stage.draws = () => this.shape?.posed.update();
     this.stage.drawn = () => drawMarks(overlay, this.marks, (point) => this.stage.project(point));
-    // The gizmo handles a press before the orbit controls, and stops it.
+    // The gizmo must receive a press before the orbit controls do.
     this.gizmo = new Gizmo(this.stage.camera, canvas, () => this.stage.invalidate());
     this.stage.scene.add(this.plane, this.gizmo.proxy, this.gizmo.helper);
     new Pointer(canvas, this);
     this.follow(overlay);
   }
 
-  /** Save a picture of the view, without planes and gizmo. */
+  /** Save a picture of the view without the mirror plane and the gizmo. */
   screenshot(): void {
     const { stage } = this;
     const helpers = [this.plane, this.gizmo.helper].filter(({ visible }) => visible);
     helpers.forEach((helper) => (helper.visible = false));
     stage.draw();
     stage.canvas.toBlob((blob) => {
-      if (blob) saveBlob(blob, `${stem()}.png`);
+      if (blob) savePicture(blob);
       else problem("The browser could not make a picture of this size.");
     });
     helpers.forEach((helper) => (helper.visible = true));
@@ -70,11 +67,12 @@ export class Viewer {
     return this.picker?.pick(camera, x, y, width, height) ?? null;
   }
 
-  // --- following the store
-
   private follow(overlay: HTMLElement): void {
     const { stage } = this;
-    store.on("meshArrays", () => this.load());
+    store.on("meshArrays", () => {
+      this.load();
+      if (this.shape) stage.frameShape(this.shape.radius);
+    });
     store.on("featureColors", (colors) => {
       if (colors) this.shape?.setFeatureColors(colors);
       stage.invalidate();
@@ -87,7 +85,7 @@ export class Viewer {
       (state) => POSED_BY.map((key) => state[key]),
       () => this.soon(),
     );
-    // Marks are over the picture, which does not change.
+    // The mark of the pointer does not change the picture.
     store.on("hover", () => this.mark());
     store.watch(
       ({ look, wireframe, comparing, edit, xray, ...state }) => {
@@ -127,8 +125,6 @@ export class Viewer {
       this.stage.scene.add(this.shape.group);
       if (featureColors) this.shape.setFeatureColors(featureColors);
       this.shape.setPosed(posed);
-      if (this.framed !== mesh) this.stage.frameShape(this.shape.radius);
-      this.framed = mesh;
     }
     this.dress();
     this.pose();

@@ -18,7 +18,7 @@ export function titled(name: string): string {
   return name.charAt(0).toUpperCase() + name.slice(1).replaceAll("_", " ");
 }
 
-/** Round to the digits of a field. */
+/** Round a number to the digits that a field shows. */
 export function readable(value: number): string {
   const size = Math.abs(value);
   if (size < 5e-7) return "0";
@@ -51,7 +51,7 @@ export function IconButton({ icon, label, keys, pressed, disabled, onPress }: Ic
   );
 }
 
-/** The action of a shortcut key. */
+/** A button for the action of a key. */
 export function KeyButton({ keys, ...rest }: Omit<IconButtonProps, "label" | "onPress"> & { readonly keys: string }) {
   const [, , label, run] = shortcut(keys) ?? [];
   return <IconButton label={label ?? keys} keys={keys} onPress={run} {...rest} />;
@@ -62,7 +62,7 @@ interface ButtonProps {
   readonly style?: "primary" | "small" | "primary small";
   readonly title?: string;
   readonly disabled?: boolean;
-  /** Called when the pointer enters, or the focus arrives. */
+  /** Called when the button gets the pointer or the focus. */
   readonly onPoint?: () => void;
   readonly onPress: () => void;
 }
@@ -85,7 +85,7 @@ export function Button({ text, style, title, disabled, onPoint, onPress }: Butto
 
 interface FieldProps<Value> {
   readonly label: string;
-  /** An addition to the label for screen readers, if `label` occurs more than once. */
+  /** A suffix of the label for screen readers, if `label` is not unique. */
   readonly of?: string;
   readonly hint?: string;
   readonly value: Value;
@@ -98,7 +98,7 @@ interface ChoiceProps<Value extends string> extends FieldProps<Value> {
   readonly named?: Partial<Record<Value, string>>;
 }
 
-/** A choice among a few words, all visible. */
+/** A choice among a few words that are all visible. */
 export function Segmented<Value extends string>({ label, value, options, hint, onChange }: ChoiceProps<Value>) {
   return (
     <div class="segmented" role="group" aria-label={label} aria-description={hint} title={hint}>
@@ -133,10 +133,10 @@ interface NumberFieldProps extends FieldProps<number> {
 
 /** A number field with arrow keys. */
 export function NumberField({ label, value, step, onChange, axis, hint }: NumberFieldProps) {
-  // The typed text stays until it is entered, even if the server sends another value.
+  // The typed text stays until the user enters it, even if the value changes.
   const [typed, setTyped] = useState<string | null>(null);
   return (
-    <label class={`number ${axis ?? ""}`}>
+    <label class="number">
       {axis && <span aria-hidden="true">{axis.toUpperCase()}</span>}
       <input
         type="number"
@@ -151,7 +151,7 @@ export function NumberField({ label, value, step, onChange, axis, hint }: Number
           if (Number.isFinite(valueAsNumber)) onChange(valueAsNumber);
         }}
         onBlur={() => setTyped(null)}
-        // Return the focus to the view, where letters are shortcut keys.
+        // Letters are keys of the page again.
         onKeyDown={(event) => event.key === "Enter" && event.currentTarget.blur()}
       />
     </label>
@@ -197,7 +197,7 @@ interface SliderProps extends FieldProps<number> {
 export function Slider({ label, of = "", hint, value, range: [min, max, step], text, onChange }: SliderProps) {
   const [held, setHeld] = useState<number | null>(null);
   const shown = held ?? value;
-  // A value set by hand stays until the server has confirmed it.
+  // The user's value stays until the server confirms it.
   useEffect(() => {
     if (held === null) return undefined;
     const timer = setTimeout(() => setHeld(null), 1000);
@@ -240,7 +240,7 @@ export function Toggle({ label, hint, value, onChange }: FieldProps<boolean>) {
   );
 }
 
-/** A menu item: its text, a hint, and its action; without an action it is disabled. */
+/** A menu item. It is disabled without an action. */
 export type MenuItem = readonly [text: string, hint: string, run: (() => void) | null];
 
 interface MenuProps {
@@ -339,7 +339,7 @@ export function Panel({ title, action, children }: PanelProps) {
   );
 }
 
-/** Rarely used settings; once opened, they stay open. */
+/** Rarely used settings. They stay open. */
 export function More({ children }: Pick<PanelProps, "children">) {
   const { more } = useParts();
   return (

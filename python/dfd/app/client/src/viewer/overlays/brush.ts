@@ -1,4 +1,4 @@
-/** The brush takes vertices within its radius on the resting shape, so parts that touch when posed stay separate. */
+/** The brush measures its radius on the resting shape, so that posed parts that touch stay separate. */
 
 import { Sphere, Vector3 } from "three";
 

@@ -1,4 +1,4 @@
-/** The gizmo that moves, turns and scales the selected handle, or moves its pivot. */
+/** The gizmo that moves, rotates, scales and bends the selected handle, or moves its pivot. */
 
 import { MathUtils, Object3D, Quaternion, Vector3, type Camera } from "three";
 import { TransformControls } from "three/addons/controls/TransformControls.js";

@@ -1,4 +1,4 @@
-/** Marks over the canvas: handles, fixed places, counterparts, suggestions and the point under the pointer. */
+/** Marks over the canvas: handles, fixed places, counterparts, suggestions and the vertex under the pointer. */
 
 import { render } from "preact";
 
@@ -23,7 +23,7 @@ interface Mark {
   readonly press?: () => unknown;
 }
 
-/** Draw the marks where `project` shows their points, in pixels. */
+/** Draw marks at the pixels that `project` returns. */
 export function drawMarks(layer: HTMLElement, marks: readonly Mark[], project: Project): void {
   const drawn = marks.map(({ key, kind, at, label, color, press }) => {
     const [x, y] = project(at) ?? [null, null];
@@ -73,7 +73,7 @@ export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
     });
   }
   for (const { vertex, position, name } of state.suggestions) {
-    const label = `Take hold of ${name}`;
+    const label = `Add a handle at ${name}`;
     const at = posed(vertex, position);
     marks.push({ key: `suggestion ${vertex}`, kind: "suggestion", at, label, press: () => hold(vertex) });
   }
@@ -85,7 +85,7 @@ export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
   return marks;
 }
 
-/** Marks at the counterparts of the selected handle; each is a switch. */
+/** Return marks that switch the counterparts of the selected handle. */
 function counterpartMarks(state: State, posed: (vertex: number | null, position: Vec3) => Vec3): Mark[] {
   const { selected } = state;
   if (selected === null) return [];
@@ -94,7 +94,7 @@ function counterpartMarks(state: State, posed: (vertex: number | null, position:
     key: `counterpart ${selected} ${vertex}`,
     kind: on && followed(columns, vertex) >= LEAST_SEEN ? "counterpart" : "counterpart off",
     at: posed(vertex, position),
-    label: `Counterpart ${i + 1}: press to ${on ? "leave it behind" : "take it along"}`,
+    label: `Counterpart ${i + 1}: press to ${on ? "leave it in place" : "move it too"}`,
     color: handleColor(selected),
     press: () => toggleCounterpart(selected, vertex),
   }));

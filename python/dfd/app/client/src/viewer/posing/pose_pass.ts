@@ -1,4 +1,4 @@
-/** Pose the shape on the GPU once per change, into buffers that drawing and picking read. */
+/** Pose the shape on the GPU once per change. Drawing and picking read the results from buffers. */
 
 import { GLBufferAttribute, type WebGLRenderer } from "three";
 
@@ -40,7 +40,7 @@ export class PosePass {
   /** Whether the buffers contain the present pose. */
   private fresh = false;
 
-  /** Of each row: (R, 3) resting positions, (R, 4) normals of length 32767, (R) vertices. */
+  /** The input is (R, 3) resting positions, (R, 4) normals of length 32767, and (R) the vertices of the rows. */
   constructor(
     private readonly renderer: WebGLRenderer,
     positions: Float32Array,
@@ -67,7 +67,7 @@ export class PosePass {
     gl.bindVertexArray(null);
     gl.bindBuffer(gl.ARRAY_BUFFER, null);
     this.output = gl.createTransformFeedback();
-    // Without this, browsers treat the pass as drawing, and show an empty picture.
+    // Without a framebuffer of its own, the pass would clear the picture in browsers.
     this.nowhere = gl.createFramebuffer();
     this.pixel = gl.createRenderbuffer();
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.nowhere);
@@ -85,7 +85,7 @@ export class PosePass {
     this.fresh = false;
   }
 
-  /** Show the server's pose, (R, 3) and (R, 4), in place of the shader's; null shows the shader's again. */
+  /** Use the server's pose, (R, 3) and (R, 4), in place of the shader's; null uses the shader's. */
   setGiven(given: Posed | null): void {
     if (!given && !this.given) return;
     const { gl } = this;
@@ -124,7 +124,7 @@ export class PosePass {
     gl.uniformMatrix4fv(at.defaultTransform, false, (defaultTransform ?? IDENTITY).elements);
     if (mirror) gl.uniform4f(at.mirror, ...mirror.normal, mirror.offset);
     gl.uniform1f(at.mirrorBand, mirror?.band ?? 0);
-    // A buffer that is written must not be bound elsewhere, but three.js leaves its buffers bound.
+    // three.js leaves buffers bound, but WebGL does not write to a bound buffer.
     gl.bindBuffer(gl.ARRAY_BUFFER, null);
     gl.bindVertexArray(this.input);
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.output);
@@ -163,7 +163,7 @@ export class PosePass {
     this.programs.forEach(({ program }) => gl.deleteProgram(program));
   }
 
-  /** Create a buffer with this content or of this many bytes, bound to an attribute. */
+  /** Create and bind a buffer with this content, or of this many bytes. */
   private filled(data: Float32Array | Int16Array | Uint32Array | number): WebGLBuffer {
     const { gl } = this;
     const buffer = gl.createBuffer();
@@ -204,7 +204,7 @@ function compile(gl: WebGL2RenderingContext, defines: readonly string[]): Progra
 
 function shader(gl: WebGL2RenderingContext, type: GLenum, source: string): WebGLShader {
   const made = gl.createShader(type);
-  if (!made) throw new Error("The graphics are gone.");
+  if (!made) throw new Error("The graphics context is lost.");
   gl.shaderSource(made, source);
   gl.compileShader(made);
   if (!gl.getShaderParameter(made, gl.COMPILE_STATUS) && !gl.isContextLost())

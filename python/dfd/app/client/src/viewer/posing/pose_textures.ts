@@ -1,4 +1,4 @@
-/** The input of the pose shader: weights as layers of an integer texture, and one row of numbers per column. */
+/** The input of the pose shader: a layer of weights, and a row of numbers, for each column. */
 
 import {
   DataArrayTexture,
@@ -35,7 +35,7 @@ export class PoseTextures {
     this.weights = this.layers(LEAST_LAYERS);
   }
 
-  /** Set the scene of the shader; each column of weights is uploaded once. */
+  /** Set the scene of the shader. Each column of weights is uploaded once. */
   show(scene: Scene): void {
     this.keep(scene);
     const count = scene.columns.length;
@@ -105,14 +105,14 @@ function rows(count: number): DataTexture {
   return texture;
 }
 
-/** Return the names of the shader's branches that a scene needs. */
+/** Return the defines of the shader that a scene needs. */
 export function definesOf({ columns, mirror, defaultTransform }: Scene): string[] {
   const turns = ({ elements }: Matrix4) => LINEAR.some((i) => elements[i] !== IDENTITY.elements[i]);
   const has = { MIRROR: mirror, DEFAULT: defaultTransform, TURNED: columns.some(({ transform }) => turns(transform)) };
   return Object.entries(has).flatMap(([name, part]) => (part ? [name] : []));
 }
 
-/** Rows of D − I. Adding displacements to a point keeps precision where the motion is small. */
+/** Write the rows of D − I. Displacements are more precise than positions where the motion is small. */
 function writeMove(table: Float32Array, at: number, { elements }: Matrix4): void {
   for (let i = 0; i < 12; i++) {
     const k = 4 * (i % 4) + Math.floor(i / 4);
