@@ -7,7 +7,7 @@ import { IconButton } from "../widgets/controls";
 type Entry = readonly [keys: string, label: string];
 const POINTER: readonly Entry[] = [
   ["Click", "Hold a point"],
-  ["Drag", "Orbit, or pan by right button"],
+  ["Drag", "Orbit; the right button pans"],
   ["Wheel", "Zoom, or set the reach in a drag"],
   ["Shift Click", "Add a part to the held part"],
   ["Ctrl Click", "Remove a part from it"],

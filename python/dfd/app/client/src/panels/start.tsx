@@ -12,6 +12,9 @@ export function Start() {
   const { session, uploading } = useParts();
   const endings = session?.formats.filter((ending) => !BESIDE.includes(ending)) ?? [];
   const formats = endings.map((ending) => ending.slice(1).toUpperCase()).join(", ");
+  const hint = session
+    ? `${formats}, up to ${megabytes(session.upload_bytes)}. Add textures or a saved session, or use one ZIP file.`
+    : "Waiting for the server…";
   return (
     <main class="start">
       <div class="start-card">
@@ -21,11 +24,7 @@ export function Start() {
         <button type="button" class="drop" onClick={chooseFiles} disabled={!session || uploading !== null}>
           <Icon name="open" />
           <strong>{uploading ? `Sending ${uploading}…` : "Drop a mesh here, or choose a file"}</strong>
-          <small>
-            {session
-              ? `${formats}, up to ${megabytes(session.upload_bytes)}. Add textures or a saved session, or use one ZIP file.`
-              : "Waiting for the server…"}
-          </small>
+          <small>{hint}</small>
         </button>
         {session && session.samples.length > 0 && (
           <section aria-label="Samples">
