@@ -1,4 +1,4 @@
-/** The WebSocket to the server. It reconnects automatically, and returns the answer of each request. */
+/** The WebSocket to the server. It reconnects automatically, and returns the answers to requests. */
 
 import { decode, type Received, type Request } from "../protocol/binary_messages";
 import { store } from "../store/state";
@@ -8,14 +8,14 @@ const SESSION_KEY = "dfd-session";
 
 /** Close codes after which the server would refuse another connection. */
 const DISMISSALS: Record<number, string> = {
-  4001: "This session was opened in another tab, where it goes on.",
-  4002: "This session has ended. Reload the page to begin another one.",
+  4001: "This session was opened in another tab.",
+  4002: "This session has ended. Reload the page to start a new one.",
   4403: "The server does not know this page. Open the address that `dfd app` printed.",
 };
 
 const FIRST_WAIT = 400;
 const LONGEST_WAIT = 8000;
-/** Number of unsent bytes above which frames of a drag are skipped. */
+/** Number of unsent bytes above which sliders and drags wait. */
 const CONGESTED = 16_384;
 
 let socket: WebSocket | null = null;
@@ -23,7 +23,7 @@ let receive: (received: Received) => void = () => undefined;
 let next = 1;
 let wait = FIRST_WAIT;
 let timer = 0;
-/** Requests that wait for an answer, which is null for a failure; failures of `quiet` requests are not shown. */
+/** Requests without an answer yet. The answer to a failure is null; failures of `quiet` requests are not shown. */
 const waiting = new Map<number, { readonly resolve: (received: Received | null) => void; readonly quiet: boolean }>();
 
 export function start(receiver: (received: Received) => void): void {
@@ -39,7 +39,7 @@ export function start(receiver: (received: Received) => void): void {
   document.addEventListener("visibilitychange", hurry);
 }
 
-/** Send without waiting for the answer; return the request's number, or 0 without a connection. */
+/** Send a request; return its number, or 0 without a connection. */
 export function send(request: Request): number {
   if (socket?.readyState !== WebSocket.OPEN) return 0;
   const id = next++;
@@ -47,7 +47,7 @@ export function send(request: Request): number {
   return id;
 }
 
-/** Send and wait for the answer; null if it fails, which is shown to the user, or the connection is lost. */
+/** Send a request and return its answer; null if it fails or the connection is lost. */
 export function ask(request: Request, quiet = false): Promise<Received | null> {
   const id = send(request);
   return id === 0 ? Promise.resolve(null) : new Promise((resolve) => waiting.set(id, { resolve, quiet }));
@@ -78,7 +78,7 @@ function connect(): void {
     try {
       received(decode(data));
     } catch (error) {
-      problem(`A message of the server could not be read: ${error instanceof Error ? error.message : String(error)}`);
+      problem(`The page could not read a message of the server: ${(error as Error).message}`);
     }
   };
   own.onclose = ({ code }) => {

@@ -10,12 +10,12 @@ export async function upload(files: readonly File[]): Promise<void> {
   const { session } = store.get();
   if (files.length === 0) return;
   if (!session) {
-    problem("There is no connection to the server yet: try again in a moment.");
+    problem("The server is not connected yet. Try again in a moment.");
     return;
   }
   const bytes = files.reduce((sum, file) => sum + file.size, 0);
   if (bytes > session.upload_bytes) {
-    problem(`That is ${megabytes(bytes)}; the server takes up to ${megabytes(session.upload_bytes)} at once.`);
+    problem(`The files have ${megabytes(bytes)}, but the server accepts at most ${megabytes(session.upload_bytes)}.`);
     return;
   }
   const form = new FormData();
@@ -28,7 +28,7 @@ export async function upload(files: readonly File[]): Promise<void> {
     const answer = (await response.json().catch(() => ({}))) as { message?: string };
     if (!response.ok) problem(answer.message ?? `The server refused the file (${response.status}).`);
   } catch {
-    problem("The file did not reach the server: the connection was lost.");
+    problem("The upload failed because the connection was lost.");
   } finally {
     store.set({ uploading: null });
   }
@@ -43,7 +43,7 @@ export function takeDrops(): void {
   });
 }
 
-/** Ask for files with the browser's own dialog. */
+/** Let the user choose files to upload. */
 export function chooseFiles(): void {
   const input = document.createElement("input");
   input.type = "file";
@@ -68,18 +68,14 @@ function save(address: string, name: string): void {
   anchor.click();
 }
 
-export function saveBlob(blob: Blob, name: string): void {
-  const address = URL.createObjectURL(blob);
-  save(address, name);
+/** Save a picture under the name of the shape. */
+export function savePicture(picture: Blob): void {
+  const address = URL.createObjectURL(picture);
+  save(address, `${(store.get().mesh?.name ?? "shape").replace(/\.[^.]+$/, "")}.png`);
   setTimeout(() => URL.revokeObjectURL(address), 10_000);
 }
 
 export function megabytes(bytes: number): string {
   if (bytes >= 1e9) return `${(bytes / 1e9).toFixed(1)} GB`;
   return bytes < 1e6 ? `${Math.ceil(bytes / 1e3)} kB` : `${(bytes / 1e6).toFixed(bytes < 1e7 ? 1 : 0)} MB`;
-}
-
-/** The shape's name without its ending, for the names of exported files. */
-export function stem(): string {
-  return (store.get().mesh?.name ?? "shape").replace(/\.[^.]+$/, "");
 }

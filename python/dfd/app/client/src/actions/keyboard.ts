@@ -1,4 +1,4 @@
-/** All keys of the page, in the table that the help overlay shows. */
+/** All keys of the page, in the order of the help. */
 
 import { ready, store, type State } from "../store/state";
 import { send } from "./connection";
@@ -8,17 +8,18 @@ import { leave, play, storePose } from "./timeline";
 
 type Group = "Handle" | "View" | "Edit" | "Tools" | "Timeline";
 
-/** Keys as shown, their action, and whether they also work on the start page. */
+/** The keys as the help shows them, their action, and whether the start page has them too. */
 export type Shortcut = readonly [keys: string, group: Group, label: string, run: () => unknown, everywhere?: true];
 
 export const LOOKS = ["texture", "clay", "features", "heat"] as const;
 const set = (change: Partial<State>) => () => store.set(change);
 const look = (what: NonNullable<State["framed"]>["what"]) => () => store.set({ framed: { what } });
 
-/** Close the newest open element, or else clear the selection. */
+/** Leave the help, a tool or a mode; without one, clear the selection. */
 function escape(): void {
-  const { tool, painted, moment, isolated, suggestions } = store.get();
-  if (tool !== "hold" || painted) store.set({ tool: "hold", painted: null });
+  const { help, tool, painted, moment, isolated, suggestions } = store.get();
+  if (help) store.set({ help: false });
+  else if (tool !== "hold" || painted) store.set({ tool: "hold", painted: null });
   else if (moment) leave();
   else if (suggestions.length > 0) store.set({ suggestions: [] });
   else if (isolated) store.set({ isolated: false });
@@ -46,7 +47,7 @@ function cycle(by: number): void {
   edit.select(ids[(at + by + ids.length) % ids.length]);
 }
 
-/** Hold the first free suggestion, for users without a pointer. */
+/** Add a handle at the first free suggestion, for users without a pointer. */
 function holdNext(): void {
   const { suggestions, edit: known } = store.get();
   const free = suggestions.find(({ vertex }) => !known?.handles.some((handle) => handle.vertex === vertex));
@@ -67,7 +68,7 @@ export const SHORTCUTS: readonly Shortcut[] = [
   ["Shift N", "Handle", "Previous handle", () => cycle(-1)],
   ["0", "Handle", "Return to rest", withSelected((handle) => send({ type: "reset", handle }))],
   ["Delete", "Handle", "Remove", withSelected((handle) => send({ type: "remove", handle }))],
-  ["Esc", "Handle", "Cancel, or deselect", escape],
+  ["Esc", "Handle", "Cancel, or deselect", escape, true],
   ["H", "Tools", "Hold points", set({ tool: "hold" })],
   ["X", "Tools", "Fix points", set({ tool: "fix" })],
   ["B", "Tools", "Brush", set({ tool: "paint" })],
@@ -103,7 +104,7 @@ export function shortcut(keys: string): Shortcut | undefined {
 
 const NAMES: Record<string, string> = { " ": "Space", escape: "Esc", backspace: "Delete", delete: "Delete" };
 
-/** Return the keys of an event in the form of the table. */
+/** Return the keys of an event as in the table. */
 function keysOf({ key, code, ctrlKey, metaKey, shiftKey }: KeyboardEvent): string {
   const name = /^Numpad\d$/.test(code)
     ? code.replace("Numpad", "Num ")
@@ -119,14 +120,9 @@ export function listen(): void {
     const keys = keysOf(event);
     // Space plays the timeline even on a focused button, which Enter presses.
     if (event.key === " " && target.matches("input, [role=menuitem]")) return;
-    const { help, page } = store.get();
-    if (keys === "Esc" && help) {
-      store.set({ help: false });
-      return;
-    }
     const look = LOOKS.at(Number(keys) - 1);
     const found = shortcut(keys);
-    if (page !== "shape" && !found?.[4]) return;
+    if (store.get().page !== "shape" && !found?.[4]) return;
     if (found) found[3]();
     else if (look && Number(keys) >= 1) store.set({ look });
     else return;

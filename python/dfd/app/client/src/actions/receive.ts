@@ -6,6 +6,9 @@ import type { StateMessage } from "../protocol/messages";
 import { CLOSED, serverPoses, store, type State } from "../store/state";
 import { note, problem } from "./toasts";
 
+/** Stages of background work that has ended. */
+const ENDED = ["done", "cancelled", "failed"];
+
 export function receive({ message, payload }: Received): void {
   switch (message.type) {
     case "session":
@@ -35,16 +38,13 @@ export function receive({ message, payload }: Received): void {
     case "columns":
       store.set({ columns: withColumns(message.columns, payload.get("values", "U16")) });
       break;
-    case "heat": {
-      if (message.vertex === null || store.get().hover?.vertex !== message.vertex) break;
-      store.set({ probe: { vertex: message.vertex, weights: payload.get("values", "U16") } });
+    case "heat":
+      if (message.vertex !== null && store.get().hover?.vertex === message.vertex)
+        store.set({ probe: { vertex: message.vertex, weights: payload.get("values", "U16") } });
       break;
-    }
-    case "progress": {
-      const ended = ["done", "cancelled", "failed"].includes(message.stage);
-      store.set({ progress: ended ? null : message });
+    case "progress":
+      store.set({ progress: ENDED.includes(message.stage) ? null : message });
       break;
-    }
     case "report":
       store.set({ report: message });
       break;
@@ -61,10 +61,8 @@ export function receive({ message, payload }: Received): void {
       store.set({ featureColors: payload.get("colors", "U8") });
       break;
     case "positions":
-      if (!serverPoses(store.get())) break;
-      store.set({
-        posed: { positions: payload.get("positions", "F32"), normals: payload.get("normals", "I16") },
-      });
+      if (serverPoses(store.get()))
+        store.set({ posed: { positions: payload.get("positions", "F32"), normals: payload.get("normals", "I16") } });
       break;
     case "failure":
       problem(message.message);
@@ -76,7 +74,7 @@ export function receive({ message, payload }: Received): void {
   }
 }
 
-/** Undo a change that was shown before the server refused it. */
+/** Hide a change that the server refused. */
 function takeBack(request: number): void {
   const { ahead } = store.get();
   const kept = [...ahead].filter(([, part]) => part.request !== request);
@@ -94,7 +92,7 @@ function followed(message: StateMessage): Partial<State> {
     edit: message,
     ahead: new Map([...state.ahead].filter(([handle, { request }]) => present.has(handle) && request > message.after)),
     columns: new Map([...state.columns].filter(([column]) => used.has(column))),
-    // A handle that was just added becomes the selection.
+    // Select a new handle.
     selected: state.edit && added.length === 1 ? added[0].handle : kept,
     page: "shape",
   };

@@ -1,10 +1,10 @@
-/** Key poses are stored, scrubbed and played on the page. The edit changes only when a pose is applied. */
+/** Store, scrub and play key poses on the page. The edit changes only when a pose is applied. */
 
 import { interpolate, REST, type Transform } from "../posing/affine";
 import type { KeyPose } from "../protocol/messages";
 import { store, transformOf } from "../store/state";
 import { send } from "./connection";
-import { poseTo, poseTransform } from "./edit";
+import { poseTransform, seenTransforms, showAhead } from "./edit";
 import { note } from "./toasts";
 
 const SECONDS_BETWEEN = 1;
@@ -13,7 +13,7 @@ export function storePose(): void {
   const { edit, playhead } = store.get();
   if (!edit) return;
   if (edit.handles.length === 0) {
-    note("Take hold of the shape first: a pose is where its handles are.");
+    note("Add a handle first. A pose stores the transforms of the handles.");
     return;
   }
   const transforms = edit.handles.map((handle) => poseTransform([handle.handle, transformOf(handle)]));
@@ -38,7 +38,7 @@ function set(poses: KeyPose[]): void {
   send({ type: "set_poses", poses: [...poses].sort((a, b) => a.seconds - b.seconds) });
 }
 
-/** Return the transforms of handles at a moment; handles that are missing in a pose are at rest there. */
+/** Return the transforms of handles at a moment. In a pose, handles without a transform are at rest. */
 export function momentAt(poses: readonly KeyPose[], seconds: number): Map<number, Transform> {
   const after = poses.findIndex((pose) => pose.seconds > seconds);
   const last = poses.length - 1;
@@ -64,31 +64,28 @@ export function leave(): void {
   store.set({ moment: null, playing: false });
 }
 
-/** Make the shown moment the edit. */
+/** Replace the edit by the shown moment. */
 export function applyMoment(): void {
-  const { moment, edit } = store.get();
-  if (!moment || !edit) return;
-  const present = new Set(edit.handles.map(({ handle }) => handle));
-  poseTo(new Map([...moment].filter(([handle]) => present.has(handle))));
+  const { moment } = store.get();
+  const transforms = seenTransforms();
+  if (!moment || !transforms) return;
+  const request = send({ type: "pose", transforms });
+  moment.forEach((transform, handle) => showAhead(handle, { transform }, request));
   leave();
 }
 
 export function play(): void {
-  const { playing, edit } = store.get();
+  const { playing, edit, playhead } = store.get();
   const poses = edit?.poses ?? [];
-  if (playing || poses.length < 2) {
-    store.set({ playing: false });
-    if (poses.length < 2) note("Store at least two poses to play between them.");
-    return;
-  }
-  const end = poses[poses.length - 1].seconds;
-  const start = poses[0].seconds;
-  const from = store.get().playhead >= end ? start : store.get().playhead;
-  store.set({ playing: true });
+  if (poses.length < 2) note("Store at least two poses to play between them.");
+  store.set({ playing: !playing && poses.length > 1 });
+  if (!store.get().playing) return;
+  const [start, end] = [poses[0].seconds, poses[poses.length - 1].seconds];
+  const from = playhead >= end ? start : playhead;
   const begun = performance.now();
   const frame = () => {
     if (!store.get().playing) return;
-    // Repeat until the user stops it.
+    // The poses repeat until the user stops them.
     const gone = from - start + (performance.now() - begun) / 1000;
     scrub(start + (gone % Math.max(end - start, 1e-3)));
     requestAnimationFrame(frame);

@@ -1,6 +1,6 @@
 /** Short messages that disappear after some seconds. */
 
-import { store, type Toast } from "../store/state";
+import { store, type State } from "../store/state";
 
 const SECONDS = { note: 5, problem: 10 } as const;
 const MOST = 4;
@@ -18,7 +18,7 @@ export function dismiss(key: number): void {
   store.set({ toasts: store.get().toasts.filter((toast) => toast.key !== key) });
 }
 
-function show(text: string, kind: Toast["kind"]): void {
+function show(text: string, kind: State["toasts"][number]["kind"]): void {
   const others = store.get().toasts.filter((toast) => toast.text !== text);
   const toast = { key: next++, text, kind };
   store.set({ toasts: [...others, toast].slice(-MOST) });

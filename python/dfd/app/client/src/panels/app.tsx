@@ -10,7 +10,7 @@ import { Timeline } from "./timeline";
 import { Toolbar } from "./toolbar";
 import { Topbar } from "./topbar";
 
-/** All panels. The canvas is beneath them and is not managed by Preact. */
+/** All panels. Preact does not manage the canvas beneath them. */
 export function App({ viewer }: { readonly viewer: Viewer }) {
   const { page, inspector, timeline } = useParts();
   const shape = page === "shape";

@@ -5,7 +5,7 @@ import { useParts } from "../store/use";
 import { held } from "../viewer/scene";
 import { percent, Segmented, Select, Slider, Toggle } from "../widgets/controls";
 
-/** The text beside a slider, if the present value is not only a number. */
+/** Texts beside sliders, for values that are more than a number. */
 const TEXTS: Partial<Record<string, (handle: HandleState, size: number) => string>> = {
   reach: ({ handle }) => `holds ${percent(held(store.get(), handle))}`,
   locality: ({ locality, radius }) =>
@@ -20,7 +20,7 @@ interface ControlProps {
   readonly handle: HandleState;
 }
 
-/** A control of a handle as the server describes it. */
+/** A control of a handle, as the server describes it. */
 export function ControlField({ name, handle }: ControlProps) {
   const { session, mesh } = useParts();
   const entry = session?.controls.find((each) => each.name === name);
@@ -30,7 +30,7 @@ export function ControlField({ name, handle }: ControlProps) {
   const value = handle[name as keyof HandleState];
   const id = handle.handle;
   const set = (given: unknown) => change(id, { [name]: given });
-  if (kind === "switch") return <Toggle label={label} hint={hint} checked={value === true} onChange={set} />;
+  if (kind === "switch") return <Toggle label={label} hint={hint} value={value === true} onChange={set} />;
   if (slider === null)
     return <Select label={label} hint={hint} value={value as string} options={choices} onChange={set} />;
   const unit = kind === "length" ? size : 1;
@@ -44,12 +44,12 @@ export function ControlField({ name, handle }: ControlProps) {
         range={slider}
         text={TEXTS[name]?.(handle, size) ?? percent(number)}
         // A radius of 0 removes the radius.
-        onInput={(part) => slide(id, name === "radius" && part === 0 ? { locality: 0 } : { [name]: part * unit })}
+        onChange={(part) => slide(id, name === "radius" && part === 0 ? { locality: 0 } : { [name]: part * unit })}
       />
       {name === "reach" && (
         <Segmented
           label="Reach by"
-          hint="Up to the border of the part, or up to a feature distance"
+          hint="The handle reaches to the border of its part, or to a feature distance"
           value={handle.reach_by}
           options={[...choices, "number"]}
           onChange={(word) => set(word === "number" ? handle.reach : word)}

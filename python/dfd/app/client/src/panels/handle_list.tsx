@@ -9,7 +9,7 @@ import { IconButton, Menu, Panel } from "../widgets/controls";
 
 const ALL = [
   ["Return all to rest", "", () => send({ type: "reset" })],
-  ["Remove all, fixed points too", "", () => send({ type: "clear" })],
+  ["Remove all handles and fixed points", "", () => send({ type: "clear" })],
 ] as const;
 
 export function HandleList() {
@@ -21,8 +21,8 @@ export function HandleList() {
       {handles.length === 0 ? (
         <p class="empty">
           {ready({ edit })
-            ? "Click a point of the shape to take hold of it. All that looks alike will follow."
-            : "The shape can be held once its features are learned."}
+            ? "Click a point of the shape to hold it. All similar parts follow."
+            : "You can hold the shape when its features are learned."}
         </p>
       ) : (
         <ul class="rows">
@@ -71,11 +71,7 @@ function HandleRow({ handle }: { readonly handle: HandleState }) {
             if (event.key === "F2") setNaming(true);
           }}
         >
-          <span
-            class={handle.moved ? "dot moved" : "dot"}
-            ref={(dot) => dot?.style.setProperty("--own", handleColor(id))}
-            aria-hidden="true"
-          />
+          <span class={handle.moved ? "dot moved" : "dot"} style={{ "--own": handleColor(id) }} aria-hidden="true" />
           <span>{name}</span>
           <small>
             {handle.region > 0 ? `${handle.region} vertices` : handle.vertex !== null && `vertex ${handle.vertex}`}

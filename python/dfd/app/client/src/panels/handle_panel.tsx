@@ -1,18 +1,17 @@
 import { useEffect, useState } from "preact/hooks";
 
-import { send } from "../actions/connection";
-import { change, changePart, moveTo, previewPart, type PartChange } from "../actions/edit";
-import { otherPlaces, toggleCounterpart } from "../actions/similar";
-import { niceStep, type PivotAt, type Transform } from "../posing/affine";
+import { ask } from "../actions/connection";
+import { change, changePart, move, setMotion, toggleCounterpart, type PartChange } from "../actions/edit";
+import { niceStep, type PivotAt, type Transform, type Vec3 } from "../posing/affine";
 import { followed, LEAST_SEEN } from "../posing/held";
-import type { AxisMessage, HandleState } from "../protocol/messages";
-import { handleName, present, selectedHandle, store, type GizmoMode, type State } from "../store/state";
-import { readably, useParts } from "../store/use";
+import type { HandleState } from "../protocol/messages";
+import { handleName, otherPlaces, present, store, type GizmoMode, type State } from "../store/state";
+import { useParts } from "../store/use";
 import { columnsOf } from "../viewer/scene";
 import {
   Button,
   count,
-  IconButton,
+  KeyButton,
   More,
   NumberRow,
   Panel,
@@ -28,49 +27,37 @@ import { ControlField } from "./control_field";
 const SHOWN = ["reach", "locality"];
 
 export function HandlePanel({ known }: { readonly known: HandleState }) {
-  const state = useParts(readably);
+  const state = useParts();
   const handle = present(state, known);
   const { transform } = handle;
   const id = handle.handle;
   const step = niceStep((state.mesh?.diagonal ?? 1) / 100);
-  const set = (part: Partial<Transform>) => {
-    // The server's state may be older than the last change.
-    const now = selectedHandle(store.get()) ?? known;
-    moveTo(now.handle, { ...present(store.get(), now).transform, ...part });
-  };
   const names = (state.session?.controls ?? []).map(({ name }) => name).filter((name) => name in handle);
   const folded = names.filter((name) => !SHOWN.includes(name) && (name !== "mask_feather" || handle.mask > 0));
   const field = (name: string) => <ControlField key={name} name={name} handle={handle} />;
   const verb = {
-    ...motionFields(transform, step, set),
-    bend: <Bend key="bend" handle={id} transform={transform} set={set} />,
+    ...motionFields(transform, step, setMotion),
+    bend: <Bend key="bend" handle={id} transform={transform} />,
   };
+  const pivots = state.axis?.handle === id ? state.axis.pivots : (["point"] as const);
+  const pivot = handle.pivot_at ?? (handle.pivot_set ? "as set" : "auto");
   const all = state.edit?.preset === "paper" ? "shared_pivot" : "own_pivot";
   const others = (Object.keys(verb) as GizmoMode[]).filter((name) => name !== state.gizmo);
-  const reset = (
-    <IconButton
-      icon="reset"
-      label="Return this handle to rest"
-      keys="0"
-      disabled={!known.moved}
-      onPress={() => send({ type: "reset", handle: id })}
-    />
-  );
   return (
-    <Panel title={handleName(handle)} action={reset}>
+    <Panel title={handleName(handle)} action={<KeyButton icon="reset" keys="0" disabled={!known.moved} />}>
       <PartButtons ways={state.edit?.field.parts ?? []} handle={known} />
       <Toggle
         label="With its counterparts"
-        hint="Off: this one only. Marks in the view switch single counterparts."
-        checked={handle.counterparts !== "only"}
+        hint="Counterparts move too. Marks in the view switch them one by one."
+        value={handle.counterparts !== "only"}
         onChange={(on) => change(id, { counterparts: on ? all : "only" })}
       />
       <Toggle
         label={
           handle.mask === 0 || handle.mask_part ? "Limit to part" : `Limit to ${count.format(handle.mask)} vertices`
         }
-        hint="Nothing outside this region moves; the brush paints other limits"
-        checked={handle.mask > 0}
+        hint="Only this region moves. The brush paints other limits."
+        value={handle.mask > 0}
         onChange={(on) => change(id, { mask: on ? "part" : "everywhere" })}
       />
       {SHOWN.map(field)}
@@ -78,65 +65,48 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
       <More>
         <Counterparts state={state} handle={id} />
         {others.map((name) => verb[name])}
-        <PivotChoice handle={handle} axis={state.axis} />
+        <Select
+          label="Turns about"
+          hint="The automatic pivot is the base of a limb, or the middle of another part"
+          value={pivot}
+          options={["auto", ...pivots, ...(pivot === "as set" ? [pivot] : [])]}
+          named={{ auto: "automatic pivot", ...PIVOTS }}
+          onChange={(name) => move(id, { pivot: name as PivotAt | "auto" })}
+        />
         <Triple
           label="Pivot"
-          hint="The point about which it turns and scales"
+          hint="The center of rotation and scale"
           value={transform.pivot ?? handle.position}
           step={step}
-          onChange={(pivot) => set({ pivot, pivotAt: null })}
+          onChange={(pivot) => setMotion({ pivot, pivotAt: null })}
         />
         {folded.map(field)}
         <Toggle
           label="Scale along the surface"
-          hint="Along the surface's normal and across it, not along x, y and z"
-          checked={transform.axes !== null}
-          onChange={(on) =>
-            send({ type: "move", handle: id, transform: { axes: on ? "normal" : "auto" }, settle: true })
-          }
+          hint="Use the surface's normal and tangents as the axes of scale"
+          value={transform.axes !== null}
+          onChange={(on) => move(id, { axes: on ? "normal" : "auto" })}
         />
       </More>
     </Panel>
   );
 }
 
-/** Fields for the transform of a handle, or of the rest of the shape. */
+const MOTIONS = {
+  translate: ["translation", "Move", "The translation in units of the file"],
+  rotate: ["rotation", "Rotate °", "The axis of rotation times its angle"],
+  scale: ["scale", "Scale", "Factors along x, y and z"],
+} as const;
+
+/** Return fields for the transform of a handle, or of the rest of the shape. */
 export function motionFields(now: Transform, step: number, set: (part: Partial<Transform>) => void, of = "") {
-  return {
-    translate: (
-      <Triple
-        key="translate"
-        label="Move"
-        of={of}
-        hint="How far, in the shape's own units"
-        value={now.translation}
-        step={step}
-        onChange={(translation) => set({ translation })}
-      />
-    ),
-    rotate: (
-      <Triple
-        key="rotate"
-        label="Rotate °"
-        of={of}
-        hint="An axis times an angle; about one axis alone, its angle"
-        value={now.rotation}
-        step={1}
-        onChange={(rotation) => set({ rotation })}
-      />
-    ),
-    scale: (
-      <Triple
-        key="scale"
-        label="Scale"
-        of={of}
-        hint="Factors along x, y and z"
-        value={now.scale}
-        step={0.05}
-        onChange={(scale) => scale.every((factor) => factor !== 0) && set({ scale })}
-      />
-    ),
+  const steps = { translation: step, rotation: 1, scale: 0.05 };
+  const field = (name: keyof typeof MOTIONS) => {
+    const [key, label, hint] = MOTIONS[name];
+    const change = (value: Vec3) => (key !== "scale" || value.every((factor) => factor !== 0)) && set({ [key]: value });
+    return <Triple key={name} label={label} of={of} hint={hint} value={now[key]} step={steps[key]} onChange={change} />;
   };
+  return { translate: field("translate"), rotate: field("rotate"), scale: field("scale") };
 }
 
 const PIVOTS: Record<PivotAt, string> = {
@@ -147,72 +117,50 @@ const PIVOTS: Record<PivotAt, string> = {
   plane: "on the mirror plane",
 };
 
-/** The pivot: found by the session, unless the user chooses one. */
-function PivotChoice({ handle, axis }: { readonly handle: HandleState; readonly axis: AxisMessage | null }) {
-  const known = axis?.handle === handle.handle ? axis.pivots : (["point"] as const);
-  const value = handle.pivot_at ?? (handle.pivot_set ? "as set" : "auto");
-  return (
-    <Select
-      label="Turns about"
-      hint="The base of a limb, the middle of other parts, or a chosen point"
-      value={value}
-      options={["auto", ...known, ...(value === "as set" ? [value] : [])]}
-      named={{ auto: "automatic pivot", ...PIVOTS }}
-      onChange={(name) =>
-        send({ type: "move", handle: handle.handle, transform: { pivot: name as PivotAt | "auto" }, settle: true })
-      }
-    />
-  );
-}
-
 interface BendProps {
   readonly handle: number;
   readonly transform: Transform;
-  readonly set: (part: Partial<Transform>) => void;
 }
 
 const JOINTS = { spread: "over its length", auto: "at its joint", here: "at the handle" };
 
-/** Angles of bend and twist of the part. */
-function Bend({ handle, transform: { bend, twist, joint }, set }: BendProps) {
+/** The bend and the twist of the held part. */
+function Bend({ handle, transform: { bend, twist, joint } }: BendProps) {
   const degrees = Math.hypot(...bend);
-  // A first bend turns up, or to the front.
+  // The server finds the direction of the first bend: up, or to the front.
   const bendBy = (angle: number) =>
     degrees === 0
-      ? send({ type: "move", handle, transform: { bend: angle }, settle: true })
-      : set({ bend: bend.map((part) => (part * angle) / degrees) as unknown as Transform["bend"] });
+      ? move(handle, { bend: angle })
+      : setMotion({ bend: bend.map((part) => (part * angle) / degrees) as unknown as Transform["bend"] });
   return (
     <>
       <NumberRow
         label="Bend °"
-        hint="How far the tip of the held part bends; drag it in the view for any direction"
+        hint="The angle at the tip. Drag the tip in the view to bend in any direction."
         value={degrees}
         step={1}
         onChange={bendBy}
       />
       <NumberRow
         label="Twist °"
-        hint="How far the tip turns about the part's own axis"
+        hint="The angle at the tip about the part's own axis"
         value={twist}
         step={1}
-        onChange={(angle) => set({ twist: angle })}
+        onChange={(angle) => setMotion({ twist: angle })}
       />
       <Select
         label="Bends"
         value={joint === null ? "spread" : "joint"}
         options={[...Object.keys(JOINTS), ...(joint === null ? [] : ["joint"])]}
         named={{ ...JOINTS, joint: `at ${percent(joint ?? 0)}` }}
-        hint="Over all of the part, or about a joint such as a knee"
-        onChange={(name) => {
-          if (name !== "joint")
-            send({ type: "move", handle, transform: { joint: name as keyof typeof JOINTS }, settle: true });
-        }}
+        hint="Bend the whole part, or only a joint such as a knee"
+        onChange={(name) => name !== "joint" && move(handle, { joint: name as keyof typeof JOINTS })}
       />
     </>
   );
 }
 
-/** A switch for each counterpart with its weight; gray if it does not visibly move. */
+/** A switch for each counterpart. Those that do not move visibly are gray. */
 function Counterparts({ state, handle }: { readonly state: State; readonly handle: number }) {
   const columns = columnsOf(state, handle);
   const places = otherPlaces(state);
@@ -224,8 +172,8 @@ function Counterparts({ state, handle }: { readonly state: State; readonly handl
           <li key={vertex} class={on && follows < LEAST_SEEN ? "stays" : undefined}>
             <Toggle
               label={`Counterpart ${i + 1} · ${percent(follows)}`}
-              hint="How much of it follows"
-              checked={on}
+              hint="The percentage is the weight of this counterpart"
+              value={on}
               onChange={() => toggleCounterpart(handle, vertex)}
             />
           </li>
@@ -243,9 +191,9 @@ const SIZES: readonly Way[] = [
 ];
 /** Units of the file that a handle can hold. */
 const UNITS: readonly Way[] = [
-  ["scene_part", "Hold all of this part of the scene"],
-  ["material", "Hold all that has this material"],
-  ["component", "Hold all that is connected with it"],
+  ["scene_part", "Hold this whole part of the scene"],
+  ["material", "Hold all parts with this material"],
+  ["component", "Hold the whole connected component"],
 ];
 
 interface PartButtonsProps {
@@ -253,16 +201,23 @@ interface PartButtonsProps {
   readonly handle: HandleState;
 }
 
-/** Buttons for other parts; each part is shown before it is taken. */
+/** Buttons for other parts. Each part is shown while its button is under the pointer. */
 function PartButtons({ ways, handle: { handle, columns } }: PartButtonsProps) {
   const [pointed, setPointed] = useState<PartChange | null>(null);
   const [missing, setMissing] = useState<readonly PartChange[]>([]);
   const held = [handle, ...columns.map(({ column }) => column)].join();
   useEffect(() => setMissing([]), [held]);
   useEffect(() => {
-    void previewPart(pointed).then((found) => {
-      if (!found && pointed) setMissing((others) => [...others, pointed]);
+    if (!pointed) return undefined;
+    let current = true;
+    void ask({ type: "take_part", handle, how: pointed, preview: true }, true).then((answer) => {
+      if (!answer) setMissing((others) => [...others, pointed]);
+      else if (current) store.set({ probe: { vertex: null, weights: answer.payload.get("values", "U16") } });
     });
+    return () => {
+      current = false;
+      store.set({ probe: null });
+    };
   }, [pointed, held]);
   const leave = () => setPointed(null);
   const button = ([way, hint]: Way) => (
@@ -270,10 +225,10 @@ function PartButtons({ ways, handle: { handle, columns } }: PartButtonsProps) {
       key={way}
       text={titled(way)}
       style="small"
-      title={missing.includes(way) ? "There is none here" : hint}
+      title={missing.includes(way) ? "There is no such part here" : hint}
       disabled={ways.length === 0 || missing.includes(way)}
       onPoint={() => setPointed(way)}
-      onPress={() => changePart(way)}
+      onPress={() => void changePart(way)}
     />
   );
   return (

@@ -6,11 +6,11 @@ import { IconButton } from "../widgets/controls";
 
 type Entry = readonly [keys: string, label: string];
 const POINTER: readonly Entry[] = [
-  ["Click", "Take hold of a point"],
-  ["Drag", "Orbit; right button pans"],
-  ["Wheel", "Zoom; while dragging a handle: reach"],
-  ["Shift Click", "Add the part there to what is held"],
-  ["Ctrl Click", "Remove it from what is held"],
+  ["Click", "Hold a point"],
+  ["Drag", "Orbit; the right button pans"],
+  ["Wheel", "Zoom, or set the reach in a drag"],
+  ["Shift Click", "Add a part to the held part"],
+  ["Ctrl Click", "Remove a part from it"],
 ];
 const GROUPS: readonly Shortcut[1][] = ["Handle", "Tools", "View", "Edit", "Timeline"];
 const LOOKS: Entry = ["1 … 4", "Texture, clay, features, heat map"];

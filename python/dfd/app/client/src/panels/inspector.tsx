@@ -1,10 +1,10 @@
-/** The panels at the right: handles, fixed points, the brush, and settings. */
+/** The panels on the right: handles, fixed points, the brush and settings. */
 
 import { send } from "../actions/connection";
-import { regionOf, setDefault, throttle } from "../actions/edit";
+import { regionOf, throttle } from "../actions/edit";
 import { niceStep, REST, type Transform } from "../posing/affine";
 import type { FixedState, StateMessage } from "../protocol/messages";
-import { handleName, placeName, ready, selectedHandle, store } from "../store/state";
+import { draws, handleName, placeName, ready, selectedHandle, store } from "../store/state";
 import { useParts } from "../store/use";
 import { Button, count, IconButton, Panel, percent, Select, Slider, titled } from "../widgets/controls";
 import { HandleList } from "./handle_list";
@@ -18,7 +18,7 @@ export function Inspector() {
   if (!inspector) return null;
   return (
     <aside class="inspector" aria-label="Inspector">
-      {(tool === "paint" || tool === "box" || painted) && <BrushPanel />}
+      {(draws(tool) || painted) && <BrushPanel />}
       <HandleList />
       {handle && <HandlePanel known={handle} />}
       {edit && edit.fixed.length > 0 && <FixedPanel fixed={edit.fixed} />}
@@ -35,7 +35,7 @@ function BrushPanel() {
   const selected = selectedHandle(state);
   const use = (what: (region: { mask: string }) => void) => () => {
     if (!painted) return;
-    what(regionOf(painted.mask));
+    what(regionOf(painted.weights));
     store.set({ painted: null, tool: "hold" });
   };
   return (
@@ -46,11 +46,11 @@ function BrushPanel() {
           value={brush}
           range={[0.005, 0.2, 0.005]}
           text={`${(100 * brush).toFixed(1)} % of the size`}
-          onInput={(radius) => store.set({ brush: radius })}
+          onChange={(radius) => store.set({ brush: radius })}
         />
       )}
       <p class="empty" role="status">
-        {painted ? `${painted.count} vertices chosen.` : "Paint over the shape, or draw a box; Shift takes away."}
+        {painted ? `${painted.count} vertices are selected.` : "Paint the shape, or draw a box. Shift erases."}
       </p>
       <div class="buttons">
         <Button text="Fix" style="primary" disabled={!painted} onPress={use((at) => send({ type: "fix", at }))} />
@@ -85,11 +85,11 @@ function FixedPanel({ fixed }: { readonly fixed: readonly FixedState[] }) {
               <Slider
                 label="Strength"
                 of={` of ${name}`}
-                hint="How firmly similar surface stays in place"
+                hint="How strongly this place and similar parts stay in place"
                 value={place.strength}
                 range={[0, 1, 0.05]}
                 text={percent(place.strength)}
-                onInput={(strength) =>
+                onChange={(strength) =>
                   throttle(`fixed ${index}`, (merge) => send({ type: "change_fixed", index, strength, merge }))
                 }
               />
@@ -105,10 +105,11 @@ function FixedPanel({ fixed }: { readonly fixed: readonly FixedState[] }) {
 function DefaultPanel({ known }: { readonly known: StateMessage }) {
   const size = useParts().mesh?.diagonal ?? 1;
   const now = { ...REST, ...known.default };
-  const set = (part: Partial<Transform>) => setDefault({ ...now, ...part });
-  const reset = (
-    <IconButton icon="reset" label="Reset" disabled={known.default === null} onPress={() => setDefault(REST)} />
-  );
+  const set = (part: Partial<Transform>) => {
+    const { translation, rotation, scale } = { ...now, ...part };
+    throttle("default", (merge) => send({ type: "set_default", transform: { translation, rotation, scale }, merge }));
+  };
+  const reset = <IconButton icon="reset" label="Reset" disabled={known.default === null} onPress={() => set(REST)} />;
   return (
     <Panel title="The rest of the shape" action={reset}>
       {Object.values(motionFields(now, niceStep(size / 100), set, " the rest"))}

@@ -4,30 +4,27 @@ import { useParts } from "../store/use";
 import { titled } from "../widgets/controls";
 import { Icon } from "../widgets/icons";
 
+/** Endings of files that belong to a mesh. */
 const BESIDE = [".zip", ".json", ".safetensors"];
-
-function meshFormats(endings: readonly string[]): string {
-  const shapes = endings.filter((ending) => !BESIDE.includes(ending));
-  return shapes.map((ending) => ending.replace(".", "").toUpperCase()).join(", ");
-}
 
 /** The start page, shown without a shape. */
 export function Start() {
   const { session, uploading } = useParts();
+  const endings = session?.formats.filter((ending) => !BESIDE.includes(ending)) ?? [];
+  const formats = endings.map((ending) => ending.slice(1).toUpperCase()).join(", ");
+  const hint = session
+    ? `${formats}, up to ${megabytes(session.upload_bytes)}. Add textures or a saved session, or use one ZIP file.`
+    : "Waiting for the server…";
   return (
     <main class="start">
       <div class="start-card">
         <h1>Take hold of a shape</h1>
-        <p class="lead">Point at a mesh, drag, and everything that looks alike follows.</p>
+        <p class="lead">Drag a point of a mesh, and all similar parts follow.</p>
 
         <button type="button" class="drop" onClick={chooseFiles} disabled={!session || uploading !== null}>
           <Icon name="open" />
           <strong>{uploading ? `Sending ${uploading}…` : "Drop a mesh here, or choose a file"}</strong>
-          <small>
-            {session
-              ? `${meshFormats(session.formats)}, with its textures or as one ZIP, up to ${megabytes(session.upload_bytes)}. A saved session goes with its mesh.`
-              : "Waiting for the server…"}
-          </small>
+          <small>{hint}</small>
         </button>
         {session && session.samples.length > 0 && (
           <section aria-label="Samples">

@@ -1,26 +1,32 @@
 import { send } from "../actions/connection";
 import { dismiss } from "../actions/toasts";
 import { present, ready, selectedHandle, type State } from "../store/state";
-import { readably, useParts } from "../store/use";
+import { useParts } from "../store/use";
 import { held } from "../viewer/scene";
 import { Button, IconButton, percent, titled } from "../widgets/controls";
 
 const HINTS = {
-  hold: "Click to take hold · drag to orbit",
-  fix: "Click to fix a point, or again to release it",
-  paint: "Paint over the shape · Shift erases · right button orbits",
-  box: "Draw a box around what is meant · Shift takes away · right button orbits",
+  hold: "Click a point to hold it · drag to orbit",
+  fix: "Click a point to fix it · click it again to release it",
+  paint: "Paint the shape · Shift erases · right button orbits",
+  box: "Draw a box over the shape · Shift erases · right button orbits",
   pivot: "Drag the gizmo to move the pivot of the selected handle",
 } as const;
 
 export function StatusLine() {
-  const state = useParts(readably);
+  const state = useParts();
   const { link, tool, dragging, report, edit, ahead, comparing } = state;
   const { gizmo, selected, axis } = state;
   const said = report && !dragging ? report.text : "";
   const bends = gizmo === "bend" && tool === "hold" && selected !== null && axis?.handle === selected;
-  const usual = bends ? (axis.tip ? "Drag the tip: what is held bends" : "Nothing that is held can bend") : HINTS[tool];
-  const hint = dragging ? dragText(state) : comparing ? "The original" : ready({ edit }) ? usual : "Drag to orbit";
+  const usual = bends ? (axis.tip ? "Drag the tip to bend the held part" : "The held part cannot bend") : HINTS[tool];
+  const hint = dragging
+    ? dragText(state)
+    : comparing
+      ? "The original shape"
+      : ready({ edit })
+        ? usual
+        : "Drag to orbit";
   return (
     <footer class="status">
       <span class={`link ${link}`} role="status">
@@ -34,7 +40,7 @@ export function StatusLine() {
   );
 }
 
-/** The reach of the dragged handle, which the wheel changes. */
+/** Return the reach of the dragged handle, which the wheel changes. */
 function dragText(state: State): string {
   const known = selectedHandle(state);
   if (!known) return "";
@@ -58,11 +64,11 @@ export function Toasts() {
 
 const TITLES = {
   open: "Opening",
-  distill: "Learning what looks alike",
+  distill: "Learning features",
   prepare: "Preparing",
 };
 
-/** The background work that must end before the shape can be held, and its remaining time. */
+/** The progress of background work, or a button that starts it. */
 export function ProgressCard() {
   const { progress, edit, mesh } = useParts();
   if (progress) {
@@ -101,7 +107,7 @@ function remaining(seconds: number | null): string {
   return `${Math.ceil(seconds / 60)} min left`;
 }
 
-/** The last message, shown when the session has ended. */
+/** The message that the session has ended. */
 export function Ended() {
   const { ended } = useParts();
   if (ended === null) return null;

@@ -19,7 +19,7 @@ export function SymmetryPanel({ known: { symmetry: used, planes: found } }: { re
     <Panel title="Symmetry">
       <Segmented
         label="Mirror plane"
-        hint="Mirror every handle on the other side of the plane"
+        hint="Mirror each handle across this plane"
         value={shown ?? "None"}
         options={[...planes.keys()]}
         onChange={(name) => send({ type: "set_symmetry", plane: planes.get(name) ?? null })}
@@ -27,11 +27,11 @@ export function SymmetryPanel({ known: { symmetry: used, planes: found } }: { re
       {used && (
         <Slider
           label="Blend width"
-          hint="Distance from the plane over which the two sides blend; 0 is a sharp cut"
+          hint="The two sides blend within this distance of the plane. At 0, the cut is sharp."
           value={(used.band ?? 0) / size}
           range={[0, 0.1, 0.0025]}
           text={used.band ? `${percent(used.band / size)} of the size` : "sharp"}
-          onInput={(part) =>
+          onChange={(part) =>
             throttle("band", (merge) => send({ type: "set_symmetry", plane: used, band: part * size, merge }))
           }
         />
@@ -40,7 +40,7 @@ export function SymmetryPanel({ known: { symmetry: used, planes: found } }: { re
   );
 }
 
-/** The axis that a plane is perpendicular to, if any. */
+/** Return the axis that is perpendicular to a plane, if there is one. */
 function axisOf({ normal }: SymmetryPlane): string | undefined {
   return AXES.find((_, i) => Math.abs(normal[i]) > 0.999)?.toUpperCase();
 }

@@ -1,9 +1,9 @@
 import { useState } from "preact/hooks";
 
-import { applyMoment, changePose, leave, play, removePose, scrub, storePose } from "../actions/timeline";
+import { applyMoment, changePose, leave, play, removePose, scrub } from "../actions/timeline";
 import { store } from "../store/state";
 import { useParts } from "../store/use";
-import { Button, IconButton, NumberField } from "../widgets/controls";
+import { Button, IconButton, KeyButton, NumberField } from "../widgets/controls";
 
 export function Timeline() {
   const { timeline, edit, playhead, playing, moment } = useParts();
@@ -22,15 +22,14 @@ export function Timeline() {
     <section class="timeline" aria-label="Timeline">
       <div class="timeline-tools">
         <IconButton icon={playing ? "pause" : "play"} label={playing ? "Pause" : "Play"} keys="Space" onPress={play} />
-        <IconButton icon="add" label="Store the present pose" keys="K" onPress={storePose} />
+        <KeyButton icon="add" keys="K" />
         {moment && (
           <>
             <Button text="Use this pose" style="primary small" onPress={applyMoment} />
             <Button text="Back to the edit" style="small" onPress={leave} />
           </>
         )}
-        <span class="unit">{playhead.toFixed(2)} s</span>
-        <span class="spacer" />
+        <span class="unit spacer">{playhead.toFixed(2)} s</span>
         {pose && (
           <>
             <input
@@ -52,7 +51,7 @@ export function Timeline() {
         )}
       </div>
       {poses.length === 0 ? (
-        <p class="empty">Store poses here to play between them: pose the shape, press K, pose it again, press K.</p>
+        <p class="empty">Pose the shape, and press K to store the pose. Store two poses to play between them.</p>
       ) : (
         <>
           <input

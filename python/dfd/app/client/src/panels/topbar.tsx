@@ -1,6 +1,6 @@
 import { send } from "../actions/connection";
 import { chooseFiles, exportAs } from "../actions/files";
-import { LOOKS, shortcut } from "../actions/keyboard";
+import { LOOKS, SHORTCUTS } from "../actions/keyboard";
 import type { Export } from "../protocol/messages";
 import { ready, store } from "../store/state";
 import { useParts } from "../store/use";
@@ -18,10 +18,7 @@ const VIEWS: readonly (readonly MenuItem[])[] = [
   ["Num 1", "Num 3", "Num 7"],
   ["Ctrl Num 1", "Ctrl Num 3", "Ctrl Num 7"],
 ].map((group) =>
-  group.map((keys) => {
-    const [, , label, run] = shortcut(keys) ?? [keys, "View", keys, () => undefined];
-    return [label, keys, () => void run()] as const;
-  }),
+  SHORTCUTS.filter(([keys]) => group.includes(keys)).map(([keys, , label, run]) => [label, keys, () => void run()]),
 );
 
 export function Topbar({ viewer }: { readonly viewer: Viewer }) {

@@ -1,4 +1,4 @@
-/** Transforms of handles as matrices in float64; lengths in mesh units, angles in degrees. */
+/** Transforms of handles, and their matrices. Lengths are in mesh units, and angles in degrees. */
 
 import { MathUtils, Matrix4, Quaternion, Vector3 } from "three";
 
@@ -16,7 +16,7 @@ export interface Transform {
   readonly scale: Vec3;
   /** Null is the handle's own position. */
   readonly pivot: Vec3 | null;
-  /** The name of the pivot, or "auto"; null if the pivot was given in numbers. */
+  /** The name of the pivot, or "auto"; null if `pivot` is not a named point. */
   readonly pivotAt: PivotAt | "auto" | null;
   /** The axes of scale; null is the mesh's own axes. */
   readonly axes: Frame | null;
@@ -46,7 +46,7 @@ export function quaternionOf(rotation: Vec3): Quaternion {
   return new Quaternion().setFromAxisAngle(axis.normalize(), angle);
 }
 
-/** The rotation vector of a unit quaternion, for the shorter rotation. */
+/** Return the rotation vector of a unit quaternion, for the shorter rotation. */
 export function rotationOf({ x, y, z, w }: Quaternion): Vec3 {
   const sign = w < 0 ? -1 : 1;
   const sine = Math.hypot(x, y, z);
@@ -54,13 +54,13 @@ export function rotationOf({ x, y, z, w }: Quaternion): Vec3 {
   return sine === 0 ? [0, 0, 0] : [(x * degrees) / sine, (y * degrees) / sine, (z * degrees) / sine];
 }
 
-/** The matrix with these axes as columns. */
+/** Return the matrix with these axes as columns. */
 export function basisOf(axes: Frame): Matrix4 {
   const [x, y, z] = axes.map((axis) => new Vector3(...axis));
   return new Matrix4().makeBasis(x, y, z);
 }
 
-/** The map p ↦ pivot + translation + R S (p − pivot); `center` replaces a missing pivot. */
+/** Return the map p ↦ pivot + translation + R S (p − pivot); `center` replaces a missing pivot. */
 export function matrixOf({ translation, rotation, scale, axes, pivot }: Transform, center: Vec3): Matrix4 {
   const stretch = new Matrix4().makeScale(...scale);
   if (axes) stretch.premultiply(basisOf(axes)).multiply(basisOf(axes).transpose());
@@ -69,7 +69,7 @@ export function matrixOf({ translation, rotation, scale, axes, pivot }: Transfor
   return relative(linear, [-x, -y, -z]).premultiply(new Matrix4().makeTranslation(...translation));
 }
 
-/** The map of p − center that corresponds to `matrix`. */
+/** Return the map of p − center that corresponds to `matrix`. */
 export function relative(matrix: Matrix4, [x, y, z]: Vec3): Matrix4 {
   return new Matrix4()
     .makeTranslation(-x, -y, -z)
@@ -81,7 +81,7 @@ export function apply(matrix: Matrix4, point: Vec3): Vec3 {
   return new Vector3(...point).applyMatrix4(matrix).toArray();
 }
 
-/** R of Eq. 8: the reflection across {p : normal · p = offset}. */
+/** Return R of Eq. 8, the reflection across {p : normal · p = offset}. */
 export function reflection([x, y, z]: Vec3, offset: number): Matrix4 {
   return new Matrix4().set(
     ...[1 - 2 * x * x, -2 * x * y, -2 * x * z, 2 * offset * x],
@@ -91,15 +91,11 @@ export function reflection([x, y, z]: Vec3, offset: number): Matrix4 {
   );
 }
 
-export function add(a: Vec3, b: Vec3): Vec3 {
-  return [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
-}
-
 export function subtract(a: Vec3, b: Vec3): Vec3 {
   return [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
 }
 
-/** Interpolate two transforms: lengths and factors linearly, rotations along the shorter arc. */
+/** Interpolate two transforms linearly, and their rotations along the shorter arc. */
 export function interpolate(a: Transform, b: Transform, t: number): Transform {
   const mix = (u: Vec3, v: Vec3): Vec3 => new Vector3(...u).lerp(new Vector3(...v), t).toArray();
   return {
@@ -113,7 +109,7 @@ export function interpolate(a: Transform, b: Transform, t: number): Transform {
   };
 }
 
-/** 1, 2 or 5 times a power of ten, near `step`. */
+/** Return 1, 2 or 5 times a power of ten, near `step`. */
 export function niceStep(step: number): number {
   const power = 10 ** Math.floor(Math.log10(step));
   const digit = step / power;

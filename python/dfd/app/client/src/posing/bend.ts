@@ -1,4 +1,4 @@
-/** The position of a part's tip after a bend, and the bend that moves the tip to a position. */
+/** Convert a bend to the position of a part's tip, and back. */
 
 import { Vector3 } from "three";
 
@@ -10,11 +10,11 @@ export interface PartEnds {
   readonly tip: Vec3;
 }
 
-/** The ratio of the rotation of the line from base to tip to that of the tip, as in `dfd.posing.bend`. */
+/** The rotation of the line from base to tip per rotation of the tip, as in `dfd.posing.bend`. */
 const LINE_SHARE = 0.44;
 const MOST_DEGREES = 300;
 
-/** Return about where the tip is after a bend by a rotation vector in degrees. */
+/** Return the approximate position of the tip after a bend by a rotation vector in degrees. */
 export function bentTip({ base, tip }: PartEnds, bend: Vec3, joint: number | null): Vec3 {
   const line = bend.map((part) => part * share(joint)) as unknown as Vec3;
   const out = new Vector3(...tip).sub(new Vector3(...base)).applyQuaternion(quaternionOf(line));
@@ -31,7 +31,7 @@ export function bendTowards({ base, tip }: PartEnds, point: Vec3, joint: number 
   return about.multiplyScalar(Math.min(degrees, MOST_DEGREES) / size).toArray();
 }
 
-/** With a joint, only the part beyond it turns. */
+/** Return the share of the line's rotation. With a joint, only the part beyond it turns. */
 function share(joint: number | null): number {
   return joint === null ? LINE_SHARE : Math.max(1 - joint, LINE_SHARE);
 }

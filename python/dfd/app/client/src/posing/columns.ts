@@ -1,13 +1,8 @@
-/**
- * The columns of weights of a scene, and their effect on single points, in float64. It equals the shader
- * `src/shaders/pose.glsl`, and serves marks, measurements and tests.
- */
+/** The columns of weights of a scene, and their effect on single points. It equals the shader `pose.glsl`. */
 
-import { Matrix4 } from "three";
+import { MathUtils, Vector3, type Matrix4 } from "three";
 
-import { apply, reflection, type Vec3 } from "./affine";
-
-const UNIT = 1 / 65535;
+import { reflection, type Vec3 } from "./affine";
 
 export interface Column {
   /** The handle's number; 0 for a column that is only shown in the heat map. */
@@ -24,7 +19,7 @@ export interface Column {
 export interface Mirror {
   readonly normal: Vec3;
   readonly offset: number;
-  /** Half width of the blend band between the sides, mesh units. */
+  /** Half the width of the band in which the sides blend, in mesh units. */
   readonly band: number;
 }
 
@@ -37,65 +32,55 @@ export interface Scene {
 export const EMPTY_SCENE: Scene = { columns: [], defaultTransform: null, mirror: null };
 
 export function weightOf({ weights }: Column, vertex: number): number {
-  return weights[vertex] * UNIT;
+  return weights[vertex] / 65535;
 }
 
-/** Whether two scenes look the same. */
-export function sameScene(one: Scene, other: Scene): boolean {
-  return (
-    one.columns.length === other.columns.length &&
-    one.columns.every((column, k) => sameParts(column, other.columns[k])) &&
-    same(one.defaultTransform, other.defaultTransform) &&
-    sameParts(one.mirror, other.mirror)
-  );
+/** Return whether two scenes, or parts of them, are equal. Weights are compared by identity. */
+export function sameScene(one: unknown, other: unknown): boolean {
+  if (!hasParts(one) || !hasParts(other)) return one === other;
+  const keys = Object.keys(one);
+  return keys.length === Object.keys(other).length && keys.every((key) => sameScene(one[key], other[key]));
 }
 
-function sameParts<Part extends object>(one: Part | null, other: Part | null): boolean {
-  if (one === null || other === null) return one === other;
-  return (Object.keys(one) as (keyof Part)[]).every((key) => same(one[key], other[key]));
+function hasParts(value: unknown): value is Record<string, unknown> {
+  return value instanceof Object && !ArrayBuffer.isView(value);
 }
 
-function same(one: unknown, other: unknown): boolean {
-  if (one instanceof Matrix4 && other instanceof Matrix4) return one.equals(other);
-  if (Array.isArray(one) && Array.isArray(other)) return one.every((entry, i) => entry === other[i]);
-  return Object.is(one, other);
+/** Return the signed distance of a point from a plane {p : normal · p = offset}. */
+export function height({ normal, offset }: Omit<Mirror, "band">, point: Vec3): number {
+  return new Vector3(...normal).dot(new Vector3(...point)) - offset;
 }
 
-/** The share of the positive side of the mirror plane at a point: a step, or smooth within the band. */
-export function positiveShare(mirror: Mirror, point: Vec3): number {
-  const [x, y, z] = mirror.normal;
-  const height = x * point[0] + y * point[1] + z * point[2] - mirror.offset;
-  if (mirror.band === 0) return height >= 0 ? 1 : 0;
-  const t = Math.min(Math.max((0.5 * height) / mirror.band + 0.5, 0), 1);
-  return t * t * (3 - 2 * t);
+/** Return the share of the positive side of the mirror plane at a point, which is smooth within the band. */
+function positiveShare(mirror: Mirror, point: Vec3): number {
+  const above = height(mirror, point);
+  if (mirror.band === 0) return above >= 0 ? 1 : 0;
+  return MathUtils.smoothstep(above, -mirror.band, mirror.band);
 }
 
-/** The transform on the other side of the mirror plane, R D R (Eq. 8). */
+/** Return the transform on the other side of the mirror plane, R D R (Eq. 8). */
 export function mirrored(transform: Matrix4, mirror: Mirror): Matrix4 {
   const across = reflection(mirror.normal, mirror.offset);
   return transform.clone().premultiply(across).multiply(across);
 }
 
-/** The posed position of one vertex, and its heat. */
-export function posePoint(scene: Scene, point: Vec3, vertex: number): { position: Vec3; heat: number } {
+/** Return the posed position of one vertex (Eq. 1 and 8). */
+export function posePoint(scene: Scene, point: Vec3, vertex: number): Vec3 {
   const { mirror } = scene;
   const positive = mirror ? positiveShare(mirror, point) : 1;
-  const moved = [0, 0, 0];
-  const addMove = (transform: Matrix4, weight: number) => {
-    const target = apply(transform, point);
-    for (let i = 0; i < 3; i++) moved[i] += weight * (target[i] - point[i]);
-  };
+  const from = new Vector3(...point);
+  const posed = from.clone();
+  const addMove = (transform: Matrix4, weight: number) =>
+    posed.addScaledVector(from.clone().applyMatrix4(transform).sub(from), weight);
   let total = 0;
-  let heat = 0;
   for (const column of scene.columns) {
-    const weight = weightOf(column, vertex);
-    heat += weight * column.heat;
     if (column.handle === 0) continue;
+    const weight = weightOf(column, vertex);
     total += weight;
     const own = column.positive ? positive : 1 - positive;
     addMove(column.transform, weight * (mirror ? own : 1));
     if (mirror) addMove(mirrored(column.transform, mirror), weight * (1 - own));
   }
   if (scene.defaultTransform) addMove(scene.defaultTransform, Math.max(1 - total, 0));
-  return { position: [point[0] + moved[0], point[1] + moved[1], point[2] + moved[2]], heat };
+  return posed.toArray();
 }

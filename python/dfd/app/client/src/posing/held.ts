@@ -1,4 +1,6 @@
-/** How much of the surface follows a handle, by the weights that move it. */
+/** Measure how much of the surface follows a handle. */
+
+import { Triangle } from "three";
 
 import { weightOf, type Column } from "./columns";
 
@@ -8,12 +10,12 @@ export interface Surface {
   readonly areas: Float64Array;
 }
 
-/** Weight below which a motion is not visible. */
+/** The weight below which a motion is not visible. */
 export const LEAST_SEEN = 0.05;
-/** Number of samples: enough for whole percents, and fast enough while a slider moves. */
+/** Number of samples, which is enough for whole percents. */
 const MOST_SAMPLES = 5_000;
 
-/** Return samples of `count` vertices; (R, 3) `positions`, (F, 3) `triangles` of rows, `vertexOf` (R) each row. */
+/** Return samples of `count` vertices, from (R, 3) `positions`, (F, 3) `triangles`, and (R) the vertex of each row. */
 export function surfaceOf(
   count: number,
   positions: Float32Array,
@@ -22,22 +24,14 @@ export function surfaceOf(
   most: number = MOST_SAMPLES,
 ): Surface {
   const around = new Float64Array(count);
-  // No array is allocated per triangle, because there may be millions while the page waits.
-  const side = (from: number, to: number, axis: number) => positions[3 * to + axis] - positions[3 * from + axis];
+  // There may be millions of triangles, so the loop creates no objects.
+  const triangle = new Triangle();
   for (let corner = 0; corner < triangles.length; corner += 3) {
-    const a = triangles[corner];
-    const b = triangles[corner + 1];
-    const c = triangles[corner + 2];
-    const ux = side(a, b, 0);
-    const uy = side(a, b, 1);
-    const uz = side(a, b, 2);
-    const vx = side(a, c, 0);
-    const vy = side(a, c, 1);
-    const vz = side(a, c, 2);
-    const area = Math.hypot(uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx);
-    around[vertexOf[a]] += area;
-    around[vertexOf[b]] += area;
-    around[vertexOf[c]] += area;
+    triangle.a.fromArray(positions, 3 * triangles[corner]);
+    triangle.b.fromArray(positions, 3 * triangles[corner + 1]);
+    triangle.c.fromArray(positions, 3 * triangles[corner + 2]);
+    const area = triangle.getArea();
+    for (let k = 0; k < 3; k++) around[vertexOf[triangles[corner + k]]] += area;
   }
   const used = Uint32Array.from(around.keys()).filter((vertex) => around[vertex] > 0);
   const step = Math.max(Math.ceil(used.length / most), 1);
@@ -47,10 +41,8 @@ export function surfaceOf(
 
 /** Return the weight of a vertex in all columns of a handle. */
 export function followed(columns: readonly Column[], vertex: number): number {
-  return Math.min(
-    columns.reduce((sum, column) => sum + weightOf(column, vertex), 0),
-    1,
-  );
+  const total = columns.reduce((sum, column) => sum + weightOf(column, vertex), 0);
+  return Math.min(total, 1);
 }
 
 /** Return the share of the surface that visibly follows the `columns` of a handle. */

@@ -10,7 +10,7 @@ layout(location = 0) out uvec4 picked;
 
 void main() {
 #ifdef ISOLATED
-  if (heat < 0.05) discard; // it is not seen
+  if (heat < 0.05) discard;
 #endif
   picked = uvec4(floatBitsToUint(restPosition), corner + 1u);
 }

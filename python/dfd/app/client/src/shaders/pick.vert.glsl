@@ -5,7 +5,7 @@ out vec3 restPosition;
 #ifdef ISOLATED
 out float heat;
 #endif
-flat out uint corner; // of the triangle's last corner, by which its face is found
+flat out uint corner; // the last one of the triangle, which identifies it
 
 void main() {
   restPosition = rest;

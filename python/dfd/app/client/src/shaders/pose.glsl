@@ -1,9 +1,8 @@
-// Eq. 1 and 8 for one vertex. `src/posing/columns.ts` says the same in TypeScript, and tests hold the two together. Each
-// of the names MIRROR, DEFAULT and TURNED is defined where the scene has such a thing: processors that draw run through
-// every branch, taken or not.
+// Eq. 1 and 8 for one vertex; `src/posing/columns.ts` is the same in TypeScript. The scene defines MIRROR, DEFAULT and
+// TURNED where it needs them, because renderers on the CPU evaluate all branches.
 
 uniform highp usampler2DArray weights; // (layers) rows of 4096 texels
-uniform highp sampler2D columns;       // (columns, 7) what each column does, see `pose_textures.ts`
+uniform highp sampler2D columns;       // (columns, 7) numbers of each column, see `pose_textures.ts`
 uniform int columnCount;
 uniform mat4 defaultTransform; // D₀
 uniform vec4 mirror;           // unit normal and offset
@@ -13,7 +12,7 @@ const float UNIT = 1.0 / 65535.0;
 
 struct Posed {
   vec3 position;
-  mat3 linear; // the blended transform's, for normals
+  mat3 linear; // the linear part of the blended transform, for normals
   float heat;
 };
 
@@ -21,7 +20,7 @@ vec4 entry(int texel, int k) {
   return texelFetch(columns, ivec2(texel, k), 0);
 }
 
-// How much of a point belongs to the side that the mirror's normal points to: a step, or smooth over the band.
+// The share of the positive side of the mirror plane at a point, which is smooth within the band.
 float positiveShare(vec3 point) {
   float height = dot(point, mirror.xyz) - mirror.w;
   if (mirrorBand == 0.0) return height >= 0.0 ? 1.0 : 0.0;
@@ -39,7 +38,7 @@ Posed posed(vec3 point, int at) {
   float positive = positiveShare(point);
 #endif
   for (int k = 0; k < columnCount; k++) {
-    vec4 role = entry(6, k); // the layer of its weights, its side, how it shows in the heat map, whether it acts
+    vec4 role = entry(6, k); // the layer of its weights, its side, its factor in the heat map, whether it moves
     float weight = float(texelFetch(weights, ivec3(at & 4095, at >> 12, int(role.x)), 0).r) * UNIT;
     heat += weight * role.z;
     weight *= role.w;
@@ -67,7 +66,7 @@ Posed posed(vec3 point, int at) {
   return Posed(point + moved, mat3(1.0) + turned, heat);
 }
 
-// Cofactors: what carries normals along with a linear map, mirrored and flattened ones too.
+// Cofactors transform normals under any linear map, also if it mirrors or flattens.
 vec3 turnedNormal(mat3 linear, vec3 normal) {
   mat3 cofactors = mat3(cross(linear[1], linear[2]), cross(linear[2], linear[0]), cross(linear[0], linear[1]));
   vec3 turned = cofactors * normal;

@@ -1,13 +1,13 @@
-// Every row once; what comes out is kept in buffers, and nothing is drawn.
+// Pose each row into buffers, and draw nothing.
 in vec3 rest;
 in vec3 restNormal;
 in uint vertex; // of the row
 #ifdef GIVEN
-in vec3 givenPosition; // by the server, which posed the shape
+in vec3 givenPosition; // the server's pose
 in vec3 givenNormal;
 #endif
 
-out vec4 posedPosition; // and its heat
+out vec4 posedPosition; // and heat
 out vec3 posedNormal;
 
 void main() {

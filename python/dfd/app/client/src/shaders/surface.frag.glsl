@@ -1,4 +1,4 @@
-// MAP, COLORS, FEATURES, HEAT and FLAT are defined where the look needs them: what no look needs costs nothing.
+// The look defines what it needs of MAP, COLORS, FEATURES, OWN, HEAT, HEAT_ALONE, ISOLATED and FLAT.
 precision highp float;
 
 uniform vec3 baseColor; // linear
@@ -6,7 +6,7 @@ uniform float opacity;
 
 layout(location = 0) out vec4 color;
 
-// From linear to sRGB by square roots, within half a step of 255.
+// Convert linear colors to sRGB by square roots, with an error below 0.5 / 255.
 vec3 toScreen(vec3 linear) {
   vec3 c = clamp(linear, 0.0, 1.0);
   vec3 a = sqrt(c);
@@ -20,14 +20,11 @@ void main() {
   color = vec4(toScreen(baseColor), opacity);
 }
 #else
-uniform vec3 lookColor;     // of clay, where the shape's own color is not shown
-uniform bool ownLook;
 uniform float cutoff;
 uniform bool blends;
-uniform float heatStrength; // how much of the heat map lies over the look
-uniform bool heatAlone;
+uniform float heatStrength; // the opacity of the heat map
 uniform sampler2D map;
-uniform float fade; // what is left of it where things shine through
+uniform float fade;         // the opacity of the X-ray mode
 
 in vec3 viewPosition;
 in vec3 viewNormal;
@@ -46,7 +43,7 @@ vec3 fromScreen(vec3 c) {
 #endif
 
 #ifdef HEAT
-// A ramp from a pale, quiet blue through violet to a warm yellow, of rising contrast to the clay beneath.
+// A ramp from blue through violet to yellow, with a rising contrast to the clay.
 vec3 ramp(float t) {
   vec3 cold = vec3(0.079, 0.100, 0.258);
   vec3 blue = vec3(0.098, 0.145, 0.622);
@@ -70,30 +67,32 @@ void main() {
   vec3 n = normalize(viewNormal);
   vec3 toEye = normalize(-viewPosition);
   float facingEye = dot(n, toEye);
-  // Scans hold triangles that face either way.
+  // Scans have triangles with either orientation.
   if (facingEye < 0.0) n = -n;
 
-  vec3 albedo = lookColor;
+  vec3 albedo = vec3(0.584078, 0.564712, 0.533276); // clay, #c9c6c1
   float alpha = 1.0;
-#ifdef FEATURES
+#if defined(FEATURES)
   albedo = fromScreen(ownColor);
-#else
-  if (ownLook) {
-    vec4 own = vec4(baseColor, opacity);
+#elif defined(OWN)
+  vec4 own = vec4(baseColor, opacity);
 #ifdef MAP
-    own *= texture(map, textureAt);
+  own *= texture(map, textureAt);
 #endif
 #ifdef COLORS
-    own.rgb *= fromScreen(ownColor);
+  own.rgb *= fromScreen(ownColor);
 #endif
-    if (own.a < cutoff) discard;
-    albedo = own.rgb;
-    alpha = blends ? own.a : 1.0;
-  }
+  if (own.a < cutoff) discard;
+  albedo = own.rgb;
+  alpha = blends ? own.a : 1.0;
 #endif
 #ifdef HEAT
-  // One hundredth of a weight must not tint the whole shape, unless the heat map is all that is asked for.
-  float shown = heatAlone ? 0.94 : 0.86 * smoothstep(0.01, 0.12, heat);
+#ifdef HEAT_ALONE
+  float shown = 0.94;
+#else
+  // Weights near 0.01 must not tint the whole shape.
+  float shown = 0.86 * smoothstep(0.01, 0.12, heat);
+#endif
   albedo = mix(albedo, ramp(heat), heatStrength * shown);
 #endif
 

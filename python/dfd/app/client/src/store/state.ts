@@ -1,6 +1,6 @@
 /** The state of the page. `edit` is the server's last state, unchanged. */
 
-import type { Transform } from "../posing/affine";
+import type { Transform, Vec3 } from "../posing/affine";
 import type { Surface } from "../posing/held";
 import type { Payload } from "../protocol/binary_messages";
 import type {
@@ -11,6 +11,7 @@ import type {
   ReportMessage,
   SessionMessage,
   SimilarMessage,
+  SimilarPoint,
   StateMessage,
   Suggestion,
 } from "../protocol/messages";
@@ -21,26 +22,23 @@ export type Tool = "hold" | "fix" | "paint" | "box" | "pivot";
 export type View = "usual" | "front" | "back" | "right" | "left" | "top" | "bottom";
 export type GizmoMode = "translate" | "rotate" | "scale" | "bend";
 
-/** Changes that are shown before the server confirms them, such as a drag; dropped when a state includes them. */
+/** Changes of a handle that are shown before the server confirms them. */
 export interface Ahead extends Partial<Omit<HandleState, "handle">> {
   readonly transform?: Transform;
-  /** The newest request with this change. */
+  /** The number of the newest request with a change. */
   readonly request: number;
 }
 
-export interface Hover {
-  /** The nearest vertex, and one of its rows. */
+/** A picked point of the shape. */
+export interface Picked {
+  /** The nearest vertex, and a row of the mesh for it. */
   readonly vertex: number;
   readonly row: number;
+  /** The point on the resting surface, relative to the mesh's center. */
+  readonly point: Vec3;
 }
 
-/** The weights that a handle would have: a new one at a vertex, or the selected one with another part. */
-export interface Probe {
-  readonly vertex: number | null;
-  readonly weights: Uint16Array;
-}
-
-export interface Toast {
+interface Toast {
   readonly key: number;
   readonly text: string;
   readonly kind: "note" | "problem";
@@ -57,7 +55,7 @@ export const CLOSED = {
   mesh: null as MeshMessage | null,
   /** The arrays of `mesh`. */
   meshArrays: null as Payload | null,
-  /** Surface samples, for measuring how much of the surface a handle holds. */
+  /** Samples of the surface, to measure how much of it a handle holds. */
   surface: null as Surface | null,
   /** (V, 4) colors of the features' principal directions. */
   featureColors: null as Uint8Array | null,
@@ -68,10 +66,11 @@ export const CLOSED = {
   columns: new Map() as ReadonlyMap<number, Uint16Array>,
   ahead: new Map() as ReadonlyMap<number, Ahead>,
   selected: null as number | null,
-  hover: null as Hover | null,
-  probe: null as Probe | null,
-  /** The painted region: one bit per vertex, and the same as weights. */
-  painted: null as { readonly mask: Uint8Array; readonly weights: Uint16Array; readonly count: number } | null,
+  hover: null as Picked | null,
+  /** The weights that a handle would have: a new one at a vertex, or the selected one with another part. */
+  probe: null as { readonly vertex: number | null; readonly weights: Uint16Array } | null,
+  /** The painted region: (V) weights of 0 or 65535, and the number of painted vertices. */
+  painted: null as { readonly weights: Uint16Array; readonly count: number } | null,
   suggestions: [] as readonly Suggestion[],
   /** The counterparts of the selected handle. */
   similar: null as SimilarMessage | null,
@@ -88,7 +87,7 @@ export const CLOSED = {
 const INITIAL = {
   ...CLOSED,
   link: "connecting" as "connecting" | "open" | "lost" | "closed",
-  /** The reason why the connection will not be restored. */
+  /** The reason why the session ended. */
   ended: null as string | null,
   session: null as SessionMessage | null,
   page: "waiting" as "waiting" | "start" | "shape",
@@ -108,10 +107,10 @@ const INITIAL = {
   /** The radius of the brush, as a fraction of the shape's size. */
   brush: 0.05,
   toasts: [] as readonly Toast[],
-  /** The newest request to look at the shape or the selection; each is a new object. */
+  /** What the camera frames, or its direction; each wish of the user is a new object. */
   framed: null as { readonly what: "shape" | "selection" | View } | null,
   xray: false,
-  /** Whether only the part that the selected handle holds is shown. */
+  /** Whether only the part of the selected handle is shown. */
   isolated: false,
   /** Whether the inspector shows rarely used settings. */
   more: false,
@@ -131,7 +130,7 @@ export function transformOf(handle: HandleState): Transform {
 export function present(state: State, handle: HandleState): HandleState & { readonly transform: Transform } {
   const ahead = state.ahead.get(handle.handle);
   const own = transformOf(handle);
-  // For a first rotation, the server will find the pivot.
+  // The server finds the pivot at the first rotation.
   const turns = state.gizmo === "rotate" || state.gizmo === "scale";
   const found = turns && !handle.pivot_set && state.axis?.handle === handle.handle;
   const begins: Transform = found ? { ...own, pivot: state.axis.auto, pivotAt: "auto" } : own;
@@ -144,10 +143,10 @@ export function present(state: State, handle: HandleState): HandleState & { read
   };
 }
 
-/** Degrees: larger rotations are blended by dual quaternions, which the shader does not support. */
+/** Degrees of rotation above which blends use dual quaternions, which the shader does not support. */
 const MOST_LINEAR = 30;
 
-/** Whether the server must pose: the shader only supports linear blends without bends. */
+/** Whether the server must pose, because the shader only supports linear blends without bends. */
 export function serverPoses(state: State): boolean {
   const { edit } = state;
   if (!edit || state.comparing) return false;
@@ -162,12 +161,29 @@ export function selectedHandle(state: State): HandleState | null {
   return state.edit?.handles.find((handle) => handle.handle === state.selected) ?? null;
 }
 
-/** Whether the shape has a field, so that it can be held. */
+/** Return the counterparts of the selected handle without its own place. */
+export function otherPlaces(state: State): readonly SimilarPoint[] {
+  const handle = selectedHandle(state);
+  const known = handle && state.similar?.handle === handle.handle && handle.counterparts !== "only";
+  return known ? state.similar.places.slice(1) : [];
+}
+
+/** Whether handles can be added, because the field is there. */
 export function ready({ edit }: Pick<State, "edit">): boolean {
   return edit?.field.status === "ready";
 }
 
-/** The color of a handle: hues at multiples of the golden angle are distinct for any number of handles. */
+/** Whether a tool draws over the shape. */
+export function draws(tool: Tool): tool is "paint" | "box" {
+  return tool === "paint" || tool === "box";
+}
+
+/** Whether only the part that the selected handle holds is visible. */
+export function isolates({ isolated, selected, painted }: Pick<State, "isolated" | "selected" | "painted">): boolean {
+  return isolated && selected !== null && !painted;
+}
+
+/** Return the color of a handle. Hues at multiples of the golden angle are distinct for any number of handles. */
 export function handleColor(handle: number): string {
   return `hsl(${(228 + 137.5 * (handle - 1)) % 360} 60% 50%)`;
 }

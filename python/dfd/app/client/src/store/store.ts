@@ -1,38 +1,36 @@
-/** An immutable state that is replaced as a whole, and its listeners. */
+/** Create a store of an immutable state, which is replaced as a whole. */
 export function createStore<State extends object>(initial: State) {
   let state = initial;
   const watchers = new Set<() => void>();
-  function watch<Part>(select: (state: State) => Part, listener: (part: Part, before: Part) => void): () => void {
+  function watch<Part>(select: (state: State) => Part, listener: (part: Part) => unknown): () => void {
     let part = select(state);
     const watcher = () => {
       const before = part;
-      const now = select(state);
-      if (same(now, before)) return;
-      part = now;
-      listener(now, before);
+      part = select(state);
+      if (!same(part, before)) listener(part);
     };
     watchers.add(watcher);
     return () => watchers.delete(watcher);
   }
   return {
     get: () => state,
-    /** Replace some keys; listeners of changed keys are called at once. */
+    /** Replace some keys, and call the listeners of the changed ones. */
     set(change: Partial<State>): void {
       state = { ...state, ...change };
-      // Iterate over a copy, because a listener may remove itself or another one.
+      // A listener may remove itself or another one.
       for (const watcher of [...watchers]) if (watchers.has(watcher)) watcher();
     },
-    /** Call `listener` when the result of `select` changes (arrays by their elements); return a stop function. */
+    /** Call `listener` when the result of `select`, or an element of it, changes; return a function that stops it. */
     watch,
     /** Call `listener` when one key changes. */
-    on<Key extends keyof State>(key: Key, listener: (part: State[Key], before: State[Key]) => void): () => void {
+    on<Key extends keyof State>(key: Key, listener: (part: State[Key]) => unknown): () => void {
       return watch((now) => now[key], listener);
     },
   };
 }
 
 /** Return whether two values, or the elements of two arrays, are equal. */
-export function same(one: unknown, other: unknown): boolean {
+function same(one: unknown, other: unknown): boolean {
   if (!Array.isArray(one) || !Array.isArray(other)) return Object.is(one, other);
   return one.length === other.length && one.every((part, i) => Object.is(part, other[i]));
 }

@@ -2,17 +2,11 @@ import { useEffect, useRef, useState } from "preact/hooks";
 
 import { store, type State } from "./state";
 
-/** Milliseconds between updates of numbers that change in every frame of a drag. */
+/** Milliseconds between updates during a drag, so that users can read numbers. */
 const READABLE = 100;
 
-export function readably(): number {
-  return store.get().dragging ? READABLE : 0;
-}
-
-/**
- * Return the state. The component is updated when a key that it read changes, at most once per `pause()` milliseconds.
- */
-export function useParts(pause: () => number = () => 0): State {
+/** Return the state. The component is updated when a key that it read changes. */
+export function useParts(): State {
   const keys = useRef(new Set<keyof State>()).current;
   const drawn = useRef(store.get());
   drawn.current = store.get();
@@ -23,7 +17,7 @@ export function useParts(pause: () => number = () => 0): State {
     const check = () => {
       const now = store.get();
       if (![...keys].some((key) => now[key] !== drawn.current[key])) return;
-      const wait = last + pause() - performance.now();
+      const wait = last + (now.dragging ? READABLE : 0) - performance.now();
       clearTimeout(timer);
       if (wait > 0) {
         timer = window.setTimeout(check, wait);

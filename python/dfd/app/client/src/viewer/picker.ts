@@ -1,4 +1,4 @@
-/** Find the point under a pixel on the GPU with the pose shader, so that picking agrees with the picture. */
+/** Find the point under a pixel on the GPU, from the same posed positions as the picture. */
 
 import {
   DoubleSide,
@@ -15,22 +15,14 @@ import {
 } from "three";
 
 import type { Vec3 } from "../posing/affine";
+import type { Picked } from "../store/state";
 import { define, material } from "./posing/shaders";
 import type { Shape } from "./shape";
-
-export interface Pick {
-  readonly vertex: number;
-  /** A row of the mesh for the vertex. */
-  readonly row: number;
-  /** The point on the resting surface, relative to the mesh's center. */
-  readonly point: Vec3;
-}
 
 export class Picker {
   private readonly target = pixels(1, 1);
   private readonly scene = new ThreeScene();
   private readonly material = material("pick", {}, { side: DoubleSide });
-  private newest: { readonly key: string; readonly pick: Pick | null } | null = null;
 
   constructor(
     private readonly renderer: WebGLRenderer,
@@ -42,17 +34,9 @@ export class Picker {
     this.scene.matrixWorldAutoUpdate = false;
   }
 
-  /** Pick at (x, y) in pixels of the page within a view of `width` × `height`; null beside the shape. */
-  pick(camera: PerspectiveCamera, x: number, y: number, width: number, height: number): Pick | null {
-    const about = [Math.floor(x), Math.floor(y), width, height, this.shape.poses].join();
+  /** Return the point at pixel (x, y) of a view of `width` × `height`; null beside the shape. */
+  pick(camera: PerspectiveCamera, x: number, y: number, width: number, height: number): Picked | null {
     camera.updateMatrixWorld();
-    const key = [about, camera.matrixWorld.elements, camera.projectionMatrix.elements].join();
-    // A click at the last position reuses the last result.
-    if (this.newest?.key !== key) this.newest = { key, pick: this.find(camera, x, y, width, height) };
-    return this.newest.pick;
-  }
-
-  private find(camera: PerspectiveCamera, x: number, y: number, width: number, height: number): Pick | null {
     // The target has one pixel, so the GPU discards all other fragments.
     camera.setViewOffset(width, height, Math.floor(x), Math.floor(y), 1, 1);
     const bits = this.draw(this.target, camera);
@@ -64,7 +48,7 @@ export class Picker {
     return row === null ? null : { row, point, vertex: this.shape.vertexOf[row] };
   }
 
-  /** Return the rows in a box of a view of `width` × `height` pixels; with `through`, hidden rows as well. */
+  /** Return the visible rows in a box of a view of `width` × `height` pixels; with `through`, all rows. */
   within(camera: PerspectiveCamera, box: DOMRect, width: number, height: number, through: boolean): Set<number> {
     const { shape } = this;
     const [w, h] = [Math.max(Math.ceil(box.width), 1), Math.max(Math.ceil(box.height), 1)];
@@ -75,8 +59,8 @@ export class Picker {
     const view = new Matrix4().multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse);
     camera.clearViewOffset();
     target.dispose();
-    const [posed, rest] = [shape.read(), shape.positions];
-    // A vertex is visible if the surface at its pixel is within some pixels of it; their size at distance 1.
+    const [posed, rest] = [shape.posed.read(), shape.positions];
+    // A vertex is visible within 8 pixels of the surface at its own pixel; `near` is their size at distance 1.
     const near = (8 * Math.tan((camera.fov * Math.PI) / 360)) / height;
     const found = new Set<number>();
     const at = new Vector4();
@@ -99,7 +83,7 @@ export class Picker {
 
   private draw(target: WebGLRenderTarget, camera: PerspectiveCamera): Uint32Array {
     const { renderer, scene, shape } = this;
-    shape.update();
+    shape.posed.update();
     define(this.material, { ISOLATED: shape.isolated });
     const before = renderer.getRenderTarget();
     // Clear to alpha 0 (no face), because an opaque canvas would clear to alpha 1 (the first face).
@@ -116,7 +100,7 @@ export class Picker {
   }
 }
 
-/** An integer format that every WebGL 2 can render to. */
+/** Create a target of integers, in a format that every WebGL 2 supports. */
 function pixels(width: number, height: number): WebGLRenderTarget {
   return new WebGLRenderTarget(width, height, {
     format: RGBAIntegerFormat,

@@ -1,22 +1,10 @@
-/** Mouse, pen and touch on the canvas: hover, clicks, orbits, the wheel during a drag, and brush strokes. */
+/** Mouse, pen and touch on the canvas: hover, clicks, brush strokes, boxes, and the wheel during a drag. */
 
-import { store } from "../store/state";
-import type { Pick } from "./picker";
-
-export interface PointerEvents {
-  /** Whether the gizmo uses the pointer. */
-  busy(): boolean;
-  dragging(): boolean;
-  pick(x: number, y: number): Pick | null;
-  click(picked: Pick | null, event: PointerEvent): void;
-  /** Return whether the wheel event was used. */
-  wheel(delta: number): boolean;
-  paint(picked: Pick, erase: boolean): void;
-  /** Called while a box is drawn, at last with `done`. */
-  box(box: DOMRect, done: boolean, erase: boolean): void;
-  /** Called when the pointer rests on a point. */
-  rest(picked: Pick): void;
-}
+import { send } from "../actions/connection";
+import { changePart, hold, select, toggleFixed, wheelReach } from "../actions/edit";
+import { draws, isolates, ready, store, type Picked } from "../store/state";
+import { paint } from "./overlays/brush";
+import type { Viewer } from "./viewer";
 
 const CLICK_DISTANCE = 5;
 const REST_MILLISECONDS = 100;
@@ -31,32 +19,32 @@ export class Pointer {
 
   constructor(
     private readonly canvas: HTMLCanvasElement,
-    private readonly events: PointerEvents,
+    private readonly viewer: Viewer,
   ) {
     canvas.addEventListener("pointerdown", (event) => this.pressed(event));
     canvas.addEventListener("pointermove", (event) => this.moved(event));
     canvas.addEventListener("pointerup", (event) => this.released(event));
     canvas.addEventListener("pointercancel", () => this.forget());
     canvas.addEventListener("pointerleave", () => this.unhover());
-    // The focus ring is only shown for keyboard users.
+    // Only users of the keyboard see the outline of the focus.
     canvas.addEventListener("pointerdown", () => (canvas.dataset.pointed = ""));
     canvas.addEventListener("blur", () => delete canvas.dataset.pointed);
-    // Listen before the orbit controls, which would zoom.
+    // This listener must run before that of the orbit controls, which zoom.
     canvas.addEventListener("wheel", (event) => this.turned(event), { capture: true, passive: false });
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
   }
 
   private pressed(event: PointerEvent): void {
     if (!event.isPrimary) {
-      // A second finger zooms, so this is no click.
+      // A second finger zooms.
       if (this.down) this.down.moved = true;
       return;
     }
-    if (event.button !== 0 || this.events.busy()) return;
+    if (event.button !== 0 || this.viewer.gizmo.busy) return;
     const [x, y] = this.at(event);
     this.down = { x, y, id: event.pointerId, moved: false };
     const { tool } = store.get();
-    if (tool !== "paint" && tool !== "box") return;
+    if (!draws(tool)) return;
     this.drawing = tool;
     this.canvas.setPointerCapture(event.pointerId);
     this.stroke(event);
@@ -79,36 +67,40 @@ export class Pointer {
     if (down?.id !== event.pointerId) return;
     if (drawing === "box") this.stroke(event, true);
     this.forget();
-    if (drawing || down.moved || this.events.dragging()) return;
-    this.events.click(this.events.pick(...this.at(event)), event);
+    if (!drawing && !down.moved) click(this.viewer.pick(...this.at(event)), event);
   }
 
   private stroke(event: PointerEvent, done = false): void {
     const [x, y] = this.at(event);
     if (this.drawing === "box" && this.down) {
       const box = [Math.min(x, this.down.x), Math.min(y, this.down.y)] as const;
-      this.events.box(new DOMRect(...box, Math.abs(x - this.down.x), Math.abs(y - this.down.y)), done, event.shiftKey);
+      this.viewer.selectBox(
+        new DOMRect(...box, Math.abs(x - this.down.x), Math.abs(y - this.down.y)),
+        done,
+        event.shiftKey,
+      );
       return;
     }
-    const picked = this.events.pick(x, y);
-    if (picked) this.events.paint(picked, event.shiftKey);
+    const picked = this.viewer.pick(x, y);
+    if (picked && this.viewer.shape) paint(this.viewer.shape, picked, event.shiftKey);
   }
 
   private hover(event: PointerEvent): void {
     clearTimeout(this.timer);
-    const picked = this.events.busy() ? null : this.events.pick(...this.at(event));
+    const picked = this.viewer.gizmo.busy ? null : this.viewer.pick(...this.at(event));
     if (!picked) {
       this.unhover();
       return;
     }
     const { probe } = store.get();
     const same = probe?.vertex === picked.vertex;
-    store.set({ hover: { vertex: picked.vertex, row: picked.row }, probe: same ? probe : null });
-    if (!same) this.timer = window.setTimeout(() => this.events.rest(picked), REST_MILLISECONDS);
+    store.set({ hover: picked, probe: same ? probe : null });
+    if (!same) this.timer = window.setTimeout(() => showWeights(picked), REST_MILLISECONDS);
   }
 
   private turned(event: WheelEvent): void {
-    if (!this.events.dragging() || !this.events.wheel(event.deltaY || event.deltaX)) return;
+    if (!store.get().dragging) return;
+    wheelReach(Math.exp(-(event.deltaY || event.deltaX) / 900));
     event.preventDefault();
     event.stopImmediatePropagation();
   }
@@ -128,4 +120,21 @@ export class Pointer {
     const box = this.canvas.getBoundingClientRect();
     return [event.clientX - box.left, event.clientY - box.top];
   }
+}
+
+function click(picked: Picked | null, { shiftKey, ctrlKey, metaKey }: PointerEvent): void {
+  const state = store.get();
+  if (!picked) select(null);
+  if (!picked || !ready(state)) return;
+  const { vertex } = picked;
+  store.set({ hover: picked, probe: null });
+  if (shiftKey || ctrlKey || metaKey) void changePart(shiftKey ? "add" : "remove", vertex);
+  else if (state.tool === "fix") toggleFixed(vertex);
+  else if (state.tool === "hold") hold(vertex);
+}
+
+/** Show the weights that a new handle at a point would have. */
+function showWeights({ vertex }: Picked): void {
+  const state = store.get();
+  if (ready(state) && !draws(state.tool) && state.tool !== "pivot" && !isolates(state)) send({ type: "probe", vertex });
 }

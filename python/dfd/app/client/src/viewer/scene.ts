@@ -1,9 +1,8 @@
-/** Convert the store's state to the scene of the pose shader, in coordinates relative to the mesh's center. */
+/** Convert the state to the scene of the pose shader, relative to the mesh's center. */
 
 import type { Matrix4 } from "three";
 
 import {
-  add,
   apply,
   basisOf,
   IDENTITY,
@@ -14,29 +13,26 @@ import {
   type Transform,
   type Vec3,
 } from "../posing/affine";
-import { EMPTY_SCENE, type Column, type Mirror, type Scene } from "../posing/columns";
+import { EMPTY_SCENE, height, type Column, type Mirror, type Scene } from "../posing/columns";
 import { heldPart } from "../posing/held";
 import type { ColumnState, HandleState, SymmetryPlane } from "../protocol/messages";
 import { present, type State } from "../store/state";
 
-/** The handle's motion about the pivot of a column, in the column's frame. */
+/** Return the handle's motion about the pivot of a column, in the column's frame. */
 export function columnMatrix(handle: Placed, { frame, position }: ColumnState): Matrix4 {
   const { transform, position: held } = handle;
-  const matrix = matrixOf(transform, held);
   const back = basisOf(frame);
   const turn = back.clone().transpose();
   const pivot = transform.pivot ?? held;
+  const matrix = relative(matrixOf(transform, held), pivot).premultiply(turn).multiply(back);
   // The column's pivot relative to its position corresponds to the handle's pivot.
-  const own = add(position, apply(turn, subtract(pivot, held)));
-  return relative(relative(matrix, pivot).premultiply(turn).multiply(back), subtract([0, 0, 0], own));
+  return relative(matrix, subtract(apply(turn, subtract(held, pivot)), position));
 }
 
 type Placed = Pick<HandleState, "position"> & { readonly transform: Transform };
 
 export function mirrorOf(plane: SymmetryPlane, center: Vec3): Mirror {
-  const [x, y, z] = plane.normal;
-  const offset = plane.offset - (x * center[0] + y * center[1] + z * center[2]);
-  return { normal: plane.normal, offset, band: plane.band ?? 0 };
+  return { normal: plane.normal, offset: -height(plane, center), band: plane.band ?? 0 };
 }
 
 export function sceneOf(state: State): Scene {
@@ -54,13 +50,12 @@ export function sceneOf(state: State): Scene {
       columns.push({
         handle: own.handle,
         weights,
-        positive: isPositive(symmetry, each.position),
+        positive: !symmetry || height(symmetry, each.position) >= 0,
         heat: !probe && !painted && state.selected === own.handle ? 1 : 0,
         transform: state.comparing ? IDENTITY : relative(columnMatrix(handle, each), center),
       });
     }
   }
-  // The painted region, in a color of the ramp that is also visible on pale shapes.
   if (painted) columns.push(shownColumn(painted.weights, PAINTED));
   else if (probe) columns.push(shownColumn(probe.weights, 1));
   const d0 = state.comparing ? null : edit.default;
@@ -82,21 +77,10 @@ export function held(state: State, handle: number): number {
   return state.surface ? heldPart(columnsOf(state, handle), state.surface) : 0;
 }
 
+/** The heat of the painted region, in a color that is visible on pale shapes. */
 const PAINTED = 0.66;
 
 /** A column that is only shown in the heat map. */
 function shownColumn(weights: Uint16Array, heat: number): Column {
   return { handle: 0, weights, positive: true, heat, transform: IDENTITY };
-}
-
-function isPositive(plane: SymmetryPlane | null, position: Vec3): boolean {
-  if (!plane) return true;
-  const [x, y, z] = plane.normal;
-  return x * position[0] + y * position[1] + z * position[2] - plane.offset >= 0;
-}
-
-/** The position of a handle's gizmo: its pivot after its translation, relative to the center. */
-export function gripOf(transform: Transform, position: Vec3, center: Vec3): Vec3 {
-  const pivot = transform.pivot ?? position;
-  return [0, 1, 2].map((i) => pivot[i] + transform.translation[i] - center[i]) as unknown as Vec3;
 }

@@ -19,16 +19,17 @@ import {
   type WebGLRenderer,
 } from "three";
 
-import { IDENTITY, type Vec3 } from "../posing/affine";
+import type { Vec3 } from "../posing/affine";
 import { sameScene, type Scene } from "../posing/columns";
 import type { Payload } from "../protocol/binary_messages";
 import type { MaterialEntry, MeshMessage } from "../protocol/messages";
-import type { Look, Posed } from "../store/state";
+import { isolates, type Look, type Posed, type State } from "../store/state";
 import { Faces } from "./posing/faces";
 import { PosePass } from "./posing/pose_pass";
 import { PoseTextures } from "./posing/pose_textures";
 import { define, material } from "./posing/shaders";
 
+const WIRE = "#10182c";
 const WRAPS = { repeat: RepeatWrapping, mirror: MirroredRepeatWrapping, clamp: ClampToEdgeWrapping } as const;
 
 export class Shape {
@@ -42,11 +43,10 @@ export class Shape {
   readonly faces: Faces;
   /** Whether only the heat map's part is shown. */
   isolated = false;
-  /** The number of poses so far: a pick is valid while it and the camera stay the same. */
-  poses = 0;
   private readonly pose: PoseTextures;
-  private readonly posed: PosePass;
-  private readonly shared: Record<string, IUniform>;
+  readonly posed: PosePass;
+  /** Uniforms of all materials. */
+  private readonly shared = { heatStrength: { value: 1 }, fade: { value: 1 } };
   private readonly materials: ShaderMaterial[];
   private readonly wires: Mesh<BufferGeometry, ShaderMaterial>;
   private readonly textures: Texture[] = [];
@@ -63,13 +63,12 @@ export class Shape {
     this.positions = payload.get("positions", "F32");
     this.vertexOf = payload.get("vertex", "U32");
     this.pose = new PoseTextures(message.vertices);
-    const rows = { positions: this.positions, normals: payload.get("normals", "I16"), vertexOf: this.vertexOf };
-    this.posed = new PosePass(renderer, rows, this.pose);
+    this.posed = new PosePass(renderer, this.positions, payload.get("normals", "I16"), this.vertexOf, this.pose);
     const triangles = payload.get("triangles", "U32");
     this.faces = new Faces(this.positions, triangles);
     const { geometry } = this;
     const { position, normal, rest } = this.posed;
-    // three.js counts rows by `position`.
+    // three.js needs `position` to count the rows.
     Object.assign(geometry.attributes, { position, posedPosition: position, posedNormal: normal, rest });
     geometry.setIndex(new BufferAttribute(triangles, 1));
     if (payload.has("uv")) geometry.setAttribute("uv", new BufferAttribute(payload.get("uv", "F32"), 2));
@@ -77,80 +76,49 @@ export class Shape {
       geometry.setAttribute("rowColor", new BufferAttribute(payload.get("colors", "U8"), 4, true));
     geometry.boundingSphere = new Sphere(new Vector3(), this.radius);
     for (const { start, count, material } of message.groups) geometry.addGroup(3 * start, 3 * count, material);
-    this.shared = {
-      lookColor: { value: new Color(0.62, 0.61, 0.6) },
-      ownLook: { value: true },
-      heatStrength: { value: 1 },
-      heatAlone: { value: false },
-      fade: { value: 1 },
-    };
     this.materials = message.materials.map((entry) => this.material(entry, payload));
-    const flat = { baseColor: { value: new Color() }, opacity: { value: 0.5 } };
+    const flat = { baseColor: { value: new Color(WIRE) }, opacity: { value: 0.5 } };
     this.wires = new Mesh(
       geometry,
       material("surface", flat, { defines: { FLAT: "" }, wireframe: true, transparent: true, depthWrite: false }),
     );
     this.wires.visible = false;
     this.group.add(new Mesh(geometry, this.materials), this.wires);
-    // The resting bounding sphere does not contain all poses.
+    // The bounding sphere at rest does not contain all poses.
     for (const drawn of this.group.children) drawn.frustumCulled = false;
-  }
-
-  /** Pose all rows, unless they have the present pose. */
-  update(): void {
-    this.posed.update();
-  }
-
-  /** Read back the posed positions and heat (R, 4). */
-  read(): Float32Array {
-    return this.posed.read();
   }
 
   show(scene: Scene): void {
     if (sameScene(scene, this.pose.scene)) return;
-    const rested = rests(this.pose.scene);
     this.pose.show(scene);
-    if (!rested || !rests(scene)) this.poses++;
     this.posed.invalidate();
     this.heats = scene.columns.some((column) => column.heat !== 0);
     this.compile();
   }
 
-  setLook(look: Look, heatStrength: number, clay: Color): void {
+  /** Set the look, and the X-ray and isolate modes. */
+  dress(state: State): void {
+    const { look, xray, comparing, wireframe } = state;
     this.look = look;
-    this.shared.ownLook.value = look === "texture";
-    this.shared.heatAlone.value = look === "heat";
-    this.shared.heatStrength.value = heatStrength;
-    this.shared.lookColor.value = clay;
-    this.compile();
-  }
-
-  /** Set X-ray and isolate modes. */
-  reveal(xray: boolean, isolated: boolean): void {
+    this.isolated = isolates(state);
+    this.wires.visible = wireframe && !this.isolated;
+    this.shared.heatStrength.value = comparing ? 0 : 1;
     this.shared.fade.value = xray ? 0.4 : 1;
-    this.isolated = isolated;
     for (const each of this.materials) {
       each.transparent = xray || each.uniforms.blends.value === true;
       each.depthWrite = !xray;
     }
-    this.poses++;
     this.compile();
   }
 
-  setWireframe(on: boolean, color: Color): void {
-    this.wires.visible = on;
-    this.wires.material.uniforms.baseColor.value = color;
-  }
-
-  /** (V, 4) colors of the features' principal directions. */
+  /** Set (V, 4) colors of the features' principal directions. */
   setFeatureColors(colors: Uint8Array): void {
     this.geometry.setAttribute("featureColor", new BufferAttribute(this.perRow(colors, 4), 4, true));
     this.compile();
   }
 
-  /** Show the server's pose: (V, 3) positions and (V, 4) normals; null lets the shader pose again. */
+  /** Show the server's pose in place of the shader's; null shows the shader's. */
   setPosed(posed: Posed | null): void {
-    this.poses++;
     this.posed.setGiven(
       posed && { positions: this.perRow(posed.positions, 3), normals: this.perRow(posed.normals, 4) },
     );
@@ -186,13 +154,16 @@ export class Shape {
   /** Compile the materials for the present view. */
   private compile(): void {
     const { look, heats, geometry } = this;
-    const features = look === "features" && geometry.hasAttribute("featureColor");
-    const colors = look === "texture" && geometry.hasAttribute("rowColor");
-    const heat = look === "heat" || (look !== "features" && heats);
-    for (const each of this.materials) {
-      const map = look === "texture" && each.uniforms.map.value !== null;
-      define(each, { FEATURES: features, COLORS: colors, MAP: map, HEAT: heat, ISOLATED: this.isolated });
-    }
+    const own = look === "texture";
+    const defines = {
+      OWN: own,
+      COLORS: own && geometry.hasAttribute("rowColor"),
+      FEATURES: look === "features" && geometry.hasAttribute("featureColor"),
+      HEAT: look === "heat" || (look !== "features" && heats),
+      HEAT_ALONE: look === "heat",
+      ISOLATED: this.isolated,
+    };
+    for (const each of this.materials) define(each, { ...defines, MAP: own && each.uniforms.map.value !== null });
   }
 
   private material(entry: MaterialEntry, payload: Payload): ShaderMaterial {
@@ -219,7 +190,7 @@ export class Shape {
   private async picture(entry: MaterialEntry, file: Uint8Array, map: IUniform): Promise<void> {
     const blob = new Blob([file.slice()], { type: entry.media_type ?? "image/png" });
     try {
-      // The protocol's v points upwards, as in OpenGL: the first row of texels is the lowest of the picture.
+      // The protocol's v points upwards, so the first row of texels is the lowest of the picture.
       const image = await createImageBitmap(blob, { imageOrientation: "flipY", premultiplyAlpha: "none" });
       const texture = new Texture(image, Texture.DEFAULT_MAPPING, WRAPS[entry.wrap[0]], WRAPS[entry.wrap[1]]);
       texture.flipY = false;
@@ -231,12 +202,7 @@ export class Shape {
       this.compile();
       this.changed();
     } catch {
-      // If the browser cannot read a picture, the material has its plain color.
+      // The material has its plain color if the browser cannot read the picture.
     }
   }
-}
-
-/** Return whether no handle moves anything. */
-function rests({ columns, defaultTransform }: Scene): boolean {
-  return defaultTransform === null && columns.every(({ transform }) => transform.equals(IDENTITY));
 }

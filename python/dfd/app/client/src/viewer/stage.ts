@@ -8,7 +8,7 @@ import type { View } from "../store/state";
 
 const FIELD_OF_VIEW = 38;
 
-/** Direction from the shape to the camera; exactly from above, the camera's up direction would be undefined. */
+/** Directions from the shape to the camera. Exactly from above, the camera's up direction is undefined. */
 export const VIEWS: Record<View, Vec3> = {
   usual: [0.555, 0.296, 0.777],
   front: [0, 0, 1],
@@ -34,9 +34,9 @@ export class Stage {
 
   constructor(readonly canvas: HTMLCanvasElement) {
     const antialias = !drawsInSoftware();
-    // three.js would use a transparent canvas, which browsers blend with the page.
+    // Browsers would blend the transparent canvas of three.js with the page.
     const context = canvas.getContext("webgl2", { alpha: false, antialias, powerPreference: "high-performance" });
-    if (!context) throw new Error("There is no WebGL 2.");
+    if (!context) throw new Error("The browser does not support WebGL 2.");
     this.renderer = new WebGLRenderer({ canvas, context, antialias });
     this.orbit = new OrbitControls(this.camera, canvas);
     this.orbit.addEventListener("change", () => this.invalidate());
@@ -120,7 +120,7 @@ export class Stage {
   }
 }
 
-/** Whether the renderer runs on the CPU, where antialiasing would be too slow. */
+/** Return whether the renderer runs on the CPU, where antialiasing is too slow. */
 function drawsInSoftware(): boolean {
   const context = document.createElement("canvas").getContext("webgl2");
   const names = context?.getExtension("WEBGL_debug_renderer_info");

@@ -1,20 +1,25 @@
-/** The view: it follows the store, and reports the user's actions on the canvas. */
+/** Draw the shape, the gizmo and the marks of the store's state. */
 
-import { Box3, BufferGeometry, Color, LineBasicMaterial, LineLoop, MOUSE, Sphere, Vector3 } from "three";
+import {
+  Box3,
+  Color,
+  EdgesGeometry,
+  LineBasicMaterial,
+  LineSegments,
+  MOUSE,
+  PlaneGeometry,
+  Sphere,
+  Vector3,
+} from "three";
 
-import { send } from "../actions/connection";
-import { changePart, hold, select, toggleFixed, wheelReach } from "../actions/edit";
-import { saveBlob, stem } from "../actions/files";
+import { savePicture } from "../actions/files";
 import { problem } from "../actions/toasts";
-import { niceStep } from "../posing/affine";
 import { weightOf } from "../posing/columns";
-import type { MeshMessage } from "../protocol/messages";
-import { present, ready, selectedHandle, store, type State } from "../store/state";
-import { paint, touch } from "./overlays/brush";
+import { draws, isolates, store, type Picked, type State } from "../store/state";
+import { touch } from "./overlays/brush";
 import { Gizmo } from "./overlays/gizmo";
-import { marksOf } from "./overlays/marks";
-import { Markers } from "./overlays/markers";
-import { Picker, type Pick as Picked } from "./picker";
+import { drawMarks, marksOf } from "./overlays/marks";
+import { Picker } from "./picker";
 import { Pointer } from "./pointer";
 import { mirrorOf, sceneOf } from "./scene";
 import { Shape } from "./shape";
@@ -24,57 +29,33 @@ export class Viewer {
   readonly stage: Stage;
   shape: Shape | null = null;
   private picker: Picker | null = null;
-  /** The shape for which the camera was placed. */
-  private framed: MeshMessage | null = null;
-  private readonly gizmo: Gizmo;
-  private readonly markers: Markers;
-  private readonly plane = new LineLoop(
-    new BufferGeometry().setFromPoints(
-      [
-        [-1, -1],
-        [1, -1],
-        [1, 1],
-        [-1, 1],
-      ].map(([x, y]) => new Vector3(x, y)),
-    ),
-    new LineBasicMaterial(),
-  );
-  private readonly box = document.createElement("div");
+  readonly gizmo: Gizmo;
+  private marks: ReturnType<typeof marksOf> = [];
+  private readonly plane = new LineSegments(new EdgesGeometry(new PlaneGeometry(2, 2)), new LineBasicMaterial());
 
-  constructor(canvas: HTMLCanvasElement, overlay: HTMLElement) {
+  constructor(
+    canvas: HTMLCanvasElement,
+    overlay: HTMLElement,
+    private readonly box: HTMLElement,
+  ) {
     this.stage = new Stage(canvas);
-    this.markers = new Markers(overlay, (point) => this.stage.project(point));
-    this.stage.draws = () => this.shape?.update();
-    this.stage.drawn = () => this.markers.place();
-    // The gizmo handles a press before the orbit controls, and stops it.
+    this.stage.draws = () => this.shape?.posed.update();
+    this.stage.drawn = () => drawMarks(overlay, this.marks, (point) => this.stage.project(point));
+    // The gizmo must receive a press before the orbit controls do.
     this.gizmo = new Gizmo(this.stage.camera, canvas, () => this.stage.invalidate());
     this.stage.scene.add(this.plane, this.gizmo.proxy, this.gizmo.helper);
-    new Pointer(canvas, {
-      busy: () => this.gizmo.dragging || this.gizmo.hovered,
-      dragging: () => this.gizmo.dragging,
-      pick: (x, y) => this.pick(x, y),
-      click: (picked, event) => this.click(picked, event),
-      wheel: (delta) => this.wheel(delta),
-      paint: (picked, erase) => {
-        if (this.shape) paint(this.shape, picked, erase);
-      },
-      box: (box, done, erase) => this.selectBox(box, done, erase),
-      rest: (picked) => this.probe(picked),
-    });
-    this.box.className = "box";
-    this.box.hidden = true;
-    overlay.append(this.box);
+    new Pointer(canvas, this);
     this.follow(overlay);
   }
 
-  /** Save a picture of the view, without planes and gizmo. */
+  /** Save a picture of the view without the mirror plane and the gizmo. */
   screenshot(): void {
     const { stage } = this;
     const helpers = [this.plane, this.gizmo.helper].filter(({ visible }) => visible);
     helpers.forEach((helper) => (helper.visible = false));
     stage.draw();
     stage.canvas.toBlob((blob) => {
-      if (blob) saveBlob(blob, `${stem()}.png`);
+      if (blob) savePicture(blob);
       else problem("The browser could not make a picture of this size.");
     });
     helpers.forEach((helper) => (helper.visible = true));
@@ -86,11 +67,12 @@ export class Viewer {
     return this.picker?.pick(camera, x, y, width, height) ?? null;
   }
 
-  // --- following the store
-
   private follow(overlay: HTMLElement): void {
     const { stage } = this;
-    store.on("meshArrays", () => this.load());
+    store.on("meshArrays", () => {
+      this.load();
+      if (this.shape) stage.frameShape(this.shape.radius);
+    });
     store.on("featureColors", (colors) => {
       if (colors) this.shape?.setFeatureColors(colors);
       stage.invalidate();
@@ -103,7 +85,7 @@ export class Viewer {
       (state) => POSED_BY.map((key) => state[key]),
       () => this.soon(),
     );
-    // Marks are over the picture, which does not change.
+    // The mark of the pointer does not change the picture.
     store.on("hover", () => this.mark());
     store.watch(
       ({ look, wireframe, comparing, edit, xray, ...state }) => {
@@ -112,16 +94,9 @@ export class Viewer {
       () => this.dress(),
     );
     store.on("dragging", (dragging) => (stage.orbit.enabled = !dragging));
-    store.watch(
-      (state) => state.look === "features" && ready(state) && state.mesh,
-      (wanted) => {
-        if (wanted) send({ type: "features" });
-      },
-    );
     store.on("tool", (tool) => {
-      const draws = tool === "paint" || tool === "box";
-      stage.orbit.mouseButtons.LEFT = draws ? null : MOUSE.ROTATE;
-      overlay.classList.toggle("through", draws);
+      stage.orbit.mouseButtons.LEFT = draws(tool) ? null : MOUSE.ROTATE;
+      overlay.classList.toggle("through", draws(tool));
     });
     store.on("framed", (wish) => {
       if (!wish || !this.shape) return;
@@ -150,21 +125,17 @@ export class Viewer {
       this.stage.scene.add(this.shape.group);
       if (featureColors) this.shape.setFeatureColors(featureColors);
       this.shape.setPosed(posed);
-      if (this.framed !== mesh) this.stage.frameShape(this.shape.radius);
-      this.framed = mesh;
     }
     this.dress();
     this.pose();
   }
 
-  /** Read the colors of the page's theme for drawing on the canvas. */
+  /** Apply the look, and the colors of the page's theme. */
   private dress(): void {
-    const state = store.get();
-    this.stage.scene.background = themeColor("--stage");
-    this.shape?.reveal(state.xray, isolates(state));
-    this.shape?.setWireframe(state.wireframe && !isolates(state), themeColor("--wire"));
-    this.shape?.setLook(state.look, state.comparing ? 0 : 1, themeColor("--clay"));
-    this.drawPlane(state, themeColor("--accent"));
+    const { color, backgroundColor } = getComputedStyle(this.stage.canvas);
+    this.stage.scene.background = new Color(backgroundColor);
+    this.shape?.dress(store.get());
+    this.drawPlane(store.get(), new Color(color));
     this.stage.invalidate();
   }
 
@@ -183,42 +154,15 @@ export class Viewer {
   private pose(): void {
     const state = store.get();
     this.shape?.show(sceneOf(state));
-    this.hold(state);
+    this.gizmo.follow(state);
     this.mark();
     this.stage.invalidate();
   }
 
   private mark(): void {
     const state = store.get();
-    this.markers.show(this.shape ? marksOf(state, sceneOf(state), this.shape) : []);
-  }
-
-  private hold(state: State): void {
-    const handle = selectedHandle(state);
-    const { mesh, snap, tool } = state;
-    const draws = tool === "paint" || tool === "box";
-    const shown = handle && !draws && !state.comparing;
-    if (!shown || !mesh || !this.shape) {
-      this.gizmo.hold(null);
-      return;
-    }
-    this.gizmo.configure(
-      state.gizmo,
-      state.local ? "local" : "world",
-      snap ? niceStep(mesh.diagonal / 50) : null,
-      tool === "pivot",
-    );
-    const { transform } = present(state, handle);
-    const { base, tip } = axisOf(state) ?? { base: null, tip: null };
-    const ends = state.gizmo === "bend" && base && tip ? { base, tip } : null;
-    if (state.gizmo === "bend" && tool !== "pivot" && !ends) this.gizmo.hold(null);
-    else
-      this.gizmo.hold({
-        transform,
-        position: handle.position,
-        center: mesh.center,
-        ends: tool === "pivot" ? null : ends,
-      });
+    this.marks = this.shape ? marksOf(state, sceneOf(state), this.shape) : [];
+    this.stage.drawn();
   }
 
   private drawPlane({ edit, mesh }: State, color: Color): void {
@@ -237,7 +181,7 @@ export class Viewer {
   private frameSelection(shape: Shape): void {
     const { selected } = store.get();
     const columns = sceneOf(store.get()).columns.filter(({ handle }) => handle === selected && handle > 0);
-    const posed = shape.read();
+    const posed = shape.posed.read();
     const held = new Box3();
     const point = new Vector3();
     shape.vertexOf.forEach((vertex, row) => {
@@ -251,54 +195,15 @@ export class Viewer {
     }
   }
 
-  // --- the user's actions on the canvas
-
-  private selectBox(box: DOMRect, done: boolean, erase: boolean): void {
-    const { style } = this.box;
+  /** Show a box, and paint what is visible in it when it is done. */
+  selectBox(box: DOMRect, done: boolean, erase: boolean): void {
     this.box.hidden = done;
-    for (const side of ["left", "top", "width", "height"] as const) {
-      style[side] = `${{ left: box.x, top: box.y, width: box.width, height: box.height }[side]}px`;
-    }
+    for (const side of ["left", "top", "width", "height"] as const) this.box.style[side] = `${box[side]}px`;
     if (!done || !this.shape || !this.picker) return;
     const { camera, width, height } = this.stage;
     const rows = this.picker.within(camera, box, width, height, store.get().xray);
     touch(this.shape, (row) => rows.has(row), erase);
   }
-
-  private click(picked: Picked | null, event: PointerEvent): void {
-    const state = store.get();
-    if (!picked) {
-      select(null);
-      return;
-    }
-    if (!ready(state)) return;
-    store.set({ hover: { vertex: picked.vertex, row: picked.row }, probe: null });
-    if (event.shiftKey || event.ctrlKey || event.metaKey) changePart(event.shiftKey ? "add" : "remove", picked.vertex);
-    else if (state.tool === "fix") toggleFixed(picked.vertex);
-    else if (state.tool === "hold") hold(picked.vertex);
-  }
-
-  private wheel(delta: number): boolean {
-    const { selected } = store.get();
-    if (selected === null) return false;
-    wheelReach(selected, Math.exp(-delta / 900));
-    return true;
-  }
-
-  private probe({ vertex }: Picked): void {
-    const state = store.get();
-    if (!ready(state) || ["paint", "box", "pivot"].includes(state.tool) || isolates(state)) return;
-    send({ type: "probe", vertex });
-  }
-}
-
-function isolates({ isolated, selected, painted }: Pick<State, "isolated" | "selected" | "painted">) {
-  return isolated && selected !== null && !painted;
-}
-
-/** Return the axis of the selected handle's part, if it is known. */
-function axisOf({ axis, selected }: State): State["axis"] {
-  return axis?.handle === selected ? axis : null;
 }
 
 /** Keys of the state on which the pose and the marks depend. */
@@ -306,16 +211,3 @@ const POSED_BY = [
   ...(["edit", "columns", "ahead", "moment", "comparing", "probe", "painted", "selected", "mesh"] as const),
   ...(["suggestions", "similar", "dragging", "gizmo", "local", "snap", "tool", "axis"] as const),
 ];
-
-let sample: HTMLElement | null = null;
-
-/** Return a color variable of the style sheets in the present theme. */
-function themeColor(name: string): Color {
-  if (!sample) {
-    sample = document.createElement("span");
-    sample.hidden = true;
-    document.body.append(sample);
-  }
-  sample.style.color = `var(${name})`;
-  return new Color(getComputedStyle(sample).color);
-}

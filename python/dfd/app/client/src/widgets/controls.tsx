@@ -18,7 +18,7 @@ export function titled(name: string): string {
   return name.charAt(0).toUpperCase() + name.slice(1).replaceAll("_", " ");
 }
 
-/** Round to the digits of a field. */
+/** Round a number to the digits that a field shows. */
 export function readable(value: number): string {
   const size = Math.abs(value);
   if (size < 5e-7) return "0";
@@ -32,7 +32,7 @@ interface IconButtonProps {
   readonly keys?: string;
   readonly pressed?: boolean;
   readonly disabled?: boolean;
-  readonly onPress?: () => void;
+  readonly onPress?: (() => unknown) | undefined;
 }
 
 export function IconButton({ icon, label, keys, pressed, disabled, onPress }: IconButtonProps) {
@@ -51,12 +51,10 @@ export function IconButton({ icon, label, keys, pressed, disabled, onPress }: Ic
   );
 }
 
-type KeyButtonProps = Pick<IconButtonProps, "icon" | "pressed" | "disabled"> & { readonly keys: string };
-
-/** The action of a shortcut key. */
-export function KeyButton({ keys, ...rest }: KeyButtonProps) {
+/** A button for the action of a key. */
+export function KeyButton({ keys, ...rest }: Omit<IconButtonProps, "label" | "onPress"> & { readonly keys: string }) {
   const [, , label, run] = shortcut(keys) ?? [];
-  return <IconButton label={label ?? keys} keys={keys} {...(run && { onPress: run })} {...rest} />;
+  return <IconButton label={label ?? keys} keys={keys} onPress={run} {...rest} />;
 }
 
 interface ButtonProps {
@@ -64,7 +62,7 @@ interface ButtonProps {
   readonly style?: "primary" | "small" | "primary small";
   readonly title?: string;
   readonly disabled?: boolean;
-  /** Called when the pointer enters, or the focus arrives. */
+  /** Called when the button gets the pointer or the focus. */
   readonly onPoint?: () => void;
   readonly onPress: () => void;
 }
@@ -85,17 +83,22 @@ export function Button({ text, style, title, disabled, onPoint, onPress }: Butto
   );
 }
 
-interface ChoiceProps<Value extends string> {
+interface FieldProps<Value> {
   readonly label: string;
-  readonly value: Value;
-  readonly options: readonly Value[];
+  /** A suffix of the label for screen readers, if `label` is not unique. */
+  readonly of?: string;
   readonly hint?: string;
-  /** Labels of options that differ from their values. */
-  readonly named?: Partial<Record<Value, string>>;
-  readonly onChange: (value: Value) => void;
+  readonly value: Value;
+  readonly onChange: (value: Value) => unknown;
 }
 
-/** A choice among a few words, all visible. */
+interface ChoiceProps<Value extends string> extends FieldProps<Value> {
+  readonly options: readonly Value[];
+  /** Labels of options that differ from their values. */
+  readonly named?: Partial<Record<Value, string>>;
+}
+
+/** A choice among a few words that are all visible. */
 export function Segmented<Value extends string>({ label, value, options, hint, onChange }: ChoiceProps<Value>) {
   return (
     <div class="segmented" role="group" aria-label={label} aria-description={hint} title={hint}>
@@ -123,21 +126,17 @@ export function Select<Value extends string>({ label, value, options, hint, name
   );
 }
 
-interface NumberFieldProps {
-  readonly label: string;
-  readonly value: number;
+interface NumberFieldProps extends FieldProps<number> {
   readonly step: number;
-  readonly onChange: (value: number) => void;
   readonly axis?: "x" | "y" | "z";
-  readonly hint?: string;
 }
 
 /** A number field with arrow keys. */
 export function NumberField({ label, value, step, onChange, axis, hint }: NumberFieldProps) {
-  // The typed text stays until it is entered, even if the server sends another value.
+  // The typed text stays until the user enters it, even if the value changes.
   const [typed, setTyped] = useState<string | null>(null);
   return (
-    <label class={`number ${axis ?? ""}`}>
+    <label class="number">
       {axis && <span aria-hidden="true">{axis.toUpperCase()}</span>}
       <input
         type="number"
@@ -152,7 +151,7 @@ export function NumberField({ label, value, step, onChange, axis, hint }: Number
           if (Number.isFinite(valueAsNumber)) onChange(valueAsNumber);
         }}
         onBlur={() => setTyped(null)}
-        // Return the focus to the view, where letters are shortcut keys.
+        // Letters are keys of the page again.
         onKeyDown={(event) => event.key === "Enter" && event.currentTarget.blur()}
       />
     </label>
@@ -171,18 +170,8 @@ export function NumberRow(props: NumberFieldProps) {
 
 const AXES = ["x", "y", "z"] as const;
 
-interface TripleProps {
-  readonly label: string;
-  readonly value: Vec3;
-  readonly step: number;
-  readonly onChange: (value: Vec3) => void;
-  /** Label for screen readers, if `label` occurs more than once. */
-  readonly of?: string;
-  readonly hint?: string;
-}
-
 /** Three number fields, one per axis. */
-export function Triple({ label, of = "", hint, value, step, onChange }: TripleProps) {
+export function Triple({ label, of = "", hint, value, step, onChange }: FieldProps<Vec3> & { readonly step: number }) {
   return (
     <div class="triple" role="group" aria-label={`${label}${of}`} aria-description={hint} title={hint}>
       <span>{label}</span>
@@ -200,21 +189,15 @@ export function Triple({ label, of = "", hint, value, step, onChange }: TriplePr
   );
 }
 
-interface SliderProps {
-  readonly label: string;
-  /** Label for screen readers, if `label` occurs more than once. */
-  readonly of?: string;
-  readonly hint?: string;
-  readonly value: number;
+interface SliderProps extends FieldProps<number> {
   readonly range: readonly [min: number, max: number, step: number];
   readonly text: string;
-  readonly onInput: (value: number) => void;
 }
 
-export function Slider({ label, of = "", hint, value, range: [min, max, step], text, onInput }: SliderProps) {
+export function Slider({ label, of = "", hint, value, range: [min, max, step], text, onChange }: SliderProps) {
   const [held, setHeld] = useState<number | null>(null);
   const shown = held ?? value;
-  // A value set by hand stays until the server has confirmed it.
+  // The user's value stays until the server confirms it.
   useEffect(() => {
     if (held === null) return undefined;
     const timer = setTimeout(() => setHeld(null), 1000);
@@ -235,21 +218,14 @@ export function Slider({ label, of = "", hint, value, range: [min, max, step], t
         aria-description={hint}
         onInput={(event) => {
           setHeld(event.currentTarget.valueAsNumber);
-          onInput(event.currentTarget.valueAsNumber);
+          onChange(event.currentTarget.valueAsNumber);
         }}
       />
     </div>
   );
 }
 
-interface ToggleProps {
-  readonly label: string;
-  readonly hint?: string;
-  readonly checked: boolean;
-  readonly onChange: (checked: boolean) => void;
-}
-
-export function Toggle({ label, hint, checked, onChange }: ToggleProps) {
+export function Toggle({ label, hint, value, onChange }: FieldProps<boolean>) {
   return (
     <label class="toggle" title={hint}>
       <span>{label}</span>
@@ -257,14 +233,14 @@ export function Toggle({ label, hint, checked, onChange }: ToggleProps) {
         type="checkbox"
         role="switch"
         aria-description={hint}
-        checked={checked}
+        checked={value}
         onChange={(event) => onChange(event.currentTarget.checked)}
       />
     </label>
   );
 }
 
-/** A menu item: its text, a hint, and its action; without an action it is disabled. */
+/** A menu item. It is disabled without an action. */
 export type MenuItem = readonly [text: string, hint: string, run: (() => void) | null];
 
 interface MenuProps {
@@ -363,7 +339,7 @@ export function Panel({ title, action, children }: PanelProps) {
   );
 }
 
-/** Rarely used settings; once opened, they stay open. */
+/** Rarely used settings. They stay open. */
 export function More({ children }: Pick<PanelProps, "children">) {
   const { more } = useParts();
   return (

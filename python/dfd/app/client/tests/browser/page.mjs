@@ -59,7 +59,7 @@ function installHook() {
       drop,
       /** (R, 4) posed positions relative to the mesh's center, and heat, as the shader has them. */
       positions() {
-        const found = shown().read();
+        const found = shown().posed.read();
         const error = stage.renderer.getContext().getError();
         if (error !== 0) throw new Error(`The graphics refused something: ${error}`);
         return found;
@@ -84,7 +84,7 @@ function installHook() {
       /** Where a vertex appears, in pixels of the page. */
       project(vertex) {
         const row = shown().vertexOf.indexOf(vertex);
-        return this.place(posePoint(sceneOf(store.get()), shown().at(row), vertex).position);
+        return this.place(posePoint(sceneOf(store.get()), shown().at(row), vertex));
       },
       /** Where a point, relative to the mesh's center, appears in pixels of the page. */
       place(point) {

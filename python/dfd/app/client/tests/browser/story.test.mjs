@@ -194,8 +194,8 @@ async function paint(among = null) {
   await page.mouse.up();
   await until(page, (s) => s.painted !== null && s.painted.count > 0);
   const painted = await page.evaluate(() => {
-    const { mask } = window.dfd.store.get().painted;
-    return Array.from({ length: 8 * mask.length }, (_, v) => v).filter((v) => (mask[v >> 3] >> (v & 7)) & 1);
+    const { weights } = window.dfd.store.get().painted;
+    return [...weights.keys()].filter((vertex) => weights[vertex] > 0);
   });
   assert.equal(painted.length, await state(page, (s) => s.painted.count));
   return painted;

@@ -13,7 +13,7 @@ describe("createStore", () => {
     store.watch((state) => state.b, b);
     store.set({ a: 2 });
     store.set({ a: 2 });
-    expect(a.mock.calls).toEqual([[2, 1]]);
+    expect(a.mock.calls).toEqual([[2]]);
     expect(b).not.toHaveBeenCalled();
   });
 

@@ -1,20 +1,32 @@
-/** The gizmo that moves, turns and scales the selected handle, or moves its pivot. */
+/** The gizmo that moves, rotates, scales and bends the selected handle, or moves its pivot. */
 
-import { MathUtils, Object3D, Quaternion, type Camera } from "three";
+import { MathUtils, Object3D, Quaternion, Vector3, type Camera } from "three";
 import { TransformControls } from "three/addons/controls/TransformControls.js";
 
 import { dragTo, endDrag, startDrag } from "../../actions/edit";
-import { apply, basisOf, matrixOf, quaternionOf, rotationOf, type Transform, type Vec3 } from "../../posing/affine";
+import {
+  apply,
+  basisOf,
+  matrixOf,
+  niceStep,
+  quaternionOf,
+  rotationOf,
+  subtract,
+  type Transform,
+  type Vec3,
+} from "../../posing/affine";
 import { bendTowards, bentTip, type PartEnds } from "../../posing/bend";
-import type { GizmoMode } from "../../store/state";
-import { gripOf } from "../scene";
+import { draws, present, selectedHandle, type State } from "../../store/state";
 
-export interface Held {
+/** What the gizmo moves. */
+interface Held {
   readonly transform: Transform;
   readonly position: Vec3;
   readonly center: Vec3;
   /** Both ends of the axis, in the bend mode. */
   readonly ends: PartEnds | null;
+  /** Whether only the pivot moves. */
+  readonly pivoting: boolean;
 }
 
 const SNAP_ANGLE = MathUtils.degToRad(15);
@@ -26,7 +38,6 @@ export class Gizmo {
   readonly proxy = new Object3D();
   private readonly controls: TransformControls;
   private held: Held | null = null;
-  private pivoting = false;
 
   constructor(camera: Camera, canvas: HTMLElement, redraw: () => void) {
     this.controls = new TransformControls(camera, canvas);
@@ -40,66 +51,65 @@ export class Gizmo {
     });
   }
 
-  get dragging(): boolean {
-    return this.controls.dragging;
+  /** Whether the gizmo uses the pointer. */
+  get busy(): boolean {
+    return this.controls.dragging || this.controls.axis !== null;
   }
 
-  /** Whether the pointer is over the gizmo. */
-  get hovered(): boolean {
-    return this.controls.axis !== null;
-  }
-
-  hold(held: Held | null): void {
+  /** Move the gizmo to the selected handle, or hide it. */
+  follow(state: State): void {
+    const { gizmo, tool, local, snap, mesh } = state;
+    this.controls.setMode(tool === "pivot" || gizmo === "bend" ? "translate" : gizmo);
+    this.controls.setSpace(local ? "local" : "world");
+    this.controls.setTranslationSnap(snap && mesh ? niceStep(mesh.diagonal / 50) : null);
+    this.controls.setRotationSnap(snap ? SNAP_ANGLE : null);
+    this.controls.setScaleSnap(snap ? SNAP_SCALE : null);
     if (this.controls.dragging) return;
-    this.held = held;
-    if (!held) {
+    this.held = heldOf(state);
+    if (!this.held) {
       this.controls.detach();
       return;
     }
-    const { ends, transform, position, center } = held;
-    if (ends) {
-      const tip = apply(matrixOf(transform, position), bentTip(ends, transform.bend, transform.joint));
-      this.proxy.position.set(tip[0] - center[0], tip[1] - center[1], tip[2] - center[2]);
-    } else this.proxy.position.set(...gripOf(transform, position, center));
-    this.proxy.quaternion.copy(quaternionOf(held.transform.rotation)).multiply(axesTurn(held.transform));
-    this.proxy.scale.set(...held.transform.scale);
+    const { ends, transform, position, center } = this.held;
+    const grip = ends ? bentTip(ends, transform.bend, transform.joint) : (transform.pivot ?? position);
+    this.proxy.position.set(...subtract(apply(matrixOf(transform, position), grip), center));
+    this.proxy.quaternion.copy(quaternionOf(transform.rotation)).multiply(axesTurn(transform));
+    this.proxy.scale.set(...transform.scale);
     this.proxy.updateMatrixWorld();
     this.controls.attach(this.proxy);
   }
 
-  configure(mode: GizmoMode, space: "local" | "world", snap: number | null, pivoting: boolean): void {
-    this.pivoting = pivoting;
-    this.controls.setMode(pivoting || mode === "bend" ? "translate" : mode);
-    this.controls.setSpace(space);
-    this.controls.setTranslationSnap(snap);
-    this.controls.setRotationSnap(snap === null ? null : SNAP_ANGLE);
-    this.controls.setScaleSnap(snap === null ? null : SNAP_SCALE);
-  }
-
-  private read(held: Held): Transform {
-    const { x, y, z } = this.proxy.position;
-    const grip: Vec3 = [x + held.center[0], y + held.center[1], z + held.center[2]];
-    const { transform, position } = held;
-    if (held.ends) {
+  private read({ transform, position, center, ends, pivoting }: Held): Transform {
+    const { scale, quaternion } = this.proxy;
+    const grip = this.proxy.position
+      .clone()
+      .add(new Vector3(...center))
+      .toArray();
+    if (ends) {
       // The bend is applied before the rest of the transform.
       const tip = apply(matrixOf(transform, position).invert(), grip);
-      return { ...transform, bend: bendTowards(held.ends, tip, transform.joint) };
+      return { ...transform, bend: bendTowards(ends, tip, transform.joint) };
     }
-    if (this.pivoting) {
-      // When the pivot moves, the translation is adjusted so that the shape does not move.
-      const [tx, ty, tz] = transform.translation;
-      return { ...transform, pivot: [grip[0] - tx, grip[1] - ty, grip[2] - tz], pivotAt: null };
-    }
-    const pivot = transform.pivot ?? position;
-    const q = this.proxy.quaternion.clone().multiply(axesTurn(transform).invert()).normalize();
-    const { scale } = this.proxy;
+    if (pivoting) return { ...transform, pivot: subtract(grip, transform.translation), pivotAt: null };
     return {
       ...transform,
-      translation: [grip[0] - pivot[0], grip[1] - pivot[1], grip[2] - pivot[2]],
-      rotation: rotationOf(q),
-      scale: [scale.x, scale.y, scale.z],
+      translation: subtract(grip, transform.pivot ?? position),
+      rotation: rotationOf(quaternion.clone().multiply(axesTurn(transform).invert()).normalize()),
+      scale: scale.toArray(),
     };
   }
+}
+
+function heldOf(state: State): Held | null {
+  const { mesh, axis, tool, gizmo, comparing } = state;
+  const handle = selectedHandle(state);
+  if (!handle || !mesh || comparing || draws(tool)) return null;
+  const pivoting = tool === "pivot";
+  const bends = gizmo === "bend" && !pivoting;
+  const { base, tip } = axis?.handle === handle.handle ? axis : { base: null, tip: null };
+  const ends = bends && base && tip ? { base, tip } : null;
+  if (bends && !ends) return null;
+  return { ...present(state, handle), center: mesh.center, ends, pivoting };
 }
 
 /** The rotation from the mesh's axes to the axes of scale. */

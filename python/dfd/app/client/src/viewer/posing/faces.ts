@@ -1,11 +1,11 @@
-/** Map a pick (a point at rest and the last corner of its triangle) to the nearest corner of that triangle. */
+/** Find the corner nearest to a picked point, in the triangle that contains the point. */
 
 import { Triangle, Vector3 } from "three";
 
 import type { Vec3 } from "../../posing/affine";
 
 export class Faces {
-  /** Triangles sorted by their last corners, and the first triangle of each corner. */
+  /** The triangles, sorted by their last corners, and the index of the first one of each corner. */
   private readonly order: Uint32Array;
   private readonly starts: Uint32Array;
 
@@ -22,7 +22,7 @@ export class Faces {
     for (let face = 0; face < count; face++) this.order[next[triangles[3 * face + 2]]++] = face;
   }
 
-  /** Return the corner nearest to the point, of the triangle that contains it. */
+  /** Return the row of that corner; `lastCorner` is the last row of the triangle. */
   nearestRow(point: Vec3, lastCorner: number): number | null {
     let best: number | null = null;
     let least = Infinity;

@@ -1,20 +1,22 @@
-/** Pose the shape on the GPU once per change, into buffers that drawing and picking read. */
+/** Pose the shape on the GPU once per change. Drawing and picking read the results from buffers. */
 
 import { GLBufferAttribute, type WebGLRenderer } from "three";
 
 import { IDENTITY } from "../../posing/affine";
 import type { Posed } from "../../store/state";
-import { ATTRIBUTES, PosePrograms } from "./pose_program";
-import type { PoseTextures } from "./pose_textures";
+import pose from "../../shaders/pose.glsl?raw";
+import pass from "../../shaders/pose_pass.glsl?raw";
+import { definesOf, type PoseTextures } from "./pose_textures";
 
-/** The input of each row: (R, 3) resting positions, (R, 4) normals of length 32767, (R) vertices. */
-export interface Rows {
-  readonly positions: Float32Array;
-  readonly normals: Int16Array;
-  readonly vertexOf: Uint32Array;
-}
-
+const ATTRIBUTES = { rest: 0, restNormal: 1, vertex: 2, givenPosition: 3, givenNormal: 4 } as const;
+const VARYINGS = ["posedPosition", "posedNormal"];
+const UNIFORMS = ["weights", "columns", "columnCount", "defaultTransform", "mirror", "mirrorBand"] as const;
 const NOTHING = new Uint8Array(0);
+
+interface Program {
+  readonly program: WebGLProgram;
+  readonly at: Readonly<Record<(typeof UNIFORMS)[number], WebGLUniformLocation | null>>;
+}
 
 export class PosePass {
   /** (R, 4) posed positions and heat. */
@@ -24,7 +26,8 @@ export class PosePass {
   /** (R, 3) resting positions. */
   readonly rest: GLBufferAttribute;
   private readonly gl: WebGL2RenderingContext;
-  private readonly programs: PosePrograms;
+  /** The pose shader, compiled once for each set of defines. */
+  private readonly programs = new Map<string, Program>();
   private readonly count: number;
   private readonly buffers: WebGLBuffer[] = [];
   private readonly input: WebGLVertexArrayObject;
@@ -37,15 +40,17 @@ export class PosePass {
   /** Whether the buffers contain the present pose. */
   private fresh = false;
 
+  /** The input is (R, 3) resting positions, (R, 4) normals of length 32767, and (R) the vertices of the rows. */
   constructor(
     private readonly renderer: WebGLRenderer,
-    { positions, normals, vertexOf }: Rows,
+    positions: Float32Array,
+    normals: Int16Array,
+    vertexOf: Uint32Array,
     private readonly pose: PoseTextures,
   ) {
     const gl = renderer.getContext() as WebGL2RenderingContext;
     this.gl = gl;
     this.count = vertexOf.length;
-    this.programs = new PosePrograms(gl);
     this.input = gl.createVertexArray();
     gl.bindVertexArray(this.input);
     const rest = this.filled(positions);
@@ -62,7 +67,7 @@ export class PosePass {
     gl.bindVertexArray(null);
     gl.bindBuffer(gl.ARRAY_BUFFER, null);
     this.output = gl.createTransformFeedback();
-    // Without this, browsers treat the pass as drawing, and show an empty picture.
+    // Without a framebuffer of its own, the pass would clear the picture in browsers.
     this.nowhere = gl.createFramebuffer();
     this.pixel = gl.createRenderbuffer();
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.nowhere);
@@ -80,7 +85,7 @@ export class PosePass {
     this.fresh = false;
   }
 
-  /** Show the server's pose, (R, 3) and (R, 4), in place of the shader's; null shows the shader's again. */
+  /** Use the server's pose, (R, 3) and (R, 4), in place of the shader's; null uses the shader's. */
   setGiven(given: Posed | null): void {
     if (!given && !this.given) return;
     const { gl } = this;
@@ -103,9 +108,11 @@ export class PosePass {
     this.fresh = true;
     const { gl, pose, renderer } = this;
     pose.textures.forEach((texture) => renderer.initTexture(texture));
-    const { program, at } = this.programs.with([...pose.defines, ...(this.given ? ["GIVEN"] : [])]);
+    const defines = [...definesOf(pose.scene), ...(this.given ? ["GIVEN"] : [])];
+    const { program, at } = this.programs.get(defines.join()) ?? compile(gl, defines);
+    this.programs.set(defines.join(), { program, at });
     gl.useProgram(program);
-    const { mirror, defaultTransform } = pose.scene;
+    const { columns, mirror, defaultTransform } = pose.scene;
     [gl.TEXTURE_2D_ARRAY, gl.TEXTURE_2D].forEach((target, unit) => {
       const { __webglTexture } = renderer.properties.get(pose.textures[unit]) as { __webglTexture: WebGLTexture };
       gl.activeTexture(gl.TEXTURE0 + unit);
@@ -113,11 +120,11 @@ export class PosePass {
     });
     gl.uniform1i(at.weights, 0);
     gl.uniform1i(at.columns, 1);
-    gl.uniform1i(at.columnCount, pose.columnCount);
+    gl.uniform1i(at.columnCount, columns.length);
     gl.uniformMatrix4fv(at.defaultTransform, false, (defaultTransform ?? IDENTITY).elements);
     if (mirror) gl.uniform4f(at.mirror, ...mirror.normal, mirror.offset);
     gl.uniform1f(at.mirrorBand, mirror?.band ?? 0);
-    // A buffer that is written must not be bound elsewhere, but three.js leaves its buffers bound.
+    // three.js leaves buffers bound, but WebGL does not write to a bound buffer.
     gl.bindBuffer(gl.ARRAY_BUFFER, null);
     gl.bindVertexArray(this.input);
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.output);
@@ -153,10 +160,10 @@ export class PosePass {
     gl.deleteTransformFeedback(this.output);
     gl.deleteFramebuffer(this.nowhere);
     gl.deleteRenderbuffer(this.pixel);
-    this.programs.dispose();
+    this.programs.forEach(({ program }) => gl.deleteProgram(program));
   }
 
-  /** Create a buffer with this content or of this many bytes, bound to an attribute. */
+  /** Create and bind a buffer with this content, or of this many bytes. */
   private filled(data: Float32Array | Int16Array | Uint32Array | number): WebGLBuffer {
     const { gl } = this;
     const buffer = gl.createBuffer();
@@ -167,11 +174,40 @@ export class PosePass {
     return buffer;
   }
 
-  /** Whether integers represent numbers in [-1, 1]. */
+  /** Read an attribute from the bound buffer; integers represent numbers in [-1, 1]. */
   private reads(place: number, size: number, type: GLenum, on = true): void {
     const { gl } = this;
     if (on) gl.enableVertexAttribArray(place);
     else gl.disableVertexAttribArray(place);
     gl.vertexAttribPointer(place, size, type, type !== gl.FLOAT, 0, 0);
   }
+}
+
+function compile(gl: WebGL2RenderingContext, defines: readonly string[]): Program {
+  const defined = defines.map((name) => `#define ${name}\n`).join("");
+  const header = "#version 300 es\nprecision highp float;\nprecision highp int;\n";
+  const program = gl.createProgram();
+  const shaders = [
+    shader(gl, gl.VERTEX_SHADER, `${header}${defined}${pose}\n${pass}`),
+    shader(gl, gl.FRAGMENT_SHADER, `${header}void main() {}`),
+  ];
+  shaders.forEach((each) => gl.attachShader(program, each));
+  for (const [name, place] of Object.entries(ATTRIBUTES)) gl.bindAttribLocation(program, place, name);
+  gl.transformFeedbackVaryings(program, VARYINGS, gl.SEPARATE_ATTRIBS);
+  gl.linkProgram(program);
+  shaders.forEach((each) => gl.deleteShader(each));
+  if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost())
+    throw new Error(`The pose shader does not link: ${gl.getProgramInfoLog(program)}`);
+  const at = Object.fromEntries(UNIFORMS.map((name) => [name, gl.getUniformLocation(program, name)]));
+  return { program, at: at as Program["at"] };
+}
+
+function shader(gl: WebGL2RenderingContext, type: GLenum, source: string): WebGLShader {
+  const made = gl.createShader(type);
+  if (!made) throw new Error("The graphics context is lost.");
+  gl.shaderSource(made, source);
+  gl.compileShader(made);
+  if (!gl.getShaderParameter(made, gl.COMPILE_STATUS) && !gl.isContextLost())
+    throw new Error(`The pose shader does not compile: ${gl.getShaderInfoLog(made)}`);
+  return made;
 }

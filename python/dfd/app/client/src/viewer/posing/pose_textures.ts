@@ -1,4 +1,4 @@
-/** The input of the pose shader: weights as layers of an integer texture, and one row of numbers per column. */
+/** The input of the pose shader: a layer of weights, and a row of numbers, for each column. */
 
 import {
   DataArrayTexture,
@@ -19,27 +19,23 @@ const WIDTH = 4096;
 const TEXELS = 7;
 const LEAST_LAYERS = 4;
 const LEAST_ROWS = 16;
-/** The matrix that transforms normals under an affine transform. */
+/** The elements of the linear part of an affine matrix. */
 const LINEAR = [0, 1, 2, 4, 5, 6, 8, 9, 10];
-
-/** The features of a scene for which a shader is compiled. */
-export type Define = "MIRROR" | "DEFAULT" | "TURNED";
 
 export class PoseTextures {
   weights: DataArrayTexture;
   columns = rows(LEAST_ROWS);
-  columnCount = 0;
-  defines: ReadonlySet<Define> = new Set();
   scene: Scene = EMPTY_SCENE;
   private readonly height: number;
-  private readonly places = new Map<Uint16Array, number>();
+  /** The column of weights in each layer. */
+  private places = empty(LEAST_LAYERS);
 
   constructor(vertexCount: number) {
     this.height = Math.max(Math.ceil(vertexCount / WIDTH), 1);
     this.weights = this.layers(LEAST_LAYERS);
   }
 
-  /** Set the scene of the shader; each column of weights is uploaded once. */
+  /** Set the scene of the shader. Each column of weights is uploaded once. */
   show(scene: Scene): void {
     this.keep(scene);
     const count = scene.columns.length;
@@ -52,13 +48,11 @@ export class PoseTextures {
       const at = 4 * TEXELS * k;
       writeMove(table, at, column.transform);
       writeMove(table, at + 12, scene.mirror ? mirrored(column.transform, scene.mirror) : column.transform);
-      const layer = this.places.get(column.weights) ?? -1;
+      const layer = this.places.indexOf(column.weights);
       table.set([layer, column.positive ? 1 : -1, column.heat, column.handle > 0 ? 1 : 0], at + 24);
     });
     this.columns.needsUpdate = true;
-    this.columnCount = count;
     this.scene = scene;
-    this.defines = definesOf(scene);
   }
 
   get textures(): readonly Texture[] {
@@ -69,33 +63,23 @@ export class PoseTextures {
     this.textures.forEach((texture) => texture.dispose());
   }
 
+  /** Give each column of weights a layer of the texture. */
   private keep(scene: Scene): void {
     const wanted = new Set(scene.columns.map(({ weights }) => weights));
-    for (const layer of this.places.keys()) if (!wanted.has(layer)) this.places.delete(layer);
-    const fresh = [...wanted].filter((layer) => !this.places.has(layer));
-    if (fresh.length === 0) return;
-    const capacity = this.weights.image.depth;
-    if (wanted.size > capacity) {
+    if (wanted.size > this.places.length) {
       this.weights.dispose();
       this.weights = this.layers(2 * wanted.size);
-      this.places.clear();
-      fresh.splice(0, fresh.length, ...wanted);
+      this.places = empty(2 * wanted.size);
     }
-    const taken = new Set(this.places.values());
-    let next = 0;
-    for (const layer of fresh) {
-      while (taken.has(next)) next++;
-      taken.add(next);
-      this.places.set(layer, next);
-      this.write(layer, next);
+    this.places = this.places.map((kept) => (kept && wanted.has(kept) ? kept : null));
+    for (const weights of wanted) {
+      if (this.places.includes(weights)) continue;
+      const place = this.places.indexOf(null);
+      this.places[place] = weights;
+      (this.weights.image.data as Uint16Array).set(weights, WIDTH * this.height * place);
+      this.weights.addLayerUpdate(place);
+      this.weights.needsUpdate = true;
     }
-  }
-
-  private write(layer: Uint16Array, place: number): void {
-    const texture = this.weights;
-    (texture.image.data as Uint16Array).set(layer, WIDTH * this.height * place);
-    texture.addLayerUpdate(place);
-    texture.needsUpdate = true;
   }
 
   private layers(count: number): DataArrayTexture {
@@ -111,22 +95,24 @@ export class PoseTextures {
   }
 }
 
+function empty(count: number): (Uint16Array | null)[] {
+  return new Array<Uint16Array | null>(count).fill(null);
+}
+
 function rows(count: number): DataTexture {
   const texture = new DataTexture(new Float32Array(4 * TEXELS * count), TEXELS, count, RGBAFormat, FloatType);
   texture.needsUpdate = true;
   return texture;
 }
 
-export function definesOf({ columns, mirror, defaultTransform }: Scene): Set<Define> {
-  const has: Record<Define, boolean> = {
-    MIRROR: mirror !== null,
-    DEFAULT: defaultTransform !== null,
-    TURNED: columns.some(({ transform }) => LINEAR.some((i) => transform.elements[i] !== IDENTITY.elements[i])),
-  };
-  return new Set((Object.keys(has) as Define[]).filter((part) => has[part]));
+/** Return the defines of the shader that a scene needs. */
+export function definesOf({ columns, mirror, defaultTransform }: Scene): string[] {
+  const turns = ({ elements }: Matrix4) => LINEAR.some((i) => elements[i] !== IDENTITY.elements[i]);
+  const has = { MIRROR: mirror, DEFAULT: defaultTransform, TURNED: columns.some(({ transform }) => turns(transform)) };
+  return Object.entries(has).flatMap(([name, part]) => (part ? [name] : []));
 }
 
-/** Rows of D − I. Adding displacements to a point keeps precision where the motion is small. */
+/** Write the rows of D − I. Displacements are more precise than positions where the motion is small. */
 function writeMove(table: Float32Array, at: number, { elements }: Matrix4): void {
   for (let i = 0; i < 12; i++) {
     const k = 4 * (i % 4) + Math.floor(i / 4);

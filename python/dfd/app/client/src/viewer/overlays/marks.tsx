@@ -1,15 +1,41 @@
-/** Choose the marks over the shape. */
+/** Marks over the canvas: handles, fixed places, counterparts, suggestions and the vertex under the pointer. */
+
+import { render } from "preact";
 
 import { send } from "../../actions/connection";
-import { select, hold } from "../../actions/edit";
-import { otherPlaces, toggleCounterpart } from "../../actions/similar";
+import { hold, select, toggleCounterpart } from "../../actions/edit";
 import { apply, matrixOf, subtract, type Vec3 } from "../../posing/affine";
 import { posePoint, type Scene } from "../../posing/columns";
 import { followed, LEAST_SEEN } from "../../posing/held";
-import { handleColor, handleName, placeName, present, type State } from "../../store/state";
+import { handleColor, handleName, otherPlaces, placeName, present, type State } from "../../store/state";
 import { columnsOf } from "../scene";
 import type { Shape } from "../shape";
-import type { Mark } from "./markers";
+
+type Project = (point: Vec3) => readonly [number, number] | null;
+
+interface Mark {
+  readonly key: string;
+  readonly kind: "handle" | "handle selected" | "fixed" | "counterpart" | "counterpart off" | "suggestion" | "hover";
+  readonly at: Vec3;
+  readonly label: string;
+  /** The color of the handle. */
+  readonly color?: string;
+  readonly press?: () => unknown;
+}
+
+/** Draw marks at the pixels that `project` returns. */
+export function drawMarks(layer: HTMLElement, marks: readonly Mark[], project: Project): void {
+  const drawn = marks.map(({ key, kind, at, label, color, press }) => {
+    const [x, y] = project(at) ?? [null, null];
+    const style = {
+      "--own": color,
+      ...(x === null ? { visibility: "hidden" } : { transform: `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)` }),
+    };
+    const shown = { key, class: `mark ${kind}`, title: label, "aria-label": label, style };
+    return press ? <button type="button" onClick={press} {...shown} /> : <div {...shown} />;
+  });
+  render(drawn, layer);
+}
 
 export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
   const { edit, mesh } = state;
@@ -17,7 +43,7 @@ export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
   const { center } = mesh;
   const posed = (vertex: number | null, position: Vec3): Vec3 => {
     const at = subtract(position, center);
-    return vertex === null ? at : posePoint(scene, at, vertex).position;
+    return vertex === null ? at : posePoint(scene, at, vertex);
   };
   const marks: Mark[] = [];
   edit.fixed.forEach((fixed, index) => {
@@ -37,41 +63,38 @@ export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
       handle.vertex === null
         ? subtract(apply(matrixOf(handle.transform, handle.position), handle.position), center)
         : posed(handle.vertex, handle.position);
-    const label = handleName(handle);
     marks.push({
       key: `handle ${handle.handle}`,
-      kind: "handle",
+      kind: selected ? "handle selected" : "handle",
       at,
-      label,
-      selected,
+      label: handleName(handle),
       color: handleColor(handle.handle),
       press: () => select(handle.handle),
     });
   }
   for (const { vertex, position, name } of state.suggestions) {
-    const label = `Take hold of ${name}`;
+    const label = `Add a handle at ${name}`;
     const at = posed(vertex, position);
     marks.push({ key: `suggestion ${vertex}`, kind: "suggestion", at, label, press: () => hold(vertex) });
   }
   const { hover } = state;
   if (hover && !state.dragging && state.tool !== "pivot") {
-    const at = posePoint(scene, shape.at(hover.row), hover.vertex).position;
+    const at = posePoint(scene, shape.at(hover.row), hover.vertex);
     marks.push({ key: "hover", kind: "hover", at, label: `Vertex ${hover.vertex}` });
   }
   return marks;
 }
 
-/** Marks at the counterparts of the selected handle; each is a switch. */
+/** Return marks that switch the counterparts of the selected handle. */
 function counterpartMarks(state: State, posed: (vertex: number | null, position: Vec3) => Vec3): Mark[] {
   const { selected } = state;
   if (selected === null) return [];
   const columns = columnsOf(state, selected);
   return otherPlaces(state).map(({ vertex, position, on }, i) => ({
     key: `counterpart ${selected} ${vertex}`,
-    kind: "counterpart",
+    kind: on && followed(columns, vertex) >= LEAST_SEEN ? "counterpart" : "counterpart off",
     at: posed(vertex, position),
-    label: `Counterpart ${i + 1}: press to ${on ? "leave it behind" : "take it along"}`,
-    off: !on || followed(columns, vertex) < LEAST_SEEN,
+    label: `Counterpart ${i + 1}: press to ${on ? "leave it in place" : "move it too"}`,
     color: handleColor(selected),
     press: () => toggleCounterpart(selected, vertex),
   }));

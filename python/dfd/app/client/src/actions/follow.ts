@@ -1,0 +1,37 @@
+/** Requests that follow changes of the state. */
+
+import { ready, selectedHandle, serverPoses, store } from "../store/state";
+import { send } from "./connection";
+import { seenTransforms, throttle } from "./edit";
+
+export function follow(): void {
+  // The counterparts of the selected handle, when they may have changed.
+  store.watch(
+    (state) => {
+      const handle = selectedHandle(state);
+      if (!handle || state.dragging || handle.counterparts === "only") return null;
+      const { position, excluded_counterparts, counterparts } = handle;
+      const normal = state.edit?.symmetry?.normal;
+      return [handle.handle, JSON.stringify([position, excluded_counterparts, counterparts, normal])] as const;
+    },
+    (wanted) => wanted && send({ type: "counterparts", handle: wanted[0] }),
+  );
+  // The pivots and the axis of the selected handle, when a mode of the gizmo needs them.
+  store.watch(
+    ({ gizmo, selected, dragging, edit }) =>
+      gizmo === "translate" || dragging || selected === null || !edit ? null : ([selected, edit.after] as const),
+    (wanted) => wanted && send({ type: "axis", handle: wanted[0] }),
+  );
+  store.watch(
+    (state) => state.look === "features" && ready(state) && state.mesh,
+    (wanted) => wanted && send({ type: "features" }),
+  );
+  // The pose after every change that the shader does not support; drags request it themselves.
+  store.watch(serverPoses, (on) => {
+    if (!on) store.set({ posed: null });
+  });
+  const compute = () => serverPoses(store.get()) && send({ type: "compute", transforms: seenTransforms() });
+  store.on("edit", compute);
+  store.on("comparing", compute);
+  store.on("moment", () => throttle("compute", compute));
+}
