@@ -38,9 +38,9 @@ CUT = 1.35  # factor of the saliency of nodes in the clearest cut, because parts
 # LEAST_WITHIN. With MOST_HELD 0.8, the IoU on 91 rigs is 0.005 lower; with 0.6, the IoU on 76 labelled meshes is 0.002
 # lower. With LEAST_WITHIN 0.2, the IoU on the rigs is 0.003 lower; with 0.1, the IoU on the meshes is 0.010 lower.
 MOST_HELD, LEAST_WITHIN = 0.7, 0.15
-# A node's likelihood has this exponent of the share that the node holds of the surface beyond the handle. On 51 rigs,
-# 3 leaves 0.005 more of limbs behind; on 19 labelled meshes, 5 lowers the IoU by 0.006.
-HELD_BEYOND = 4.0
+# A node's likelihood has this exponent of the share that the node holds of the surface beyond the handle. On 91 rigs,
+# 2 leaves 0.004 more of limbs behind, and 4 lowers the IoU by 0.004.
+HELD_BEYOND = 3.0
 SHORT = 0.2  # added to lengths of borders, in diagonals of the box: short borders often follow a crease by chance
 ROUNDING = 1e-12  # length below which a border is a rounding error, as a share of the length of all borders
 LEAST_CONCAVITY = 0.02  # added to the concavity of all borders, because some parts end without a crease
