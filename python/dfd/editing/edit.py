@@ -30,9 +30,7 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-IDENTITY = Transform()
 MOST_LINEAR = 30.0  # degrees: for larger rotations a linear blend is thinner by more than 3 % halfway
-CONTROLS = Controls()
 
 
 @dataclass(frozen=True, repr=False)
@@ -45,16 +43,13 @@ class Handle(Brief):
     # id: never changes, and is never given to another handle
     id: Annotated[int, About("Once each; given in order where it is missing.", 1.0)]
     place: Place  # its place on the resting shape
-    transform: Transform = field(default_factory=lambda: IDENTITY)  # its transform, about its own pivot
-    controls: Controls = field(default_factory=lambda: CONTROLS)  # controls of what follows it
+    transform: Transform = field(default_factory=Transform)  # its transform, about its own pivot
+    controls: Controls = field(default_factory=Controls)  # controls of what follows it
     name: str | None = None  # name for display, or None
 
     def __post_init__(self) -> None:
-        check.whole("Handle", "id", self.id, minimum=1)
-        name: object = self.name
-        if name is not None and not (isinstance(name, str) and name):
-            raise ArgumentError("name", f"must be a text that is not empty, got {self.name!r}", "Handle")
-        if name is not None and any("\ud800" <= letter <= "\udfff" for letter in name):
+        check_fields(self)
+        if any("\ud800" <= letter <= "\udfff" for letter in self.name or ""):
             raise ArgumentError("name", f"must be text that can be written to a file, got {self.name!r}", "Handle")
         if self.place.known:
             _ = self.matrix
