@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Hashable
-from contextlib import AbstractContextManager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -16,7 +15,7 @@ from dfd.common.errors import called, public
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.common.preset import Preset
 from dfd.editing import verbs
-from dfd.editing.edit import Edit, Fixed, Handle, edit_on, with_preset
+from dfd.editing.edit import Edit, Fixed, Handle, edit_on, symmetry_on, with_preset
 from dfd.editing.edit_file import read_edit, write_edit
 from dfd.editing.history import History
 from dfd.editing.influence.handle_weights import HandleWeights
@@ -36,7 +35,7 @@ if TYPE_CHECKING:
     from dfd.segmentation.parts import Level
 
 
-class Deformer:
+class Deformer(History):
     """One editing session of one shape.
 
     Every handle keeps the numbers that the caller gave, and can be changed or removed at any time. `vertices` always
@@ -75,7 +74,7 @@ class Deformer:
     """
 
     # Only slots, so that a setting with a misspelled name raises AttributeError.
-    __slots__ = ("__weakref__", "_history", "_next_id", "_posed", "_weights", "field", "mesh")
+    __slots__ = ("__weakref__", "_next_id", "_posed", "_weights", "field", "mesh")
     page: Callable[..., Any] | None = None  # the function that shows a session: `dfd` sets it to the app's
 
     @public
@@ -99,7 +98,7 @@ class Deformer:
 
     def _start(self, edit: Edit) -> None:
         self._follow(edit.preset)
-        self._history = History(edit)
+        super().__init__(edit)
         self._next_id = 1 + max((handle.id for handle in edit.handles), default=0)
 
     def __repr__(self) -> str:
@@ -108,12 +107,7 @@ class Deformer:
         told = [f"{count} {what}" if count == 1 else f"{count} {what}s" for count, what in counts]
         return f"Deformer({self.mesh!r}, {', '.join(told)})"
 
-    # --- steps
-
-    @property
-    def edit(self) -> Edit:
-        """Return the present state, an immutable value."""
-        return self._history.present
+    # --- handles
 
     @property
     def handles(self) -> tuple[Handle, ...]:
@@ -141,38 +135,11 @@ class Deformer:
         """Return the fixed points and regions, in the order in which they were added."""
         return self.edit.fixed
 
-    @property
-    def can_undo(self) -> bool:
-        """Return whether there is a step to take back."""
-        return self._history.can_undo
-
-    @property
-    def can_redo(self) -> bool:
-        """Return whether there is a step that was taken back."""
-        return self._history.can_redo
-
-    def undo(self) -> bool:
-        """Take back the newest step; return False if there is none."""
-        return self._history.undo()
-
-    def redo(self) -> bool:
-        """Repeat the step that was taken back last; return False if there is none."""
-        return self._history.redo()
-
-    def step(self, topic: Hashable = None, *, merge: bool = False) -> AbstractContextManager[None]:
-        """Make one step of all changes inside `with deformer.step():`; if one of them fails, none takes effect.
-
-        With `merge`, the step joins the previous step if that step has the same `topic`, any value but None.
-        """
-        return self._history.step(topic, merge=merge)
-
     def _commit(self, edit: Edit, topic: Hashable = None, merge: bool = False, *, rebinds: bool = True) -> None:
         """Add a step. If it may change weights, raise ValueError if fixed points leave a handle no weight."""
         if rebinds:
             self._weights.by_features.check_arrivals(edit)
-        self._history.commit(edit, topic=topic, merge=merge)
-
-    # --- handles
+        self._record(edit, topic, merge)
 
     @public
     def add(self, at: Any, *, name: str | None = None, **given: Any) -> int:
@@ -401,8 +368,10 @@ class Deformer:
         Raises ValueError if `plane` is invalid, `band` is negative or not finite, or "auto" finds no plane. Raises
         ValueError if `candidates` or `threshold` is given for a plane other than "auto".
         """
-        how: dict[str, Any] = {"candidates": candidates, "threshold": threshold}
-        self._commit(verbs.set_symmetry(self.edit, self._weights, plane, band, **how), "symmetry", merge)
+        if plane is not None:
+            how: dict[str, Any] = {"candidates": candidates, "threshold": threshold}
+            plane = symmetry_on(self.mesh, plane, band, preset=self.preset, field=self.field, **how)
+        self._commit(replace(self.edit, symmetry=plane), "symmetry", merge)
 
     @property
     def default(self) -> Transform | None:

@@ -227,18 +227,17 @@ def symmetry_on(
         raise ArgumentError("candidates", f"and `threshold` are for the plane auto, got {plane!r}")
     if band is None and isinstance(plane, str):
         band = band_on(mesh, preset)
-    if isinstance(plane, str) and plane == "auto" and field is not None:
-        found = symmetry_planes(
-            field,
-            mesh,
-            candidates=candidates or defaults.candidates,
-            threshold=defaults.threshold if threshold is None else threshold,
-        )
+    if plane == "auto" and field is not None:
+        threshold = defaults.threshold if threshold is None else threshold
+        found = symmetry_planes(field, mesh, candidates=candidates or defaults.candidates, threshold=threshold)
         if not found:
             raise ArgumentError("plane", "cannot be 'auto': the shape looks alike across no plane")
         plane = found[0]
     elif isinstance(plane, str):
-        plane = _plane_in(plane, mesh)
+        try:
+            plane = plane_from_text(plane, mesh)
+        except ArgumentError as error:
+            raise ArgumentError("plane", error.reason) from None
     elif not isinstance(plane, SymmetryPlane):
         raise ArgumentError(
             "plane", f"must be a text such as x or x=0.1, or a SymmetryPlane, got {type(plane).__name__}"
@@ -252,13 +251,6 @@ def symmetry_on(
             "plane", f"must pass through the shape, which lies from {low:.3g} to {high:.3g} of it, along its normal"
         )
     return plane
-
-
-def _plane_in(text: str, mesh: Mesh) -> SymmetryPlane:
-    try:
-        return plane_from_text(text, mesh)
-    except ArgumentError as error:
-        raise ArgumentError("plane", error.reason) from None
 
 
 def box_center(mesh: Mesh) -> Vector:

@@ -14,7 +14,7 @@ import numpy as np
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.editing.controls import CONTROLS, controls_of, controls_on
-from dfd.editing.edit import Edit, Handle, box_center, symmetry_on
+from dfd.editing.edit import Edit, Handle, box_center
 from dfd.editing.influence.held_parts import bend_vector, pivot_on
 from dfd.editing.influence.regions import VertexSet
 from dfd.editing.points import Place, place_on
@@ -23,7 +23,6 @@ from dfd.posing.transforms import MOTIONS, PivotAt, Transform, frame_of_normal
 if TYPE_CHECKING:
     from dfd.editing.influence.handle_weights import HandleWeights
     from dfd.segmentation.parts import Level
-    from dfd.symmetry.plane import SymmetryPlane
 
 
 def add(edit: Edit, weights: HandleWeights, handle: int, at: Any, *, name: str | None, **given: Any) -> Edit:
@@ -61,15 +60,6 @@ def change(
     if not weights.held_parts(changed, changed.handle(handle)):
         return changed  # the part that it holds now has no axis, so the pivot stays unchanged
     return _on_part(changed, weights, handle, {"pivot": transform.pivot_at}, transform)
-
-
-def set_symmetry(
-    edit: Edit, weights: HandleWeights, plane: SymmetryPlane | str | None, band: float | None, **how: Any
-) -> Edit:
-    """Return `edit` with the plane that `symmetry_on` finds."""
-    if plane is not None:
-        plane = symmetry_on(weights.mesh, plane, band, preset=edit.preset, field=weights.field, **how)
-    return replace(edit, symmetry=plane)
 
 
 def set_default(edit: Edit, weights: HandleWeights, given: Mapping[str, Any]) -> Edit:
