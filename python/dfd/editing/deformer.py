@@ -74,7 +74,7 @@ class Deformer(History):
     """
 
     # Only slots, so that a setting with a misspelled name raises AttributeError.
-    __slots__ = ("__weakref__", "_next_id", "_posed", "_weights", "field", "mesh")
+    __slots__ = ("__weakref__", "_next_id", "_posed", "bound", "field", "mesh")
     page: Callable[..., Any] | None = None  # the function that shows a session: `dfd` sets it to the app's
 
     @public
@@ -92,8 +92,8 @@ class Deformer(History):
         start = Edit(preset=preset)
         if features is None and not other_shape:
             check_compatible(self.field, self.mesh, allowed_by="other_shape=True")
-        self._weights = HandleWeights(self.mesh, field, features)
-        self._posed = PosedShape(self.mesh, self._weights)
+        self.bound = HandleWeights(self.mesh, field, features)  # for programs that show weights and their data
+        self._posed = PosedShape(self.mesh, self.bound)
         self._start(start)
 
     def _start(self, edit: Edit) -> None:
@@ -123,12 +123,11 @@ class Deformer(History):
     def counterparts(self, handle: int) -> list[tuple[Counterpart, bool]]:
         """Return the counterparts of a handle, and whether each moves with it (`excluded_counterparts`).
 
-        The handle's own place is the first. The others follow in order of decreasing similarity. `Counterpart.vertex`
-        and `Counterpart.position` give the position of each.
+        The handle's own place is the first. The others follow in order of decreasing similarity.
 
         Raises ValueError if there is no such handle.
         """
-        return self._weights.counterparts(self.edit, self.edit.handle(handle))
+        return self.bound.counterparts(self.edit, self.edit.handle(handle))
 
     @property
     def fixed(self) -> tuple[Fixed, ...]:
@@ -138,7 +137,7 @@ class Deformer(History):
     def _commit(self, edit: Edit, topic: Hashable = None, merge: bool = False, *, rebinds: bool = True) -> None:
         """Add a step. If it may change weights, raise ValueError if fixed points leave a handle no weight."""
         if rebinds:
-            self._weights.by_features.check_arrivals(edit)
+            self.bound.by_features.check_arrivals(edit)
         self._record(edit, topic, merge)
 
     @public
@@ -183,17 +182,16 @@ class Deformer(History):
             `rotation` and `pivot`.
         name
             A name for display.
-        **given
-            Controls, see `dfd.editing.controls.Controls`: `reach`, `falloff`, `locality`, `radius`, `strength`,
-            `counterparts`, `excluded_counterparts`, `mask` and `mask_feather`. The preset gives the values that are
-            left out or None. `mask="part"` is the part at the handle.
+        reach, falloff, locality, radius, strength, counterparts, excluded_counterparts, mask, mask_feather
+            Controls, see `dfd.editing.controls.Controls`. The preset gives the values that are left out or None.
+            `mask="part"` is the part at the handle.
 
         Raises ValueError if a number is not finite, of another shape or out of range, a name is unknown, or a region is
         empty. Raises ValueError if a point lies farther from the shape than the diagonal of its box, or the place
         already has a handle or fixed point. Raises ValueError if fixed points take all weight from the handle.
         """
         new = self._next_id
-        self._commit(verbs.add(self.edit, self._weights, new, at, name=name, **given))
+        self._commit(verbs.add(self.edit, self.bound, new, at, name=name, **given))
         self._next_id += 1
         return new
 
@@ -201,20 +199,12 @@ class Deformer(History):
     def move(self, handle: int, *, merge: bool = False, **given: Any) -> None:
         """Set values of a handle's transform, relative to the resting shape. Others stay, and weights do not change.
 
-        Parameters
-        ----------
-        handle
-            The handle's id.
-        translation, rotation, scale, bend, towards, twist, joint, open
-            As in `add`.
-        pivot, axes
-            As in `add`; "auto" returns them to their defaults.
-        merge
-            Join the previous step if it concerns the same handle.
+        The values are those of `add`, from `translation` to `open`. "auto" returns `pivot` and `axes` to their
+        defaults.
 
         Raises ValueError if there is no such handle, or a number is not finite or of another shape.
         """
-        edit = verbs.move(self.edit, self._weights, handle, given)
+        edit = verbs.move(self.edit, self.bound, handle, given)
         self._commit(edit, ("handle", handle), merge, rebinds=False)
 
     def bend(
@@ -242,7 +232,7 @@ class Deformer(History):
 
         Raises ValueError as in `add`, or if there is no such handle.
         """
-        self._commit(verbs.change(self.edit, self._weights, handle, at, name, controls), ("handle", handle), merge)
+        self._commit(verbs.change(self.edit, self.bound, handle, at, name, controls), ("handle", handle), merge)
 
     @public
     def remove(self, handle: int, *, merge: bool = False) -> None:
@@ -265,16 +255,11 @@ class Deformer(History):
     def part(self, at: Any, *, level: Level = "part", alike: bool = True) -> VertexSet:
         """Return the part of the shape at a place, as a region for `add`, `fix` and `mask`.
 
-        Parameters
-        ----------
-        at
-            As in `add`; for a region, the part at its middle.
-        level, alike
-            As in `dfd.Parts.part`.
+        `at` is as in `add`; for a region, it is the part at its middle. `level` and `alike` are as in `dfd.Parts.part`.
 
         Raises ValueError if `at` is no place, or the mesh has no face with an area.
         """
-        return verbs.part_at(self._weights, at, level, alike=alike)
+        return verbs.part_at(self.bound, at, level, alike=alike)
 
     # --- the whole shape
 
@@ -298,7 +283,7 @@ class Deformer(History):
         from dfd.distillation.settings import DistillSettings
 
         if preset == "paper":
-            self._weights.rows.full = True
+            self.bound.rows.full = True
         made = self.field.settings
         paper = DistillSettings(preset="paper").as_dict() if preset == "paper" else {}
         if differ := [name for name, value in paper.items() if name != "seed" and name in made and made[name] != value]:
@@ -313,23 +298,18 @@ class Deformer(History):
     def fix(self, at: Any, *, strength: float = 1.0, merge: bool = False) -> None:
         """Hold a point or a region and all its counterparts in place (Eq. 6).
 
-        Parameters
-        ----------
-        at
-            As in `Deformer.add`.
-        strength
-            In [0, 1]: the share of the weight there that is removed; 1 is Eq. 6.
+        `at` is as in `add`. `strength`, in [0, 1], is the share of the weight there that is removed; 1 is Eq. 6.
 
         Raises ValueError if `at` is no place, or already fixed or a handle. Raises ValueError if `strength` lies
         outside [0, 1], or a handle that must reach its target would keep no weight.
         """
-        place = verbs.place_of(self._weights, at)
+        place = verbs.place_of(self.bound, at)
         self._commit(replace(self.edit, fixed=(*self.fixed, Fixed(place, strength))), ("fixed", place), merge)
 
     @public
     def release(self, at: Any, *, merge: bool = False) -> None:
         """Remove a fixed point or region; ValueError if it is not fixed."""
-        place = verbs.place_of(self._weights, at)
+        place = verbs.place_of(self.bound, at)
         self._commit(self.edit.released(place), ("fixed", place), merge)
 
     @property
@@ -386,7 +366,7 @@ class Deformer(History):
 
         Raises ValueError if a number is not finite or of another shape.
         """
-        self._commit(verbs.set_default(self.edit, self._weights, given), "default", merge)
+        self._commit(verbs.set_default(self.edit, self.bound, given), "default", merge)
 
     # --- results
 
@@ -395,27 +375,22 @@ class Deformer(History):
 
         This is the only long step of a session. `progress` is called with the number of further vertices that are done.
         """
-        self._weights.rows.prepare(progress)
+        self.bound.rows.prepare(progress)
 
     @property
     def features(self) -> Float32 | CompactFeatures:
         """Return the vertices' features (V, D), for `dfd.bind`: full unit rows or compact ones, see `Deformer`."""
-        return self._weights.rows.features
+        return self.bound.rows.features
 
     @property
     def weights(self) -> Float32:
         """Return the weights (V, H) of the handles, in the order of `handles`, column-major and read-only."""
-        return self._weights.by_features.of(self.edit)[0]
+        return self.bound.by_features.of(self.edit)[0]
 
     @property
     def following(self) -> Float32:
         """Return how much vertices follow each handle (V, H): `weights`, less what its counterparts change of them."""
-        return self._weights.following(self.edit)
-
-    @property
-    def bound(self) -> HandleWeights:
-        """Return the weights with the data from which they are computed, for programs that show them."""
-        return self._weights
+        return self.bound.following(self.edit)
 
     @property
     def transforms(self) -> Float64:
@@ -429,7 +404,7 @@ class Deformer(History):
 
     def report(self) -> Report:
         """Return a report of the present edit: how much moved, how far, and whether handles reached their targets."""
-        return report(self.mesh, self.edit, self._weights, self.vertices)
+        return report(self.mesh, self.edit, self.bound, self.vertices)
 
     def show(self, *, height: int = 640) -> Any:
         """Show the session in a notebook cell, where the user can continue it; see `dfd.app.show`."""

@@ -10,13 +10,10 @@ from dfd.common.linear_algebra import Float64
 from dfd.editing.edit import Edit, Handle, box_center
 from dfd.editing.influence.counterparts import Column
 from dfd.editing.influence.handle_weights import HandleWeights
-from dfd.posing.pose import Drag, pose
+from dfd.posing.pose import IDENTITY, Drag, pose
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
-
-
-IDENTITY = np.eye(3, 4)
 
 
 class PosedShape:
@@ -59,8 +56,6 @@ class PosedShape:
         return self._drag.pose(matrices)
 
     def _whole(self, edit: Edit) -> Float64:
-        if not edit.handles and edit.default is None:
-            return self._mesh.vertices
         if _acting(edit) == _acting(Edit()):
             return self._mesh.vertices  # nothing moves, whatever the weights
         bent = self._weights.bent(edit)
@@ -93,11 +88,9 @@ def _moved(before: Edit, after: Edit) -> list[int] | None:
         return None  # a component changed the handle that moves it
     moved = []
     for i, (old, new) in enumerate(zip(before.handles, after.handles, strict=True)):
-        if old is not new and (old.place, old.controls) != (new.place, new.controls):
+        if (old.place, old.controls, _bend(old)) != (new.place, new.controls, _bend(new)):
             return None
-        if _bend(old) != _bend(new):
-            return None
-        if old is not new and old.transform != new.transform:
+        if old.transform != new.transform:
             moved.append(i)
     return moved
 
