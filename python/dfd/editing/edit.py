@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -21,14 +21,12 @@ from dfd.editing.controls import Controls
 from dfd.editing.influence.regions import members
 from dfd.editing.points import Place, place_on
 from dfd.editing.presets import PRESETS, Rules, SymmetryCandidates
+from dfd.field.field import Field
+from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import Blend
 from dfd.posing.transforms import Transform, Vector, vector
 from dfd.symmetry.plane import SymmetryPlane, plane_from_text
 from dfd.symmetry.search import symmetry_planes
-
-if TYPE_CHECKING:
-    from dfd.field.field import Field
-    from dfd.mesh.mesh import Mesh
 
 MOST_LINEAR = 30.0  # degrees: for larger rotations a linear blend is thinner by more than 3 % halfway
 

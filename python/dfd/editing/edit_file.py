@@ -59,7 +59,7 @@ from dataclasses import asdict, dataclass, field, fields
 from functools import cache, partial
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 from pydantic import ConfigDict, StringConstraints, TypeAdapter, ValidationError
@@ -74,12 +74,10 @@ from dfd.editing.edit import Edit, band_on, box_center, edit_on, symmetry_on
 from dfd.editing.influence.regions import SAME_POSITION, Region, VertexSet
 from dfd.editing.points import Place, place_on
 from dfd.editing.presets import PRESETS
+from dfd.field.field import Field
+from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform, Vector
 from dfd.symmetry.plane import AXES
-
-if TYPE_CHECKING:
-    from dfd.field.field import Field
-    from dfd.mesh.mesh import Mesh
 
 FORMAT = "dfd-edit"
 VERSION = 1

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dfd.common.linear_algebra import Float64
+from dfd.editing.edit import Edit
+from dfd.editing.influence.handle_weights import HandleWeights
+from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Vector, vector
-
-if TYPE_CHECKING:
-    from dfd.editing.edit import Edit
-    from dfd.editing.influence.handle_weights import HandleWeights
-    from dfd.mesh.mesh import Mesh
 
 # Fraction of the diagonal of the box that nobody sees: a vertex that moved less counts as unmoved, and a handle that
 # misses its target by less counts as arrived.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -10,10 +10,8 @@ from dfd.common.linear_algebra import Float64
 from dfd.editing.edit import Edit, Handle, box_center
 from dfd.editing.influence.counterparts import Column
 from dfd.editing.influence.handle_weights import HandleWeights
+from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import IDENTITY, Drag, pose
-
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import Mesh
 
 
 class PosedShape:

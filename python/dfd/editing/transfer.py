@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -17,14 +17,12 @@ from dfd.editing.edit import Edit, Handle
 from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.influence.regions import HalfSpace, Region, VertexSet, members
 from dfd.editing.points import Place, place_on
+from dfd.field.field import Field
 from dfd.geometry.topology import face_areas, sample_surface
+from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform, Vector, vector
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.bind import bind
-
-if TYPE_CHECKING:
-    from dfd.field.field import Field
-    from dfd.mesh.mesh import Mesh
 
 # Vertices within this feature distance of the most similar vertex are equally similar. Of these, the vertex at the most
 # similar position is chosen, because features hardly distinguish a left leg from a right one.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,15 +11,13 @@ from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Fixed, Handle
 from dfd.editing.influence.distances import Distances
+from dfd.editing.influence.grips import Grips
+from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.influence.recent import Recent
 from dfd.editing.points import Place
 from dfd.editing.presets import LARGEST, PARTLESS_REACH
+from dfd.mesh.mesh import Mesh
 from dfd.weights.bind import bind
-
-if TYPE_CHECKING:
-    from dfd.editing.influence.grips import Grips
-    from dfd.editing.influence.handle_features import HandleFeatures
-    from dfd.mesh.mesh import Mesh
 
 # Weights are divided by the weight that fixed points leave at the handle. Below this value only noise would be scaled.
 LEAST_LEFT = 0.01

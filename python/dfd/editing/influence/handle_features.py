@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,13 +13,10 @@ from dfd.common.linear_algebra import Float32, Int64
 from dfd.editing.influence.recent import Recent
 from dfd.editing.influence.regions import Region, distances_from, members
 from dfd.editing.points import Place
-from dfd.field.field import FieldOnMesh
+from dfd.field.field import Field, FieldOnMesh
+from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Vector
 from dfd.weights.compact import CompactFeatures, compact
-
-if TYPE_CHECKING:
-    from dfd.field.field import Field
-    from dfd.mesh.mesh import Mesh
 
 # Largest number of vertices whose features are kept in full. It is the sample of `compact`, which saves no time below
 # it.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,12 +17,10 @@ from dfd.editing.influence.grips import Grips
 from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.influence.held_parts import HeldPart, bent, held_parts
 from dfd.editing.influence.recent import Recent
+from dfd.field.field import Field
 from dfd.geometry.coarse import Share, nodes_of
 from dfd.geometry.part_axis import PartAxes
-
-if TYPE_CHECKING:
-    from dfd.field.field import Field
-    from dfd.mesh.mesh import Mesh
+from dfd.mesh.mesh import Mesh
 
 LEAST_COUNTED = 0.35  # counterparts below this share of the handle's peak weight are not counted
 LEAST_LEVELED = 0.1  # `equalize` leaves counterparts alone that have less than this share of the handle's own weight

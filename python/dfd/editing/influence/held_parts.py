@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -12,16 +12,13 @@ from scipy.spatial.transform import Rotation
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, unit
+from dfd.editing.edit import Edit, Handle
 from dfd.editing.influence.counterparts import Column
 from dfd.geometry.part_axis import PartAxes, PartAxis
+from dfd.mesh.mesh import Mesh
 from dfd.posing.bend import Sections, bend_maps
-from dfd.posing.transforms import PivotAt, Vector, frame_of_normal, vector
-
-if TYPE_CHECKING:
-    from dfd.editing.edit import Edit, Handle
-    from dfd.mesh.mesh import Mesh
-    from dfd.posing.transforms import Transform
-    from dfd.symmetry.plane import SymmetryPlane
+from dfd.posing.transforms import PivotAt, Transform, Vector, frame_of_normal, vector
+from dfd.symmetry.plane import SymmetryPlane
 
 HELD = 0.5  # a part ends where the weight falls below this share of its maximum
 UP = np.array([0.0, 1.0, 0.0])
