@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Hashable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +18,9 @@ from dfd.editing import verbs
 from dfd.editing.edit import Edit, Fixed, Handle, edit_on, symmetry_on, with_preset
 from dfd.editing.edit_file import read_edit, write_edit
 from dfd.editing.history import History
+from dfd.editing.influence.counterparts import Counterpart
 from dfd.editing.influence.handle_weights import HandleWeights
+from dfd.editing.influence.regions import VertexSet
 from dfd.editing.presets import SymmetryCandidates
 from dfd.editing.report import Report, report
 from dfd.editing.shape import PosedShape
@@ -26,13 +28,9 @@ from dfd.field.compatibility import check_compatible
 from dfd.field.field import Field
 from dfd.mesh.mesh import MeshLike, as_mesh
 from dfd.posing.transforms import Transform
+from dfd.segmentation.parts import Level
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.compact import CompactFeatures
-
-if TYPE_CHECKING:
-    from dfd.editing.influence.counterparts import Counterpart
-    from dfd.editing.influence.regions import VertexSet
-    from dfd.segmentation.parts import Level
 
 
 class Deformer(History):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -15,14 +15,12 @@ from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.editing.controls import CONTROLS, controls_of, controls_on
 from dfd.editing.edit import Edit, Handle, box_center
+from dfd.editing.influence.handle_weights import HandleWeights
 from dfd.editing.influence.held_parts import bend_vector, pivot_on
 from dfd.editing.influence.regions import VertexSet
 from dfd.editing.points import Place, place_on
 from dfd.posing.transforms import MOTIONS, PivotAt, Transform, frame_of_normal
-
-if TYPE_CHECKING:
-    from dfd.editing.influence.handle_weights import HandleWeights
-    from dfd.segmentation.parts import Level
+from dfd.segmentation.parts import Level
 
 
 def add(edit: Edit, weights: HandleWeights, handle: int, at: Any, *, name: str | None, **given: Any) -> Edit:

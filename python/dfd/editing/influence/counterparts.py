@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,15 +16,13 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
+from dfd.editing.edit import Handle
 from dfd.editing.influence.mirror_images import Component, component_of, mirror_image
 from dfd.geometry.coarse import Nodes, Share, nodes_of
 from dfd.geometry.part_axis import carried
-
-if TYPE_CHECKING:
-    from dfd.editing.edit import Handle
-    from dfd.mesh.mesh import Mesh
-    from dfd.segmentation.parts import Grip
-    from dfd.symmetry.plane import SymmetryPlane
+from dfd.mesh.mesh import Mesh
+from dfd.segmentation.parts import Grip
+from dfd.symmetry.plane import SymmetryPlane
 
 LEAST_ALIKE = 0.15  # weight: counterparts of less have their own pivots, but `equalize` does not raise their weights
 MOST_COUNTERPARTS = 64  # those most alike count; each counterpart costs a column of weights

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from dfd.common.linear_algebra import Float32
 from dfd.editing.controls import Controls
-
-if TYPE_CHECKING:
-    from dfd.geometry.geodesics import Geodesics
-    from dfd.mesh.mesh import Mesh
+from dfd.geometry.geodesics import Geodesics
+from dfd.mesh.mesh import Mesh
 
 
 class Distances:
@@ -49,7 +45,5 @@ class Distances:
 
     def _of(self, exact: bool) -> Geodesics:
         if exact not in self._geodesics:
-            from dfd.geometry.geodesics import Geodesics  # slow to build, and needed only for locality
-
             self._geodesics[exact] = Geodesics(self._mesh, bridges=not exact, sampled=not exact)
         return self._geodesics[exact]
