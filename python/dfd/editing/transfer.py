@@ -58,14 +58,7 @@ def transfer(edit: Edit, mesh_from: Mesh, field_from: Field, mesh_to: Mesh, fiel
     rotations and scales stay. Balls, boxes and half spaces are mapped from box to box. A set of vertices is transferred
     vertex by vertex (at most 2,048, evenly chosen). Parts and groups are found by name.
 
-    Parameters
-    ----------
-    edit
-        The edit, made on `mesh_from` and in its units.
-    mesh_from, mesh_to
-        The shape of the edit, and the other shape.
-    field_from, field_to
-        Their fields, distilled with the same encoder.
+    `edit` was made on `mesh_from`. Both fields must be distilled with the same encoder.
 
     Raises ValueError if the fields have different encoders, two handles move to one vertex, or a region is empty on
     `mesh_to`.

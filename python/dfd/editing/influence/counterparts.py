@@ -88,20 +88,11 @@ def find_counterparts(
     *,
     everywhere: bool = False,
 ) -> Held:
-    """Find the counterparts of a handle.
+    """Find the counterparts of a handle at `position` (3,), mesh units; `vertex` is nearest to it.
 
-    Parameters
-    ----------
-    weights
-        (V,) of the handle, from features alone: without fixed points and locality.
-    vertex, position
-        The vertex nearest to the handle, and its position (3,), mesh units.
-    grip
-        The part that the handle holds; each of its components is one counterpart. None if there is no part.
-    planes
-        Planes of symmetry of the shape; frames are reflected in them.
-    everywhere
-        Whether the counterparts share the whole surface, for weights that do not end with the part.
+    `weights` (V,) are those of the handle from features alone, without fixed points and locality. Each component of
+    `grip`, the part that the handle holds, is one counterpart. Frames are reflected in the shape's `planes` of
+    symmetry. With `everywhere`, counterparts share the whole surface, for weights that do not end with the part.
     """
     x, y, z = (float(value) for value in position)
     found = [Counterpart(vertex, (x, y, z), np.eye(3), float(weights[vertex]))]

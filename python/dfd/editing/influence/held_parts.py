@@ -52,18 +52,10 @@ class HeldPart:
 def held_parts(
     mesh: Mesh, axes: PartAxes, anchor: int, columns: Sequence[tuple[Float32, Column]], plane: SymmetryPlane | None
 ) -> list[HeldPart]:
-    """Return the parts that a handle holds, its own part first.
+    """Return the parts that a handle holds, its own part first; the vertex `anchor` stands for the handle.
 
-    Parameters
-    ----------
-    axes
-        Finds the axes of parts of `mesh`.
-    anchor
-        The vertex that stands for the handle.
-    columns
-        (V,) the weights of each counterpart, the handle's own first, with its column.
-    plane
-        The plane of the edit's symmetry. Handles act mirrored across it.
+    `columns` are the weights (V,) of each counterpart, the handle's own first, with its column. Handles act mirrored
+    across `plane`.
     """
     # Counterparts may share one part, as fingers share a hand: parts come from the sum of all counterparts.
     whole = np.sum([weights for weights, _ in columns], axis=0)
