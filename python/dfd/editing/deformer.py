@@ -63,12 +63,7 @@ class Deformer(History):
 
     Raises ValueError if the preset is unknown, or `features` is not finite or not one row of the field's width per
     vertex. Without `features` and `other_shape`, raises ValueError if the field was distilled from another shape
-    (`dfd.field.compatibility.check_compatible`).
-
-    Warns
-    -----
-    UserWarning
-        If a part of the mesh lies far outside the box of the field's shape.
+    (`dfd.field.compatibility.check_compatible`). Warns if a part of the mesh lies far outside the box of that shape.
     """
 
     # Only slots, so that a setting with a misspelled name raises AttributeError.

@@ -167,22 +167,20 @@ def edit_on(mesh: Mesh, edit: Edit, place: Callable[[str, Place], Place] | None 
         with within(path):
             return place_on(mesh, said)
 
-    place, handles, fixed = place or on_mesh, [], []
+    place, handles = place or on_mesh, []
     for i, handle in enumerate(edit.handles):
         path, controls = f"handles[{i}]", handle.controls
         if controls.mask is not None:
             with within(f"{path}.mask"):
                 members(mesh, controls.mask)
-        if controls.excluded_counterparts:
-            off = enumerate(controls.excluded_counterparts)
-            placed = tuple(place(f"{path}.excluded_counterparts[{j}]", one) for j, one in off)
-            controls = replace(controls, excluded_counterparts=placed)
+        off = enumerate(controls.excluded_counterparts)
+        placed = tuple(place(f"{path}.excluded_counterparts[{j}]", one) for j, one in off)
         found = place(path, handle.place)
         with within(path):
+            controls = replace(controls, excluded_counterparts=placed) if placed else controls
             handles.append(replace(handle, place=found, controls=controls))
-    for i, one in enumerate(edit.fixed):
-        fixed.append(replace(one, place=place(f"fixed[{i}]", one.place)))
-    return replace(edit, handles=tuple(handles), fixed=tuple(fixed))
+    fixed = tuple(replace(one, place=place(f"fixed[{i}]", one.place)) for i, one in enumerate(edit.fixed))
+    return replace(edit, handles=tuple(handles), fixed=fixed)
 
 
 def with_preset(edit: Edit, preset: Preset, mesh: Mesh) -> Edit:

@@ -87,10 +87,9 @@ def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: Float64) -> Re
     for i, handle in enumerate(edit.handles):
         vertex = weights.rows.anchor(handle.place)
         rest = bent[vertex]
-        target = _sent(own[i].matrix(handle), rest)
+        target = _sent(own[i].matrix(edit), rest)
         for number in own[i].carriers:
-            moved_by = columns[number].matrix(edit.handles[columns[number].handle])
-            target += following[vertex, number] * (_sent(moved_by, rest) - rest)
+            target += following[vertex, number] * (_sent(columns[number].matrix(edit), rest) - rest)
         missing = float(np.linalg.norm(posed[vertex] - target))
         place = handle.place.position
         image = place if edit.symmetry is None else vector("mirrored", edit.symmetry.reflect([place])[0])

@@ -50,8 +50,7 @@ class PosedShape:
             how = self._arguments(edit, columns)
             self._drag = Drag(self._weights.bent(edit), weights, moving=moving, **how)
             self._moving = {handle: [column for column in columns if column.handle == handle] for handle in moved}
-        matrices = [_matrix(edit, column) for columns in self._moving.values() for column in columns]
-        return self._drag.pose(matrices)
+        return self._drag.pose([column.matrix(edit) for columns in self._moving.values() for column in columns])
 
     def _whole(self, edit: Edit) -> Float64:
         if _acting(edit) == _acting(Edit()):
@@ -65,17 +64,13 @@ class PosedShape:
     def _arguments(self, edit: Edit, columns: tuple[Column, ...]) -> dict[str, Any]:
         """Return the arguments of `pose` and `Drag` for `edit`, besides vertices and weights."""
         return {
-            "transforms": np.reshape([_matrix(edit, column) for column in columns], (-1, 3, 4)),
+            "transforms": np.reshape([column.matrix(edit) for column in columns], (-1, 3, 4)),
             "default": None if edit.default is None else edit.default.matrix(box_center(self._mesh)),
             "symmetry": edit.symmetry,
             "handles": np.reshape([column.counterpart.position for column in columns], (-1, 3)),
             "overlap": edit.rules.overlap,
             "blend": edit.blending,
         }
-
-
-def _matrix(edit: Edit, column: Column) -> Float64:
-    return column.matrix(edit.handles[column.handle])
 
 
 def _moved(before: Edit, after: Edit) -> list[int] | None:

@@ -57,15 +57,14 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
 def _arrays(session: Deformer) -> dict[str, np.ndarray[Any, Any]]:
     edit = session.edit
     weights, columns = session.bound.columns(edit)
-    held = [edit.handles[column.handle] for column in columns]
     default = np.eye(3, 4) if edit.default is None else edit.default.matrix(box_center(session.mesh))
     return {
         "vertices": session.bound.bent(edit).copy(),
         "faces": session.mesh.faces.copy(),
         "weights": np.ascontiguousarray(weights, np.float32),
-        "transforms": np.array([column.matrix(handle) for column, handle in zip(columns, held, strict=True)]),
+        "transforms": np.array([column.matrix(edit) for column in columns]),
         "handles": np.array([column.counterpart.position for column in columns]),
-        "handle_ids": np.array([handle.id for handle in held], np.int64),
+        "handle_ids": np.array([edit.handles[column.handle].id for column in columns], np.int64),
         "default": np.ascontiguousarray(default),
     }
 

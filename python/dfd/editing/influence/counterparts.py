@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
-from dfd.editing.edit import Handle
+from dfd.editing.edit import Edit
 from dfd.editing.influence.mirror_images import Component, component_of, mirror_image
 from dfd.geometry.coarse import Nodes, Share, nodes_of
 from dfd.geometry.part_axis import carried
@@ -64,8 +64,9 @@ class Column(NamedTuple):
     counterpart: Counterpart  # the handle's own if all counterparts share its pivot
     carriers: tuple[int, ...] = ()  # the columns of other handles in whose components its own is nested
 
-    def matrix(self, handle: Handle) -> Float64:
+    def matrix(self, edit: Edit) -> Float64:
         """Return the (3, 4) transform of the column, mesh units: the handle's own in the counterpart's frame."""
+        handle = edit.handles[self.handle]
         return self.counterpart.transform(handle.matrix, handle.place.position)
 
 

@@ -122,12 +122,9 @@ def _shortest_turn(one: Float64, other: Float64) -> Float64:
     sine, cosine = float(np.linalg.norm(across)), float(one @ other)
     if sine < 1e-9:
         # Opposite directions: turn about y, made perpendicular, so that upright parts stay upright.
-        across = np.asarray(frame_of_normal(one)[0]) if abs(one[1]) > 0.9 else np.array([0.0, 1.0, 0.0])
-        across = across - (across @ one) * one
-        sine, length = 0.0, float(np.linalg.norm(across))
-    else:
-        length = sine
-    return Rotation.from_rotvec(across / length * np.arctan2(sine, cosine)).as_matrix()
+        across = np.asarray(frame_of_normal(one)[0]) if abs(one[1]) > 0.9 else UP
+        across, sine = across - (across @ one) * one, 0.0
+    return Rotation.from_rotvec(across / np.linalg.norm(across) * np.arctan2(sine, cosine)).as_matrix()
 
 
 def bend_vector(part: HeldPart, angle: float, towards: Any = None) -> Vector:
@@ -143,10 +140,8 @@ def bend_vector(part: HeldPart, angle: float, towards: Any = None) -> Vector:
         towards = "front" if abs(along @ UP) > UPRIGHT else "up"
     if isinstance(towards, str) and towards not in TOWARDS:
         raise ArgumentError("towards", f"must be {', '.join(TOWARDS)} or 3 numbers, got {towards!r}")
-    wanted = unit(
-        np.asarray(vector("towards", TOWARDS.get(towards, towards) if isinstance(towards, str) else towards))[None]
-    )[0]
-    about = np.cross(along, wanted)
+    wanted = vector("towards", TOWARDS[towards] if isinstance(towards, str) else towards)
+    about = np.cross(along, unit(np.array([wanted]))[0])
     if np.linalg.norm(about) < 1e-3:
         raise ArgumentError("towards", "must lead away from the axis of what is held, which runs in that direction")
     return vector("bend", check.number(None, "bend", angle) * unit(about[None])[0])
