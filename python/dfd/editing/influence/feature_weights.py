@@ -10,12 +10,12 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Fixed, Handle
-from dfd.editing.influence.distances import Distances
 from dfd.editing.influence.grips import Grips
 from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.influence.recent import Recent
 from dfd.editing.points import Place
 from dfd.editing.presets import LARGEST, PARTLESS_REACH
+from dfd.geometry.geodesics import Geodesics
 from dfd.mesh.mesh import Mesh
 from dfd.weights.bind import bind
 
@@ -45,10 +45,11 @@ class FeatureWeights:
 
     def __init__(self, mesh: Mesh, rows: HandleFeatures, grips: Grips) -> None:
         self._mesh, self._rows, self._grips = mesh, rows, grips
-        self._distances = Distances(mesh)
         self._columns = np.empty((0, len(mesh.vertices)), np.float32)  # (H, V), replaced whenever one changes
         self._keys: list[Key] = []
         self._held: Recent[Float32] = Recent(1)
+        self._geodesics: dict[bool, Geodesics] = {}  # by whether they are exact, built at the first use
+        self._distances: dict[tuple[bool, int], Float32] = {}  # rows (V,) by their source, while a handle needs them
         self._reaches: dict[Place, float] = {}
 
     def of(self, edit: Edit) -> tuple[Float32, tuple[Key, ...]]:
@@ -64,7 +65,8 @@ class FeatureWeights:
                     self._bind(key, row)
             columns.flags.writeable = False
             self._keys, self._columns = keys, columns
-            self._distances.keep({source for key in keys for source in key.sources})
+            needed = {(key.exact, source) for key in keys for source in key.sources}
+            self._distances = {source: row for source, row in self._distances.items() if source in needed}
         return self._columns.T, tuple(keys)
 
     def held(self, fixed: tuple[Fixed, ...]) -> Float32:
@@ -98,8 +100,7 @@ class FeatureWeights:
 
     def near(self, edit: Edit, handle: Handle, vertices: Int64) -> Float64:
         """Return (N,) the falloff (1 − G)^λ of a handle at vertices (N,), see Eq. 7."""
-        key = self._key(handle, edit)
-        distances, power = self._distances.falloff(key.sources, key.controls, key.exact)
+        distances, power = self._falloff(self._key(handle, edit))
         if distances is None:
             return np.ones(len(vertices))
         return (1.0 - distances[0, vertices].astype(np.float64)) ** power
@@ -140,6 +141,29 @@ class FeatureWeights:
         starts = tuple(dict.fromkeys(sources))
         return Key(place, controls, starts, exact and bool(starts), edit.fixed, edit.rules.reach_targets)
 
+    def _falloff(self, key: Key) -> tuple[Float32 | None, float]:
+        """Return distances G (1, V) in [0, 1] and λ of the falloff (1 − G)^λ of Eq. 7; (None, 0) without one.
+
+        Exact distances neither cross gaps between components nor use samples of a large mesh, as in the paper. With a
+        radius r, G is min((d / r)², 1) and λ is 2. The falloff (1 − (d / r)²)² has slope 0 at the handle and at r, and
+        is 0 beyond r.
+        """
+        exact, radius = key.exact, key.controls.radius
+        if not key.sources:
+            return None, 0.0
+        if exact not in self._geodesics:
+            self._geodesics[exact] = Geodesics(self._mesh, bridges=not exact, sampled=not exact)
+        for source in key.sources:
+            if (exact, source) not in self._distances:
+                self._distances[exact, source] = self._geodesics[exact].distances([source])[0]
+        nearest, *others = (self._distances[exact, source] for source in key.sources)
+        for other in others:
+            nearest = np.minimum(nearest, other)
+        if radius is None:
+            return nearest[None], key.controls.locality
+        reached = np.minimum(nearest * np.float32(self._geodesics[exact].extent / radius), np.float32(1.0))
+        return np.square(reached)[None], 2.0
+
     def _bind(self, key: Key, column: Float32) -> None:
         """Write the weights (V,) of a handle to `column` (Eq. 4 to 7)."""
         place, controls, fixed = key.place, key.controls, key.fixed
@@ -148,7 +172,7 @@ class FeatureWeights:
         # soft IoU on 17 rigs and 0.014 on 13 labelled meshes.
         of_part = PARTLESS_REACH if part is None else LARGEST
         reach = of_part if controls.reach == "part" else controls.reach
-        geodesic, locality = self._distances.falloff(key.sources, controls, key.exact)
+        geodesic, locality = self._falloff(key)
         bind(
             self._rows.features,
             self._rows.points([place]),
