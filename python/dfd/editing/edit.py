@@ -105,15 +105,14 @@ class Edit(Brief):
         ids: set[int] = set()
         taken: dict[Hashable, str] = {}
         for handle in self.handles:
+            place, named = handle.place, f"handle {handle.id}"
             if handle.id in ids:
                 raise ArgumentError("handles", f"must have distinct ids, got {handle.id} twice", "Edit")
             ids.add(handle.id)
-            if handle.place.key in taken:
-                both = f"{taken[handle.place.key]} and handle {handle.id}"
-                raise ArgumentError(
-                    "handles", f"must lie at distinct places, got two at {handle.place}: {both}", "Edit"
-                )
-            taken[handle.place.key] = f"handle {handle.id}"
+            if place.key in taken:
+                both = f"{taken[place.key]} and {named}"
+                raise ArgumentError("handles", f"must lie at distinct places, got two at {place}: {both}", "Edit")
+            taken[place.key] = named
         for fixed in self.fixed:
             if fixed.place.key in taken:
                 already = f"{fixed.place} is {taken[fixed.place.key]} already"

@@ -55,7 +55,7 @@ import math
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import dataclass, field, fields
 from functools import cache, partial
 from itertools import count
 from pathlib import Path
@@ -172,7 +172,11 @@ def write_edit(path: str | os.PathLike[str], edit: Edit, mesh: Mesh, field: Fiel
 
     Raises OSError if `path` cannot be written; an existing file stays unchanged.
     """
-    document = to_document(edit, mesh) | {"made_on": _made_on(Path(path), mesh, field)}
+    document, source = to_document(edit, mesh), None if field is None else field.source
+    if source is not None:
+        folder = Path(path).resolve().parent
+        files = {"mesh": _from(folder, mesh.source), "field": _from(folder, source.path)}
+        document["made_on"] = files | {"field_sha256": source.sha256}
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     # Each list of numbers goes on one line, for readability. JSON texts contain no raw line break, so this is safe.
     text = re.sub(r"\[\n[-+.\de,\s]+\]", lambda numbers: "[" + " ".join(numbers[0][1:-1].split()) + "]", text)
@@ -229,26 +233,14 @@ def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return result
 
 
-def _made_on(path: Path, mesh: Mesh, field: Field | None) -> dict[str, str | None] | None:
-    """Return the files of a mesh and its field as the edit in `path` names them; None if the field has no file."""
-    source = None if field is None else field.source
-    if source is None:
-        return None
-    folder = path.resolve().parent
-    places = {"mesh": _from(folder, mesh.source), "field": _from(folder, source.path)}
-    return asdict(MadeOn(**places, field_sha256=source.sha256))
-
-
 def _from(folder: Path, file: Path | None) -> str | None:
     """Return a relative path for a file inside `folder`, so that both can be moved together, else an absolute path.
 
     Return None for a name that is not UTF-8, because a JSON file cannot hold it.
     """
-    if file is None:
-        return None
-    whole = file.resolve()
-    named = (whole.relative_to(folder) if whole.is_relative_to(folder) else whole).as_posix()
-    return named if named.encode("utf-8", "replace").decode() == named else None
+    whole = file and file.resolve()
+    named = whole and (whole.relative_to(folder) if whole.is_relative_to(folder) else whole).as_posix()
+    return named if named and named.encode("utf-8", "replace").decode() == named else None
 
 
 def to_document(edit: Edit, mesh: Mesh) -> dict[str, Any]:

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 EXTREMES = {"top": (1, 1), "bottom": (1, -1), "right": (0, 1), "left": (0, -1), "front": (2, 1), "back": (2, -1)}
 SIDE = re.compile(r"([xyz])\s*([<>])\s*(.+)")
 
-
 NOWHERE: Vector = (math.nan, math.nan, math.nan)
 
 

@@ -12,8 +12,8 @@ from dfd.editing.influence.handle_weights import HandleWeights
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Vector, vector
 
-# Fraction of the diagonal of the box that nobody sees: a vertex that moved less counts as unmoved, and a handle that
-# misses its target by less counts as arrived.
+# Fraction of the diagonal of the box: a vertex that moves less counts as unmoved, and a handle that misses its target
+# by less counts as arrived.
 UNSEEN = 1e-3
 
 

@@ -47,8 +47,7 @@ class PosedShape:
         if self._drag is None or not self._moving.keys() >= set(moved):
             weights, columns = self._weights.columns(edit)
             moving = [i for i, column in enumerate(columns) if column.handle in moved]
-            how = self._arguments(edit, columns)
-            self._drag = Drag(self._weights.bent(edit), weights, moving=moving, **how)
+            self._drag = Drag(self._weights.bent(edit), weights, moving=moving, **self._arguments(edit, columns))
             self._moving = {handle: [column for column in columns if column.handle == handle] for handle in moved}
         return self._drag.pose([column.matrix(edit) for columns in self._moving.values() for column in columns])
 

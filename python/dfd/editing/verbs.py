@@ -98,17 +98,16 @@ def _part_named(weights: HandleWeights, at: Any, own: Place | None = None) -> An
 
 def _transform(transform: Transform, weights: HandleWeights, place: Place, given: Mapping[str, Any]) -> Transform:
     """Return `transform` with the `given` values and `axes` as numbers, but without values that `_on_part` finds."""
-    given = {name: value for name, value in given.items() if not _of_part(name, value)}
-    axes: Any = given.get("axes")
-    if not isinstance(axes, str) or axes == "auto":
-        return transform.changed(**given)
-    if axes != "normal":
-        raise ArgumentError("axes", f"must be normal, auto or 3 unit vectors at right angles, got {axes!r}")
-    normal = np.asarray(weights.mesh.normals[weights.rows.anchor(place)], np.float64)
-    if not normal.any():
-        raise ArgumentError("axes", "cannot be 'normal': the surface has no normal at the handle")
-    in_numbers: Mapping[str, Any] = {**given, "axes": frame_of_normal(normal)}
-    return transform.changed(**in_numbers)
+    values: dict[str, Any] = {name: value for name, value in given.items() if not _of_part(name, value)}
+    axes = values.get("axes")
+    if isinstance(axes, str) and axes != "auto":
+        if axes != "normal":
+            raise ArgumentError("axes", f"must be normal, auto or 3 unit vectors at right angles, got {axes!r}")
+        normal = np.asarray(weights.mesh.normals[weights.rows.anchor(place)], np.float64)
+        if not normal.any():
+            raise ArgumentError("axes", "cannot be 'normal': the surface has no normal at the handle")
+        values["axes"] = frame_of_normal(normal)
+    return transform.changed(**values)
 
 
 def _of_part(name: str, value: Any) -> bool:

@@ -64,8 +64,8 @@ class Grips:
             rows, grip = self._rows, self.grip(place)
             looks: Float32 = bind(rows.features, rows.points([place]))[:, 0]
             planes = [] if grip is None else self._planes if plane is None else [plane]
-            where = rows.anchor(place), place.position
-            return find_counterparts(self._mesh, looks, *where, grip, planes, everywhere=everywhere)
+            anchor = rows.anchor(place)
+            return find_counterparts(self._mesh, looks, anchor, place.position, grip, planes, everywhere=everywhere)
 
         return self._held.get((place, everywhere, plane), find)
 

@@ -18,8 +18,7 @@ from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Vector
 from dfd.weights.compact import CompactFeatures, compact
 
-# Largest number of vertices whose features are kept in full. It is the sample of `compact`, which saves no time below
-# it.
+# Largest number of vertices whose features are kept in full: the sample of `compact`, which saves no time below it.
 MOST_EXACT = 16_384
 # A region is represented by at most 32 members with different features, which are chosen among at most 2,048.
 MOST_REPRESENTATIVES, MOST_CANDIDATES = 32, 2048
@@ -121,9 +120,7 @@ class HandleFeatures:
         """Return places for `bind`: vertices (N,), features (N, D) if one is no vertex, or a list with regions."""
         known = [self._known(place) for place in places]
         if any(place.region is not None for place in places):
-            return [
-                self.of([place]) if vertices[0] < 0 else vertices for place, vertices in zip(places, known, strict=True)
-            ]
+            return [self.of([place]) if own[0] < 0 else own for place, own in zip(places, known, strict=True)]
         vertices = np.concatenate(known)
         return vertices if (vertices >= 0).all() else self.of(places)
 

@@ -157,8 +157,7 @@ class VertexSet:
         """Return the set for `chosen` vertices of `mesh`: indices (N,), or a mask of truth values (V,)."""
         values = np.asarray(chosen)
         if values.dtype == bool:
-            mask = check.array("VertexSet", "indices", values, (len(mesh.vertices),), dtype=bool)
-            values = np.flatnonzero(mask)
+            values = np.flatnonzero(check.array("VertexSet", "indices", values, (len(mesh.vertices),), dtype=bool))
         indices = np.unique(check.vertex_indices("VertexSet", "indices", values, len(mesh.vertices)))
         return cls(indices, mesh.vertices[indices], len(mesh.vertices))
 
