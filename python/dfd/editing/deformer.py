@@ -82,12 +82,11 @@ class Deformer(History):
     ) -> None:
         self.mesh = as_mesh(mesh)
         self.field = check.field("Deformer", field)
-        start = Edit(preset=preset)
         if features is None and not other_shape:
             check_compatible(self.field, self.mesh, allowed_by="other_shape=True")
         self.bound = HandleWeights(self.mesh, field, features)  # for programs that show weights and their data
         self._posed = PosedShape(self.mesh, self.bound)
-        self._start(start)
+        self._start(Edit(preset=preset))
 
     def _start(self, edit: Edit) -> None:
         self._follow(edit.preset)

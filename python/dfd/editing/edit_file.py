@@ -79,8 +79,6 @@ from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform, Vector
 from dfd.symmetry.plane import AXES
 
-FORMAT = "dfd-edit"
-VERSION = 1
 # Two resolutions of one shape have boxes whose corners differ by less than this fraction of the diagonal.
 SAME_BOX = 0.05
 
@@ -220,8 +218,8 @@ def _parsed(path: str | os.PathLike[str]) -> Any:
         raise ValueError(f"{name}: no whole JSON document: {error}") from None
     except RecursionError:
         raise ValueError(f"{name}: no edit: nested too deeply") from None
-    except ArgumentError as error:
-        raise ArgumentError(error.argument, error.reason, name) from None
+    except ValueError as error:  # a key is given twice, or a number has too many digits
+        raise ValueError(f"{name}: {error}") from None
 
 
 def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -305,7 +303,6 @@ def _moved(mesh: Mesh, said: Place) -> bool:
 
 def _placed(mesh: Mesh, made: MadeFor | None, path: str, said: Place) -> Place:
     """Return the place on the mesh, from the place at `path` in an edit that was made for another mesh."""
-    count = len(mesh.vertices)
     if said.region is not None:
         with within(f"{path}.region"):
             return place_on(mesh, said.region)
@@ -313,12 +310,16 @@ def _placed(mesh: Mesh, made: MadeFor | None, path: str, said: Place) -> Place:
         return said
     if _moved(mesh, said):
         return Place(said.position)
-    if not said.known and made is not None and made.vertices != count:
-        raise ArgumentError(path, f"must have a position: the edit counts {made.vertices} vertices, the mesh {count}")
-    if not said.known and made is not None and made.hash not in (None, mesh.content_hash):
-        raise ArgumentError(path, "must have a position: the edit was made on another mesh")
-    if said.vertex >= count:
-        raise ArgumentError(f"{path}.vertex", f"must lie in 0 … {count - 1}, got {said.vertex}")
+    size = len(mesh.vertices)
+    if made is not None and not said.known:
+        if made.vertices != size:
+            raise ArgumentError(
+                path, f"must have a position: the edit counts {made.vertices} vertices, the mesh {size}"
+            )
+        if made.hash not in (None, mesh.content_hash):
+            raise ArgumentError(path, "must have a position: the edit was made on another mesh")
+    if said.vertex >= size:
+        raise ArgumentError(f"{path}.vertex", f"must lie in 0 … {size - 1}, got {said.vertex}")
     return place_on(mesh, said.vertex)
 
 
@@ -340,7 +341,7 @@ def _validated(document: Any, name: str, mesh: Mesh | None = None) -> EditFile:
     """Return the edit in a document, with its places as the document has them."""
     if not isinstance(document, dict):
         raise ArgumentError("document", f"must be an edit, got {_shown(document)}", name)
-    for key, value in (("format", FORMAT), ("version", VERSION)):
+    for key, value in (("format", EditFile.format), ("version", EditFile.version)):
         found = document.get(key)
         if found != value or isinstance(found, bool):
             raise ArgumentError(key, f"must be {_shown(value)}, got {_shown(found)}", name)
@@ -407,10 +408,8 @@ def _complaint(error: ValidationError) -> tuple[str, str]:
     said = first.get("ctx", {}).get("error")
     if isinstance(said, ArgumentError):
         return _path((*steps, said.argument)), said.reason
-    if kind.startswith("missing"):
-        return _path(steps), f"is missing in {shown}"
-    if kind == "union_tag_not_found":
-        return f"{_path(steps)}.kind", f"is missing in {shown}"
+    if kind.startswith("missing") or kind == "union_tag_not_found":
+        return _path(steps) + (".kind" if kind == "union_tag_not_found" else ""), f"is missing in {shown}"
     if kind == "union_tag_invalid":
         return f"{_path(steps)}.kind", f"must be one of {first['ctx']['expected_tags']}, got {first['ctx']['tag']!r}"
     if kind == "unexpected_keyword_argument":
