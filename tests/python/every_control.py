@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 import dfd
 from dfd import Deformer, Field, Geodesics, Mesh
 from dfd.common.preset import Preset
-from dfd.editing.controls import Counterparts, Falloff
 from dfd.editing.edit import Edit
 from dfd.editing.influence.regions import Ball, Box, HalfSpace, VertexSet
+from dfd.editing.presets import Counterparts
 from dfd.geometry.findings import findings
 from dfd.posing.pose import Blend, Overlap, pose
 from dfd.posing.transforms import affine
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.symmetry.search import symmetry_planes
-from dfd.weights.bind import bind
+from dfd.weights.bind import Falloff, bind
 
 __all__ = ["walk"]
 

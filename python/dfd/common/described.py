@@ -107,9 +107,9 @@ def words_of(kind: Any) -> tuple[Any, ...]:
 
 
 def check_fields(value: Any) -> None:
-    """Check the numbers, words and switches in the fields of a frozen dataclass.
+    """Check the numbers, vectors, texts, words and switches in the fields of a frozen dataclass.
 
-    Numbers become floats. None stays None if the field allows it.
+    Numbers become floats, and vectors become tuples. None stays None if the field allows it.
 
     Raises ArgumentError, with the class as the function, if a value is invalid.
     """
@@ -122,6 +122,9 @@ def check_fields(value: Any) -> None:
         if bool in kinds:
             if not isinstance(given, bool):
                 raise ArgumentError(name, f"must be True or False, got {given!r}", function)
+        elif kind == tuple[float, float, float]:
+            numbers = check.array(function, name, given, (3,), dtype=np.float64)
+            object.__setattr__(value, name, tuple(numbers.tolist()))
         elif float in kinds and said is not None:
             if isinstance(given, str) and given in words:
                 continue
@@ -133,5 +136,9 @@ def check_fields(value: Any) -> None:
                 function, name, given, minimum=said.minimum, maximum=said.maximum, exclusive=said.exclusive
             )
             object.__setattr__(value, name, number)
+        elif int in kinds and said is not None and said.minimum is not None:
+            check.whole(function, name, given, minimum=int(said.minimum))
+        elif str in kinds and not (isinstance(given, str) and given):
+            raise ArgumentError(name, f"must be a text that is not empty, got {given!r}", function)
         elif words and isinstance(words[0], str):
             check.choice(function, name, given, words)

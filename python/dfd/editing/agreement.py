@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from dfd.common.linear_algebra import Float64
+from dfd.editing.deformer import Deformer
 from dfd.geometry.topology import vertex_areas
-
-if TYPE_CHECKING:
-    from dfd.editing.deformer import Deformer
 
 HELD = 0.5  # a vertex is moved if its weight is at least this share of the handle's largest weight
 # The log-odds that both parts correspond are EQUAL − BY_SHARE · d − BY_PLACE · c. Here d is the difference between the

@@ -19,8 +19,6 @@ from dfd.weights.bind import Falloff
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["CONTROLS", "Controls", "Counterparts", "Falloff", "controls_of", "controls_on", "length_on"]
-
 DEFAULTS = PRESETS["default"]
 
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Hashable
-from contextlib import AbstractContextManager
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,10 +15,12 @@ from dfd.common.errors import called, public
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.common.preset import Preset
 from dfd.editing import verbs
-from dfd.editing.edit import Edit, Fixed, Handle, edit_on, with_preset
+from dfd.editing.edit import Edit, Fixed, Handle, edit_on, symmetry_on, with_preset
 from dfd.editing.edit_file import read_edit, write_edit
 from dfd.editing.history import History
+from dfd.editing.influence.counterparts import Counterpart
 from dfd.editing.influence.handle_weights import HandleWeights
+from dfd.editing.influence.regions import VertexSet
 from dfd.editing.presets import SymmetryCandidates
 from dfd.editing.report import Report, report
 from dfd.editing.shape import PosedShape
@@ -27,16 +28,12 @@ from dfd.field.compatibility import check_compatible
 from dfd.field.field import Field
 from dfd.mesh.mesh import MeshLike, as_mesh
 from dfd.posing.transforms import Transform
+from dfd.segmentation.parts import Level
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.compact import CompactFeatures
 
-if TYPE_CHECKING:
-    from dfd.editing.influence.counterparts import Counterpart
-    from dfd.editing.influence.regions import VertexSet
-    from dfd.segmentation.parts import Level
 
-
-class Deformer:
+class Deformer(History):
     """One editing session of one shape.
 
     Every handle keeps the numbers that the caller gave, and can be changed or removed at any time. `vertices` always
@@ -66,16 +63,11 @@ class Deformer:
 
     Raises ValueError if the preset is unknown, or `features` is not finite or not one row of the field's width per
     vertex. Without `features` and `other_shape`, raises ValueError if the field was distilled from another shape
-    (`dfd.field.compatibility.check_compatible`).
-
-    Warns
-    -----
-    UserWarning
-        If a part of the mesh lies far outside the box of the field's shape.
+    (`dfd.field.compatibility.check_compatible`). Warns if a part of the mesh lies far outside the box of that shape.
     """
 
     # Only slots, so that a setting with a misspelled name raises AttributeError.
-    __slots__ = ("__weakref__", "_history", "_next_id", "_posed", "_weights", "field", "mesh")
+    __slots__ = ("__weakref__", "_next_id", "_posed", "bound", "field", "mesh")
     page: Callable[..., Any] | None = None  # the function that shows a session: `dfd` sets it to the app's
 
     @public
@@ -90,16 +82,15 @@ class Deformer:
     ) -> None:
         self.mesh = as_mesh(mesh)
         self.field = check.field("Deformer", field)
-        start = Edit(preset=preset)
         if features is None and not other_shape:
             check_compatible(self.field, self.mesh, allowed_by="other_shape=True")
-        self._weights = HandleWeights(self.mesh, field, features)
-        self._posed = PosedShape(self.mesh, self._weights)
-        self._start(start)
+        self.bound = HandleWeights(self.mesh, field, features)  # for programs that show weights and their data
+        self._posed = PosedShape(self.mesh, self.bound)
+        self._start(Edit(preset=preset))
 
     def _start(self, edit: Edit) -> None:
         self._follow(edit.preset)
-        self._history = History(edit)
+        super().__init__(edit)
         self._next_id = 1 + max((handle.id for handle in edit.handles), default=0)
 
     def __repr__(self) -> str:
@@ -108,12 +99,7 @@ class Deformer:
         told = [f"{count} {what}" if count == 1 else f"{count} {what}s" for count, what in counts]
         return f"Deformer({self.mesh!r}, {', '.join(told)})"
 
-    # --- steps
-
-    @property
-    def edit(self) -> Edit:
-        """Return the present state, an immutable value."""
-        return self._history.present
+    # --- handles
 
     @property
     def handles(self) -> tuple[Handle, ...]:
@@ -129,50 +115,22 @@ class Deformer:
     def counterparts(self, handle: int) -> list[tuple[Counterpart, bool]]:
         """Return the counterparts of a handle, and whether each moves with it (`excluded_counterparts`).
 
-        The handle's own place is the first. The others follow in order of decreasing similarity. `Counterpart.vertex`
-        and `Counterpart.position` give the position of each.
+        The handle's own place is the first. The others follow in order of decreasing similarity.
 
         Raises ValueError if there is no such handle.
         """
-        return self._weights.counterparts(self.edit, self.edit.handle(handle))
+        return self.bound.counterparts(self.edit, self.edit.handle(handle))
 
     @property
     def fixed(self) -> tuple[Fixed, ...]:
         """Return the fixed points and regions, in the order in which they were added."""
         return self.edit.fixed
 
-    @property
-    def can_undo(self) -> bool:
-        """Return whether there is a step to take back."""
-        return self._history.can_undo
-
-    @property
-    def can_redo(self) -> bool:
-        """Return whether there is a step that was taken back."""
-        return self._history.can_redo
-
-    def undo(self) -> bool:
-        """Take back the newest step; return False if there is none."""
-        return self._history.undo()
-
-    def redo(self) -> bool:
-        """Repeat the step that was taken back last; return False if there is none."""
-        return self._history.redo()
-
-    def step(self, topic: Hashable = None, *, merge: bool = False) -> AbstractContextManager[None]:
-        """Make one step of all changes inside `with deformer.step():`; if one of them fails, none takes effect.
-
-        With `merge`, the step joins the previous step if that step has the same `topic`, any value but None.
-        """
-        return self._history.step(topic, merge=merge)
-
     def _commit(self, edit: Edit, topic: Hashable = None, merge: bool = False, *, rebinds: bool = True) -> None:
         """Add a step. If it may change weights, raise ValueError if fixed points leave a handle no weight."""
         if rebinds:
-            self._weights.by_features.check_arrivals(edit)
-        self._history.commit(edit, topic=topic, merge=merge)
-
-    # --- handles
+            self.bound.by_features.check_arrivals(edit)
+        self._record(edit, topic, merge)
 
     @public
     def add(self, at: Any, *, name: str | None = None, **given: Any) -> int:
@@ -216,17 +174,16 @@ class Deformer:
             `rotation` and `pivot`.
         name
             A name for display.
-        **given
-            Controls, see `dfd.editing.controls.Controls`: `reach`, `falloff`, `locality`, `radius`, `strength`,
-            `counterparts`, `excluded_counterparts`, `mask` and `mask_feather`. The preset gives the values that are
-            left out or None. `mask="part"` is the part at the handle.
+        reach, falloff, locality, radius, strength, counterparts, excluded_counterparts, mask, mask_feather
+            Controls, see `dfd.editing.controls.Controls`. The preset gives the values that are left out or None.
+            `mask="part"` is the part at the handle.
 
         Raises ValueError if a number is not finite, of another shape or out of range, a name is unknown, or a region is
         empty. Raises ValueError if a point lies farther from the shape than the diagonal of its box, or the place
         already has a handle or fixed point. Raises ValueError if fixed points take all weight from the handle.
         """
         new = self._next_id
-        self._commit(verbs.add(self.edit, self._weights, new, at, name=name, **given))
+        self._commit(verbs.add(self.edit, self.bound, new, at, name=name, **given))
         self._next_id += 1
         return new
 
@@ -234,20 +191,12 @@ class Deformer:
     def move(self, handle: int, *, merge: bool = False, **given: Any) -> None:
         """Set values of a handle's transform, relative to the resting shape. Others stay, and weights do not change.
 
-        Parameters
-        ----------
-        handle
-            The handle's id.
-        translation, rotation, scale, bend, towards, twist, joint, open
-            As in `add`.
-        pivot, axes
-            As in `add`; "auto" returns them to their defaults.
-        merge
-            Join the previous step if it concerns the same handle.
+        The values are those of `add`, from `translation` to `open`. "auto" returns `pivot` and `axes` to their
+        defaults.
 
         Raises ValueError if there is no such handle, or a number is not finite or of another shape.
         """
-        edit = verbs.move(self.edit, self._weights, handle, given)
+        edit = verbs.move(self.edit, self.bound, handle, given)
         self._commit(edit, ("handle", handle), merge, rebinds=False)
 
     def bend(
@@ -275,7 +224,7 @@ class Deformer:
 
         Raises ValueError as in `add`, or if there is no such handle.
         """
-        self._commit(verbs.change(self.edit, self._weights, handle, at, name, controls), ("handle", handle), merge)
+        self._commit(verbs.change(self.edit, self.bound, handle, at, name, controls), ("handle", handle), merge)
 
     @public
     def remove(self, handle: int, *, merge: bool = False) -> None:
@@ -298,16 +247,11 @@ class Deformer:
     def part(self, at: Any, *, level: Level = "part", alike: bool = True) -> VertexSet:
         """Return the part of the shape at a place, as a region for `add`, `fix` and `mask`.
 
-        Parameters
-        ----------
-        at
-            As in `add`; for a region, the part at its middle.
-        level, alike
-            As in `dfd.Parts.part`.
+        `at` is as in `add`; for a region, it is the part at its middle. `level` and `alike` are as in `dfd.Parts.part`.
 
         Raises ValueError if `at` is no place, or the mesh has no face with an area.
         """
-        return verbs.part_at(self._weights, at, level, alike=alike)
+        return verbs.part_at(self.bound, at, level, alike=alike)
 
     # --- the whole shape
 
@@ -331,7 +275,7 @@ class Deformer:
         from dfd.distillation.settings import DistillSettings
 
         if preset == "paper":
-            self._weights.rows.full = True
+            self.bound.rows.full = True
         made = self.field.settings
         paper = DistillSettings(preset="paper").as_dict() if preset == "paper" else {}
         if differ := [name for name, value in paper.items() if name != "seed" and name in made and made[name] != value]:
@@ -346,23 +290,18 @@ class Deformer:
     def fix(self, at: Any, *, strength: float = 1.0, merge: bool = False) -> None:
         """Hold a point or a region and all its counterparts in place (Eq. 6).
 
-        Parameters
-        ----------
-        at
-            As in `Deformer.add`.
-        strength
-            In [0, 1]: the share of the weight there that is removed; 1 is Eq. 6.
+        `at` is as in `add`. `strength`, in [0, 1], is the share of the weight there that is removed; 1 is Eq. 6.
 
         Raises ValueError if `at` is no place, or already fixed or a handle. Raises ValueError if `strength` lies
         outside [0, 1], or a handle that must reach its target would keep no weight.
         """
-        place = verbs.place_of(self._weights, at)
+        place = verbs.place_of(self.bound, at)
         self._commit(replace(self.edit, fixed=(*self.fixed, Fixed(place, strength))), ("fixed", place), merge)
 
     @public
     def release(self, at: Any, *, merge: bool = False) -> None:
         """Remove a fixed point or region; ValueError if it is not fixed."""
-        place = verbs.place_of(self._weights, at)
+        place = verbs.place_of(self.bound, at)
         self._commit(self.edit.released(place), ("fixed", place), merge)
 
     @property
@@ -401,8 +340,10 @@ class Deformer:
         Raises ValueError if `plane` is invalid, `band` is negative or not finite, or "auto" finds no plane. Raises
         ValueError if `candidates` or `threshold` is given for a plane other than "auto".
         """
-        how: dict[str, Any] = {"candidates": candidates, "threshold": threshold}
-        self._commit(verbs.set_symmetry(self.edit, self._weights, plane, band, **how), "symmetry", merge)
+        if plane is not None:
+            how: dict[str, Any] = {"candidates": candidates, "threshold": threshold}
+            plane = symmetry_on(self.mesh, plane, band, preset=self.preset, field=self.field, **how)
+        self._commit(replace(self.edit, symmetry=plane), "symmetry", merge)
 
     @property
     def default(self) -> Transform | None:
@@ -417,7 +358,7 @@ class Deformer:
 
         Raises ValueError if a number is not finite or of another shape.
         """
-        self._commit(verbs.set_default(self.edit, self._weights, given), "default", merge)
+        self._commit(verbs.set_default(self.edit, self.bound, given), "default", merge)
 
     # --- results
 
@@ -426,27 +367,22 @@ class Deformer:
 
         This is the only long step of a session. `progress` is called with the number of further vertices that are done.
         """
-        self._weights.rows.prepare(progress)
+        self.bound.rows.prepare(progress)
 
     @property
     def features(self) -> Float32 | CompactFeatures:
         """Return the vertices' features (V, D), for `dfd.bind`: full unit rows or compact ones, see `Deformer`."""
-        return self._weights.rows.features
+        return self.bound.rows.features
 
     @property
     def weights(self) -> Float32:
         """Return the weights (V, H) of the handles, in the order of `handles`, column-major and read-only."""
-        return self._weights.by_features.of(self.edit)[0]
+        return self.bound.by_features.of(self.edit)[0]
 
     @property
     def following(self) -> Float32:
         """Return how much vertices follow each handle (V, H): `weights`, less what its counterparts change of them."""
-        return self._weights.following(self.edit)
-
-    @property
-    def bound(self) -> HandleWeights:
-        """Return the weights with the data from which they are computed, for programs that show them."""
-        return self._weights
+        return self.bound.following(self.edit)
 
     @property
     def transforms(self) -> Float64:
@@ -460,7 +396,7 @@ class Deformer:
 
     def report(self) -> Report:
         """Return a report of the present edit: how much moved, how far, and whether handles reached their targets."""
-        return report(self.mesh, self.edit, self._weights, self.vertices)
+        return report(self.mesh, self.edit, self.bound, self.vertices)
 
     def show(self, *, height: int = 640) -> Any:
         """Show the session in a notebook cell, where the user can continue it; see `dfd.app.show`."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -21,18 +21,14 @@ from dfd.editing.controls import Controls
 from dfd.editing.influence.regions import members
 from dfd.editing.points import Place, place_on
 from dfd.editing.presets import PRESETS, Rules, SymmetryCandidates
+from dfd.field.field import Field
+from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import Blend
 from dfd.posing.transforms import Transform, Vector, vector
 from dfd.symmetry.plane import SymmetryPlane, plane_from_text
 from dfd.symmetry.search import symmetry_planes
 
-if TYPE_CHECKING:
-    from dfd.field.field import Field
-    from dfd.mesh.mesh import Mesh
-
-IDENTITY = Transform()
 MOST_LINEAR = 30.0  # degrees: for larger rotations a linear blend is thinner by more than 3 % halfway
-CONTROLS = Controls()
 
 
 @dataclass(frozen=True, repr=False)
@@ -45,16 +41,13 @@ class Handle(Brief):
     # id: never changes, and is never given to another handle
     id: Annotated[int, About("Once each; given in order where it is missing.", 1.0)]
     place: Place  # its place on the resting shape
-    transform: Transform = field(default_factory=lambda: IDENTITY)  # its transform, about its own pivot
-    controls: Controls = field(default_factory=lambda: CONTROLS)  # controls of what follows it
+    transform: Transform = field(default_factory=Transform)  # its transform, about its own pivot
+    controls: Controls = field(default_factory=Controls)  # controls of what follows it
     name: str | None = None  # name for display, or None
 
     def __post_init__(self) -> None:
-        check.whole("Handle", "id", self.id, minimum=1)
-        name: object = self.name
-        if name is not None and not (isinstance(name, str) and name):
-            raise ArgumentError("name", f"must be a text that is not empty, got {self.name!r}", "Handle")
-        if name is not None and any("\ud800" <= letter <= "\udfff" for letter in name):
+        check_fields(self)
+        if any("\ud800" <= letter <= "\udfff" for letter in self.name or ""):
             raise ArgumentError("name", f"must be text that can be written to a file, got {self.name!r}", "Handle")
         if self.place.known:
             _ = self.matrix
@@ -112,15 +105,14 @@ class Edit(Brief):
         ids: set[int] = set()
         taken: dict[Hashable, str] = {}
         for handle in self.handles:
+            place, named = handle.place, f"handle {handle.id}"
             if handle.id in ids:
                 raise ArgumentError("handles", f"must have distinct ids, got {handle.id} twice", "Edit")
             ids.add(handle.id)
-            if handle.place.key in taken:
-                both = f"{taken[handle.place.key]} and handle {handle.id}"
-                raise ArgumentError(
-                    "handles", f"must lie at distinct places, got two at {handle.place}: {both}", "Edit"
-                )
-            taken[handle.place.key] = f"handle {handle.id}"
+            if place.key in taken:
+                both = f"{taken[place.key]} and {named}"
+                raise ArgumentError("handles", f"must lie at distinct places, got two at {place}: {both}", "Edit")
+            taken[place.key] = named
         for fixed in self.fixed:
             if fixed.place.key in taken:
                 already = f"{fixed.place} is {taken[fixed.place.key]} already"
@@ -174,22 +166,20 @@ def edit_on(mesh: Mesh, edit: Edit, place: Callable[[str, Place], Place] | None 
         with within(path):
             return place_on(mesh, said)
 
-    place, handles, fixed = place or on_mesh, [], []
+    place, handles = place or on_mesh, []
     for i, handle in enumerate(edit.handles):
         path, controls = f"handles[{i}]", handle.controls
         if controls.mask is not None:
             with within(f"{path}.mask"):
                 members(mesh, controls.mask)
-        if controls.excluded_counterparts:
-            off = enumerate(controls.excluded_counterparts)
-            placed = tuple(place(f"{path}.excluded_counterparts[{j}]", one) for j, one in off)
-            controls = replace(controls, excluded_counterparts=placed)
+        off = enumerate(controls.excluded_counterparts)
+        placed = tuple(place(f"{path}.excluded_counterparts[{j}]", one) for j, one in off)
         found = place(path, handle.place)
         with within(path):
+            controls = replace(controls, excluded_counterparts=placed) if placed else controls
             handles.append(replace(handle, place=found, controls=controls))
-    for i, one in enumerate(edit.fixed):
-        fixed.append(replace(one, place=place(f"fixed[{i}]", one.place)))
-    return replace(edit, handles=tuple(handles), fixed=tuple(fixed))
+    fixed = tuple(replace(one, place=place(f"fixed[{i}]", one.place)) for i, one in enumerate(edit.fixed))
+    return replace(edit, handles=tuple(handles), fixed=fixed)
 
 
 def with_preset(edit: Edit, preset: Preset, mesh: Mesh) -> Edit:
@@ -232,18 +222,17 @@ def symmetry_on(
         raise ArgumentError("candidates", f"and `threshold` are for the plane auto, got {plane!r}")
     if band is None and isinstance(plane, str):
         band = band_on(mesh, preset)
-    if isinstance(plane, str) and plane == "auto" and field is not None:
-        found = symmetry_planes(
-            field,
-            mesh,
-            candidates=candidates or defaults.candidates,
-            threshold=defaults.threshold if threshold is None else threshold,
-        )
+    if plane == "auto" and field is not None:
+        threshold = defaults.threshold if threshold is None else threshold
+        found = symmetry_planes(field, mesh, candidates=candidates or defaults.candidates, threshold=threshold)
         if not found:
             raise ArgumentError("plane", "cannot be 'auto': the shape looks alike across no plane")
         plane = found[0]
     elif isinstance(plane, str):
-        plane = _plane_in(plane, mesh)
+        try:
+            plane = plane_from_text(plane, mesh)
+        except ArgumentError as error:
+            raise ArgumentError("plane", error.reason) from None
     elif not isinstance(plane, SymmetryPlane):
         raise ArgumentError(
             "plane", f"must be a text such as x or x=0.1, or a SymmetryPlane, got {type(plane).__name__}"
@@ -257,13 +246,6 @@ def symmetry_on(
             "plane", f"must pass through the shape, which lies from {low:.3g} to {high:.3g} of it, along its normal"
         )
     return plane
-
-
-def _plane_in(text: str, mesh: Mesh) -> SymmetryPlane:
-    try:
-        return plane_from_text(text, mesh)
-    except ArgumentError as error:
-        raise ArgumentError("plane", error.reason) from None
 
 
 def box_center(mesh: Mesh) -> Vector:

@@ -54,19 +54,19 @@ import json
 import math
 import os
 import re
-import warnings
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field, fields
-from functools import cache
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, fields
+from functools import cache, partial
+from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 from pydantic import ConfigDict, StringConstraints, TypeAdapter, ValidationError
 
 from dfd.common import check
-from dfd.common.described import About, about
-from dfd.common.errors import ArgumentError, within
+from dfd.common.described import About, about, check_fields
+from dfd.common.errors import ArgumentError, called, within
 from dfd.common.files import atomic_write
 from dfd.common.preset import Preset
 from dfd.editing.controls import Controls
@@ -74,15 +74,11 @@ from dfd.editing.edit import Edit, band_on, box_center, edit_on, symmetry_on
 from dfd.editing.influence.regions import SAME_POSITION, Region, VertexSet
 from dfd.editing.points import Place, place_on
 from dfd.editing.presets import PRESETS
+from dfd.field.field import Field
+from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform, Vector
 from dfd.symmetry.plane import AXES
 
-if TYPE_CHECKING:
-    from dfd.field.field import Field
-    from dfd.mesh.mesh import Mesh
-
-FORMAT = "dfd-edit"
-VERSION = 1
 # Two resolutions of one shape have boxes whose corners differ by less than this fraction of the diagonal.
 SAME_BOX = 0.05
 
@@ -106,7 +102,7 @@ class MadeFor:
     ] = None
 
     def __post_init__(self) -> None:
-        check.whole("mesh", "vertices", self.vertices, minimum=1)
+        check_fields(self)
 
 
 @dataclass(frozen=True)
@@ -136,8 +132,8 @@ def _model() -> TypeAdapter[EditFile]:
     return TypeAdapter(EditFile)
 
 
-def _keys(*owners: type) -> tuple[str, ...]:
-    return tuple(each.name for owner in owners for each in fields(owner) if each.init)
+def _keys(owner: type) -> tuple[str, ...]:
+    return tuple(each.name for each in fields(owner) if each.init)
 
 
 # In a file, the keys of these values are on the same level as the other keys of a handle or a fixed point.
@@ -145,6 +141,11 @@ SPREAD: dict[str, type] = {"place": Place, "transform": Transform, "controls": C
 # Keys of a handle's transform that the default transform lacks.
 OF_HELD_PARTS = tuple(name for name, (_, said) in about(Transform).items() if said is not None and said.of_part)
 FIRST = ("format", "version", "preset", "units", "mesh", "made_on")  # first keys of a file, for readability
+# Keys that are not written; excluded counterparts are points.
+UNWRITTEN: dict[str, Any] = {
+    "handles": {"__all__": {"controls": {"excluded_counterparts": {"__all__": {"region"}}}}},
+    "default": set(OF_HELD_PARTS),
+}
 
 
 def edit_schema() -> dict[str, Any]:
@@ -169,7 +170,11 @@ def write_edit(path: str | os.PathLike[str], edit: Edit, mesh: Mesh, field: Fiel
 
     Raises OSError if `path` cannot be written; an existing file stays unchanged.
     """
-    document = to_document(edit, mesh) | {"made_on": _made_on(Path(path), mesh, field)}
+    document, source = to_document(edit, mesh), None if field is None else field.source
+    if source is not None:
+        folder = Path(path).resolve().parent
+        files = {"mesh": _from(folder, mesh.source), "field": _from(folder, source.path)}
+        document["made_on"] = files | {"field_sha256": source.sha256}
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     # Each list of numbers goes on one line, for readability. JSON texts contain no raw line break, so this is safe.
     text = re.sub(r"\[\n[-+.\de,\s]+\]", lambda numbers: "[" + " ".join(numbers[0][1:-1].split()) + "]", text)
@@ -194,12 +199,9 @@ def read_made_on(path: str | os.PathLike[str]) -> tuple[Path | None, Path | None
 
     Raises the errors of `read_edit` about a document. The files need not exist.
     """
-    said = _validated(_completed(_checked(_parsed(path), os.fspath(path))), os.fspath(path)).made_on
-    if said is None:
-        return None, None, None
-    folder = Path(path).parent
-    mesh, field = (None if each is None else folder / each for each in (said.mesh, said.field))
-    return mesh, field, said.field_sha256
+    made_on = _validated(_parsed(path), os.fspath(path)).made_on or MadeOn()
+    mesh, field = (None if each is None else Path(path).parent / each for each in (made_on.mesh, made_on.field))
+    return mesh, field, made_on.field_sha256
 
 
 def _parsed(path: str | os.PathLike[str]) -> Any:
@@ -211,23 +213,22 @@ def _parsed(path: str | os.PathLike[str]) -> Any:
     except OSError as error:
         raise OSError(error.errno, f"{name}: the edit could not be read: {error.strerror}") from error
     try:
-        return json.loads(text, object_pairs_hook=_distinct, parse_constant=_refuse)
+        return json.loads(text, object_pairs_hook=_distinct)
     except json.JSONDecodeError as error:
         raise ValueError(f"{name}: no whole JSON document: {error}") from None
     except RecursionError:
         raise ValueError(f"{name}: no edit: nested too deeply") from None
-    except ValueError as error:
+    except ValueError as error:  # a key is given twice, or a number has too many digits
         raise ValueError(f"{name}: {error}") from None
 
 
-def _made_on(path: Path, mesh: Mesh, field: Field | None) -> dict[str, str | None] | None:
-    """Return the files of a mesh and its field as the edit in `path` names them; None if the field has no file."""
-    source = None if field is None else field.source
-    if source is None:
-        return None
-    folder = path.resolve().parent
-    places = {"mesh": _from(folder, mesh.source), "field": _from(folder, source.path)}
-    return asdict(MadeOn(**places, field_sha256=source.sha256))
+def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    result: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in result:
+            raise ArgumentError(key, "is given twice")
+        result[key] = value
+    return result
 
 
 def _from(folder: Path, file: Path | None) -> str | None:
@@ -235,28 +236,21 @@ def _from(folder: Path, file: Path | None) -> str | None:
 
     Return None for a name that is not UTF-8, because a JSON file cannot hold it.
     """
-    if file is None:
-        return None
-    whole = file.resolve()
-    named = (whole.relative_to(folder) if whole.is_relative_to(folder) else whole).as_posix()
-    return named if named.encode("utf-8", "replace").decode() == named else None
+    whole = file and file.resolve()
+    named = whole and (whole.relative_to(folder) if whole.is_relative_to(folder) else whole).as_posix()
+    return named if named and named.encode("utf-8", "replace").decode() == named else None
 
 
 def to_document(edit: Edit, mesh: Mesh) -> dict[str, Any]:
     """Return `edit` of `mesh` as a JSON document."""
     low, high = mesh.bounds.tolist()
     made_for = MadeFor(len(mesh.vertices), mesh.content_hash, (tuple(low), tuple(high)))
-    written = _model().dump_python(EditFile(**_values(edit), mesh=made_for), mode="json")
+    written = _model().dump_python(EditFile(**_values(edit), mesh=made_for), mode="json", exclude=UNWRITTEN)
     document: dict[str, Any] = {key: written.pop(key) for key in FIRST} | written
-    document["handles"] = [_spread(handle) for handle in document["handles"]]
-    document["fixed"] = [_spread(fixed) for fixed in document["fixed"]]
-    for place in (place for handle in document["handles"] for place in handle["excluded_counterparts"]):
-        del place["region"]  # excluded counterparts are points
-    if edit.symmetry is not None:
-        document["symmetry"] = {key: document["symmetry"][key] for key in ("normal", "offset", "band")}
-    if edit.default is not None:
-        for key in OF_HELD_PARTS:
-            del document["default"][key]
+    for key in ("handles", "fixed"):
+        document[key] = [_spread(entry) for entry in document[key]]
+    for key in ("score", "relative_score"):  # they describe a plane of a field, and not of an edit
+        (document["symmetry"] or {}).pop(key, None)
     return document
 
 
@@ -266,145 +260,126 @@ def _values(edit: Edit) -> dict[str, Any]:
 
 def _spread(entry: dict[str, Any]) -> dict[str, Any]:
     """Return an entry with the keys of its place, transform and controls on its own level."""
-    parts = [entry.pop(part) for part in SPREAD if part in entry]
     named = {key: entry.pop(key) for key in ("id", "name") if key in entry}
-    return {**named, **{key: value for part in parts for key, value in part.items()}, **entry}
+    return named | {key: value for part in SPREAD for key, value in entry.pop(part, {}).items()} | entry
 
 
 def from_document(document: Any, mesh: Mesh, *, name: str = "edit", other_shape: bool = False) -> Edit:
-    """Return the edit in a parsed JSON document of `mesh`, or of any shape with `other_shape`; `name` begins messages.
-
-    Raises ValueError if it is no such document, or an edit of another shape; the message names the key and the value
-    found there. Warns if a vertex of the edit is no longer at its position; the position is then a point in space.
-    """
-    said = _validated(_completed(_checked(document, name), mesh), name)
-    reading = _Places(mesh, said.mesh)
-    try:
-        edit = Edit(**_values(edit_on(mesh, said, reading.place)))
+    """Return the edit in a parsed JSON document, as `read_edit` does; `name` begins the messages."""
+    said = _validated(document, name, mesh)
+    made = said.mesh
+    with called(name):
+        edit = Edit(**_values(edit_on(mesh, said, partial(_placed, mesh, made))))
         if edit.default is not None:
             with within("default"):
                 edit.default.matrix(box_center(mesh))
-        if not other_shape:
-            reading.check_shape()
-        reading.warn_of_lost(name)
-    except ArgumentError as error:
-        raise ArgumentError(error.argument, error.reason, name) from None
+        if not other_shape and made is not None:
+            _check_shape(mesh, made)
+    lost = sum(_moved(mesh, place) for place in _places(said))
+    if lost and made is not None and made.hash != mesh.content_hash:
+        check.warn(
+            f"{name}: the edit was made on a mesh of {made.vertices} vertices, and this one has {len(mesh.vertices)}: "
+            f"{lost} of its vertices or sets of vertices are found by position",
+            UserWarning,
+        )
     return edit
 
 
-def _checked(document: Any, name: str) -> dict[str, Any]:
-    """Return `document` after checking its format and version."""
+def _places(edit: Edit) -> Iterator[Place]:
+    for handle in edit.handles:
+        yield from (handle.place, *handle.controls.excluded_counterparts)
+    yield from (fixed.place for fixed in edit.fixed)
+
+
+def _moved(mesh: Mesh, said: Place) -> bool:
+    """Return whether the vertices of a place have other positions on the mesh than in the file."""
+    if said.region is not None:
+        return isinstance(said.region, VertexSet) and not said.region.lies_on(mesh)
+    if said.vertex is None or not said.known:
+        return False
+    near = SAME_POSITION * mesh.diagonal
+    return said.vertex >= len(mesh.vertices) or math.dist(mesh.vertices[said.vertex], said.position) > near
+
+
+def _placed(mesh: Mesh, made: MadeFor | None, path: str, said: Place) -> Place:
+    """Return the place on the mesh, from the place at `path` in an edit that was made for another mesh."""
+    if said.region is not None:
+        with within(f"{path}.region"):
+            return place_on(mesh, said.region)
+    if said.vertex is None:
+        return said
+    if _moved(mesh, said):
+        return Place(said.position)
+    size = len(mesh.vertices)
+    if made is not None and not said.known:
+        if made.vertices != size:
+            raise ArgumentError(
+                path, f"must have a position: the edit counts {made.vertices} vertices, the mesh {size}"
+            )
+        if made.hash not in (None, mesh.content_hash):
+            raise ArgumentError(path, "must have a position: the edit was made on another mesh")
+    if said.vertex >= size:
+        raise ArgumentError(f"{path}.vertex", f"must lie in 0 … {size - 1}, got {said.vertex}")
+    return place_on(mesh, said.vertex)
+
+
+def _check_shape(mesh: Mesh, made: MadeFor) -> None:
+    """Raise ValueError if the edit is of another shape."""
+    if made.bounds is None or made.hash == mesh.content_hash:
+        return
+    was, now = np.asarray(made.bounds), np.asarray(mesh.bounds)
+    apart = np.linalg.norm(was - now, axis=1).max()
+    if apart > SAME_BOX * max(float(np.linalg.norm(was[1] - was[0])), mesh.diagonal):
+        raise ArgumentError(
+            "mesh.bounds",
+            f"must be those of this mesh, {now.round(4).tolist()}, got {was.round(4).tolist()}: the edit is one of "
+            "another shape; dfd.editing.transfer transfers it, other_shape=True accepts it anyway",
+        )
+
+
+def _validated(document: Any, name: str, mesh: Mesh | None = None) -> EditFile:
+    """Return the edit in a document, with its places as the document has them."""
     if not isinstance(document, dict):
         raise ArgumentError("document", f"must be an edit, got {_shown(document)}", name)
-    if document.get("format") != FORMAT:
-        raise ArgumentError("format", f'must be "{FORMAT}", got {_shown(document.get("format"))}', name)
-    version = document.get("version")
-    if isinstance(version, bool) or version != VERSION:
-        raise ArgumentError("version", f"must be {VERSION}, got {_shown(version)}", name)
-    return document
-
-
-def _completed(document: dict[str, Any], mesh: Mesh | None = None) -> dict[str, Any]:
-    """Return a document for pydantic, with defaults, and with the keys of places, transforms and controls grouped."""
-    known: Preset = document["preset"] if document.get("preset") in tuple(PRESETS) else "default"
-    whole = dict(document)
-    handles, fixed, plane = (whole.get(key) for key in ("handles", "fixed", "symmetry"))
-    if isinstance(handles, list):
-        named = (entry.get("id") for entry in handles if isinstance(entry, dict))
-        ids = {number for number in named if isinstance(number, int)}
-        free = (number for number in range(1, 2 * len(handles) + 1) if number not in ids)
-        whole["handles"] = [_grouped(entry, SPREAD, PRESETS[known].handle, free) for entry in handles]
-    if isinstance(fixed, list):
-        whole["fixed"] = [_grouped(entry, {"place": Place}) for entry in fixed]
-    if mesh is not None and isinstance(plane, str) and plane in AXES:
-        found = symmetry_on(mesh, plane, preset=known)
-        whole["symmetry"] = {"normal": found.normal, "offset": found.offset, "band": found.band}
-    elif isinstance(plane, dict) and plane.get("band") is None:
-        band = band_on(mesh, known) if mesh is not None else 0.0
-        whole["symmetry"] = {**plane, "band": band}
-    return whole
-
-
-def _grouped(
-    entry: Any, parts: Mapping[str, type], meant: Mapping[str, Any] | None = None, free: Iterable[int] | None = None
-) -> Any:
-    """Return an entry with the keys of `parts` grouped, the defaults `meant`, and a `free` id if it has none."""
-    if not isinstance(entry, dict):
-        return entry
-    given = {**(meant or {}), **entry}
-    if free is not None and given.get("id") is None:
-        given["id"] = next(iter(free))
-    grouped = {part: {key: given.pop(key) for key in _keys(owner) if key in given} for part, owner in parts.items()}
-    return {**given, **grouped}
-
-
-def _validated(document: dict[str, Any], name: str) -> EditFile:
-    """Return the edit in a completed document, with its places as the document has them."""
+    for key, value in (("format", EditFile.format), ("version", EditFile.version)):
+        found = document.get(key)
+        if found != value or isinstance(found, bool):
+            raise ArgumentError(key, f"must be {_shown(value)}, got {_shown(found)}", name)
     try:
-        return _model().validate_json(json.dumps(document))
+        return _model().validate_json(json.dumps(_completed(document, mesh)))
     except ValidationError as error:
         argument, reason = _complaint(error)
         raise ArgumentError(argument, reason, name) from None
 
 
-class _Places:
-    """Finds the places of an edit that was made for another mesh."""
+def _completed(document: dict[str, Any], mesh: Mesh | None) -> dict[str, Any]:
+    """Return a document for pydantic, with defaults, and with the keys of places, transforms and controls grouped."""
+    known: Preset = document["preset"] if document.get("preset") in tuple(PRESETS) else "default"
+    whole = dict(document)
+    handles, fixed, plane = (whole.get(key) for key in ("handles", "fixed", "symmetry"))
+    if isinstance(handles, list):
+        ids = {entry["id"] for entry in handles if isinstance(entry, dict) and isinstance(entry.get("id"), int)}
+        free = (number for number in count(1) if number not in ids)
+        whole["handles"] = [_grouped(entry, SPREAD, PRESETS[known].handle, free) for entry in handles]
+    if isinstance(fixed, list):
+        whole["fixed"] = [_grouped(entry, ("place",), {}) for entry in fixed]
+    if mesh is not None and isinstance(plane, str) and plane in AXES:
+        found = symmetry_on(mesh, plane, preset=known)
+        whole["symmetry"] = {"normal": found.normal, "offset": found.offset, "band": found.band}
+    elif isinstance(plane, dict) and plane.get("band") is None:
+        whole["symmetry"] = {**plane, "band": 0.0 if mesh is None else band_on(mesh, known)}
+    return whole
 
-    def __init__(self, mesh: Mesh, made_for: MadeFor | None) -> None:
-        self.mesh, self.made_for = mesh, made_for
-        self.lost = 0  # number of vertices that are no longer at their positions
 
-    def place(self, path: str, said: Place) -> Place:
-        """Return the place on the mesh."""
-        if said.region is not None:
-            if isinstance(said.region, VertexSet) and not said.region.lies_on(self.mesh):
-                self.lost += 1
-            with within(f"{path}.region"):
-                return place_on(self.mesh, said.region)
-        if said.vertex is None:
-            return said
-        count = len(self.mesh.vertices)
-        if said.known:
-            near = SAME_POSITION * self.mesh.diagonal
-            if said.vertex < count and math.dist(self.mesh.vertices[said.vertex], said.position) <= near:
-                return place_on(self.mesh, said.vertex)
-            self.lost += 1
-            return Place(said.position)
-        made = self.made_for
-        if made is not None and made.vertices != count:
-            raise ArgumentError(
-                path, f"must have a position: the edit counts {made.vertices} vertices, the mesh {count}"
-            )
-        if made is not None and made.hash not in (None, self.mesh.content_hash):
-            raise ArgumentError(path, "must have a position: the edit was made on another mesh")
-        if said.vertex >= count:
-            raise ArgumentError(f"{path}.vertex", f"must lie in 0 … {count - 1}, got {said.vertex}")
-        return place_on(self.mesh, said.vertex)
-
-    def check_shape(self) -> None:
-        """Raise ValueError if the edit is of another shape."""
-        made = self.made_for
-        if made is None or made.bounds is None or made.hash == self.mesh.content_hash:
-            return
-        was, now = np.asarray(made.bounds), np.asarray(self.mesh.bounds)
-        apart = np.linalg.norm(was - now, axis=1).max()
-        if apart > SAME_BOX * max(float(np.linalg.norm(was[1] - was[0])), self.mesh.diagonal):
-            raise ArgumentError(
-                "mesh.bounds",
-                f"must be those of this mesh, {now.round(4).tolist()}, got {was.round(4).tolist()}: the edit is one of "
-                "another shape; dfd.editing.transfer transfers it, other_shape=True accepts it anyway",
-            )
-
-    def warn_of_lost(self, name: str) -> None:
-        """Warn if places of an edit of another resolution became points in space."""
-        made = self.made_for
-        if made is not None and made.hash != self.mesh.content_hash and self.lost:
-            warnings.warn(
-                f"{name}: the edit was made on a mesh of {made.vertices} vertices, and this one has "
-                f"{len(self.mesh.vertices)}: {self.lost} of its vertices or sets of vertices are found by position",
-                UserWarning,
-                stacklevel=4,
-            )
+def _grouped(entry: Any, parts: Iterable[str], meant: Mapping[str, Any], free: Iterator[int] | None = None) -> Any:
+    """Return an entry with the keys of `parts` grouped, the defaults `meant`, and a `free` id if it has none."""
+    if not isinstance(entry, dict):
+        return entry
+    given = {**meant, **entry}
+    if free is not None and given.get("id") is None:
+        given["id"] = next(free)
+    grouped = {part: {key: given.pop(key) for key in _keys(SPREAD[part]) if key in given} for part in parts}
+    return given | grouped
 
 
 # Entries that pydantic adds to the path of a value: the tried member of a union, and the groups of `SPREAD`.
@@ -414,20 +389,7 @@ PHRASES = {
     "be an? valid (tuple|list|array)": "be a list",
     "valid number": "finite number",
     "valid integer": "whole number",
-    "valid boolean": "true or false",
-    "be a true": "be true",
-    "after validation.*": "",
-}
-KNOWN_KEYS: dict[str, tuple[str, ...]] = {
-    "": (*FIRST, *(key for key in _keys(Edit) if key not in FIRST)),
-    "units": _keys(Units),
-    "mesh": _keys(MadeFor),
-    "made_on": _keys(MadeOn),
-    "handles": ("id", "name", *_keys(*SPREAD.values())),
-    "excluded_counterparts": _keys(Place),
-    "fixed": (*_keys(Place), "strength"),
-    "symmetry": ("normal", "offset", "band"),
-    "default": tuple(key for key in _keys(Transform) if key not in OF_HELD_PARTS),
+    " after validation.*": "",
 }
 
 
@@ -440,28 +402,26 @@ def _complaint(error: ValidationError) -> tuple[str, str]:
         (each for each in errors if _path(each["loc"]).startswith(owner)),
         key=lambda each: (len(each["loc"]), each["type"] == "literal_error" and isinstance(each["input"], str)),
     )
-    steps, kind = first["loc"], first["type"]
+    steps, kind, shown = first["loc"], first["type"], _shown(first["input"])
     if kind == "json_invalid":  # the text is no Unicode, or lists are nested too deep
         return "document", f"cannot be read: {first['msg'].removeprefix('Invalid JSON: ')}"
     said = first.get("ctx", {}).get("error")
     if isinstance(said, ArgumentError):
         return _path((*steps, said.argument)), said.reason
-    # pydantic reports the missing item of a short list; the message names the list instead.
-    if kind == "missing" and isinstance(steps[-1], int):
-        return _path(steps[:-1]), f"must hold more than {steps[-1]} items, got {_shown(first['input'])}"
-    if kind.startswith("missing"):
-        return _path(steps), "is missing"
+    if kind.startswith("missing") or kind == "union_tag_not_found":
+        return _path(steps) + (".kind" if kind == "union_tag_not_found" else ""), f"is missing in {shown}"
+    if kind == "union_tag_invalid":
+        return f"{_path(steps)}.kind", f"must be one of {first['ctx']['expected_tags']}, got {first['ctx']['tag']!r}"
     if kind == "unexpected_keyword_argument":
-        owner = next((step for step in reversed(steps[:-1]) if isinstance(step, str) and step not in TAGS), "")
-        known = f"; known are {', '.join(KNOWN_KEYS[owner])}" if owner in KNOWN_KEYS else ""
-        return _path(steps), f"is an unknown key{known}"
-    if kind.startswith("union_tag"):
-        kinds = re.sub(", (?=[^,]*$)", " or ", first["ctx"].get("expected_tags", "a region's"))
-        return f"{_path(steps)}.kind", f"must be {kinds}, got {_shown(first['input'])}"
+        known = edit_schema()
+        for key in (step for step in steps[:-1] if isinstance(step, str) and step not in TAGS):
+            owners = re.findall(r"\$defs/(\w+)", json.dumps(known["properties"][key]))
+            known = edit_schema()["$defs"][owners[0]] if len(owners) == 1 else {}  # a region may be of several kinds
+        return _path(steps), "is an unknown key" + (f"; known are {', '.join(known['properties'])}" if known else "")
     must = re.sub(r"^\w+ should ", "", first["msg"])
     for theirs, ours in PHRASES.items():
         must = re.sub(theirs, ours, must)
-    return _path(steps), f"must {must}, got {_shown(first['input'])}"
+    return _path(steps), f"must {must}, got {shown}"
 
 
 def _path(steps: Iterable[int | str]) -> str:
@@ -478,16 +438,3 @@ def _path(steps: Iterable[int | str]) -> str:
 def _shown(value: Any) -> str:
     shown = json.dumps(value, default=str)
     return shown if len(shown) <= 60 else shown[:59] + "…"
-
-
-def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    result: dict[str, Any] = {}
-    for key, value in pairs:
-        if key in result:
-            raise ArgumentError(key, "is given twice")
-        result[key] = value
-    return result
-
-
-def _refuse(constant: str) -> Any:
-    raise ValueError(f"numbers must be finite, got {constant}")

@@ -9,7 +9,9 @@ from dfd.editing.edit import Edit
 
 
 class History:
-    """A list of states, one of which is the present one."""
+    """The states of an edit, one of which is the present one."""
+
+    __slots__ = ("_floor", "_now", "_states", "_topic")
 
     def __init__(self, start: Edit) -> None:
         self._states = [start]
@@ -18,17 +20,17 @@ class History:
         self._topic: Hashable = None  # topic of the newest step, for later steps with the same topic
 
     @property
-    def present(self) -> Edit:
-        """Return the present state."""
+    def edit(self) -> Edit:
+        """Return the present state, an immutable value."""
         return self._states[self._now]
 
-    def commit(self, state: Edit, *, topic: Hashable = None, merge: bool = False) -> None:
+    def _record(self, state: Edit, topic: Hashable = None, merge: bool = False) -> None:
         """Make `state` the present one and discard undone steps; a state equal to the present one adds no step.
 
         With `merge`, the state replaces the newest step if that step has the same `topic`.
         """
         joins = merge and topic is not None and topic == self._topic
-        if state != self.present:
+        if state != self.edit:
             self._now += 0 if joins else 1
             self._states[self._now :] = [state]
             self._topic = topic
@@ -60,7 +62,10 @@ class History:
 
     @contextmanager
     def step(self, topic: Hashable = None, *, merge: bool = False) -> Iterator[None]:
-        """Make one step of all commits inside, merged as in `commit`; if the block fails, discard all of them."""
+        """Make one step of all changes inside `with deformer.step():`; if one of them fails, none takes effect.
+
+        With `merge`, the step joins the previous step if that step has the same `topic`, any value but None.
+        """
         start, floor, before, about = self._now, self._floor, list(self._states), self._topic
         self._floor, self._topic = start, None
         try:
@@ -70,7 +75,7 @@ class History:
             raise
         finally:
             self._floor, self._topic = floor, about
-        made = self.present
+        made = self.edit
         if self._now > start:
             self._states[start + 1 :], self._now = [], start
-        self.commit(made, topic=topic, merge=merge)
+        self._record(made, topic, merge)

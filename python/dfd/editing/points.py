@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 EXTREMES = {"top": (1, 1), "bottom": (1, -1), "right": (0, 1), "left": (0, -1), "front": (2, 1), "back": (2, -1)}
 SIDE = re.compile(r"([xyz])\s*([<>])\s*(.+)")
 
-
 NOWHERE: Vector = (math.nan, math.nan, math.nan)
 
 
@@ -95,9 +94,9 @@ def place_on(mesh: Mesh, at: Any) -> Place:
     if isinstance(at, str):
         return find(mesh, at).place
     if isinstance(at, Region):
-        return _region_place(mesh, at)
+        return _region_place(mesh, at)[0]
     if isinstance(at, np.ndarray) and at.ndim == 1 and at.dtype.kind in "iub":
-        return _region_place(mesh, VertexSet.of(mesh, at))
+        return _region_place(mesh, VertexSet.of(mesh, at))[0]
     if np.ndim(at) == 0:
         if isinstance(at, bool) or not isinstance(at, int | np.integer):
             raise ArgumentError("at", f"must be a vertex index, a point, a region or a text, got {at!r}")
@@ -120,41 +119,22 @@ def find(mesh: Mesh, text: str) -> Found:
     Raises ValueError if `text` names nothing of the mesh; the message gives the expected forms.
     """
     said = text.strip()
-    if said in EXTREMES:
-        axis, sign = EXTREMES[said]
-        vertex = int((sign * mesh.vertices[:, axis]).argmax())
-        return Found(place_on(mesh, vertex), f"{said} is vertex {vertex}")
-    if said.startswith("component@"):
-        at = find(mesh, said.removeprefix("component@")).place
-        vertex = nearest_vertex(mesh, at.position)[0] if at.vertex is None else at.vertex
-        from dfd.geometry.coarse import nodes_of  # imports SciPy, which the help of the command line does not need
-
-        nodes = nodes_of(mesh)
-        component = nodes.component[nodes.of_vertex]
-        return _found(mesh, said, VertexSet.of(mesh, component == component[vertex]))
-    kind, _, rest = said.partition(":")
     try:
-        if side := SIDE.fullmatch(said):
-            towards = 1.0 if side[2] == ">" else -1.0
-            x, y, z = (towards if axis == side[1] else 0.0 for axis in "xyz")
-            return _found(mesh, said, HalfSpace((x, y, z), towards * float(side[3])))
-        if kind == "part" and rest:
-            return _found(mesh, said, Part(rest))
-        if kind == "group" and rest:
-            return _found(mesh, said, Group(rest))
-        if kind == "material" and rest:  # a face group of an OBJ file, else a material of a scene
-            return _found(mesh, said, Group(rest) if rest in mesh.group_names else Part(rest))
-        if kind == "ball" and rest:
-            x, y, z, radius = (float(number) for number in rest.split(","))
-            return _found(mesh, said, Ball((x, y, z), radius))
-        if kind == "box" and rest:
-            low, high = np.array(rest.split(","), float).reshape(2, 3)
-            return _found(mesh, said, Box(vector("low", low), vector("high", high)))
-        if "," in said:
-            point = vector("at", [float(number) for number in said.split(",")])
-            vertex, distance = nearest_vertex(mesh, point)
-            return Found(place_on(mesh, vertex), f"{said} is vertex {vertex}, {distance:.3g} away")
-        vertex = int(said)
+        region = _region_in(mesh, said)
+        if region is not None:
+            with within("at"):
+                place, count = _region_place(mesh, region)
+            return Found(place, f"{said} is {count} {'vertex' if count == 1 else 'vertices'}")
+        if said in EXTREMES:
+            axis, sign = EXTREMES[said]
+            vertex = int((sign * mesh.vertices[:, axis]).argmax())
+            note = f"{said} is vertex {vertex}"
+        elif "," in said:
+            vertex, distance = nearest_vertex(mesh, vector("at", [float(number) for number in said.split(",")]))
+            note = f"{said} is vertex {vertex}, {distance:.3g} away"
+        else:
+            vertex = int(said)
+            note = f"vertex {vertex}"
     except ArgumentError:
         raise
     except ValueError:
@@ -165,7 +145,39 @@ def find(mesh: Mesh, text: str) -> Found:
             f"component@PLACE, x>NUMBER, ball:x,y,z,radius or box:x,y,z,x,y,z, got {text!r}"
             f"{f'; did you mean {close[0]}?' if close else ''}",
         ) from None
-    return Found(place_on(mesh, vertex), f"vertex {vertex}")
+    return Found(place_on(mesh, vertex), note)
+
+
+def _region_in(mesh: Mesh, said: str) -> Region | None:
+    """Return the region that a text names; None if it names none. Raises ValueError if its numbers are no numbers."""
+    if said.startswith("component@"):
+        at = find(mesh, said.removeprefix("component@")).place
+        vertex = nearest_vertex(mesh, at.position)[0] if at.vertex is None else at.vertex
+        from dfd.geometry.coarse import nodes_of  # imports SciPy, which the help of the command line does not need
+
+        nodes = nodes_of(mesh)
+        component = nodes.component[nodes.of_vertex]
+        return VertexSet.of(mesh, component == component[vertex])
+    if side := SIDE.fullmatch(said):
+        towards = 1.0 if side[2] == ">" else -1.0
+        x, y, z = (towards if axis == side[1] else 0.0 for axis in "xyz")
+        return HalfSpace((x, y, z), towards * float(side[3]))
+    match said.partition(":"):
+        case _, _, "":
+            return None
+        case "part", _, name:
+            return Part(name)
+        case "group", _, name:
+            return Group(name)
+        case "material", _, name:  # a face group of an OBJ file, else a material of a scene
+            return Group(name) if name in mesh.group_names else Part(name)
+        case "ball", _, numbers:
+            x, y, z, radius = (float(number) for number in numbers.split(","))
+            return Ball((x, y, z), radius)
+        case "box", _, numbers:
+            corners: Any = np.array(numbers.split(","), float).reshape(2, 3)
+            return Box(*corners)
+    return None
 
 
 def nearest_vertex(mesh: Mesh, point: Vector) -> tuple[int, float]:
@@ -186,12 +198,7 @@ def nearest_vertex(mesh: Mesh, point: Vector) -> tuple[int, float]:
     return vertex, distance
 
 
-def _region_place(mesh: Mesh, region: Region) -> Place:
+def _region_place(mesh: Mesh, region: Region) -> tuple[Place, int]:
+    """Return the place of a region, and the number of its vertices."""
     held = mesh.vertices[members(mesh, region)]
-    return Place(vector("at", (held.min(axis=0) + held.max(axis=0)) / 2), region=region)
-
-
-def _found(mesh: Mesh, said: str, region: Region) -> Found:
-    with within("at"):
-        count = len(members(mesh, region))
-    return Found(_region_place(mesh, region), f"{said} is {count} {'vertex' if count == 1 else 'vertices'}")
+    return Place(vector("at", (held.min(axis=0) + held.max(axis=0)) / 2), region=region), len(held)

@@ -40,7 +40,7 @@ class Rules:
     blend: Literal["auto", "linear"] = "auto"
     # reach_targets: whether handles get back the weight that fixed points take from them at their own places (Eq. 6)
     reach_targets: bool = True
-    # exact_distances: whether distances of Eq. 7 start at the handle only, stay on its component, use all vertices.
+    # exact_distances: whether distances of Eq. 7 start only at the handle, stay on its component and use all vertices.
     # Otherwise they also start at the handle's mirror image, cross small gaps, and use 6,000 samples.
     exact_distances: bool = False
     # band: half width of the blend band at a mirror plane, relative to the longest side of the box (Eq. 8)

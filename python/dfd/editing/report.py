@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dfd.common.linear_algebra import Float64
+from dfd.editing.edit import Edit
+from dfd.editing.influence.handle_weights import HandleWeights
+from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Vector, vector
 
-if TYPE_CHECKING:
-    from dfd.editing.edit import Edit, Handle
-    from dfd.editing.influence.handle_weights import HandleWeights
-    from dfd.mesh.mesh import Mesh
-
-# Fraction of the diagonal of the box that nobody sees: a vertex that moved less counts as unmoved, and a handle that
-# misses its target by less counts as arrived.
+# Fraction of the diagonal of the box: a vertex that moves less counts as unmoved, and a handle that misses its target
+# by less counts as arrived.
 UNSEEN = 1e-3
 
 
@@ -24,7 +21,6 @@ UNSEEN = 1e-3
 class HandleReport:
     """The result of one handle."""
 
-    # id, name: id and name of the handle
     id: int
     name: str | None
     vertex: int  # the vertex that is measured: the handle's own, or the one nearest to it
@@ -81,8 +77,8 @@ class Report:
 def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: Float64) -> Report:
     """Return the report of `edit` on `mesh`, whose vertices (V, 3) are at `posed`."""
     distances = np.linalg.norm(posed - mesh.vertices, axis=1)
-    farthest = float(distances.max())
-    moved = float(np.mean(distances > UNSEEN * mesh.diagonal))
+    unseen = UNSEEN * mesh.diagonal
+    moved = float(np.mean(distances > unseen))
     counts = weights.counterpart_counts(edit)
     following, columns = weights.columns(edit)
     own = {column.handle: column for column in reversed(columns)}  # a handle's own counterpart is its first
@@ -90,44 +86,28 @@ def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: Float64) -> Re
     handles = []
     for i, handle in enumerate(edit.handles):
         vertex = weights.rows.anchor(handle.place)
-        target = _sent(own[i].matrix(handle), bent[vertex])
+        rest = bent[vertex]
+        target = _sent(own[i].matrix(edit), rest)
         for number in own[i].carriers:
-            moved_by = columns[number].matrix(edit.handles[columns[number].handle])
-            target += following[vertex, number] * (_sent(moved_by, bent[vertex]) - bent[vertex])
-        along = tuple(sorted({edit.handles[columns[number].handle].id for number in own[i].carriers}))
-        handles.append(_handle_report(mesh, edit, handle, target, vertex, counts[i], along, posed))
-    warning = _warning(edit) if moved == 0 else None
-    return Report(moved, farthest, tuple(handles), warning, _advice(edit))
-
-
-def _handle_report(
-    mesh: Mesh,
-    edit: Edit,
-    handle: Handle,
-    target: Float64,
-    vertex: int,
-    counterparts: int,
-    along_with: tuple[int, ...],
-    posed: Float64,
-) -> HandleReport:
-    missing = float(np.linalg.norm(posed[vertex] - target))
-    mirrored = None
-    if edit.symmetry is not None:
-        image = edit.symmetry.reflect([handle.place.position])[0]
-        if np.linalg.norm(image - np.asarray(handle.place.position)) > UNSEEN * mesh.diagonal:
-            mirrored = vector("mirrored", image)
-    return HandleReport(
-        handle.id,
-        handle.name,
-        vertex,
-        vector("target", target),
-        vector("landed", posed[vertex]),
-        missing,
-        missing <= UNSEEN * mesh.diagonal,
-        mirrored,
-        counterparts,
-        along_with,
-    )
+            target += following[vertex, number] * (_sent(columns[number].matrix(edit), rest) - rest)
+        missing = float(np.linalg.norm(posed[vertex] - target))
+        place = handle.place.position
+        image = place if edit.symmetry is None else vector("mirrored", edit.symmetry.reflect([place])[0])
+        handles.append(
+            HandleReport(
+                id=handle.id,
+                name=handle.name,
+                vertex=vertex,
+                target=vector("target", target),
+                landed=vector("landed", posed[vertex]),
+                missing=missing,
+                arrived=missing <= unseen,
+                mirrored=image if np.linalg.norm(np.subtract(image, place)) > unseen else None,
+                counterparts=counts[i],
+                along_with=tuple(sorted({edit.handles[columns[number].handle].id for number in own[i].carriers})),
+            )
+        )
+    return Report(moved, float(distances.max()), tuple(handles), None if moved else _warning(edit), _advice(edit))
 
 
 def _sent(matrix: Float64, point: Float64) -> Float64:
@@ -137,15 +117,15 @@ def _sent(matrix: Float64, point: Float64) -> Float64:
 
 def _advice(edit: Edit) -> str | None:
     """Return a sentence about scales that flatten or mirror the shape; None without any."""
-    flat = [f"handle {handle.id}" for handle in edit.handles if 0.0 in handle.transform.scale]
-    if flat:
-        return (
-            f"{' and '.join(flat)} {'flattens' if len(flat) == 1 else 'flatten'} what follows: a factor of scale is 0"
-        )
-    mirrored = [f"handle {handle.id}" for handle in edit.handles if np.prod(handle.transform.scale) < 0]
-    if mirrored:
-        what = f"{' and '.join(mirrored)} {'mirrors' if len(mirrored) == 1 else 'mirror'} what follows"
-        return f"{what}, whose faces then look inward: a factor of scale is negative"
+    scales = {f"handle {handle.id}": handle.transform.scale for handle in edit.handles}
+    flat = [name for name, scale in scales.items() if 0.0 in scale]
+    mirrored = [name for name, scale in scales.items() if np.prod(scale) < 0]
+    for names, verb, result in (
+        (flat, "flatten", ": a factor of scale is 0"),
+        (mirrored, "mirror", ", whose faces then look inward: a factor of scale is negative"),
+    ):
+        if names:
+            return f"{' and '.join(names)} {verb}{'s' if len(names) == 1 else ''} what follows{result}"
     return None
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -10,13 +10,8 @@ from dfd.common.linear_algebra import Float64
 from dfd.editing.edit import Edit, Handle, box_center
 from dfd.editing.influence.counterparts import Column
 from dfd.editing.influence.handle_weights import HandleWeights
-from dfd.posing.pose import Drag, pose
-
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import Mesh
-
-
-IDENTITY = np.eye(3, 4)
+from dfd.mesh.mesh import Mesh
+from dfd.posing.pose import IDENTITY, Drag, pose
 
 
 class PosedShape:
@@ -52,15 +47,11 @@ class PosedShape:
         if self._drag is None or not self._moving.keys() >= set(moved):
             weights, columns = self._weights.columns(edit)
             moving = [i for i, column in enumerate(columns) if column.handle in moved]
-            how = self._arguments(edit, columns)
-            self._drag = Drag(self._weights.bent(edit), weights, moving=moving, **how)
+            self._drag = Drag(self._weights.bent(edit), weights, moving=moving, **self._arguments(edit, columns))
             self._moving = {handle: [column for column in columns if column.handle == handle] for handle in moved}
-        matrices = [_matrix(edit, column) for columns in self._moving.values() for column in columns]
-        return self._drag.pose(matrices)
+        return self._drag.pose([column.matrix(edit) for columns in self._moving.values() for column in columns])
 
     def _whole(self, edit: Edit) -> Float64:
-        if not edit.handles and edit.default is None:
-            return self._mesh.vertices
         if _acting(edit) == _acting(Edit()):
             return self._mesh.vertices  # nothing moves, whatever the weights
         bent = self._weights.bent(edit)
@@ -72,17 +63,13 @@ class PosedShape:
     def _arguments(self, edit: Edit, columns: tuple[Column, ...]) -> dict[str, Any]:
         """Return the arguments of `pose` and `Drag` for `edit`, besides vertices and weights."""
         return {
-            "transforms": np.reshape([_matrix(edit, column) for column in columns], (-1, 3, 4)),
+            "transforms": np.reshape([column.matrix(edit) for column in columns], (-1, 3, 4)),
             "default": None if edit.default is None else edit.default.matrix(box_center(self._mesh)),
             "symmetry": edit.symmetry,
             "handles": np.reshape([column.counterpart.position for column in columns], (-1, 3)),
             "overlap": edit.rules.overlap,
             "blend": edit.blending,
         }
-
-
-def _matrix(edit: Edit, column: Column) -> Float64:
-    return column.matrix(edit.handles[column.handle])
 
 
 def _moved(before: Edit, after: Edit) -> list[int] | None:
@@ -93,11 +80,9 @@ def _moved(before: Edit, after: Edit) -> list[int] | None:
         return None  # a component changed the handle that moves it
     moved = []
     for i, (old, new) in enumerate(zip(before.handles, after.handles, strict=True)):
-        if old is not new and (old.place, old.controls) != (new.place, new.controls):
+        if (old.place, old.controls, _bend(old)) != (new.place, new.controls, _bend(new)):
             return None
-        if _bend(old) != _bend(new):
-            return None
-        if old is not new and old.transform != new.transform:
+        if old.transform != new.transform:
             moved.append(i)
     return moved
 

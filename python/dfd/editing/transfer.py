@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -15,16 +15,14 @@ from dfd.common.linear_algebra import Float64, Int64, unit
 from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.influence.handle_features import HandleFeatures
-from dfd.editing.influence.regions import Ball, Box, Group, HalfSpace, Part, Region, VertexSet, members
+from dfd.editing.influence.regions import HalfSpace, Region, VertexSet, members
 from dfd.editing.points import Place, place_on
+from dfd.field.field import Field
 from dfd.geometry.topology import face_areas, sample_surface
+from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform, Vector, vector
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.bind import bind
-
-if TYPE_CHECKING:
-    from dfd.field.field import Field
-    from dfd.mesh.mesh import Mesh
 
 # Vertices within this feature distance of the most similar vertex are equally similar. Of these, the vertex at the most
 # similar position is chosen, because features hardly distinguish a left leg from a right one.
@@ -35,7 +33,7 @@ SAMPLE = 4096  # number of surface points whose mean feature is within a percent
 OF_FEATURES = ("encoder_family", "encoder_weights", "encoder_block", "metric_hash")
 TOO_SHORT = 1e-4  # a feature that differs less from the mean of its shape has no direction
 
-Points = Float64
+Scaled = TypeVar("Scaled", bound="Controls | Transform | Region")
 
 
 @dataclass(frozen=True)
@@ -60,35 +58,22 @@ def transfer(edit: Edit, mesh_from: Mesh, field_from: Field, mesh_to: Mesh, fiel
     rotations and scales stay. Balls, boxes and half spaces are mapped from box to box. A set of vertices is transferred
     vertex by vertex (at most 2,048, evenly chosen). Parts and groups are found by name.
 
-    Parameters
-    ----------
-    edit
-        The edit, made on `mesh_from` and in its units.
-    mesh_from, mesh_to
-        The shape of the edit, and the other shape.
-    field_from, field_to
-        Their fields, distilled with the same encoder.
+    `edit` was made on `mesh_from`. Both fields must be distilled with the same encoder.
 
     Raises ValueError if the fields have different encoders, two handles move to one vertex, or a region is empty on
     `mesh_to`.
     """
-    _check_encoders(field_from, field_to)
-    return EditTransfer(mesh_from, field_from, mesh_to, field_to).of(edit)
-
-
-def _check_encoders(field_from: Field, field_to: Field) -> None:
-    """Raise ValueError if the features of two fields cannot be compared."""
     if field_from.dimension != field_to.dimension:
         raise ArgumentError(
             "field_to",
             f"must have features of width {field_from.dimension} as `field_from` has, "
             f"got {field_to.dimension}: were they distilled with another `encoder` or another `metric`?",
-            "transfer",
         )
-    before, now = ([field.settings.get(key) for key in OF_FEATURES] for field in (field_from, field_to))
-    for key, was, found in zip(OF_FEATURES, before, now, strict=True):
+    for key in OF_FEATURES:
+        was, found = field_from.settings.get(key), field_to.settings.get(key)
         if was is not None and found is not None and was != found:
-            raise ArgumentError("field_to", f"must be of the {key} {was} as `field_from` is, got {found}", "transfer")
+            raise ArgumentError("field_to", f"must be of the {key} {was} as `field_from` is, got {found}")
+    return EditTransfer(mesh_from, field_from, mesh_to, field_to).of(edit)
 
 
 class EditTransfer:
@@ -107,15 +92,14 @@ class EditTransfer:
         for handle in edit.handles:
             place, similarity[handle.id] = self.place(handle.place)
             handles.append(self.handle(handle, place))
-        fixed = [
-            (replace(one, place=place), similar) for one in edit.fixed for place, similar in [self.place(one.place)]
-        ]
+        fixed = [self.place(one.place) for one in edit.fixed]
+        plane = edit.symmetry
         transferred = replace(
             edit,
             handles=tuple(handles),
-            fixed=tuple(one for one, _ in fixed),
-            symmetry=None if edit.symmetry is None else self.plane(edit.symmetry),
-            default=None if edit.default is None else self.transform(edit.default, self.point),
+            fixed=tuple(replace(one, place=place) for one, (place, _) in zip(edit.fixed, fixed, strict=True)),
+            symmetry=plane and SymmetryPlane(plane.normal, self.offset(plane), band=self.ratio * plane.band),
+            default=edit.default and self.scaled(edit.default, self.point),
         )
         return Transferred(transferred, similarity, tuple(similar for _, similar in fixed))
 
@@ -138,18 +122,11 @@ class EditTransfer:
 
     def region(self, region: Region) -> Region:
         """Return the corresponding region of the other shape."""
-        match region:
-            case Ball():
-                return Ball(self.point(region.center), self.ratio * region.radius)
-            case Box():
-                return Box(self.point(region.low), self.point(region.high))
-            case HalfSpace():
-                on_plane = self.point(vector("normal", region.offset * np.asarray(region.normal)))
-                return HalfSpace(region.normal, float(np.dot(on_plane, region.normal)))
-            case Part() | Group():
-                return region
-            case VertexSet():
-                return VertexSet.of(self.mesh, np.unique(self.nearest(region.positions)[0]))
+        if isinstance(region, VertexSet):
+            return VertexSet.of(self.mesh, np.unique(self.nearest(region.positions)[0]))
+        if isinstance(region, HalfSpace):
+            return HalfSpace(region.normal, self.offset(region))
+        return self.scaled(region, self.point)
 
     def handle(self, handle: Handle, place: Place) -> Handle:
         """Return the handle at its new place, with its pivot at the same offset in units of the other shape."""
@@ -158,40 +135,29 @@ class EditTransfer:
             offset = np.subtract(pivot, handle.place.position)
             return vector("pivot", np.asarray(place.position) + self.ratio * offset)
 
-        controls = handle.controls
-        scaled: Controls = replace(
-            controls,
-            excluded_counterparts=(),  # the other shape has other counterparts
-            mask=None if controls.mask is None else self.region(controls.mask),
-            **self.scaled(controls, beside),
-        )
-        return replace(handle, place=place, transform=self.transform(handle.transform, beside), controls=scaled)
+        mask = handle.controls.mask and self.region(handle.controls.mask)
+        # The other shape has other counterparts.
+        controls = replace(self.scaled(handle.controls, beside), excluded_counterparts=(), mask=mask)
+        return replace(handle, place=place, transform=self.scaled(handle.transform, beside), controls=controls)
 
-    def transform(self, transform: Transform, move: Callable[[Vector], Vector]) -> Transform:
-        """Return the transform in units of the other shape."""
-        return replace(transform, **self.scaled(transform, move))
-
-    def scaled(self, value: Controls | Transform, move: Callable[[Vector], Vector]) -> dict[str, Any]:
-        """Return those fields of `value` that are lengths and positions, in units of the other shape."""
+    def scaled(self, value: Scaled, move: Callable[[Vector], Vector]) -> Scaled:
+        """Return `value` with its lengths in units of the other shape, and its positions moved by `move`."""
         found: dict[str, Any] = {}
         owner: type = type(value)
         for name, (_, said) in about(owner).items():
             given = getattr(value, name)
-            if said is None or given is None:
-                continue
-            if said.unit == "length":
+            if given is not None and said is not None and said.unit == "length":
                 found[name] = (self.ratio * np.asarray(given)).tolist()
-            elif said.unit == "position":
+            elif given is not None and said is not None and said.unit == "position":
                 found[name] = move(given)
-        return found
+        return replace(value, **found)
 
-    def plane(self, plane: SymmetryPlane) -> SymmetryPlane:
-        """Return the corresponding plane in the other shape's box."""
+    def offset(self, plane: SymmetryPlane | HalfSpace) -> float:
+        """Return the offset of the corresponding plane in the other shape's box."""
         on_plane = self.point(vector("normal", plane.offset * np.asarray(plane.normal)))
-        offset = float(np.dot(on_plane, plane.normal))
-        return SymmetryPlane(plane.normal, offset, band=self.ratio * plane.band)
+        return float(np.dot(on_plane, plane.normal))
 
-    def nearest(self, positions: Points) -> tuple[Int64, Points]:
+    def nearest(self, positions: Float64) -> tuple[Int64, Float64]:
         """Return the vertices (N,) most similar to points of the first shape, and the cosines (N,) between both."""
         chosen = positions[:: -(-len(positions) // MOST_POSITIONS)]
         wanted = unit(self.field_from(chosen) - self.mean_from, least=TOO_SHORT)
@@ -207,7 +173,7 @@ class EditTransfer:
         return vertices, cosines
 
     @cached_property
-    def lengths(self) -> Points:
+    def lengths(self) -> Float64:
         """Return the distance (V,) of each vertex's feature from the mean of the shape; infinity in place of 0."""
         offset = self.mean_to
         long = float(np.linalg.norm(offset))
@@ -215,17 +181,17 @@ class EditTransfer:
         squares = 1.0 + long**2 - 2.0 * along
         return np.where(squares > TOO_SHORT**2, np.sqrt(np.maximum(squares, 0.0)), np.inf)
 
-    def products(self, row: Points) -> Points:
+    def products(self, row: Float64) -> Float64:
         """Return the products (V,) of the vertices' features with a unit row, from the distances of `bind`."""
         # A reach of 2 is the largest distance between unit features.
         distances = 2.0 * (1.0 - bind(self.rows.features, row[None].astype(np.float32), reach=2.0)[:, 0])
         return 1.0 - np.square(distances, dtype=np.float64) / 2.0
 
 
-def _mean(mesh: Mesh, field: Field) -> Points:
+def _mean(mesh: Mesh, field: Field) -> Float64:
     """Return the mean feature (D,) of a surface."""
     if not face_areas(mesh.vertices, mesh.faces).sum() > 0:
         return np.zeros(field.dimension)
     points, _ = sample_surface(mesh.vertices, mesh.faces, SAMPLE, np.random.default_rng(0))
-    mean: Points = np.asarray(field(points), np.float64).mean(axis=0)
+    mean: Float64 = np.asarray(field(points), np.float64).mean(axis=0)
     return mean

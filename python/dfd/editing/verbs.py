@@ -7,23 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, get_args
+from typing import Any, get_args
 
 import numpy as np
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.editing.controls import CONTROLS, controls_of, controls_on
-from dfd.editing.edit import Edit, Handle, box_center, symmetry_on
+from dfd.editing.edit import Edit, Handle, box_center
+from dfd.editing.influence.handle_weights import HandleWeights
 from dfd.editing.influence.held_parts import bend_vector, pivot_on
 from dfd.editing.influence.regions import VertexSet
 from dfd.editing.points import Place, place_on
 from dfd.posing.transforms import MOTIONS, PivotAt, Transform, frame_of_normal
-
-if TYPE_CHECKING:
-    from dfd.editing.influence.handle_weights import HandleWeights
-    from dfd.segmentation.parts import Level
-    from dfd.symmetry.plane import SymmetryPlane
+from dfd.segmentation.parts import Level
 
 
 def add(edit: Edit, weights: HandleWeights, handle: int, at: Any, *, name: str | None, **given: Any) -> Edit:
@@ -52,24 +49,14 @@ def change(
     """Return `edit` with another place, other controls or another name of a handle."""
     held = edit.handle(handle)
     place = held.place if at is None else place_of(weights, at)
-    transform = held.transform
     shaped = held.controls.changed(**_controls(weights, place, controls))
-    named = held.name if name is None else name
-    changed = edit.replaced(replace(held, place=place, transform=transform, controls=shaped, name=named))
-    if transform.pivot_at is None or (place, shaped) == (held.place, held.controls):
+    new = replace(held, place=place, controls=shaped, name=held.name if name is None else name)
+    changed, pivot_at = edit.replaced(new), held.transform.pivot_at
+    if pivot_at is None or (place, shaped) == (held.place, held.controls):
         return changed
-    if not weights.held_parts(changed, changed.handle(handle)):
+    if not weights.held_parts(changed, new):
         return changed  # the part that it holds now has no axis, so the pivot stays unchanged
-    return _on_part(changed, weights, handle, {"pivot": transform.pivot_at}, transform)
-
-
-def set_symmetry(
-    edit: Edit, weights: HandleWeights, plane: SymmetryPlane | str | None, band: float | None, **how: Any
-) -> Edit:
-    """Return `edit` with the plane that `symmetry_on` finds."""
-    if plane is not None:
-        plane = symmetry_on(weights.mesh, plane, band, preset=edit.preset, field=weights.field, **how)
-    return replace(edit, symmetry=plane)
+    return _on_part(changed, weights, handle, {"pivot": pivot_at}, held.transform)
 
 
 def set_default(edit: Edit, weights: HandleWeights, given: Mapping[str, Any]) -> Edit:
@@ -111,25 +98,23 @@ def _part_named(weights: HandleWeights, at: Any, own: Place | None = None) -> An
 
 def _transform(transform: Transform, weights: HandleWeights, place: Place, given: Mapping[str, Any]) -> Transform:
     """Return `transform` with the `given` values and `axes` as numbers, but without values that `_on_part` finds."""
-    given = {name: value for name, value in given.items() if not _of_part(name, value)}
-    axes: Any = given.get("axes")
-    if not isinstance(axes, str) or axes == "auto":
-        return transform.changed(**given)
-    if axes != "normal":
-        raise ArgumentError("axes", f"must be normal, auto or 3 unit vectors at right angles, got {axes!r}")
-    normal = np.asarray(weights.mesh.normals[weights.rows.anchor(place)], np.float64)
-    if not normal.any():
-        raise ArgumentError("axes", "cannot be 'normal': the surface has no normal at the handle")
-    in_numbers: Mapping[str, Any] = {**given, "axes": frame_of_normal(normal)}
-    return transform.changed(**in_numbers)
+    values: dict[str, Any] = {name: value for name, value in given.items() if not _of_part(name, value)}
+    axes = values.get("axes")
+    if isinstance(axes, str) and axes != "auto":
+        if axes != "normal":
+            raise ArgumentError("axes", f"must be normal, auto or 3 unit vectors at right angles, got {axes!r}")
+        normal = np.asarray(weights.mesh.normals[weights.rows.anchor(place)], np.float64)
+        if not normal.any():
+            raise ArgumentError("axes", "cannot be 'normal': the surface has no normal at the handle")
+        values["axes"] = frame_of_normal(normal)
+    return transform.changed(**values)
 
 
 def _of_part(name: str, value: Any) -> bool:
     """Return whether a given value of a transform depends on the part of the shape that the handle holds."""
-    word = isinstance(value, str) and value not in ("auto" if name == "pivot" else "", "spread")
-    return (
-        name in ("towards", "open") or (name in ("pivot", "joint") and word) or (name == "bend" and np.ndim(value) == 0)
-    )
+    if name in ("pivot", "joint"):
+        return isinstance(value, str) and (name, value) not in (("pivot", "auto"), ("joint", "spread"))
+    return name in ("towards", "open") or (name == "bend" and np.ndim(value) == 0)
 
 
 def _on_part(edit: Edit, weights: HandleWeights, handle: int, given: Mapping[str, Any], before: Transform) -> Edit:
@@ -137,9 +122,7 @@ def _on_part(edit: Edit, weights: HandleWeights, handle: int, given: Mapping[str
 
     If no pivot is given, one is found when the handle starts to rotate or scale and did not do so `before`.
     """
-    found: dict[str, Any] = {
-        name: value for name, value in given.items() if value is not None and _of_part(name, value)
-    }
+    found: dict[str, Any] = {key: value for key, value in given.items() if value is not None and _of_part(key, value)}
     held = edit.handle(handle)
     transform = held.transform
     begins = not before.turns or given.get("pivot") is not None
@@ -153,9 +136,9 @@ def _on_part(edit: Edit, weights: HandleWeights, handle: int, given: Mapping[str
     if joint not in (None, "auto", "here"):
         raise ArgumentError("joint", f"must be spread, auto, here or a number from 0 to 1, got {joint!r}")
     if "towards" in found and "bend" not in found:
-        is_vector = given.get("bend") is not None
-        what = "must be one angle, and not a vector, beside" if is_vector else "must be given: it is what"
-        raise ArgumentError("bend", f"{what} `towards`" + ("" if is_vector else " is for"))
+        missing = given.get("bend") is None
+        must = "given: it is what `towards` is for" if missing else "one angle, and not a vector, beside `towards`"
+        raise ArgumentError("bend", f"must be {must}")
     parts = weights.held_parts(edit, held)
     if not parts:
         if not found:

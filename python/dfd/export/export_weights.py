@@ -45,15 +45,15 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
     if not edit.handles:
         raise ArgumentError("session", "must have a handle, got none: there would be no weights", "export_weights")
     weights, columns = session.bound.columns(edit)
-    held = [(column, edit.handles[column.handle]) for column in columns]
+    held = [edit.handles[column.handle] for column in columns]
     names = UniqueNames()  # a number is added for each further counterpart
     arrays: dict[str, np.ndarray[Any, Any]] = {
         "vertices": session.bound.bent(edit).copy(),
         "faces": mesh.faces.copy(),
         "weights": np.ascontiguousarray(weights, np.float32),
-        "transforms": np.array([column.matrix(handle) for column, handle in held]),
-        "handles": np.array([column.counterpart.position for column, handle in held]),
-        "handle_ids": np.array([handle.id for _, handle in held], np.int64),
+        "transforms": np.array([column.matrix(edit) for column in columns]),
+        "handles": np.array([column.counterpart.position for column in columns]),
+        "handle_ids": np.array([handle.id for handle in held], np.int64),
         "default": np.eye(3, 4)
         if edit.default is None
         else np.ascontiguousarray(edit.default.matrix(box_center(mesh))),
@@ -64,7 +64,7 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
         "edit": json.dumps(to_document(edit, mesh)),
         "field": json.dumps(session.field.settings, default=str),
         "mesh": mesh.content_hash,
-        "names": json.dumps([names.unique(handle.name or f"handle {handle.id}") for _, handle in held]),
+        "names": json.dumps([names.unique(handle.name or f"handle {handle.id}") for handle in held]),
     }
     with atomic_write(target) as temporary:
         if ending == ".safetensors":

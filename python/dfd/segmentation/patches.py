@@ -26,8 +26,9 @@ TURNED = 0.6  # weight of normals in distances between seeds, so that both sides
 # distance between seeds is multiplied by WIDER.
 MOST, WIDER = 2 * COUNT, 1.25
 SAMPLES = 8  # largest number of vertices per patch over which features are averaged
-# Largest distance along the surface between patches that lie beside each other, in diagonals of the box. On 85 rigs, 0.1
-# leaves 0.010 more of limbs behind and lowers the IoU by 0.004. On 19 labelled meshes, it raises the IoU by 0.006.
+# Largest distance along the surface between patches that lie beside each other, in diagonals of the box. With 0.1, a
+# handle leaves 0.010 more of a limb behind and has a lower IoU by 0.004, on 85 rigs; on 19 labelled meshes, the IoU is
+# higher by 0.006.
 BESIDE = 0.2
 STARTS = 96  # patches from which distances are measured to find the middle of a shape
 # Largest mean squared distance of patches in the middle, relative to the smallest one. With only one patch in the

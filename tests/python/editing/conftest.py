@@ -36,7 +36,7 @@ def paper_handles(rules):
 @pytest.fixture
 def geodesics(deformer, mesh):
     counting = Counting(mesh)
-    deformer._weights.by_features._distances._geodesics[False] = counting
+    deformer.bound.by_features._geodesics[False] = counting
     return counting
 
 

@@ -71,8 +71,8 @@ def test_a_radius_ends_smoothly_where_it_says(session, geodesics_of, labeled, fo
 @pytest.fixture
 def geodesics_of():
     def replaced(session):
-        session._weights.by_features._distances._geodesics[False] = Counting(session.mesh)
-        return session._weights.by_features._distances._geodesics[False]
+        session.bound.by_features._geodesics[False] = Counting(session.mesh)
+        return session.bound.by_features._geodesics[False]
 
     return replaced
 

@@ -212,7 +212,7 @@ MISSING = object()
         (("handles", 0, "id"), 1, r"`handles` must have distinct ids, got 1 twice"),
         (("handles", 0, "translation"), None, r"`handles\[0\].translation` must be a list, got null"),
         (("handles", 0, "translation"), [0, math.nan, 0], r"`handles\[0\].translation\[1\]` must be a finite number"),
-        (("handles", 0, "scale"), [1, 2], r"`handles\[0\].scale` must hold more than 2 items, got \[1, 2\]"),
+        (("handles", 0, "scale"), [1, 2], r"`handles\[0\].scale\[2\]` is missing in \[1, 2\]"),
         (
             ("handles", 1),
             {"position": [10, 0, 0], "scale": 1e308},
@@ -231,7 +231,7 @@ MISSING = object()
             -4,
             r"`handles\[2\].excluded_counterparts\[0\].vertex` must be a whole number of at least 0, got -4",
         ),
-        (("handles", 2, "region", "kind"), "cone", r"`handles\[2\].region.kind` must be 'ball', .* or 'vertices', got"),
+        (("handles", 2, "region", "kind"), "cone", r"`handles\[2\].region.kind` must be one of 'ball', .*, got 'cone'"),
         (("handles", 2, "mask", "radius"), -1, r"`handles\[2\].mask.radius` must be above 0, got -1"),
         (("handles", 2, "mask", "radius"), 1e-9, r"`handles\[2\].mask` must hold a vertex, but the ball"),
         (("fixed", 0, "locality"), 1, r"`fixed\[0\].locality` is an unknown key"),
@@ -269,8 +269,7 @@ def test_an_index_out_of_range_is_named(mesh):
         ("", "no whole JSON document: Expecting value: line 1 column 1"),
         ("{}", "`format` must be"),
         ('{"version": 1, "version": 1}', "`version` is given twice"),
-        ('{"version": NaN}', "numbers must be finite, got NaN"),
-        ('{"version": -Infinity}', "numbers must be finite, got -Infinity"),
+        ('{"format": "dfd-edit", "version": NaN}', "`version` must be 1, got NaN"),
         ("[" * 100_000, "nested too deeply|no whole JSON document"),
     ],
 )

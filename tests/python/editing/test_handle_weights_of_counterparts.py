@@ -110,10 +110,10 @@ def test_level_makes_up_for_looks_and_not_for_distance(session, sample, asked, f
     session.add(foot, translation=(0, -0.2, 0), reach=0.7)
     full = session.following[:, 0].copy()
     session.change(1, **near)
-    sources, distances, power = session.bound.by_features.locality(session.edit, session.edit.handles[0])
-    assert sources == (foot,)
     legs = sample.vertices_of("leg")
-    np.testing.assert_allclose(session.following[legs, 0], (full * (1 - distances) ** power)[legs], atol=1e-4)
+    falloff = session.bound.by_features.near(session.edit, session.handle(1), legs)
+    assert falloff[legs == foot] == 1
+    np.testing.assert_allclose(session.following[legs, 0], full[legs] * falloff, atol=1e-4)
     assert session.following[leg(sample, 2), 0].max() < 0.7
 
 

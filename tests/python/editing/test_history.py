@@ -16,70 +16,70 @@ def states(count):
 def test_a_new_step_forgets_what_was_undone():
     first, second, third = states(3)
     history = History(first)
-    history.commit(second)
+    history._record(second)
     history.undo()
-    history.commit(third)
+    history._record(third)
     assert not history.can_redo
     history.undo()
-    assert history.present == first
+    assert history.edit == first
 
 
 @pytest.mark.parametrize("between", ["another topic", "undo and redo", "a plain repetition", "a step"])
 def test_a_merge_joins_only_an_unbroken_run(between):
     first, second, third, fourth = states(4)
     history = History(first)
-    history.commit(second, topic=1)
+    history._record(second, topic=1)
     if between == "another topic":
-        history.commit(third, topic=2)
+        history._record(third, topic=2)
     elif between == "undo and redo":
         history.undo()
         history.redo()
     elif between == "a plain repetition":  # the start of a new drag, before the pointer moved
-        history.commit(second, topic=1)
+        history._record(second, topic=1)
     else:
         with history.step():
             pass
-    before = history.present
-    history.commit(fourth, topic=1, merge=True)
+    before = history.edit
+    history._record(fourth, topic=1, merge=True)
     history.undo()
-    assert history.present == before
+    assert history.edit == before
 
 
 @pytest.mark.parametrize("fails", [False, True])
 def test_a_merged_step_that_does_nothing_or_fails_does_not_break_the_run(fails):
     first, second, third = states(3)
     history = History(first)
-    history.commit(second, topic=1)
+    history._record(second, topic=1)
     with suppress(ZeroDivisionError), history.step(1, merge=True):
-        history.commit(third if fails else second)
+        history._record(third if fails else second)
         _ = 1 / (0 if fails else 1)
-    assert history.present == second
-    history.commit(third, topic=1, merge=True)
+    assert history.edit == second
+    history._record(third, topic=1, merge=True)
     history.undo()
-    assert history.present == first
+    assert history.edit == first
 
 
 def test_undo_inside_a_step_stays_inside_it():
     first, second, third = states(3)
     history = History(first)
-    history.commit(second)
+    history._record(second)
     with history.step():
         assert not history.can_undo
-        history.commit(third)
+        history._record(third)
         assert history.undo()
         assert not history.undo()
-        assert history.present == second
+        assert history.edit == second
     assert history.can_undo
     assert history.undo()
-    assert history.present == first
+    assert history.edit == first
 
 
 def test_steps_inside_steps_are_part_of_the_outer_one():
     first, second, third = states(3)
     history = History(first)
     with history.step():
-        history.commit(second)
+        history._record(second)
         with history.step():
-            history.commit(third)
+            history._record(third)
     history.undo()
-    assert history.present == first
+    assert history.edit == first

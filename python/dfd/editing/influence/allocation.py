@@ -23,10 +23,7 @@ INSIDE = 0.8  # a component is nested in another one from this share inside it
 def carriers_of(held: Bool, weights: Float64) -> tuple[Bool, Bool]:
     """Compare components `held` (C, N) on N surface samples with `weights` (N,).
 
-    Returns
-    -------
-    same, nested
-        (C, C) whether column i and column j hold the same component, and whether that of i is nested in that of j.
+    Return (C, C) whether columns i and j hold the same component, and (C, C) whether that of i is nested in that of j.
     """
     area = held.astype(np.float64) * weights
     common = area @ held.T
@@ -56,14 +53,8 @@ def shared(
 ) -> list[Share]:
     """Return the weights of `columns` (C) so that every handle arrives, and columns beside each other sum to at most 1.
 
-    Parameters
-    ----------
-    points
-        (V, 3) the vertices.
-    standing
-        By column on which a handle stands, the vertex of that handle.
-    same, nested
-        (C, C) as `carriers_of` returns them.
+    `points` (V, 3) are the vertices. `standing` has the vertex of each handle, by the column on which the handle
+    stands. `same` and `nested` (C, C) are those of `carriers_of`.
     """
     result = list(columns)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,15 +16,13 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
+from dfd.editing.edit import Edit
 from dfd.editing.influence.mirror_images import Component, component_of, mirror_image
 from dfd.geometry.coarse import Nodes, Share, nodes_of
 from dfd.geometry.part_axis import carried
-
-if TYPE_CHECKING:
-    from dfd.editing.edit import Handle
-    from dfd.mesh.mesh import Mesh
-    from dfd.segmentation.parts import Grip
-    from dfd.symmetry.plane import SymmetryPlane
+from dfd.mesh.mesh import Mesh
+from dfd.segmentation.parts import Grip
+from dfd.symmetry.plane import SymmetryPlane
 
 LEAST_ALIKE = 0.15  # weight: counterparts of less have their own pivots, but `equalize` does not raise their weights
 MOST_COUNTERPARTS = 64  # those most alike count; each counterpart costs a column of weights
@@ -66,8 +64,9 @@ class Column(NamedTuple):
     counterpart: Counterpart  # the handle's own if all counterparts share its pivot
     carriers: tuple[int, ...] = ()  # the columns of other handles in whose components its own is nested
 
-    def matrix(self, handle: Handle) -> Float64:
+    def matrix(self, edit: Edit) -> Float64:
         """Return the (3, 4) transform of the column, mesh units: the handle's own in the counterpart's frame."""
+        handle = edit.handles[self.handle]
         return self.counterpart.transform(handle.matrix, handle.place.position)
 
 
@@ -90,20 +89,11 @@ def find_counterparts(
     *,
     everywhere: bool = False,
 ) -> Held:
-    """Find the counterparts of a handle.
+    """Find the counterparts of a handle at `position` (3,), mesh units; `vertex` is nearest to it.
 
-    Parameters
-    ----------
-    weights
-        (V,) of the handle, from features alone: without fixed points and locality.
-    vertex, position
-        The vertex nearest to the handle, and its position (3,), mesh units.
-    grip
-        The part that the handle holds; each of its components is one counterpart. None if there is no part.
-    planes
-        Planes of symmetry of the shape; frames are reflected in them.
-    everywhere
-        Whether the counterparts share the whole surface, for weights that do not end with the part.
+    `weights` (V,) are those of the handle from features alone, without fixed points and locality. Each component of
+    `grip`, the part that the handle holds, is one counterpart. Frames are reflected in the shape's `planes` of
+    symmetry. With `everywhere`, counterparts share the whole surface, for weights that do not end with the part.
     """
     x, y, z = (float(value) for value in position)
     found = [Counterpart(vertex, (x, y, z), np.eye(3), float(weights[vertex]))]

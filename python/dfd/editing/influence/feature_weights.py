@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,15 +10,14 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Fixed, Handle
-from dfd.editing.influence.distances import Distances
+from dfd.editing.influence.grips import Grips
+from dfd.editing.influence.handle_features import HandleFeatures
+from dfd.editing.influence.recent import Recent
 from dfd.editing.points import Place
 from dfd.editing.presets import LARGEST, PARTLESS_REACH
+from dfd.geometry.geodesics import Geodesics
+from dfd.mesh.mesh import Mesh
 from dfd.weights.bind import bind
-
-if TYPE_CHECKING:
-    from dfd.editing.influence.grips import Grips
-    from dfd.editing.influence.handle_features import HandleFeatures
-    from dfd.mesh.mesh import Mesh
 
 # Weights are divided by the weight that fixed points leave at the handle. Below this value only noise would be scaled.
 LEAST_LEFT = 0.01
@@ -28,12 +27,14 @@ LEAST_REACH, MOST_OF_PART, AROUND_PART = 0.1, 0.9, 2.0
 
 
 class Key(NamedTuple):
-    """Cache key: everything that changes a column of weights, besides the fixed points."""
+    """Cache key: everything that changes a column of weights."""
 
     place: Place
     controls: Controls  # the controls that change the column
     sources: tuple[int, ...]  # the vertices where geodesic distances start; empty without locality
     exact: bool  # whether these distances are exact
+    fixed: tuple[Fixed, ...]
+    reach_targets: bool
 
 
 class FeatureWeights:
@@ -44,19 +45,15 @@ class FeatureWeights:
 
     def __init__(self, mesh: Mesh, rows: HandleFeatures, grips: Grips) -> None:
         self._mesh, self._rows, self._grips = mesh, rows, grips
-        self._distances = Distances(mesh)
         self._columns = np.empty((0, len(mesh.vertices)), np.float32)  # (H, V), replaced whenever one changes
         self._keys: list[Key] = []
-        self._fixed: tuple[Fixed, ...] = ()
-        self._reach_targets = True
-        self._held: Float32 | None = None  # (V,) what the fixed points take away, as long as they stay
+        self._held: Recent[Float32] = Recent(1)
+        self._geodesics: dict[bool, Geodesics] = {}  # by whether they are exact, built at the first use
+        self._distances: dict[tuple[bool, int], Float32] = {}  # rows (V,) by their source, while a handle needs them
         self._reaches: dict[Place, float] = {}
 
     def of(self, edit: Edit) -> tuple[Float32, tuple[Key, ...]]:
         """Return (V, H) weights of the handles of `edit`, read-only, and the key of each column."""
-        if (edit.fixed, edit.rules.reach_targets) != (self._fixed, self._reach_targets):
-            self._keys, self._held, self._fixed, self._reach_targets = [], None, edit.fixed, edit.rules.reach_targets
-            self._columns = self._columns[:0]
         keys = [self._key(handle, edit) for handle in edit.handles]
         if keys != self._keys:
             row_of = {key: row for row, key in enumerate(self._keys)}
@@ -68,13 +65,25 @@ class FeatureWeights:
                     self._bind(key, row)
             columns.flags.writeable = False
             self._keys, self._columns = keys, columns
-            self._distances.keep({source for key in keys for source in key.sources})
+            needed = {(key.exact, source) for key in keys for source in key.sources}
+            self._distances = {source: row for source, row in self._distances.items() if source in needed}
         return self._columns.T, tuple(keys)
 
-    def held(self, edit: Edit) -> Float32:
-        """Return (V,) max_p s_p W_p of Eq. 6: the weight that the fixed points of `edit` subtract."""
-        self.of(edit)
-        return self._held_weights()
+    def held(self, fixed: tuple[Fixed, ...]) -> Float32:
+        """Return (V,) max_p s_p W_p of Eq. 6: the weight that fixed points subtract."""
+
+        def find() -> Float32:
+            held = np.zeros(len(self._mesh.vertices), np.float32)
+            one = np.empty((len(held), 1), np.float32, order="F")
+            for each in fixed:
+                bind(self._rows.features, self._rows.points([each.place]), out=one)
+                np.maximum(held, np.float32(each.strength) * one[:, 0], out=held)
+                if each.place.region is not None:
+                    own = self._rows.members(each.place.region)
+                    held[own] = np.maximum(held[own], np.float32(each.strength))
+            return held
+
+        return self._held.get(fixed, find)
 
     def reach(self, handle: Handle) -> float:
         """Return the handle's `reach` as a number; for "part" the number that comes nearest to it."""
@@ -89,34 +98,19 @@ class FeatureWeights:
             self._reaches[place] = min(max(AROUND_PART * widest, LEAST_REACH), 2.0)
         return self._reaches.get(place, PARTLESS_REACH)
 
-    def locality(self, edit: Edit, handle: Handle) -> tuple[tuple[int, ...], Float32 | None, float]:
-        """Return where geodesic distances of a handle start, (V,) distances in [0, 1] or None, and λ of Eq. 7."""
-        key = self._key(handle, edit)
-        distances, power = self._distances.falloff(key.sources, key.controls, key.exact)
-        return key.sources, None if distances is None else distances[0], power
-
     def near(self, edit: Edit, handle: Handle, vertices: Int64) -> Float64:
-        """Return (N,) the falloff (1 − G)^λ of a handle at vertices (N,)."""
-        _, distances, power = self.locality(edit, handle)
-        return np.ones(len(vertices)) if distances is None else (1.0 - distances[vertices].astype(np.float64)) ** power
-
-    def left(self, edit: Edit, handle: Handle) -> float:
-        """Return the weight, in [0, 1], that the fixed points of `edit` leave `handle` at the handle itself (Eq. 6)."""
-        held = 0.0
-        own = self._rows.of([handle.place])
-        for fixed in edit.fixed:
-            if self._rows.holds(fixed.place, handle.place):
-                held = max(held, fixed.strength)
-            apart = np.linalg.norm(own[:, None] - self._rows.of([fixed.place])[None], axis=2)
-            held = max(held, fixed.strength * (1.0 - float(apart.min(axis=1).max())))
-        return 1.0 - held
+        """Return (N,) the falloff (1 − G)^λ of a handle at vertices (N,), see Eq. 7."""
+        distances, power = self._falloff(self._key(handle, edit))
+        if distances is None:
+            return np.ones(len(vertices))
+        return (1.0 - distances[0, vertices].astype(np.float64)) ** power
 
     def check_arrivals(self, edit: Edit) -> None:
         """Raise ValueError if fixed points leave a handle no weight at the handle itself."""
         if not edit.rules.reach_targets or not edit.fixed:
             return
         for handle in edit.handles:
-            left = self.left(edit, handle)
+            left = self._left(edit.fixed, handle.place)
             if left < LEAST_LEFT:
                 raise ArgumentError(
                     "fixed",
@@ -124,28 +118,66 @@ class FeatureWeights:
                     "what is fixed looks just like it; lower its strength, or fix something else",
                 )
 
+    def _left(self, fixed: tuple[Fixed, ...], place: Place) -> float:
+        """Return the weight, in [0, 1], that fixed points leave a handle at its own place (Eq. 6)."""
+        held = 0.0
+        own = self._rows.of([place])
+        for each in fixed:
+            if self._rows.holds(each.place, place):
+                held = max(held, each.strength)
+            apart = np.linalg.norm(own[:, None] - self._rows.of([each.place])[None], axis=2)
+            held = max(held, each.strength * (1.0 - float(apart.min(axis=1).max())))
+        return 1.0 - held
+
     def _key(self, handle: Handle, edit: Edit) -> Key:
-        controls = handle.controls.of_column
-        near = controls.locality > 0 or controls.radius is not None
-        exact = edit.rules.exact_distances
-        plane = None if exact else edit.symmetry
-        sources = self._distances.sources(self._rows.vertices(handle.place), handle.place, plane) if near else ()
-        return Key(handle.place, controls, sources, exact and near)
+        place, controls, exact = handle.place, handle.controls.of_column, edit.rules.exact_distances
+        sources: list[int] = []
+        if controls.locality > 0 or controls.radius is not None:
+            own = self._rows.vertices(place)
+            sources += own.tolist()
+            if edit.symmetry is not None and not exact:  # a symmetric edit also acts at the mirror image
+                points = [place.position] if place.region is None else self._mesh.vertices[own]
+                sources += [self._rows.nearest((x, y, z)) for x, y, z in edit.symmetry.reflect(points).tolist()]
+        starts = tuple(dict.fromkeys(sources))
+        return Key(place, controls, starts, exact and bool(starts), edit.fixed, edit.rules.reach_targets)
+
+    def _falloff(self, key: Key) -> tuple[Float32 | None, float]:
+        """Return distances G (1, V) in [0, 1] and λ of the falloff (1 − G)^λ of Eq. 7; (None, 0) without one.
+
+        Exact distances neither cross gaps between components nor use samples of a large mesh, as in the paper. With a
+        radius r, G is min((d / r)², 1) and λ is 2. The falloff (1 − (d / r)²)² has slope 0 at the handle and at r, and
+        is 0 beyond r.
+        """
+        exact, radius = key.exact, key.controls.radius
+        if not key.sources:
+            return None, 0.0
+        if exact not in self._geodesics:
+            self._geodesics[exact] = Geodesics(self._mesh, bridges=not exact, sampled=not exact)
+        for source in key.sources:
+            if (exact, source) not in self._distances:
+                self._distances[exact, source] = self._geodesics[exact].distances([source])[0]
+        nearest, *others = (self._distances[exact, source] for source in key.sources)
+        for other in others:
+            nearest = np.minimum(nearest, other)
+        if radius is None:
+            return nearest[None], key.controls.locality
+        reached = np.minimum(nearest * np.float32(self._geodesics[exact].extent / radius), np.float32(1.0))
+        return np.square(reached)[None], 2.0
 
     def _bind(self, key: Key, column: Float32) -> None:
         """Write the weights (V,) of a handle to `column` (Eq. 4 to 7)."""
-        place, controls = key.place, key.controls
+        place, controls, fixed = key.place, key.controls, key.fixed
         part = self._grips.part(place) if controls.reach == "part" else None
         # Inside a part all weights are 1. A reach of 6, where they fall with the feature distance, loses 0.011 of the
         # soft IoU on 17 rigs and 0.014 on 13 labelled meshes.
         of_part = PARTLESS_REACH if part is None else LARGEST
         reach = of_part if controls.reach == "part" else controls.reach
-        geodesic, locality = self._distances.falloff(key.sources, controls, key.exact)
+        geodesic, locality = self._falloff(key)
         bind(
             self._rows.features,
             self._rows.points([place]),
-            fixed=self._rows.points([fixed.place for fixed in self._fixed]) if self._fixed else None,
-            strength=[fixed.strength for fixed in self._fixed] if self._fixed else None,
+            fixed=self._rows.points([each.place for each in fixed]) if fixed else None,
+            strength=[each.strength for each in fixed] if fixed else None,
             geodesic=geodesic,
             locality=locality,
             reach=reach,
@@ -156,37 +188,21 @@ class FeatureWeights:
             column *= part
         # Samples of a region stood for it in Eq. 4; here all of its vertices get the weight of the nearest sample.
         if place.region is not None:
-            own = self._rows.members(place)
-            free = 1.0 - self._held_weights()[own] if self._fixed else np.float32(1.0)
+            own = self._rows.members(place.region)
+            free = 1.0 - self.held(fixed)[own] if fixed else np.float32(1.0)
             column[own] = np.maximum(column[own], free)
-        for fixed in self._fixed:
-            if fixed.place.region is not None:
-                held = self._rows.members(fixed.place)
-                column[held] = np.minimum(column[held], 1.0 - fixed.strength)
-        if self._fixed and self._reach_targets and (left := self._left_of(place, column)) >= LEAST_LEFT:
-            np.minimum(column / np.float32(left), 1.0, out=column)
+        for each in fixed:
+            if each.place.region is not None:
+                held = self._rows.members(each.place.region)
+                column[held] = np.minimum(column[held], 1.0 - each.strength)
+        if fixed and key.reach_targets:
+            if place.region is not None:
+                left = float(column[self._rows.members(place.region)].max())
+            else:
+                left = self._left(fixed, place) if place.vertex is None else float(column[place.vertex])
+            if left >= LEAST_LEFT:
+                np.minimum(column / np.float32(left), 1.0, out=column)
         if controls.strength < 1.0:
             column *= np.float32(controls.strength)
         if controls.mask is not None:
             column *= self._rows.inside(controls.mask, controls.mask_feather)
-
-    def _left_of(self, place: Place, column: Float32) -> float:
-        """Return the weight of a column at its own handle."""
-        if place.vertex is not None:
-            return float(column[place.vertex])
-        if place.region is not None:
-            return float(column[self._rows.members(place)].max())
-        return self.left(Edit(fixed=self._fixed), Handle(1, place))
-
-    def _held_weights(self) -> Float32:
-        """Return (V,) max_p s_p W_p of Eq. 6: the weight that the fixed points subtract."""
-        if self._held is None:
-            self._held = np.zeros(len(self._mesh.vertices), np.float32)
-            one = np.empty((len(self._held), 1), np.float32, order="F")
-            for fixed in self._fixed:
-                bind(self._rows.features, self._rows.points([fixed.place]), out=one)
-                np.maximum(self._held, np.float32(fixed.strength) * one[:, 0], out=self._held)
-                if fixed.place.region is not None:
-                    held = self._rows.members(fixed.place)
-                    self._held[held] = np.maximum(self._held[held], np.float32(fixed.strength))
-        return self._held

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 from dfd.common.linear_algebra import Float32
 from dfd.editing.influence.counterparts import Held, find_counterparts
+from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.influence.recent import Recent
+from dfd.editing.points import Place
+from dfd.field.field import Field
 from dfd.geometry.coarse import nodes_of
+from dfd.mesh.mesh import Mesh
+from dfd.segmentation.parts import Grip, Parts
+from dfd.symmetry.plane import SymmetryPlane
 from dfd.symmetry.search import symmetry_planes
 from dfd.weights.bind import bind
-
-if TYPE_CHECKING:
-    from dfd.editing.influence.handle_features import HandleFeatures
-    from dfd.editing.points import Place
-    from dfd.field.field import Field
-    from dfd.mesh.mesh import Mesh
-    from dfd.segmentation.parts import Grip, Parts
-    from dfd.symmetry.plane import SymmetryPlane
 
 
 class Grips:
@@ -46,8 +43,6 @@ class Grips:
     @cached_property
     def parts(self) -> Parts:
         """The parts of the mesh."""
-        from dfd.segmentation.parts import Parts  # slow to import, and not every session needs it
-
         return Parts(self._mesh, self._rows.of_vertices)
 
     @cached_property
@@ -69,8 +64,8 @@ class Grips:
             rows, grip = self._rows, self.grip(place)
             looks: Float32 = bind(rows.features, rows.points([place]))[:, 0]
             planes = [] if grip is None else self._planes if plane is None else [plane]
-            where = rows.anchor(place), place.position
-            return find_counterparts(self._mesh, looks, *where, grip, planes, everywhere=everywhere)
+            anchor = rows.anchor(place)
+            return find_counterparts(self._mesh, looks, anchor, place.position, grip, planes, everywhere=everywhere)
 
         return self._held.get((place, everywhere, plane), find)
 

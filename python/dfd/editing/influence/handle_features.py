@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Int64
+from dfd.editing.influence.recent import Recent
 from dfd.editing.influence.regions import Region, distances_from, members
 from dfd.editing.points import Place
-from dfd.field.field import FieldOnMesh
+from dfd.field.field import Field, FieldOnMesh
+from dfd.mesh.mesh import Mesh
+from dfd.posing.transforms import Vector
 from dfd.weights.compact import CompactFeatures, compact
 
-if TYPE_CHECKING:
-    from dfd.field.field import Field
-    from dfd.mesh.mesh import Mesh
-
-# Largest number of vertices whose features are kept in full. It is the sample of `compact`, which saves no time below
-# it.
+# Largest number of vertices whose features are kept in full: the sample of `compact`, which saves no time below it.
 MOST_EXACT = 16_384
 # A region is represented by at most 32 members with different features, which are chosen among at most 2,048.
 MOST_REPRESENTATIVES, MOST_CANDIDATES = 32, 2048
-
-Indices = Int64
 
 
 class HandleFeatures:
@@ -36,13 +32,19 @@ class HandleFeatures:
 
         Raises ValueError if `features` is not finite or not one row of the field's width per vertex.
         """
+        shape = len(mesh.vertices), field.dimension
+        if isinstance(features, CompactFeatures) and features.shape != shape:
+            raise ArgumentError("features", f"must have shape {shape}, got {features.shape}", "Deformer")
+        if features is not None and not isinstance(features, CompactFeatures):
+            features = check.array("Deformer", "features", features, shape)
         self._mesh = mesh
         self._field = field
         self._on_mesh = FieldOnMesh(field, mesh)
-        self._features = None if features is None else _checked(features, (len(mesh.vertices), field.dimension))
+        self._features: Float32 | CompactFeatures | None = features
         self.full = False  # whether the field's features are kept in full for any number of vertices
-        self._members: dict[Region, Indices] = {}
-        self._representatives: dict[Region, Indices] = {}
+        self._members: dict[Region, Int64] = {}
+        self._representatives: dict[Region, Int64] = {}
+        self._nearest: Recent[int] = Recent(64)  # every frame of a drag needs the same ones
 
     @property
     def features(self) -> Float32 | CompactFeatures:
@@ -62,7 +64,7 @@ class HandleFeatures:
             if progress is not None:
                 progress(len(self._features))
 
-    def members_of(self, region: Region) -> Indices:
+    def members(self, region: Region) -> Int64:
         """Return the vertices (N,) of a region."""
         if region not in self._members:
             self._members[region] = members(self._mesh, region)
@@ -72,67 +74,64 @@ class HandleFeatures:
         """Return (V,) 1 inside a region, falling smoothly to 0 over `width`, mesh units, outside it."""
         inside = np.zeros(len(self._mesh.vertices), np.float32)
         if width == 0.0:
-            inside[self.members_of(region)] = 1.0
+            inside[self.members(region)] = 1.0
             return inside
         left = np.maximum(1.0 - distances_from(self._mesh, region) / width, 0.0)
         return (left * left * (3.0 - 2.0 * left)).astype(np.float32)
 
-    def members(self, place: Place) -> Indices:
-        """Return the vertices (N,) of a place that is a region."""
-        assert place.region is not None
-        return self.members_of(place.region)
-
-    def representatives(self, place: Place) -> Indices:
+    def representatives(self, region: Region) -> Int64:
         """Return the members (N ≤ 32,) of a region whose features differ most from each other."""
-        assert place.region is not None
-        if place.region not in self._representatives:
-            chosen = self.members(place)
+        if region not in self._representatives:
+            chosen = self.members(region)
             candidates = chosen[:: -(-len(chosen) // MOST_CANDIDATES)]
             kept = _farthest_apart(self.of_vertices(candidates), MOST_REPRESENTATIVES)
-            self._representatives[place.region] = candidates[kept]
-        return self._representatives[place.region]
+            self._representatives[region] = candidates[kept]
+        return self._representatives[region]
 
-    def vertices(self, place: Place) -> Indices:
+    def nearest(self, point: Vector) -> int:
+        """Return the vertex nearest to a point, mesh units."""
+
+        def find() -> int:
+            return int(np.linalg.norm(self._mesh.vertices - np.asarray(point), axis=1).argmin())
+
+        return self._nearest.get(point, find)
+
+    def vertices(self, place: Place) -> Int64:
         """Return the vertices (N,) for a place: its vertex, the nearest vertex, or the representatives of a region."""
         if place.region is not None:
-            return self.representatives(place)
-        if place.vertex is not None:
-            return np.array([place.vertex])
-        return np.array([np.linalg.norm(self._mesh.vertices - np.asarray(place.position), axis=1).argmin()])
+            return self.representatives(place.region)
+        return np.array([self.nearest(place.position) if place.vertex is None else place.vertex])
 
     def anchor(self, place: Place) -> int:
         """Return one vertex for a place: its vertex, the nearest vertex, or the member nearest to a region's center."""
         if place.region is None:
             return int(self.vertices(place)[0])
-        chosen = self.members(place)
+        chosen = self.members(place.region)
         return int(chosen[np.linalg.norm(self._mesh.vertices[chosen] - np.asarray(place.position), axis=1).argmin()])
 
     def holds(self, place: Place, other: Place) -> bool:
         """Return whether `place` is a region that contains all vertices of `other`."""
         if place.region is None or (other.vertex is None and other.region is None):
             return False
-        inner = np.array([other.vertex]) if other.region is None else self.members(other)
-        return bool(np.isin(inner, self.members(place)).all())
+        inner = np.array([other.vertex]) if other.region is None else self.members(other.region)
+        return bool(np.isin(inner, self.members(place.region)).all())
 
     def points(self, places: Sequence[Place]) -> Any:
         """Return places for `bind`: vertices (N,), features (N, D) if one is no vertex, or a list with regions."""
+        known = [self._known(place) for place in places]
         if any(place.region is not None for place in places):
-            known = (self._known(place) for place in places)
-            return [
-                self.of([place]) if vertices[0] < 0 else vertices for place, vertices in zip(places, known, strict=True)
-            ]
-        vertices = np.array([-1 if place.vertex is None else place.vertex for place in places], np.int64)
+            return [self.of([place]) if own[0] < 0 else own for place, own in zip(places, known, strict=True)]
+        vertices = np.concatenate(known)
         return vertices if (vertices >= 0).all() else self.of(places)
 
-    def _known(self, place: Place) -> Indices:
+    def _known(self, place: Place) -> Int64:
         """Return the vertices (N,) of a place; −1 for a point in space."""
-        if place.region is not None:
-            return self.representatives(place)
-        return np.array([-1 if place.vertex is None else place.vertex])
+        in_space = place.region is None and place.vertex is None
+        return np.array([-1]) if in_space else self.vertices(place)
 
     def of(self, places: Sequence[Place]) -> Float32:
         """Return the features (N, D) of places; a region has several rows."""
-        vertices = np.concatenate([np.zeros(0, np.int64), *map(self._known, places)])
+        vertices = np.concatenate([self._known(place) for place in places])
         known = vertices >= 0
         rows = np.empty((len(vertices), self._field.dimension), np.float32)
         if not known.all():
@@ -141,7 +140,7 @@ class HandleFeatures:
         rows[known] = self.of_vertices(vertices[known])
         return rows
 
-    def of_vertices(self, vertices: Indices) -> Float32:
+    def of_vertices(self, vertices: Int64) -> Float32:
         """Return the features (N, D) of vertices (N,); evaluate the field if `features` do not exist yet."""
         if self._features is None:
             return self._on_mesh.rows(vertices)
@@ -150,7 +149,7 @@ class HandleFeatures:
         return self._features[vertices]
 
 
-def _farthest_apart(rows: Float32, most: int) -> Indices:
+def _farthest_apart(rows: Float32, most: int) -> Int64:
     """Return indices (N ≤ most,) of `rows`, each farthest from the previous ones, until all others are duplicates."""
     chosen = [0]
     nearest = np.linalg.norm(rows - rows[0], axis=1)
@@ -158,11 +157,3 @@ def _farthest_apart(rows: Float32, most: int) -> Indices:
         chosen.append(int(nearest.argmax()))
         nearest = np.minimum(nearest, np.linalg.norm(rows - rows[chosen[-1]], axis=1))
     return np.array(chosen)
-
-
-def _checked(features: Any, shape: tuple[int, int]) -> Float32 | CompactFeatures:
-    if not isinstance(features, CompactFeatures):
-        return check.array("Deformer", "features", features, shape)
-    if features.shape != shape:
-        raise ArgumentError("features", f"must have shape {shape}, got {features.shape}", "Deformer")
-    return features

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -17,12 +17,10 @@ from dfd.editing.influence.grips import Grips
 from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.influence.held_parts import HeldPart, bent, held_parts
 from dfd.editing.influence.recent import Recent
+from dfd.field.field import Field
 from dfd.geometry.coarse import Share, nodes_of
 from dfd.geometry.part_axis import PartAxes
-
-if TYPE_CHECKING:
-    from dfd.field.field import Field
-    from dfd.mesh.mesh import Mesh
+from dfd.mesh.mesh import Mesh
 
 LEAST_COUNTED = 0.35  # counterparts below this share of the handle's peak weight are not counted
 LEAST_LEVELED = 0.1  # `equalize` leaves counterparts alone that have less than this share of the handle's own weight
@@ -31,26 +29,15 @@ LEAST_LEVELED = 0.1  # `equalize` leaves counterparts alone that have less than 
 class HandleWeights:
     """Weights of the handles of edits of one mesh.
 
-    Parameters
-    ----------
-    mesh, field
-        The shape, and the field that gives its features.
-    features
-        (V, D) features of the vertices, in full or compact. None evaluates the field at the first use.
-
-    Attributes
-    ----------
-    rows
-        The features of vertices and places.
-    grips
-        The parts and counterparts at places.
-    by_features
-        The weights of Eq. 4 to 7, a column per handle.
-
-    Raises ValueError if `features` is not finite or not one row of the field's width per vertex.
+    `rows` are the features of vertices and places, `grips` the parts and counterparts at places. `by_features` are the
+    weights of Eq. 4 to 7, a column per handle.
     """
 
     def __init__(self, mesh: Mesh, field: Field, features: Any = None) -> None:
+        """Take the vertices' `features` (V, D), in full or compact; None evaluates the field at the first use.
+
+        Raises ValueError if `features` is not finite or not one row of the field's width per vertex.
+        """
         self.mesh, self.field = mesh, field
         self.rows = HandleFeatures(mesh, field, features)
         self.grips = Grips(mesh, field, self.rows)
@@ -64,8 +51,8 @@ class HandleWeights:
         weights, keys = self.by_features.of(edit)
         if not any(_told_apart(handle, edit) for handle in edit.handles):
             return weights, tuple(Column(i, self._own(handle)) for i, handle in enumerate(edit.handles))
-        handles = [(key, *_chosen(handle)) for key, handle in zip(keys, edit.handles, strict=True)]
-        key = (edit.fixed, edit.preset, edit.symmetry, tuple(handles), self.allocating(edit))
+        controls = tuple(handle.controls for handle in edit.handles)
+        key = (keys, controls, edit.preset, edit.symmetry, self.allocating(edit))
         return self._made.get(key, lambda: self._columns(edit, weights))
 
     def _columns(self, edit: Edit, weights: Float32) -> tuple[Float32, tuple[Column, ...]]:
@@ -100,8 +87,7 @@ class HandleWeights:
         number = next(i for i, each in enumerate(edit.handles) if each.id == handle.id)
         moving = self.allocating(edit)
         others = tuple((each.place, each.controls) for each in edit.handles) if moving else ()
-        own_key = self.by_features.of(edit)[1][number], *_chosen(handle)
-        key = (own_key, edit.fixed, edit.preset, edit.symmetry, others, moving)
+        key = (self.by_features.of(edit)[1][number], handle.controls, edit.preset, edit.symmetry, others, moving)
         own = [(weights[:, i], column) for i, column in enumerate(columns) if column.handle == number]
         anchor = self.rows.anchor(handle.place)
         return self._held_parts.get(key, lambda: held_parts(self.mesh, self._axes, anchor, own, edit.symmetry))
@@ -112,9 +98,22 @@ class HandleWeights:
         return bent(self.mesh, edit, bending) if bending else self.mesh.vertices
 
     def counterparts(self, edit: Edit, handle: Handle) -> list[tuple[Counterpart, bool]]:
-        """Return the counterparts of a handle, its own first, and whether each moves with the handle."""
-        found = self._counterparts(edit, handle)
-        return list(zip(found, self._switches(handle, found), strict=True))
+        """Return the counterparts of a handle, its own first, and whether each moves with the handle.
+
+        Those at the places of `excluded_counterparts` do not move. A counterpart is at a place where it has the largest
+        share, or where none has one, if it is the nearest. The handle's own always moves.
+        """
+        everywhere = handle.controls.reach != "part"
+        found = self.grips.held(handle.place, everywhere=everywhere, plane=edit.symmetry).counterparts
+        on = [True] * len(found)
+        for place in handle.controls.excluded_counterparts:
+            here = self.rows.anchor(place)
+            shares = [1.0 if one.share is None else one.share.at(here) for one in found]
+            if not any(shares):
+                shares = [-math.dist(one.position, self.mesh.vertices[here]) for one in found]
+            most = int(np.argmax(shares))
+            on[most] = most == 0
+        return list(zip(found, on, strict=True))
 
     def counterpart_counts(self, edit: Edit) -> list[int]:
         """Return (H,) the number of counterparts of each handle whose peak weight is at least `LEAST_COUNTED`."""
@@ -153,26 +152,6 @@ class HandleWeights:
             columns[i], portions[i] = columns[i]._replace(carriers=carriers), result[k]
         return [portions[i] for i in order], [columns[i] for i in order]
 
-    def _counterparts(self, edit: Edit, handle: Handle) -> tuple[Counterpart, ...]:
-        everywhere = handle.controls.reach != "part"
-        return self.grips.held(handle.place, everywhere=everywhere, plane=edit.symmetry).counterparts
-
-    def _switches(self, handle: Handle, counterparts: Sequence[Counterpart]) -> list[bool]:
-        """Return which of a handle's counterparts are on: off are those at the places of `excluded_counterparts`.
-
-        A counterpart is at a place where it has the largest share, or where none has one, if it is the nearest. The
-        handle's own is always on.
-        """
-        on = [True] * len(counterparts)
-        for place in handle.controls.excluded_counterparts:
-            here = self.rows.anchor(place)
-            shares = [1.0 if one.share is None else one.share.at(here) for one in counterparts]
-            if not any(shares):
-                shares = [-math.dist(one.position, self.mesh.vertices[here]) for one in counterparts]
-            most = int(np.argmax(shares))
-            on[most] = most == 0
-        return on
-
     def _own(self, handle: Handle) -> Counterpart:
         """Return a handle's own counterpart for a column that all of its counterparts share."""
         return Counterpart(self.rows.anchor(handle.place), handle.place.position, np.eye(3))
@@ -181,20 +160,15 @@ class HandleWeights:
         """Return the counterparts of a handle that move, and the portion of its weights (V,) that each has."""
         if not _told_apart(handle, edit):
             return [(self._own(handle), _portion(None, weights))]
-        counterparts = self._counterparts(edit, handle)
+        found = self.counterparts(edit, handle)
+        counterparts = [one for one, _ in found]
         if handle.controls.counterparts == "only":
             return [(counterparts[0], _portion(counterparts[0].share, weights))]
         portions = [_portion(one.share, weights) for one in counterparts]
         if edit.rules.equalize:
             near = self.by_features.near(edit, handle, np.array([one.vertex for one in counterparts]))
             portions = _leveled(weights, counterparts, portions, near)
-        on = self._switches(handle, counterparts)
-        return [(one, portion) for one, portion, is_on in zip(counterparts, portions, on, strict=True) if is_on]
-
-
-def _chosen(handle: Handle) -> tuple[Hashable, ...]:
-    """Return what changes the columns of a handle, besides its weights."""
-    return handle.controls.counterparts, handle.controls.excluded_counterparts
+        return [(one, portion) for (one, moves), portion in zip(found, portions, strict=True) if moves]
 
 
 def _apart(handle: Handle) -> bool:
@@ -210,8 +184,7 @@ def _told_apart(handle: Handle, edit: Edit) -> bool:
 def _portion(share: Share | None, weights: Float32) -> Share:
     """Return the portion of weights (V,) of a handle that a counterpart with `share` has."""
     if share is None:
-        some = np.flatnonzero(weights)
-        return Share(some, weights[some])
+        return _sparse(weights)
     return Share(share.vertices, weights[share.vertices] * share.values)
 
 
@@ -222,8 +195,12 @@ def _sum(portions: Sequence[Share], count: int) -> Share:
     total = np.zeros(count, np.float32)
     for part in portions:
         total[part.vertices] += part.values
-    some = np.flatnonzero(total)
-    return Share(some, np.minimum(total[some], np.float32(1.0)))
+    return _sparse(np.minimum(total, np.float32(1.0)))
+
+
+def _sparse(weights: Float32) -> Share:
+    some = np.flatnonzero(weights)
+    return Share(some, weights[some])
 
 
 def _leveled(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -12,16 +12,13 @@ from scipy.spatial.transform import Rotation
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, unit
+from dfd.editing.edit import Edit, Handle
 from dfd.editing.influence.counterparts import Column
 from dfd.geometry.part_axis import PartAxes, PartAxis
+from dfd.mesh.mesh import Mesh
 from dfd.posing.bend import Sections, bend_maps
-from dfd.posing.transforms import PivotAt, Vector, frame_of_normal, vector
-
-if TYPE_CHECKING:
-    from dfd.editing.edit import Edit, Handle
-    from dfd.mesh.mesh import Mesh
-    from dfd.posing.transforms import Transform
-    from dfd.symmetry.plane import SymmetryPlane
+from dfd.posing.transforms import PivotAt, Transform, Vector, frame_of_normal, vector
+from dfd.symmetry.plane import SymmetryPlane
 
 HELD = 0.5  # a part ends where the weight falls below this share of its maximum
 UP = np.array([0.0, 1.0, 0.0])
@@ -55,18 +52,10 @@ class HeldPart:
 def held_parts(
     mesh: Mesh, axes: PartAxes, anchor: int, columns: Sequence[tuple[Float32, Column]], plane: SymmetryPlane | None
 ) -> list[HeldPart]:
-    """Return the parts that a handle holds, its own part first.
+    """Return the parts that a handle holds, its own part first; the vertex `anchor` stands for the handle.
 
-    Parameters
-    ----------
-    axes
-        Finds the axes of parts of `mesh`.
-    anchor
-        The vertex that stands for the handle.
-    columns
-        (V,) the weights of each counterpart, the handle's own first, with its column.
-    plane
-        The plane of the edit's symmetry. Handles act mirrored across it.
+    `columns` are the weights (V,) of each counterpart, the handle's own first, with its column. Handles act mirrored
+    across `plane`.
     """
     # Counterparts may share one part, as fingers share a hand: parts come from the sum of all counterparts.
     whole = np.sum([weights for weights, _ in columns], axis=0)
@@ -133,12 +122,9 @@ def _shortest_turn(one: Float64, other: Float64) -> Float64:
     sine, cosine = float(np.linalg.norm(across)), float(one @ other)
     if sine < 1e-9:
         # Opposite directions: turn about y, made perpendicular, so that upright parts stay upright.
-        across = np.asarray(frame_of_normal(one)[0]) if abs(one[1]) > 0.9 else np.array([0.0, 1.0, 0.0])
-        across = across - (across @ one) * one
-        sine, length = 0.0, float(np.linalg.norm(across))
-    else:
-        length = sine
-    return Rotation.from_rotvec(across / length * np.arctan2(sine, cosine)).as_matrix()
+        across = np.asarray(frame_of_normal(one)[0]) if abs(one[1]) > 0.9 else UP
+        across, sine = across - (across @ one) * one, 0.0
+    return Rotation.from_rotvec(across / np.linalg.norm(across) * np.arctan2(sine, cosine)).as_matrix()
 
 
 def bend_vector(part: HeldPart, angle: float, towards: Any = None) -> Vector:
@@ -154,10 +140,8 @@ def bend_vector(part: HeldPart, angle: float, towards: Any = None) -> Vector:
         towards = "front" if abs(along @ UP) > UPRIGHT else "up"
     if isinstance(towards, str) and towards not in TOWARDS:
         raise ArgumentError("towards", f"must be {', '.join(TOWARDS)} or 3 numbers, got {towards!r}")
-    wanted = unit(
-        np.asarray(vector("towards", TOWARDS.get(towards, towards) if isinstance(towards, str) else towards))[None]
-    )[0]
-    about = np.cross(along, wanted)
+    wanted = vector("towards", TOWARDS[towards] if isinstance(towards, str) else towards)
+    about = np.cross(along, unit(np.array([wanted]))[0])
     if np.linalg.norm(about) < 1e-3:
         raise ArgumentError("towards", "must lead away from the axis of what is held, which runs in that direction")
     return vector("bend", check.number(None, "bend", angle) * unit(about[None])[0])

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import Float64, Int32, unit
 from dfd.geometry.topology import even_points, face_areas
-
-if TYPE_CHECKING:
-    from dfd.symmetry.plane import SymmetryPlane
+from dfd.symmetry.plane import SymmetryPlane
 
 SAMPLES = 1000  # surface samples of a component
 KEPT = 0.85  # share of the samples that a fit counts: components end a little differently

@@ -15,7 +15,7 @@ from dfd.common import check
 from dfd.common.described import About, Written, check_fields
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Bool, Float64, Int64
-from dfd.posing.transforms import Vector, vector
+from dfd.posing.transforms import Vector
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
@@ -25,120 +25,106 @@ SAME_POSITION = 1e-5
 # On a finer mesh, a vertex belongs to a set if it is nearer to one of the set than this fraction of their spacing.
 NEAR_SPACING = 0.8
 
-Indices = Int64
-Mask = Bool
 
-
-@dataclass(frozen=True)
-class Ball:
-    """All vertices within `radius` of `center`, mesh units."""
-
-    center: Vector
-    radius: Annotated[float, About("Mesh units.", 0.0, exclusive=True)]
-    kind: Literal["ball"] = field(default="ball", repr=False)
+class RegionBase:
+    """A base that checks the fields of a region; `str` of a region names it in messages."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "center", vector("center", self.center))
         check_fields(self)
 
-    def __str__(self) -> str:
-        """Name it for a message."""
-        return f"the ball of radius {self.radius:g} around {_point(self.center)}"
+    def away(self, points: Float64) -> Float64:
+        """Return the distances (N,) of `points` (N, 3) from the region, mesh units, at most 0 inside."""
+        raise NotImplementedError
 
-    def inside(self, mesh: Mesh) -> Mask:
-        """Return which vertices (V,) lie inside."""
-        return np.linalg.norm(mesh.vertices - np.asarray(self.center), axis=1) <= self.radius
+    def inside(self, mesh: Mesh) -> Bool:
+        """Return which vertices (V,) of `mesh` belong to the region."""
+        return self.away(mesh.vertices) <= 0
 
 
 @dataclass(frozen=True)
-class Box:
+class Ball(RegionBase):
+    """All vertices within `radius` of `center`, mesh units."""
+
+    center: Annotated[Vector, About("Mesh units.", unit="position")]
+    radius: Annotated[float, About("Mesh units.", 0.0, exclusive=True, unit="length")]
+    kind: Literal["ball"] = field(default="ball", repr=False)
+
+    def __str__(self) -> str:
+        return f"the ball of radius {self.radius:g} around {_point(self.center)}"
+
+    def away(self, points: Float64) -> Float64:
+        return np.linalg.norm(points - np.asarray(self.center), axis=1) - self.radius
+
+
+@dataclass(frozen=True)
+class Box(RegionBase):
     """All vertices between two corners, mesh units."""
 
-    low: Vector
-    high: Vector
+    low: Annotated[Vector, About("Mesh units.", unit="position")]
+    high: Annotated[Vector, About("Mesh units.", unit="position")]
     kind: Literal["box"] = field(default="box", repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "low", vector("low", self.low))
-        object.__setattr__(self, "high", vector("high", self.high))
+        super().__post_init__()
         if any(low > high for low, high in zip(self.low, self.high, strict=True)):
             raise ArgumentError("low", f"must not exceed `high`, got {self.low} and {self.high}", "Box")
 
     def __str__(self) -> str:
-        """Name it for a message."""
         return f"the box from {_point(self.low)} to {_point(self.high)}"
 
-    def inside(self, mesh: Mesh) -> Mask:
-        """Return which vertices (V,) lie inside."""
-        low, high = np.asarray(self.low), np.asarray(self.high)
-        return np.all((mesh.vertices >= low) & (mesh.vertices <= high), axis=1)
+    def away(self, points: Float64) -> Float64:
+        outside = np.maximum(np.asarray(self.low) - points, points - np.asarray(self.high))
+        return np.linalg.norm(np.maximum(outside, 0.0), axis=1)
 
 
 @dataclass(frozen=True)
-class HalfSpace:
+class HalfSpace(RegionBase):
     """One side of a plane: all p with normal · p ≥ offset, mesh units. `normal` is scaled to unit length."""
 
     normal: Vector
-    offset: float
+    offset: Annotated[float, About("Mesh units.")]
     kind: Literal["half_space"] = field(default="half_space", repr=False)
 
     def __post_init__(self) -> None:
-        normal = vector("normal", self.normal)
-        length = float(np.linalg.norm(normal))
+        super().__post_init__()
+        length = float(np.linalg.norm(self.normal))
         if length == 0.0:
-            raise ArgumentError("normal", f"must have a length, got {normal}", "HalfSpace")
-        x, y, z = (component / length for component in normal)
-        object.__setattr__(self, "normal", (x, y, z))
-        object.__setattr__(self, "offset", check.number("HalfSpace", "offset", self.offset) / length)
+            raise ArgumentError("normal", f"must have a length, got {self.normal}", "HalfSpace")
+        object.__setattr__(self, "normal", tuple(component / length for component in self.normal))
+        object.__setattr__(self, "offset", self.offset / length)
 
     def __str__(self) -> str:
-        """Name it for a message."""
         return f"the side {_point(self.normal)} · p ≥ {self.offset:g}"
 
-    def inside(self, mesh: Mesh) -> Mask:
-        """Return which vertices (V,) lie inside."""
-        return mesh.vertices @ np.asarray(self.normal) >= self.offset
+    def away(self, points: Float64) -> Float64:
+        return self.offset - points @ np.asarray(self.normal)
 
 
 @dataclass(frozen=True)
-class Named:
-    """A region with a name in the mesh's file."""
-
-    name: str
-
-    def __post_init__(self) -> None:
-        name: object = self.name
-        if not isinstance(name, str) or not name:
-            raise ArgumentError("name", f"must be a text that is not empty, got {self.name!r}", type(self).__name__)
-
-
-@dataclass(frozen=True)
-class Part(Named):
+class Part(RegionBase):
     """A part of the mesh's scene, by its name."""
 
+    name: str
     kind: Literal["part"] = field(default="part", repr=False)
 
     def __str__(self) -> str:
-        """Name it for a message."""
         return f"part:{self.name}"
 
-    def inside(self, mesh: Mesh) -> Mask:
-        """Return which vertices (V,) belong to it."""
+    def inside(self, mesh: Mesh) -> Bool:
         return _mask(mesh, mesh.part_vertices(self.name))
 
 
 @dataclass(frozen=True)
-class Group(Named):
+class Group(RegionBase):
     """The faces of a group of an OBJ file, by the name in a `g`, `o` or `usemtl` line."""
 
+    name: str
     kind: Literal["group"] = field(default="group", repr=False)
 
     def __str__(self) -> str:
-        """Name it for a message."""
         return f"group:{self.name}"
 
-    def inside(self, mesh: Mesh) -> Mask:
-        """Return which vertices (V,) belong to it."""
+    def inside(self, mesh: Mesh) -> Bool:
         return _mask(mesh, mesh.group_vertices(self.name))
 
 
@@ -151,7 +137,7 @@ class VertexSet:
     Raises ValueError if the list is empty, a vertex occurs twice, or the number of positions differs.
     """
 
-    indices: Annotated[Indices, Written(list[int])]  # (N,) vertex indices, once each, ascending
+    indices: Annotated[Int64, Written(list[int])]  # (N,) vertex indices, once each, ascending
     positions: Annotated[Float64, Written(list[Vector])]  # (N, 3) in mesh units
     count: int | None = None  # number of vertices of that shape; None if unknown
     kind: Literal["vertices"] = field(default="vertices", repr=False)
@@ -171,8 +157,7 @@ class VertexSet:
         """Return the set for `chosen` vertices of `mesh`: indices (N,), or a mask of truth values (V,)."""
         values = np.asarray(chosen)
         if values.dtype == bool:
-            mask = check.array("VertexSet", "indices", values, (len(mesh.vertices),), dtype=bool)
-            values = np.flatnonzero(mask)
+            values = np.flatnonzero(check.array("VertexSet", "indices", values, (len(mesh.vertices),), dtype=bool))
         indices = np.unique(check.vertex_indices("VertexSet", "indices", values, len(mesh.vertices)))
         return cls(indices, mesh.vertices[indices], len(mesh.vertices))
 
@@ -181,24 +166,19 @@ class VertexSet:
         return self.indices.tobytes(), self.positions.tobytes()
 
     def __eq__(self, other: object) -> bool:
-        """Return whether both hold the same vertices at the same positions."""
         return self is other or (isinstance(other, VertexSet) and self._identity == other._identity)
 
     def __hash__(self) -> int:
-        """Return equal hashes for equal sets."""
         return hash(self._identity)
 
     def __repr__(self) -> str:
-        """Return the number of vertices."""
         return f"VertexSet({len(self.indices)} vertices)"
 
     def __str__(self) -> str:
-        """Name it for a message."""
         count = len(self.indices)
         return f"a set of {count} {'vertex' if count == 1 else 'vertices'}"
 
-    def inside(self, mesh: Mesh) -> Mask:
-        """Return which vertices (V,) belong to it."""
+    def inside(self, mesh: Mesh) -> Bool:
         if self.lies_on(mesh):
             return _mask(mesh, self.indices)
         from scipy.spatial import cKDTree  # slow to import, and not needed for the help of the command line
@@ -223,7 +203,7 @@ class VertexSet:
 Region = Ball | Box | Group | HalfSpace | Part | VertexSet
 
 
-def members(mesh: Mesh, region: Region) -> Indices:
+def members(mesh: Mesh, region: Region) -> Int64:
     """Return the vertices (N,) of `mesh` in `region`, ascending; ValueError if there is none."""
     try:
         found = np.flatnonzero(region.inside(mesh))
@@ -235,29 +215,19 @@ def members(mesh: Mesh, region: Region) -> Indices:
 
 
 def distances_from(mesh: Mesh, region: Region) -> Float64:
-    """Return the distance (V,) of each vertex from `region`, mesh units; from a set, the distance to its nearest
-    vertex.
+    """Return the distance (V,) of each vertex from `region`, mesh units, or from the nearest vertex in it.
 
     Raises ValueError if the region holds no vertex.
     """
     from scipy.spatial import cKDTree
 
     inside = members(mesh, region)
-    match region:
-        case Ball():
-            away = np.linalg.norm(mesh.vertices - np.asarray(region.center), axis=1) - region.radius
-        case Box():
-            outside = np.maximum(np.asarray(region.low) - mesh.vertices, mesh.vertices - np.asarray(region.high))
-            away = np.linalg.norm(np.maximum(outside, 0.0), axis=1)
-        case HalfSpace():
-            away = region.offset - mesh.vertices @ np.asarray(region.normal)
-        case _:
-            away = cKDTree(mesh.vertices[inside]).query(mesh.vertices)[0]
-    away[inside] = 0.0
-    return np.asarray(np.maximum(away, 0.0), np.float64)
+    if isinstance(region, Ball | Box | HalfSpace):
+        return np.maximum(region.away(mesh.vertices), 0.0)
+    return np.asarray(cKDTree(mesh.vertices[inside]).query(mesh.vertices)[0])
 
 
-def _mask(mesh: Mesh, vertices: Any) -> Mask:
+def _mask(mesh: Mesh, vertices: Any) -> Bool:
     """Return which vertices (V,) of the mesh are `vertices` (N,)."""
     mask = np.zeros(len(mesh.vertices), bool)
     mask[vertices] = True
