@@ -153,7 +153,7 @@ def report(lessons: tuple[UpLesson, ...]) -> str:
             some = [odds[each.name] for each in own if family in (each.family, "all")]
             # If the file's +y is [0, 1], its z is the axis after it, the shape's up.
             rows.append([family, len(some), *(_found(some, ups, priors) for ups in ([TRUE], [0, 1], range(6)))])
-        columns = ("family", "shapes", "kept upright", "found z up", "found, 24 turns")
+        columns = ("family", "shapes", "kept upright", "found z up", "found, 6 directions")
         lines += ["", f"Each judged without {left_out}:", "", *to_markdown(columns, rows)]
     return "\n".join([*lines, ""])
 
