@@ -14,7 +14,7 @@
 namespace dfd {
 namespace {
 
-// Least number of feature entries for a further thread. With fewer, the thread takes longer to start than to work.
+// Each thread compares at least this many feature entries. With fewer, the thread takes longer to start than to work.
 constexpr std::size_t grain_entries = std::size_t{1} << 19;
 constexpr std::size_t streamed_bytes = std::size_t{1} << 22;  // size from which results bypass the caches
 constexpr std::size_t streamed_columns = 64;                  // number of columns from which they bypass the caches
@@ -30,7 +30,7 @@ double value_of(std::uint16_t half)
     return (half & 0x8000) == 0 ? magnitude : -magnitude;
 }
 
-// Writes the features (D) of a vertex to `row`; for bytes, in steps of the scale.
+// Writes the features (D) of a vertex to `row`. Bytes are written as integers, without multiplication by the scale.
 void read_row(const Features& features, std::size_t vertex, std::span<float> row)
 {
     const std::size_t dimension = row.size(), block = vertex / block_size, lane = vertex % block_size;
@@ -78,7 +78,7 @@ public:
             }
         }
         for (std::size_t p = 0; p < strengths.size(); ++p)
-            if (strengths[p] == 0) offsets_[p] = std::numeric_limits<float>::max();  // at infinity, it has no effect
+            if (strengths[p] == 0) offsets_[p] = std::numeric_limits<float>::max();  // it removes no weight
         rows = {rows_.data(),   squares_.data(),      quads_.data(),   pairs_.data(),
                 products_fit_.data(), quad_squares_.data(), offsets_.data(), count};
     }
@@ -123,7 +123,7 @@ private:
         word = static_cast<std::int32_t>(static_cast<std::uint32_t>(word) | static_cast<std::uint32_t>(bits) << shift);
     }
 
-    // Largest sum of two neighboring entries for which the sum of their products with bytes up to 255 fits 16 bits.
+    // Bound of |a| + |b| for neighboring entries a and b: 255 (|a| + |b|) then fits a signed 16-bit number.
     static constexpr std::int32_t most_together = 128;
 
     std::size_t dimension_;
@@ -143,7 +143,7 @@ std::vector<Power> powers_of(std::span<const float> locality)
     return powers;
 }
 
-// Strengths of fixed points, and reaches and numbers of members of handles, with the paper's values if they are empty.
+// Strengths of fixed points, and reaches and member counts of handles. Empty inputs get the paper's values.
 struct Shapes {
     std::vector<float> strengths;
     std::vector<Reach> reaches;
@@ -154,7 +154,7 @@ struct Shapes {
         : strengths(constraints.strengths.begin(), constraints.strengths.end()),
           members(handles.members.begin(), handles.members.end())
     {
-        constexpr float most = 1e30f;  // products with 0 and with the largest distances stay finite
+        constexpr float most = 1e30f;  // bounds 1 / reach, so that its product with a distance of 0 is no NaN
         const std::size_t handle_count = handles.handle_count();
         strengths.resize(constraints.fixed.count(), 1);
         members.resize(handle_count, 1);
@@ -164,7 +164,7 @@ struct Shapes {
         }
         reaches.resize(handle_count, {1, Falloff::linear});
         const auto differs = [](auto value) { return value != 1; };
-        std::replace(strengths.begin(), strengths.end(), 0.0f, 1.0f);  // points of strength 0 are at infinity
+        std::replace(strengths.begin(), strengths.end(), 0.0f, 1.0f);  // these points have an infinite distance
         shaped |= std::any_of(strengths.begin(), strengths.end(), differs);
         shaped |= std::any_of(members.begin(), members.end(), differs);
     }
@@ -204,7 +204,7 @@ void check_shapes(const Points& handles, const Constraints& constraints)
         require(members > 0, "bind: a handle that is a region must have at least one point");
         points += members;
     }
-    require(handles.members.empty() || points == handles.count(), "bind: `handles` must have as many points as members");
+    require(handles.members.empty() || points == handles.count(), "bind: `handles` must have Σ `members` points");
     require(strengths.empty() || strengths.size() == fixed.count(), "bind: `strength` must be (P)");
     for (const float strength : strengths)
         require(strength >= 0 && strength <= 1, "bind: `strength` must lie in [0, 1]");
@@ -222,7 +222,7 @@ BindRange range_of(const Kernels& kernels, Features::Layout layout)
     }
 }
 
-// Returns whether results bypass the caches: large contiguous rows, or many columns aligned to cache lines.
+// Returns whether results bypass the caches: at least `streamed_bytes` in contiguous rows or aligned columns.
 bool can_stream(const StridedMatrix<float>& weights)
 {
     if (weights.rows * weights.columns * sizeof(float) < streamed_bytes) return false;
@@ -231,7 +231,7 @@ bool can_stream(const StridedMatrix<float>& weights)
            reinterpret_cast<std::uintptr_t>(weights.data) % 64 == 0;
 }
 
-// Throws if a distance lies outside [0, 1] by more than rounding. The kernels also report the valid value -0.
+// Throws if a distance is negative, or exceeds 1 by more than rounding. The kernels also report the valid value -0.
 void require_shares(const Matrix<const float>& geodesic)
 {
     const std::span<const float> all{geodesic.data, geodesic.rows * geodesic.columns};

@@ -13,10 +13,10 @@ namespace dfd {
 
 namespace {
 
-// Distances from the source, in sample spacings. Up to `near_from` the distance is that on the mesh, from `near_to` on
-// the one interpolated from samples, and between them a blend of both.
+// Distances from the source, in sample spacings. Up to `near_from`, the distance on the mesh is used. From `near_to`
+// on, the distance interpolated from samples is used. In between, both are blended.
 constexpr double near_from = 1.5, near_to = 3.0;
-constexpr std::size_t grain = 4096;  // least number of vertices for a further thread
+constexpr std::size_t grain = 4096;  // least number of vertices per thread
 
 double smooth_step(double t)
 {
@@ -24,7 +24,7 @@ double smooth_step(double t)
     return t * t * (3 - 2 * t);
 }
 
-/// A pool of waves that threads reuse.
+/// A pool of `Wave`s (a front and its distances, `march.hpp`) that threads reuse.
 class Waves {
 public:
     explicit Waves(std::size_t vertex_count) : vertex_count_(vertex_count) {}
@@ -101,8 +101,8 @@ struct Geodesics::Impl {
                 const std::int32_t owner = samples.owner[static_cast<std::size_t>(vertex)];
                 if (samples.vertices[static_cast<std::size_t>(owner)] == vertex) wave.offer(owner, distance);
             }
-            // If edges are long, no sample may be near the source. So the front also starts from the owners of all
-            // reached vertices.
+            // If edges are long, the front on the mesh may reach no sample. So the front on the samples also starts at
+            // the owner, the nearest sample, of each reached vertex.
             for (const auto& [vertex, distance] : reached.near) {
                 const auto v = static_cast<std::size_t>(vertex);
                 wave.offer(samples.owner[v], distance + samples.to_owner[v]);
@@ -174,7 +174,7 @@ Geodesics::Geodesics(Matrix<const double> vertices, Matrix<const std::int32_t> f
     : impl_(std::make_unique<Impl>())
 {
     require(vertices.columns == 3, "geodesics: `vertices` must have shape (V, 3)");
-    require(vertices.rows < std::size_t{1} << 31, "geodesics: `vertices` must number less than 2^31");
+    require(vertices.rows < std::size_t{1} << 31, "geodesics: `vertices` must have fewer than 2^31 rows");
     require(sample_count >= 1, "geodesics: `sample_count` must be at least 1");
     require_finite(vertices, "geodesics", "vertices");
     require_indices(faces, 3, vertices.rows, "geodesics: `faces` must be (F, 3) vertex indices");
@@ -206,7 +206,7 @@ void Geodesics::distances(std::span<const std::int64_t> sources, float separate,
         return source >= 0 && static_cast<std::size_t>(source) < vertex_count();
     };
     require(std::all_of(sources.begin(), sources.end(), inside), "geodesics: `sources` must be vertex indices");
-    // Several sources are divided among the threads. For a single source, its vertices are.
+    // Several sources are divided among the threads. For a single source, the vertices are divided.
     const int beside = sources.size() > 1 ? threads : 1, within = sources.size() > 1 ? 1 : threads;
     parallel_ranges(sources.size(), 1, beside, [&](std::size_t, std::size_t begin, std::size_t end) {
         for (std::size_t h = begin; h < end; ++h)

@@ -210,7 +210,7 @@ def test_a_plane_of_symmetry_bends_mirrored(pair, counterparts):
 
 def test_towards_the_axis_is_refused(one):
     handle = one.add(52 * AROUND)
-    with pytest.raises(ValueError, match="`towards` must lead away from the axis of what is held"):
+    with pytest.raises(ValueError, match="`towards` must not be parallel to the axis"):
         one.bend(handle, 30, towards="up")
     with pytest.raises(ValueError, match="`towards` must be up, down, right, left, front, back or 3 numbers"):
         one.bend(handle, 30, towards="north")

@@ -1,7 +1,7 @@
 """Counterparts of a handle: the components of the part that it holds, each with its own pivot and frame.
 
-A rotation about the handle's pivot would move distant legs in wide arcs. So each leg moves about its own counterpart of
-the pivot, mirrored where a plane of symmetry relates it to the handle.
+A rotation about the handle's pivot would move distant legs in wide arcs. So each leg moves about its own pivot, which
+corresponds to the handle's. If a mirror plane relates both legs, the motion is mirrored.
 """
 
 from __future__ import annotations
@@ -24,20 +24,21 @@ from dfd.mesh.mesh import Mesh
 from dfd.segmentation.parts import Grip
 from dfd.symmetry.plane import SymmetryPlane
 
-LEAST_ALIKE = 0.15  # weight: counterparts of less have their own pivots, but `equalize` does not raise their weights
-MOST_COUNTERPARTS = 64  # those most alike count; each counterpart costs a column of weights
+LEAST_ALIKE = 0.15  # weight below which `equalize` does not raise a counterpart; it still has its own pivot
+MOST_COUNTERPARTS = 64  # the most similar components are kept, because each needs a column of weights
 SHARPNESS = 2  # shares fall with this power of the distance from a counterpart
-CLEAR = 0.03  # smaller shares, relative to the largest one at a vertex, become 0
-BESIDE = 0.1  # the margin of a box, relative to its sides: a component inside the margin counts as inside the box
-AS_ALIKE = 0.05  # weight: the mirror image of the handle is preferred to a vertex that is more alike by less
+CLEAR = 0.03  # subtracted from the shares at a node, relative to the largest one; so small shares become 0
+BESIDE = 0.1  # margin of a component's box, relative to its sides
+AS_ALIKE = 0.05  # weight: the mirror image is chosen unless the most similar vertex exceeds its weight by more
 
 
 @dataclass(frozen=True, eq=False)
 class Counterpart:
     """One place that moves with a handle."""
 
-    vertex: int  # the vertex that looks most like the handle
-    position: tuple[float, float, float]  # (3,) of that vertex, of the handle's own that of the handle, mesh units
+    vertex: int  # the vertex that corresponds to the handle: its mirror image, or the most similar vertex
+    # position: (3,) mesh units: the handle's position, its mirror image if `image` is given, else that of `vertex`
+    position: tuple[float, float, float]
     # frame: (3, 3) orthogonal: maps directions at the handle to those at the counterpart; a reflection if a plane of
     # symmetry lies between them
     frame: Float64
@@ -47,9 +48,9 @@ class Counterpart:
     image: Float64 | None = None
 
     def transform(self, affine: Float64, position: Sequence[float]) -> Float64:
-        """Return the map (3, 4) at this counterpart that corresponds to `affine` at a handle at `position` (3,)."""
+        """Return the map (3, 4) of this counterpart if the handle at `position` (3,) has the map `affine`."""
         here, there = np.asarray(self.position), np.asarray(position, np.float64)
-        # Exactly: rounding would move vertices of a handle at rest.
+        # `affine` is returned unchanged, because rounding would move vertices of a handle at rest.
         if np.array_equal(affine, np.eye(3, 4)) or (np.array_equal(here, there) and (self.frame == np.eye(3)).all()):
             return affine
         linear = self.frame @ affine[:, :3] @ self.frame.T
@@ -62,10 +63,10 @@ class Column(NamedTuple):
 
     handle: int  # the number of the handle in the edit
     counterpart: Counterpart  # the handle's own if all counterparts share its pivot
-    carriers: tuple[int, ...] = ()  # the columns of other handles in whose components its own is nested
+    carriers: tuple[int, ...] = ()  # the columns of other handles whose components contain this column's
 
     def matrix(self, edit: Edit) -> Float64:
-        """Return the (3, 4) transform of the column, mesh units: the handle's own in the counterpart's frame."""
+        """Return the (3, 4) transform of the column, mesh units: the handle's transform, mapped to the counterpart."""
         handle = edit.handles[self.handle]
         return self.counterpart.transform(handle.matrix, handle.place.position)
 
@@ -73,9 +74,8 @@ class Column(NamedTuple):
 class Held(NamedTuple):
     """The part and the counterparts at a place."""
 
-    counterparts: tuple[Counterpart, ...]  # the place's own first, then the most alike first
-    # part: (V,) the weights of the grip, equal on mirror images unless the counterparts share the whole surface; None
-    # without a grip
+    counterparts: tuple[Counterpart, ...]  # the counterpart at the place, then the others by decreasing similarity
+    # part: (V,) the weights of the held part; None without one. Mirror images have equal weights, unless `everywhere`.
     part: Float32 | None
 
 
@@ -103,7 +103,7 @@ def find_counterparts(
     component = _joined(nodes, grip.component, vertex)
     on_nodes = np.maximum.reduceat(weights[nodes.members], nodes.starts)
     own = int(component[nodes.of_vertex[vertex]])
-    alike = np.full(component.max(initial=-1) + 2, -1.0)  # the last one is that of nodes outside the part
+    alike = np.full(component.max(initial=-1) + 2, -1.0)  # the last entry stands for nodes outside the part
     np.maximum.at(alike, component, on_nodes)
     alike[[own, -1]] = -1.0
     others = np.argsort(-alike, kind="stable")[: min(MOST_COUNTERPARTS - 1, int((alike >= 0).sum()))]
@@ -141,8 +141,8 @@ def find_counterparts(
 def _joined(nodes: Nodes, component: Int64, vertex: int) -> Int64:
     """Return the `component` (N,) of each node, with two changes.
 
-    A component inside the box of a larger one joins it, such as the hub of a wheel its tire, if both are components of
-    the mesh. A vertex on the border of the part belongs to the nearest component.
+    A component joins a larger one if its center lies in the larger one's box and both are on different components of
+    the mesh, as a hub joins its tire. If the handle's vertex lies on no component, its node joins the nearest one.
     """
     joined = component.copy()
     inside = np.flatnonzero(component >= 0)
@@ -192,8 +192,8 @@ def _image(
 ) -> Float64 | None:
     """Return the isometry (3, 4) from the handle's own component to `surface`, if they are mirror images.
 
-    Planes of the whole shape are tried first, then a plane of the pair. A component may also be the mirror image of
-    one that is itself a mirror image of the handle's own.
+    The planes of the whole shape are tried first, then a plane fitted to the two components. A component may also be
+    the mirror image of another mirror image of the handle's own component.
     """
     if surface is None:
         return None
@@ -241,7 +241,7 @@ def _closeness(mesh: Mesh, components: Sequence[Int64]) -> Float64:
     closeness = np.empty((len(components), len(nodes.center)))
     for row, members in zip(closeness, components, strict=True):
         distance = dijkstra(nodes.graph, indices=members, min_only=True)
-        # Other components of the mesh get their straight distance plus a diagonal, which exceeds all others.
+        # Nodes on other components of the mesh get the straight distance plus the diagonal: connected ones come first.
         if len(apart := np.flatnonzero(np.isinf(distance) & nodes.used)):
             straight = cKDTree(nodes.center[members]).query(nodes.center[apart])[0]
             distance[apart] = straight + mesh.diagonal

@@ -1,4 +1,4 @@
-"""The parts that a handle holds. Each has an axis, along which it bends and twists and on which its pivot lies."""
+"""The parts that a handle holds. Each has an axis, along which it bends and twists."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ UP = np.array([0.0, 1.0, 0.0])
 TOWARDS = {"up": (0, 1, 0), "down": (0, -1, 0), "right": (1, 0, 0), "left": (-1, 0, 0), "front": (0, 0, 1)}
 TOWARDS["back"] = (0, 0, -1)
 ACROSS = 0.1  # a part lies across a plane if each side has more than this share of its vertices
-UPRIGHT = 0.9  # cosine of the angle to y; a steeper limb cannot bend upwards
+UPRIGHT = 0.9  # cosine of the angle to y above which a part is upright; by default, it bends to the front
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +35,8 @@ class HeldPart:
 
     axis: PartAxis  # from the base of the part to its tip
     amount: float  # the share of the handle's bend and twist that the part makes, in [0, 1]
-    # carry: (3, 3) maps the handle's rotation vectors to this part. It turns one axis onto the other, and mirrors them
-    # if the part is a mirror image.
+    # carry: (3, 3) maps the handle's rotation vectors to this part. It rotates the axis of the handle's own
+    # part onto this axis, and mirrors rotation vectors if the part is a mirror image.
     carry: Float64
     handedness: float  # 1, or −1 for a mirror image, which twists the other way
     sections: Sections  # the vertices of the part in the order along its axis
@@ -57,7 +57,7 @@ def held_parts(
     `columns` are the weights (V,) of each counterpart, the handle's own first, with its column. Handles act mirrored
     across `plane`.
     """
-    # Counterparts may share one part, as fingers share a hand: parts come from the sum of all counterparts.
+    # Several counterparts can lie on one connected part, as fingers on a hand. So parts come from the sum of weights.
     whole = np.sum([weights for weights, _ in columns], axis=0)
     pieces: list[tuple[PartAxis, Column, float]] = []
     images = {column: image for _, column in columns if (image := column.counterpart.image) is not None}
@@ -95,7 +95,7 @@ def _part(mesh: Mesh, piece: tuple[PartAxis, Column, float], own: PartAxis, plan
         sides = plane.signed_distance(mesh.vertices[axis.vertices])
         less = float((sides < 0).mean())
         if ACROSS < less < 1 - ACROSS:
-            # Across the plane only a rotation about its normal is symmetric.
+            # If a part lies across the plane, only a rotation about the plane's normal is symmetric.
             across, flat = True, np.outer(plane.normal, plane.normal)
         elif (less > 0.5) != (float(plane.signed_distance([counterpart.position])[0]) < 0):
             frame = plane.reflection[:3, :3] @ frame
@@ -106,7 +106,7 @@ def _part(mesh: Mesh, piece: tuple[PartAxis, Column, float], own: PartAxis, plan
 
 
 def _turn(one: Float64, other: Float64) -> Float64:
-    """Return (3, 3) a rotation of `one` onto `other`. It keeps y up unless one of them is nearly upright."""
+    """Return (3, 3) a rotation of `one` onto `other`. Horizontal normals stay horizontal unless one is upright."""
     if max(abs(one @ UP), abs(other @ UP)) > UPRIGHT:
         return _shortest_turn(one, other)
     frames = []
@@ -121,7 +121,7 @@ def _shortest_turn(one: Float64, other: Float64) -> Float64:
     across = np.cross(one, other)
     sine, cosine = float(np.linalg.norm(across)), float(one @ other)
     if sine < 1e-9:
-        # Opposite directions: turn about y, made perpendicular, so that upright parts stay upright.
+        # For equal or opposite directions, the axis is perpendicular to `one`: nearly y, unless `one` is upright.
         across = np.asarray(frame_of_normal(one)[0]) if abs(one[1]) > 0.9 else UP
         across, sine = across - (across @ one) * one, 0.0
     return Rotation.from_rotvec(across / np.linalg.norm(across) * np.arctan2(sine, cosine)).as_matrix()
@@ -143,7 +143,7 @@ def bend_vector(part: HeldPart, angle: float, towards: Any = None) -> Vector:
     wanted = vector("towards", TOWARDS[towards] if isinstance(towards, str) else towards)
     about = np.cross(along, unit(np.array([wanted]))[0])
     if np.linalg.norm(about) < 1e-3:
-        raise ArgumentError("towards", "must lead away from the axis of what is held, which runs in that direction")
+        raise ArgumentError("towards", "must not be parallel to the axis of the held part")
     return vector("bend", check.number(None, "bend", angle) * unit(about[None])[0])
 
 
