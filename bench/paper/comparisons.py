@@ -162,7 +162,7 @@ def fig8(context: Context) -> Page:
 
 
 def fig9(context: Context, most: tuple[int, int] = (1, 3)) -> Page:
-    """Layouts like those of DeepMetaHandles by every method; DFD uses the control point that moves farthest alone."""
+    """Layouts like those of DeepMetaHandles by every method; DFD uses only the control point that moves farthest."""
     return _compared(context, stretched(context, most), DENSE_TEXT, ball=0.0)
 
 
@@ -172,7 +172,7 @@ def fig16(context: Context) -> Page:
 
 
 def fig14(context: Context, ball: float = BALL) -> Page:
-    """One handle by every method; the others also constrain the neighbors of their constraints."""
+    """One handle by every method; the other methods also constrain the neighbors of their handles."""
     return _compared(context, pulls(context, (2, 10)), ball=ball)
 
 

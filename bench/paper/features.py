@@ -131,7 +131,7 @@ def _distinct_pixels(views: Views) -> int:
 
 
 def fig13(context: Context) -> Page:
-    """Barycentric distillation against vertices alone, from a coarse copy to the fine mesh."""
+    """Fields of a coarse copy, fitted to all pixels or to its vertices only, evaluated on the fine mesh."""
 
     def variants(subject: Subject) -> dict[str, dfd.Deformer]:
         sessions = {}

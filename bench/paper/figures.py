@@ -73,7 +73,7 @@ FIGURES: dict[str, Figure] = {
         ratio("off", VERTICES, PIXELS),
         1.5,
     ),
-    "fig14": Figure("moves related parts alone", ANGLE, ratio("angle °", DFD, PEERS), most=1),
+    "fig14": Figure("only related parts move", ANGLE, ratio("angle °", DFD, PEERS), most=1),
     "fig15": Figure("the others fail", "faces that the others fold, per shape", column("flipped faces", **FAILING), 1),
     "fig16": Figure("as smooth as biharmonic", ANGLE, ratio("angle °", DFD, COORDINATES), most=1),
     "fig17": Figure("no tears", "gap, % of the motion", column("gap %", preset=OURS), most=5),

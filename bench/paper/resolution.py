@@ -270,7 +270,7 @@ def _ticks(context: Context, case: Case, name: str, sizes: Sequence[Shape]) -> B
 
 
 def table3(context: Context) -> Page:
-    """Seconds to bind 1, 10 and 100 new handles, beside OptCtrlPoints on the same nodes of tetrahedra."""
+    """Seconds to bind 1, 10 and 100 new handles, by DFD and by OptCtrlPoints, on the nodes of one tetrahedral mesh."""
     repeats, patience = context.of((3, 50)), context.of(PATIENCE)
     rows: list[Row] = []
 
