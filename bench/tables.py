@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dfd.common.files import atomic_write
+from dfd.common.files import write_file
 
 Rows = Sequence[Sequence[Any]]
 
@@ -16,8 +16,7 @@ Rows = Sequence[Sequence[Any]]
 def write_text(path: Path, text: str) -> None:
     """Write a file atomically, and create its folder."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_write(path) as temporary:
-        temporary.write_text(text, "utf-8")
+    write_file(path, text)
 
 
 def to_csv(columns: Iterable[str], rows: Rows) -> str:

@@ -55,24 +55,28 @@ def atomic_write(path: str | os.PathLike[str], argument: str = "path") -> Iterat
     Raises OSError if the folder does not exist or cannot be written, or the disk is full. Raises OSError if `path` is
     a folder, a device or a pipe. After an error, an existing file is unchanged.
     """
-    named, target = Path(path), _target(Path(path), argument)
-    temporary = None
+    target = _target(Path(path), argument)
     try:
         temporary = _temporary(target)
-        # The block may restrict the file's permissions. The result keeps those of the replaced file or of a new file.
-        mode = (target if target.exists() else temporary).stat().st_mode
-        yield temporary
-        temporary.chmod(mode & 0o777)
-        with temporary.open("rb+") as stream:
-            os.fsync(stream.fileno())
-        temporary.replace(target)
-        temporary = None
+        try:
+            # The block may restrict the file's permissions. The result has those of the replaced file or a new file.
+            mode = (target if target.exists() else temporary).stat().st_mode
+            yield temporary
+            temporary.chmod(mode & 0o777)
+            with temporary.open("rb+") as stream:
+                os.fsync(stream.fileno())
+            temporary.replace(target)
+        finally:
+            temporary.unlink(missing_ok=True)
     except OSError as error:
         reason = error.strerror or str(error)
-        raise OSError(error.errno, f"`{argument}`: {named} could not be written: {reason}") from error
-    finally:
-        if temporary is not None:
-            temporary.unlink(missing_ok=True)
+        raise OSError(error.errno, f"`{argument}`: {Path(path)} could not be written: {reason}") from error
+
+
+def write_file(path: str | os.PathLike[str], content: str | bytes, argument: str = "path") -> None:
+    """Write bytes, or text in UTF-8, to a file by `atomic_write`."""
+    with atomic_write(path, argument) as temporary:
+        temporary.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 def _target(path: Path, argument: str) -> Path:

@@ -10,7 +10,7 @@ import numpy as np
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
-from dfd.common.files import atomic_write
+from dfd.common.files import write_file
 from dfd.common.linear_algebra import Int64
 from dfd.export.gltf.document import GltfDocument
 from dfd.mesh.file.gltf.header import MODES_READ, Header, item, objects
@@ -42,8 +42,7 @@ def export_parts(mesh: Mesh, parts: Sequence[Part], path: str | os.PathLike[str]
         groups = [(f"part_{number + 1}", np.flatnonzero(of_face == number)) for number in range(len(parts))]
         appearance = mesh.appearance
         uv = None if appearance is None or appearance.uv is None else (appearance.uv, appearance.corner_faces)
-        with atomic_write(target) as temporary:
-            temporary.write_bytes(encode_groups(mesh.vertices, mesh.faces, uv, groups))
+        write_file(target, encode_groups(mesh.vertices, mesh.faces, uv, groups))
     else:
         document = GltfDocument(mesh)
         for node in document.parts():

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.common.files import atomic_write
+from dfd.common.files import write_file
 from dfd.common.linear_algebra import Int64
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.gltf import read as gltf_read
@@ -106,9 +106,7 @@ class GltfDocument(GltfPatch):
 
     def write(self, target: Path) -> None:
         """Write the file, as GLB or as glTF with embedded data by its ending."""
-        data = self.encode(binary=target.suffix.lower() == ".glb")
-        with atomic_write(target) as temporary:
-            temporary.write_bytes(data)
+        write_file(target, self.encode(binary=target.suffix.lower() == ".glb"))
 
 
 def _rows_written(mesh: Mesh) -> Int64:
