@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from dfd.common.errors import one_line
 from dfd.common.files import write_file
 
 Rows = Sequence[Sequence[Any]]
@@ -44,5 +45,5 @@ def _shown(cell: Any, form: str) -> str:
     if cell is None:
         return ""
     if isinstance(cell, bool) or not isinstance(cell, int | float | np.number):
-        return " ".join(str(cell).split())
+        return one_line(cell)
     return f"{cell:,}" if isinstance(cell, int) else f"{cell:{form}}"

@@ -55,7 +55,7 @@ def atomic_write(path: str | os.PathLike[str], argument: str = "path") -> Iterat
     Raises OSError if the folder does not exist or cannot be written, or the disk is full. Raises OSError if `path` is
     a folder, a device or a pipe. After an error, an existing file is unchanged.
     """
-    target = _target(Path(path), argument)
+    target = resolved_target(Path(path), argument)
     try:
         temporary = _temporary(target)
         try:
@@ -79,8 +79,11 @@ def write_file(path: str | os.PathLike[str], content: str | bytes, argument: str
         temporary.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
-def _target(path: Path, argument: str) -> Path:
-    """Return `path`, or its target if it is a symbolic link; the file need not exist."""
+def resolved_target(path: Path, argument: str) -> Path:
+    """Return the file that a write to `path` replaces, which need not exist: `path`, or the target of its link.
+
+    Raises OSError, which names `argument`, if the folder does not exist or `path` is a folder, a device or a pipe.
+    """
     try:
         target = path.resolve() if path.is_symlink() else path
         found = target.stat().st_mode if target.exists() else None

@@ -87,9 +87,8 @@ def _row_normals(mesh: Mesh, vertex: Int32, used: Bool) -> Float64:
     for primitive in scene.primitives:
         if primitive.geometry.normals is not None:
             of_file[primitive.rows] = primitive.normals_to_scene(primitive.geometry.normals)
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        of_file = of_file[used] / np.linalg.norm(of_file[used], axis=1, keepdims=True)
-    return np.where(np.isfinite(of_file).all(axis=1, keepdims=True), of_file, normals)
+    known: Bool = np.isfinite(of_file).all(axis=1) & of_file.any(axis=1)
+    return np.where(known[used, None], of_file[used], normals)
 
 
 def _material_runs(material_of: Int32) -> tuple[Group, ...]:

@@ -75,7 +75,7 @@ class GltfDocument(GltfPatch):
     def _bound(self, node: int, number: int, primitive: Header) -> None:
         """Add the bounds of positions, which the format requires, where the file has none or compressed them."""
         index = int(primitive["attributes"]["POSITION"])
-        accessor, before = self.header["accessors"][index], self._source.header["accessors"][index]
+        accessor, before = self.header["accessors"][index], self.source.header["accessors"][index]
         packed = "bufferView" not in before
         if accessor["componentType"] == FLOAT and (packed or not accessor.keys() >= LIMITS.keys()):
             values = self.values(node, number, "POSITION")
@@ -84,19 +84,15 @@ class GltfDocument(GltfPatch):
 
     def values(self, node: int, primitive: int, name: str) -> NDArray[Any] | None:
         """Return an attribute of a primitive of the file, (rows, components), None where it has none of that name."""
-        return self._source.attribute(self._primitive(node, primitive), name)
+        return self.source.attribute(self._primitive(node, primitive), name)
 
     def corners(self, node: int, primitive: int) -> NDArray[Any]:
         """Return the rows (N,) that a primitive of the file draws, one after the other."""
-        return self._source.corners(self._primitive(node, primitive))
+        return self.source.corners(self._primitive(node, primitive))
 
     def _primitive(self, node: int, number: int) -> Header:
-        mesh = int(self._source.header["nodes"][node]["mesh"])
-        return self._source.header["meshes"][mesh]["primitives"][number]
-
-    def stored(self, index: int) -> NDArray[Any]:
-        """Return the values of an accessor of the file."""
-        return self._source.accessor(index)
+        mesh = int(self.source.header["nodes"][node]["mesh"])
+        return self.source.header["meshes"][mesh]["primitives"][number]
 
     def zeros(self, count: int) -> int:
         """Append `count` vectors of three zeros, which take no room, and return the number of their accessor."""

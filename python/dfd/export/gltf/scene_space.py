@@ -44,7 +44,7 @@ def bring_to_scene(document: GltfDocument, node: int, transform: Float64) -> Non
             for name in sorted(target.keys() & {"POSITION", "NORMAL", "TANGENT"}):
                 key = (f"target {name}", int(target[name]))
                 if key not in done:
-                    moved = _turned(name, document.stored(target[name]).astype(np.float64), transform)
+                    moved = _turned(name, document.source.accessor(target[name]).astype(np.float64), transform)
                     done[key] = _write(document, name, moved)
                 target[name] = done[key]
         if np.linalg.det(transform[:3, :3]) < 0:
