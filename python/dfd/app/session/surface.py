@@ -87,8 +87,9 @@ def _row_normals(mesh: Mesh, vertex: Int32, used: Bool) -> Float64:
     for primitive in scene.primitives:
         if primitive.geometry.normals is not None:
             of_file[primitive.rows] = primitive.normals_to_scene(primitive.geometry.normals)
-    known: Bool = np.isfinite(of_file).all(axis=1) & of_file.any(axis=1)
-    return np.where(known[used, None], of_file[used], normals)
+    of_file = of_file[used]
+    known = np.isfinite(of_file).all(axis=1, keepdims=True) & of_file.any(axis=1, keepdims=True)
+    return np.where(known, of_file, normals)
 
 
 def _material_runs(material_of: Int32) -> tuple[Group, ...]:
