@@ -49,7 +49,7 @@ def read(data: bytes) -> tuple[Header, bytes | None]:
     Raises ValueError if the file is cut off, or the header is inconsistent or unknown.
     """
     glb = data.startswith(_MAGIC)
-    text, embedded = _split(data) if glb else (data.removeprefix(codecs.BOM_UTF8), None)
+    text, embedded = split_glb(data) if glb else (data.removeprefix(codecs.BOM_UTF8), None)
     header: object = json.loads(text.decode())
     if not isinstance(header, dict):
         raise ValueError(f"its JSON is a {type(header).__name__}, not an object")
@@ -65,7 +65,7 @@ def read(data: bytes) -> tuple[Header, bytes | None]:
     return header, embedded
 
 
-def _split(data: bytes) -> tuple[bytes, bytes | None]:
+def split_glb(data: bytes) -> tuple[bytes, bytes | None]:
     """Return the JSON text of a GLB file, and its data or None."""
     if len(data) < 20:
         raise ValueError(f"it is cut off after {len(data)} bytes")
