@@ -30,11 +30,11 @@ def to_csv(columns: Iterable[str], rows: Rows) -> str:
     return text.getvalue()
 
 
-def to_markdown(columns: Iterable[str], rows: Rows, form: str = ".3g") -> list[str]:
-    """Return the lines of a table with numbers to the right; `form` is the format of fractions."""
+def to_markdown(columns: Iterable[str], rows: Rows, form: str = ".3g") -> str:
+    """Return a table with numbers to the right; `form` is the format of fractions."""
     right = [all(cell is None or isinstance(cell, int | float) for cell in each) for each in zip(*rows, strict=True)]
     rule = "|" + "|".join("---:" if each else "---" for each in right) + "|"
-    return [_line(columns), rule, *(_line(_shown(cell, form) for cell in row) for row in rows)]
+    return "\n".join([_line(columns), rule, *(_line(_shown(cell, form) for cell in row) for row in rows)])
 
 
 def _line(cells: Iterable[str]) -> str:

@@ -149,17 +149,13 @@ def report(lessons: Sequence[Lesson]) -> str:
             rows.append([family, lesson.shape.name, precision(lesson, lesson.features), precision(lesson, mapped)])
         gains[family] = float(np.mean([learned - alone for *_, alone, learned in rows[-len(own) :]]))
     by_family = ", ".join(f"{family} {gain:+.3f}" for family, gain in gains.items())
-    lines = [
+    blocks = [
         "# A learned metric",
-        "",
         "Each shape is judged without its family, by the precision at the vertices before a field is fitted.",
-        "",
-        *to_markdown(["family", "shape", "features alone", "learned"], rows, ".3f"),
-        "",
+        to_markdown(["family", "shape", "features alone", "learned"], rows, ".3f"),
         f"Gain by family, mean {np.mean(list(gains.values())):+.4f}: {by_family}.",
-        "",
     ]
-    return "\n".join(lines)
+    return "\n\n".join(blocks) + "\n"
 
 
 if __name__ == "__main__":
