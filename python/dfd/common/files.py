@@ -6,7 +6,6 @@ import errno
 import hashlib
 import os
 import secrets
-import stat
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -86,15 +85,15 @@ def resolved_target(path: Path, argument: str) -> Path:
     """
     try:
         target = path.resolve() if path.is_symlink() else path
-        found = target.stat().st_mode if target.exists() else None
+        exists = target.exists()
     except (OSError, RuntimeError) as error:  # a link to itself, or a name that is too long
         number = getattr(error, "errno", None) or errno.ELOOP
         raise OSError(number, f"`{argument}`: {path} could not be written: {os.strerror(number)}") from error
     if not target.parent.is_dir():
         raise FileNotFoundError(f"`{argument}`: the folder {target.parent} does not exist")
-    if found is not None and stat.S_ISDIR(found):
+    if target.is_dir():
         raise IsADirectoryError(f"`{argument}`: {path} is a folder, not a file")
-    if found is not None and not stat.S_ISREG(found):
+    if exists and not target.is_file():
         raise OSError(errno.EINVAL, f"`{argument}` must be a regular file, got {path}")
     return target
 

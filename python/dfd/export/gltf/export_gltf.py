@@ -51,7 +51,7 @@ def export_gltf(rig: Rig, target: Path, form: str, most: int | None) -> RigRepor
 
 
 def _animate(document: GltfDocument, rig: Rig, channels: Iterable[tuple[int, str, NDArray[Any]]]) -> None:
-    """Append an animation: nodes, what of them moves, and its values at the rig's key poses."""
+    """Append an animation: each channel is a node, its property that changes, and the values at the key poses."""
     if not rig.poses:
         return
     animation: Header = {"name": NAME, "channels": [], "samplers": []}

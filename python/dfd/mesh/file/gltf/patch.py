@@ -73,7 +73,7 @@ class GltfPatch(GltfBuilder):
         self.source = source
         self._take_buffers()
         self._take_pictures()
-        # primitives may share an accessor: rows that one of them moves are moved for all of the node's
+        # Primitives may share an accessor. A row that one of them moves is moved for all primitives of the node.
         self._moved: dict[tuple[int, str, int], tuple[Float64, list[Header]]] = {}
 
     def _take_buffers(self) -> None:
