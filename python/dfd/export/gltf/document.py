@@ -46,10 +46,6 @@ class GltfDocument(GltfPatch):
         self._own: dict[int, int] = {}
         self._unpacked: set[int] = set()
 
-    def rows(self, primitive: Primitive) -> Int64:
-        """Return the mesh's vertex (rows,) of each row of a primitive; -1 for a row without a face."""
-        return self.vertex[primitive.rows]
-
     def parts(self) -> dict[int, list[Primitive]]:
         """Return the primitives of each node with a displayed mesh."""
         found: dict[int, list[Primitive]] = {}

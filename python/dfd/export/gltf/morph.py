@@ -105,7 +105,7 @@ def _target(
 
     `moved` (V, 3) are the displacements of the mesh's vertices, and `new` the moved normals of the primitive's rows.
     """
-    vertex, old = document.rows(primitive), primitive.geometry.normals
+    vertex, old = document.vertex[primitive.rows], primitive.geometry.normals
     local = primitive.vectors_from_scene(np.where(vertex[:, None] >= 0, moved[vertex], 0.0))
     if not local.any():
         return {"POSITION": document.zeros(len(vertex))}

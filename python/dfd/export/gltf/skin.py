@@ -87,7 +87,7 @@ def _weigh(document: GltfDocument, node: int, primitives: list[Primitive], skin:
         position = int(attributes["POSITION"])
         if position not in done:
             rows = int(document.header["accessors"][position]["count"])
-            vertex = document.rows(known[number]) if number in known else np.full(rows, -1)
+            vertex = document.vertex[known[number].rows] if number in known else np.full(rows, -1)
             joints, weights = _at(skin, vertex, rig.default)
             done[position] = {}
             for first in range(0, joints.shape[1], SET):
