@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from dfd.common.files import atomic_write
+from dfd.common.errors import one_line
+from dfd.common.files import write_file
 
 Rows = Sequence[Sequence[Any]]
 
@@ -16,8 +17,7 @@ Rows = Sequence[Sequence[Any]]
 def write_text(path: Path, text: str) -> None:
     """Write a file atomically, and create its folder."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_write(path) as temporary:
-        temporary.write_text(text, "utf-8")
+    write_file(path, text)
 
 
 def to_csv(columns: Iterable[str], rows: Rows) -> str:
@@ -30,11 +30,11 @@ def to_csv(columns: Iterable[str], rows: Rows) -> str:
     return text.getvalue()
 
 
-def to_markdown(columns: Iterable[str], rows: Rows, form: str = ".3g") -> list[str]:
-    """Return the lines of a table with numbers to the right; `form` is the format of fractions."""
+def to_markdown(columns: Iterable[str], rows: Rows, form: str = ".3g") -> str:
+    """Return a table with numbers to the right; `form` is the format of fractions."""
     right = [all(cell is None or isinstance(cell, int | float) for cell in each) for each in zip(*rows, strict=True)]
     rule = "|" + "|".join("---:" if each else "---" for each in right) + "|"
-    return [_line(columns), rule, *(_line(_shown(cell, form) for cell in row) for row in rows)]
+    return "\n".join([_line(columns), rule, *(_line(_shown(cell, form) for cell in row) for row in rows)])
 
 
 def _line(cells: Iterable[str]) -> str:
@@ -45,5 +45,5 @@ def _shown(cell: Any, form: str) -> str:
     if cell is None:
         return ""
     if isinstance(cell, bool) or not isinstance(cell, int | float | np.number):
-        return " ".join(str(cell).split())
+        return one_line(cell)
     return f"{cell:,}" if isinstance(cell, int) else f"{cell:{form}}"

@@ -13,6 +13,7 @@ from bench.paper.page import Page, Pictures, Row, aim
 from bench.paper.peers import PEERS
 from bench.paper.peers.peer import Job, PeerError, run
 from bench.paper.subjects import NAMES, PRESETS, PULLS, BoxHandle, Context, Shape, Subject
+from dfd.common.errors import one_line
 from dfd.common.linear_algebra import Float64, Int64, UInt8
 from dfd.common.preset import Preset
 from dfd.pictures.picture import picture
@@ -219,7 +220,7 @@ def _compared(
                     moved = deform(method, case, ball)
                 row |= measured(case, moved)
             except (PeerError, ValueError, OSError, MemoryError) as error:
-                row["note"] = " ".join(str(error).split()) or type(error).__name__
+                row["note"] = one_line(error) or type(error).__name__
             results[method] = row["note"] or moved
             rows.append(row)
         pictures.append(drawn(context, case, results, weights=weights))

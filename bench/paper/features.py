@@ -17,6 +17,7 @@ from bench.paper.distortion import surface_metrics
 from bench.paper.page import Page, Pictures, Row, aim, following, gallery
 from bench.paper.subjects import NAMES, PRESETS, Context, Shape, Subject, pulls_of
 from bench.quality.measures import area_fractions
+from dfd.common.errors import one_line
 from dfd.common.linear_algebra import Float64
 from dfd.common.preset import Preset
 from dfd.common.progress import Stages
@@ -208,7 +209,7 @@ def encoders(context: Context) -> tuple[dict[str, Choice], str]:
             context.loaded("paper", name)
             found[name] = (name, None)
         except (OSError, ValueError) as error:
-            absent[name] = " ".join(str(error).split())
+            absent[name] = one_line(error)
     if not absent:
         return found, ""
     return found, f"\n\nNot available here: {', '.join(absent)}. The first one: {next(iter(absent.values()))}"

@@ -113,25 +113,15 @@ def write(make: Callable[[Context], Page], figure: Figure, name: str, folder: Pa
     here = f"{number:.3g}" if np.isfinite(number) else "not measured"
     said = to_markdown(["", "the paper", "here"], [[figure.measured, figure.paper, here]])
     title, verdict = (make.__doc__ or "").splitlines()[0], figure.verdict(number, context.quick)
-    lines = [
-        f"# {name}: {title}",
-        "",
-        *said,
-        "",
-        verdict,
-        "",
-        *(f"- {note}" for note in context.notes()),
-        "",
-        page.text,
-    ]
+    blocks = [f"# {name}: {title}", said, verdict, "\n".join(f"- {note}" for note in context.notes()), page.text]
     if page.pictures:
         save_png(folder / f"{name}.png", contact_sheet(page.pictures, cell=RESOLUTION))
     elif page.plot:
         page.plot.savefig(folder / f"{name}.png", dpi=100)
     if page.pictures or page.plot:
-        lines += ["", f"![{title}]({name}.png)"]
+        blocks.append(f"![{title}]({name}.png)")
     columns = dict.fromkeys(key for row in sorted(page.rows, key=len, reverse=True) for key in row)
     cells = [[row.get(key) for key in columns] for row in page.rows]
     write_text(folder / f"{name}.csv", to_csv(columns, cells))
-    write_text(folder / f"{name}.md", "\n".join([*lines, "", *to_markdown(columns, cells), ""]))
+    write_text(folder / f"{name}.md", "\n\n".join([*filter(None, blocks), to_markdown(columns, cells)]) + "\n")
     return folder / f"{name}.md"

@@ -58,7 +58,7 @@ def write(path: Path, title: str, rows: Sequence[Row], legend: Mapping[str, str]
     names = list(rows[0][3])
     halves = {True: "judged", False: "chosen on"}
     cells = [[category, name, halves[kept], *numbers.values()] for category, kept, name, numbers in rows]
-    lines = [f"# {title}", ""]
+    blocks = [f"# {title}"]
     for heading, half in (("All shapes", None), ("Constants were chosen on these", False), ("Judged on these", True)):
         some = [row for row in rows if half in (None, row[1])]
         table = [
@@ -67,11 +67,11 @@ def write(path: Path, title: str, rows: Sequence[Row], legend: Mapping[str, str]
         ]
         if table:
             means = ["mean", *_means([row[1:] for row in table])]
-            lines += [f"## {heading}", "", f"{len(some)} shapes.", ""]
-            lines += [*to_markdown(["category", *names], [*table, means], ".3f"), ""]
-    lines += [f"- **{word}**: {meaning}." for word, meaning in legend.items()]
+            own = to_markdown(["category", *names], [*table, means], ".3f")
+            blocks += [f"## {heading}", f"{len(some)} shapes.", own]
+    blocks.append("\n".join(f"- **{word}**: {meaning}." for word, meaning in legend.items()))
     write_text(path.with_name(f"{path.name}.csv"), to_csv(["category", "shape", "half", *names], cells))
-    write_text(path.with_name(f"{path.name}.md"), "\n".join(lines) + "\n")
+    write_text(path.with_name(f"{path.name}.md"), "\n\n".join(blocks) + "\n")
 
 
 def _means(rows: Sequence[Sequence[float | None]]) -> list[float | None]:

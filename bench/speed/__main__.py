@@ -36,7 +36,7 @@ def main() -> None:
     torch.set_num_threads(threads)
     rows = list(lines(options.vertices))
     print(f"{options.vertices:,} vertices, {threads} threads, {_core.instruction_set()}\n")
-    print("\n".join(to_markdown(COLUMNS, rows)))
+    print(to_markdown(COLUMNS, rows))
 
 
 def lines(vertex_count: int, torch_vertices: int = TORCH_VERTICES) -> Iterator[Row]:

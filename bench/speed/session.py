@@ -102,7 +102,7 @@ def main() -> None:
     of_shape = field()
     rows = [measured(count, of_shape) for count in options.vertices]
     columns = ["vertices", *(f"{step}, {'GB' if step == 'memory' else 's'}" for step in STEPS)]
-    print("\n".join(to_markdown(columns, [[int(row["vertices"]), *(row[step] for step in STEPS)] for row in rows])))
+    print(to_markdown(columns, [[int(row["vertices"]), *(row[step] for step in STEPS)] for row in rows]))
     OUTPUT.mkdir(parents=True, exist_ok=True)
     import matplotlib.pyplot as plt  # the tests run without matplotlib
 

@@ -21,6 +21,7 @@ from bench.quality.measures import draw_handles, handle_precision, mean_over_lab
 from bench.tables import to_markdown
 from bench.training.sources import RESULTS, run
 from bench.training.vertex_features import THICKNESS, Lesson, cached_lesson
+from dfd.common.devices import one_thread
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.distillation.metric import FOLDER, Kinds, Metric
 from dfd.encoders.encode import Encoder
@@ -106,10 +107,8 @@ def learn_kinds(taught: Sequence[Lesson]) -> Kinds:
 
 def _fitted(rows: Float32, kinds: Int64, chances: Float64, generator: np.random.Generator) -> Kinds:
     """Fit the network to the `kinds` (N,) of `rows` (N, D), which are drawn with probabilities `chances` (N,)."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)  # one thread gives reproducible sums
     x, y, until = torch.from_numpy(rows), torch.from_numpy(kinds), np.cumsum(chances / chances.sum())
-    with torch.random.fork_rng(devices=[]):
+    with one_thread(), torch.random.fork_rng(devices=[]):  # one thread gives reproducible sums
         torch.manual_seed(int(generator.integers(2**31)))
         hidden, output = nn.Linear(rows.shape[1], HIDDEN), nn.Linear(HIDDEN, len(KINDS))
         network = nn.Sequential(nn.Dropout(DROPPED), hidden, nn.ReLU(), nn.Dropout(DROPPED_UNITS), output)
@@ -122,7 +121,6 @@ def _fitted(rows: Float32, kinds: Int64, chances: Float64, generator: np.random.
             loss.backward()
             optimizer.step()
             schedule.step()
-    torch.set_num_threads(threads)
     weights, *others = (each.detach().numpy().T.copy() for each in network.parameters())
     return Kinds(weights * np.float32(SCALE), *others)
 
@@ -151,17 +149,13 @@ def report(lessons: Sequence[Lesson]) -> str:
             rows.append([family, lesson.shape.name, precision(lesson, lesson.features), precision(lesson, mapped)])
         gains[family] = float(np.mean([learned - alone for *_, alone, learned in rows[-len(own) :]]))
     by_family = ", ".join(f"{family} {gain:+.3f}" for family, gain in gains.items())
-    lines = [
+    blocks = [
         "# A learned metric",
-        "",
         "Each shape is judged without its family, by the precision at the vertices before a field is fitted.",
-        "",
-        *to_markdown(["family", "shape", "features alone", "learned"], rows, ".3f"),
-        "",
+        to_markdown(["family", "shape", "features alone", "learned"], rows, ".3f"),
         f"Gain by family, mean {np.mean(list(gains.values())):+.4f}: {by_family}.",
-        "",
     ]
-    return "\n".join(lines)
+    return "\n\n".join(blocks) + "\n"
 
 
 if __name__ == "__main__":

@@ -141,9 +141,8 @@ def report(lessons: tuple[UpLesson, ...]) -> str:
     """Return a report: how often the upright axis, and in brackets the up direction, is found by other lessons."""
     priors = least_priors(lessons)
     own = [each for each in lessons if not each.name.startswith(LESSONS)]
-    lines = [
+    blocks = [
         "# Which way is up",
-        "",
         f"{len(lessons)} shapes, of which {len(own)} are from DFD_MESHES or samples; those are judged. Log-odds of the "
         f"file's +y: {priors[0]:.2f}, of −y: {priors[1]:.2f}, of ±z: {Z_SHARE * priors[0]:.2f}.",
     ]
@@ -154,8 +153,8 @@ def report(lessons: tuple[UpLesson, ...]) -> str:
             # If the file's +y is [0, 1], its z is the axis after it, the shape's up.
             rows.append([family, len(some), *(_found(some, ups, priors) for ups in ([TRUE], [0, 1], range(6)))])
         columns = ("family", "shapes", "kept upright", "found z up", "found, 6 directions")
-        lines += ["", f"Each judged without {left_out}:", "", *to_markdown(columns, rows)]
-    return "\n".join([*lines, ""])
+        blocks += [f"Each judged without {left_out}:", to_markdown(columns, rows)]
+    return "\n\n".join(blocks) + "\n"
 
 
 def _found(odds: Sequence[Float64], ups: Sequence[int], priors: tuple[float, float]) -> str:

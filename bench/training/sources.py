@@ -39,7 +39,7 @@ def run(
     learn: Callable[[tuple[Any, ...], Encoder], Any],
     report: Callable[[tuple[Any, ...]], str],
 ) -> None:
-    """Read the command line, learn from all lessons, and write what was learned, by default in `folder`; and judge it.
+    """Read the command line, learn from all lessons, write the result, by default in `folder`, and judge it.
 
     `lessons_of` takes DFD_MESHES, the folder of `--lessons`, and the encoder.
     """

@@ -25,7 +25,7 @@ from dfd import Field, Mesh
 from dfd.editing.edit_file import read_edit, write_edit
 from dfd.export.export_parts import export_parts
 from dfd.export.key_poses import read_key_poses
-from dfd.mesh.file.gltf import glb
+from dfd.mesh.file.gltf.header import join_glb, split_glb
 
 from .arrays import array_input, call_with_arrays, kernel_input, run_kernels
 from .mutation import damaged_bytes, damaged_json
@@ -169,15 +169,15 @@ def seeds() -> Mapping[str, list[bytes]]:
 
 def damaged_glb(good: bytes) -> Bytes:
     """Draw a GLB file with damaged JSON and correct chunk sizes."""
-    text, data = glb.split(good)
-    return damaged_json(json.loads(text)).map(lambda header: glb.join(to_bytes(header), data or b""))
+    text, data = split_glb(good)
+    return damaged_json(json.loads(text)).map(lambda header: join_glb(to_bytes(header), data or b""))
 
 
 def damaged_data(good: bytes) -> Bytes:
     """Draw a GLB file with valid JSON and damaged binary data, which decoders read."""
-    text, data = glb.split(good)
+    text, data = split_glb(good)
     longer = damaged_bytes(data or b"").map(lambda found: found[: len(data or b"")].ljust(len(data or b""), b"\0"))
-    return longer.map(lambda found: glb.join(text, found))
+    return longer.map(lambda found: join_glb(text, found))
 
 
 def _targets() -> dict[str, Target]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from mesh_files import CORNERS, CUBE, Gltf
 
-from dfd.mesh.file.gltf import glb
+from dfd.mesh.file.gltf.header import join_glb
 
 __all__ = ["DRACO", "MESHOPT", "draco_cube", "meshopt_cube", "packed_glb"]
 
@@ -66,4 +66,4 @@ def meshopt_cube() -> Gltf:
 
 def packed_glb(gltf: Gltf) -> bytes:
     header = {key: value for key, value in gltf.header.items() if value != []}
-    return glb.join(json.dumps(header).encode(), gltf.data)
+    return join_glb(json.dumps(header).encode(), gltf.data)

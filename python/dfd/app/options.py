@@ -86,5 +86,4 @@ def read_shape(source: Source) -> tuple[Mesh, list[str]]:
 
     with recorded_warnings() as messages:
         mesh = load(source.path)
-    said = (str(message).replace(str(source.path), source.name) for message in messages)
-    return mesh, [text.removeprefix("load: ") for text in said]
+    return mesh, [str(each).replace(str(source.path), source.name).removeprefix("load: ") for each in messages]

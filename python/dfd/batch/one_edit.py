@@ -22,10 +22,9 @@ from dfd.field.field import Field, FieldSource
 from dfd.mesh.mesh import Mesh, load
 
 LEAST = 0.5  # confidence: below it, another part is likelier
-# Below this cosine of features a handle has no similar region on the other shape. Without a learned metric, of a
-# chair's leg the legs of other chairs, of a bench, a couch and a nightstand have 0.40 to 0.71, the foot of a pedestal
-# table 0.42, and what comes nearest on a bird 0.29 to 0.34. A learned metric sets shapes farther apart: the legs of a
-# chair and a bench have 0.26 to 0.65, what comes nearest on a bird 0.16 to 0.28, on a whale and a snake 0.06 to 0.12.
+# Least cosine of features between a handle and a similar region on another shape. Measured for a handle on a chair's
+# leg: 0.40 to 0.71 for legs of other seats and of a nightstand, 0.42 for a table's foot, 0.29 to 0.34 for a bird.
+# A learned metric sets shapes farther apart: 0.26 to 0.65 for legs of seats, 0.06 to 0.28 for animals without legs.
 SIMILAR, SIMILAR_LEARNED = 0.45, 0.25
 
 
@@ -34,13 +33,12 @@ class Original:
     """An edit and the shape that it was made on."""
 
     edit: Edit  # in the units of `mesh`
-    # mesh, field: the shape and its field
     mesh: Mesh
     field: Field
 
     @cached_property
     def session(self) -> Deformer:
-        """The edit on its own shape."""
+        """Return a session of the edit on its own shape."""
         session = Deformer(self.mesh, self.field, other_shape=True)
         session.apply(self.edit)
         return session
@@ -49,8 +47,7 @@ class Original:
     def read(cls, path: str | os.PathLike[str], mesh: Mesh, field: Field) -> Original:
         """Read the edit in `path`, made on `mesh`.
 
-        Raises OSError if `path` cannot be read; ValueError if it is no edit, one of another shape, or one without
-        handles.
+        Raises OSError if `path` cannot be read. Raises ValueError if it is no edit of the shape, or has no handle.
         """
         edit = read_edit(path, mesh)
         if not edit.handles:
@@ -59,7 +56,7 @@ class Original:
 
 
 class UnlikeError(ValueError):
-    """Nothing on the other shape is the part of a handle; `confidence` is that of all handles, by their names."""
+    """The other shape lacks the part of a handle; `confidence` maps the names of all handles to their confidence."""
 
     def __init__(self, message: str, confidence: Mapping[str, float]) -> None:
         super().__init__(message)
@@ -71,8 +68,8 @@ class Carried:
     """An edit transferred to another shape."""
 
     deformer: Deformer  # a session of the other shape with the edit
-    # confidence: of each handle and fixed point, by its name, in [0, 1]; how likely a handle moves the same part, see
-    # `dfd.editing.agreement`, and how similar a fixed point looks, see `dfd.editing.transfer`
+    # Confidence in [0, 1] by name: how likely a handle moves the same part (`dfd.editing.agreement`), and how similar a
+    # fixed point looks (`dfd.editing.transfer`).
     confidence: dict[str, float]
     unsure: tuple[str, ...] = ()  # those below the threshold, carried by `force`
 
@@ -89,11 +86,10 @@ def carry(
     """Transfer an edit to another shape of its class; for its own shape it is unchanged.
 
     `field` is that of the other shape, by the same encoder; `features` are as `Deformer` takes them. `threshold`, in
-    [0, 1], is the lowest confidence that is taken, 0.5 if left out. What is below it is carried with `force`, and named
-    in `Carried.unsure`; `force` takes a field of another shape too.
+    [0, 1] and by default 0.5, is the least confidence. With `force`, handles below it are transferred too, and listed
+    in `Carried.unsure`; a field of another shape is accepted as well.
 
-    Raises UnlikeError if the confidence of a handle or fixed point is below `threshold` without `force`; ValueError as
-    `transfer` and `Deformer`.
+    Raises UnlikeError if a confidence is below `threshold` without `force`; ValueError as `transfer` and `Deformer`.
     """
     lowest = check.number("carry", "threshold", LEAST if threshold is None else threshold, minimum=0.0, maximum=1.0)
     similar = SIMILAR if field.settings.get("metric", "none") == "none" else SIMILAR_LEARNED
@@ -123,17 +119,16 @@ def carry(
 
 
 def field_path(mesh: Path, folder: Path | None = None) -> Path:
-    """The default path of a mesh file's field: next to it or in `folder`, with the mesh's name."""
+    """Return the default path of a mesh file's field: next to the mesh or in `folder`, with the mesh's name."""
     return (mesh.parent if folder is None else folder) / f"{mesh.stem}.field.safetensors"
 
 
 class EditSource(BaseModel):
-    """An edit that is carried to every shape, with the mesh and the field that it was made on."""
+    """An edit for every shape, with the mesh and the field that it was made on; all paths are absolute."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     name: str
-    # edit, mesh, field: absolute paths
     edit: Path
     mesh: Path
     field: Path
@@ -148,8 +143,7 @@ class EditSource(BaseModel):
 def find_files(edit: Path, made_on: Path | None = None) -> EditSource:
     """Find the files of an edit: the given mesh or the one it names; the field it names or the one next to the mesh.
 
-    Raises ValueError if it is no edit, or says no mesh and none is named; OSError if it or the mesh that it says cannot
-    be read, or there is no field.
+    Raises ValueError if `edit` is no edit, or no mesh is known. Raises OSError if a file is missing or unreadable.
     """
     named, field, sha256 = read_made_on(edit)
     mesh = named if made_on is None else made_on

@@ -9,7 +9,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from dfd.batch.record import CAUSES, FAILED_EXPORT, Record
-from dfd.common.files import atomic_write
+from dfd.common.files import write_file
 
 HEAD = """<!doctype html>
 <html lang="en">
@@ -42,13 +42,11 @@ def write_page(root: Path, steps: Sequence[str], records: Sequence[Record]) -> N
 
     Raises OSError if one cannot be written.
     """
-    with atomic_write(root / "shapes.jsonl") as temporary:
-        temporary.write_text("".join(f"{record.line}\n" for record in records), "utf-8")
+    write_file(root / "shapes.jsonl", "".join(f"{record.line}\n" for record in records))
     title = escape(f"{len(records):,} shapes: {tally(records)}")
     ordered = sorted(records, key=lambda record: (record.status == "done", record.name))
     text = HEAD.format(title=title, steps=", ".join(steps)) + "".join(map(_article, ordered)) + "</main>\n</html>\n"
-    with atomic_write(root / "index.html") as temporary:
-        temporary.write_text(text, "utf-8", errors="backslashreplace")
+    write_file(root / "index.html", text.encode(errors="backslashreplace"))
 
 
 def _article(record: Record) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from dfd.batch.inputs import Shape
-from dfd.common.files import atomic_write
+from dfd.common.files import write_file
 
 Cause = Literal["input", "memory", "timeout", "crash", "error"]
 CAUSES: dict[str, str] = {
@@ -55,8 +55,7 @@ def write_record(root: Path, record: Record) -> None:
     """Write the record of a shape into its folder; OSError if it cannot be written."""
     folder = shape_folder(root, record.name)
     folder.mkdir(parents=True, exist_ok=True)
-    with atomic_write(folder / "record.json") as temporary:
-        temporary.write_text(record.line + "\n", "utf-8")
+    write_file(folder / "record.json", record.line + "\n")
 
 
 def read_record(root: Path, shape: Shape) -> Record | None:

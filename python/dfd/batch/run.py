@@ -28,7 +28,7 @@ DISTILLING, LOOKING = int(2.5 * 2**30), int(1.5 * 2**30)
 
 @dataclass(frozen=True)
 class Resources:
-    """Describes where tasks run, and what each may use."""
+    """Where tasks run, and the resources of each task."""
 
     address: str | None = None  # address of a Ray cluster; None starts Ray on this machine
     workers: int | None = None  # number of tasks at a time on this machine; None derives it from processors and memory

@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from dfd.batch.one_edit import EditSource
-from dfd.common.files import atomic_write
+from dfd.common.files import write_file
 from dfd.encoders.known import DEFAULT_ENCODER
 
 Step = Literal["inspect", "distill", "features", "symmetry", "parts", "pictures", "edits", "exports"]
@@ -81,5 +81,4 @@ def begin_folder(root: Path, settings: BatchSettings) -> None:
     elif root.is_dir() and any(root.iterdir()):
         raise ValueError(f"`--output` must be a new folder or one of an earlier batch, got {root}")
     root.mkdir(exist_ok=True)
-    with atomic_write(file, "output") as temporary:
-        temporary.write_text(settings.model_dump_json(indent=2) + "\n", "utf-8")
+    write_file(file, settings.model_dump_json(indent=2) + "\n", "output")

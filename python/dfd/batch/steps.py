@@ -21,7 +21,7 @@ from dfd.batch.one_edit import EditSource, UnlikeError, carry
 from dfd.batch.record import FAILED_EXPORT, Cause, Figure, Record, modified, shape_folder, write_record
 from dfd.batch.settings import BatchSettings
 from dfd.common.errors import one_line
-from dfd.common.files import atomic_write, plain
+from dfd.common.files import atomic_write, plain, write_file
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillSettings
 from dfd.editing.deformer import Deformer
@@ -202,8 +202,7 @@ class _Work:
 
     def write_json(self, name: str, value: Any) -> None:
         """Write `value` as a JSON file into the shape's folder."""
-        with atomic_write(self.folder / name) as temporary:
-            temporary.write_text(json.dumps(value, indent=2, default=plain) + "\n", "utf-8")
+        write_file(self.folder / name, json.dumps(value, indent=2, default=plain) + "\n")
 
 
 @lru_cache(maxsize=1)

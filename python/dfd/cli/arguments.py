@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from dfd.cli.errors import say
 from dfd.common import check
 from dfd.common.errors import ArgumentError
+from dfd.common.files import resolved_target
 from dfd.common.preset import Preset
 from dfd.encoders.known import DEFAULT_ENCODER
 
@@ -98,19 +99,16 @@ def hold(session: Deformer, handles: Iterable[tuple[str, dict[str, Any]]], fix: 
 def check_output(option: str, path: Path | None, endings: Sequence[str] = ()) -> None:
     """Check before the work that a file can be written after it.
 
-    Raises ValueError in the name of `option` if `path` has none of the `endings`. Raises OSError if its folder does not
-    exist or cannot be written, or `path` is a folder.
+    Raises ValueError in the name of `option` if `path` has none of the `endings`. Raises OSError as `atomic_write`
+    does, or if the folder cannot be written.
     """
     if path is None:
         return
     if endings:
         check.ending(None, option, path, endings)
-    if path.is_dir():
-        raise IsADirectoryError(f"`{option}`: {path} is a folder, not a file")
-    if not path.parent.is_dir():
-        raise FileNotFoundError(f"`{option}`: the folder {path.parent} does not exist")
+    folder = resolved_target(path, option).parent
     try:
-        with tempfile.TemporaryFile(dir=path.parent):
+        with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
         raise OSError(error.errno, f"`{option}`: {path} cannot be written: {error.strerror}") from error

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 from typer import Argument, Option
 
-from dfd.batch.inputs import has_magic
+from dfd.batch.inputs import MESH_ENDINGS, has_magic
 from dfd.cli import options
 from dfd.cli.arguments import check_output, file_in, hold, open_session
 from dfd.cli.deform_many import deform_many
@@ -113,7 +113,7 @@ def deform(
     if output is None and picture is None and save_edit is None:
         raise ValueError("`--output`, `--picture` or `--save-edit` must be given: otherwise nothing is kept")
     output = None if output is None else file_in(output, mesh)
-    check_output("--output", output, (".obj", ".ply", ".stl", ".off", ".glb", ".gltf"))
+    check_output("--output", output, MESH_ENDINGS)
     check_output("--picture", picture, (".png",))
     check_output("--save-edit", save_edit)
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
@@ -18,11 +17,25 @@ if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
 
     Picture = tuple[UInt8, str]
-    Session = Callable[[], Deformer]
-    Edits = list[tuple[str, str, Deformer]]  # title, name of its files, session
 
 ASIDE, BEHIND = 35.0, 215.0  # azimuths, degrees
 FACES = 20_000
+FOOT = {"at": "bottom", "translation": (0.0, -0.35, 0.0), "name": "foot"}
+HOOF = {"at": "bottom", "translation": (0.0, -0.3, 0.0), "name": "hoof"}
+HORN = {"at": "top", "rotation": (-50.0, 0.0, 0.0), "scale": 1.4, "name": "horn"}
+BACK = {"at": "top", "scale": (1.0, 1.5, 1.0), "translation": (0.0, 0.12, 0.0), "name": "back"}
+# The edits of each sample: the title, the name of the files, and the handle.
+EDITS: dict[str, tuple[tuple[str, str, dict[str, Any]], ...]] = {
+    "chair": (
+        ("One foot of the chair is pulled down: all four legs grow", "chair_legs", FOOT),
+        ("The top of its back is pulled up", "chair_back", BACK),
+    ),
+    "quadruped": (
+        ("One hoof is pulled down: all four legs grow", "quadruped_legs", HOOF),
+        ("One horn is bent: what looks alike follows", "quadruped_horn", HORN),
+        ("The same with locality 6: it stays near", "quadruped_horn_local", {**HORN, "locality": 6.0}),
+    ),
+}
 
 
 def demo(
@@ -47,8 +60,8 @@ def demo(
     output.mkdir(parents=True, exist_ok=True)
     rows: list[tuple[str, list[Picture]]] = []
     encoder = load_encoder(DEFAULT_ENCODER, **DistillSettings(preset=chosen).of_encoder())
-    for name, sample, edits in (("chair", samples.chair, _chair), ("quadruped", samples.quadruped, _quadruped)):
-        mesh, stages = sample(FACES).mesh, Stages()
+    for name, edits in EDITS.items():
+        mesh, stages = getattr(samples, name)(FACES).mesh, Stages()
         say(f"{name}: {len(mesh.faces):,} faces", result=True)
         field = distill(mesh, encoder, progress=stages, cache=False, preset=chosen)
         field.save(output / f"{name}.field.safetensors")
@@ -63,8 +76,9 @@ def demo(
         seen += [(draw(azimuth=BEHIND), f"features, behind; mirror plane found: {mirrors}")]
         rows.append((f"The {name}: what the encoder sees, and its features by color", seen))
         with stages.stage("draw"):
-            session = partial(Deformer, mesh, field, preset=chosen, features=features)
-            for title, file, deformer in edits(session):
+            for title, file, handle in edits:
+                deformer = Deformer(mesh, field, preset=chosen, features=features)
+                deformer.add(**handle)
                 mesh.save(output / f"{file}.glb", deformer.vertices)
                 deformer.save(output / f"{file}.json")
                 rows.append((title, _drawn(deformer)))
@@ -86,25 +100,3 @@ def _drawn(deformer: Deformer) -> list[Picture]:
         cells.append((drawn, name if azimuth == ASIDE else f"{name}, behind"))
     cells.insert(2, (heat_bar(512), ""))
     return cells
-
-
-def _chair(session: Session) -> Edits:
-    legs, tall = session(), session()
-    legs.add("bottom", translation=(0.0, -0.35, 0.0), name="foot")
-    tall.add("top", scale=(1.0, 1.5, 1.0), translation=(0.0, 0.12, 0.0), name="back")
-    return [
-        ("One foot of the chair is pulled down: all four legs grow", "chair_legs", legs),
-        ("The top of its back is pulled up", "chair_back", tall),
-    ]
-
-
-def _quadruped(session: Session) -> Edits:
-    legs, bent, local = (session() for _ in range(3))
-    legs.add("bottom", translation=(0.0, -0.3, 0.0), name="hoof")
-    for each, locality in ((bent, 0.0), (local, 6.0)):
-        each.add("top", rotation=(-50.0, 0.0, 0.0), scale=1.4, locality=locality, name="horn")
-    return [
-        ("One hoof is pulled down: all four legs grow", "quadruped_legs", legs),
-        ("One horn is bent: what looks alike follows", "quadruped_horn", bent),
-        ("The same with locality 6: it stays near", "quadruped_horn_local", local),
-    ]

@@ -70,13 +70,13 @@ class CommandGroup(TyperGroup):
                 raise
             command = self.get_command(ctx, ctx.invoked_subcommand or "")
             raise ValueError(_in_options(function, said, () if command is None else command.params)) from None
-        except KeyboardInterrupt as stop:  # caught here, since Typer's own `main` prints what it likes
+        except KeyboardInterrupt as stop:  # caught here, because Typer's own `main` prints another message
             raise _Interrupted(*stop.args) from None
 
 
 # The parameters of commands for arguments and remedies of Python that have another name there.
 PARAMETERS = {"path": "output", "features": "field", "plane": "symmetry"}
-PATHS = {"load": "MESH", "Field.load": "--field"}  # what the path is that a function reads
+PATHS = {"load": "MESH", "Field.load": "--field"}  # the command-line name of the path that a function reads
 CALLED = re.compile(r"(load|load_encoder|distill|Field\.load): (.*)", re.DOTALL)  # functions that raise plain errors
 PHRASES = {"dfd.editing.transfer": "`dfd deform --made-on`", "other_shape=True": "`--force`"}
 

@@ -18,12 +18,7 @@ def export(
     edit: Annotated[Path, Option(metavar="JSON", help="The edit whose handles become joints.")],
     output: Annotated[
         Path | None,
-        Option(
-            "--output",
-            "-o",
-            metavar="FILE",
-            help="A .glb or .gltf file; with `--as baked` .obj, .ply, .stl or .off as well.",
-        ),
+        Option("--output", "-o", metavar="FILE", help="A .glb or .gltf file; baked also .obj, .ply, .stl or .off."),
     ] = None,
     form: Annotated[
         Literal["skin", "morph", "baked"] | None,

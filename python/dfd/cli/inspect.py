@@ -93,7 +93,7 @@ def parts(
     check_output("--picture", picture, (".png",))
 
     from dfd import load
-    from dfd.common.files import atomic_write
+    from dfd.common.files import write_file
     from dfd.common.progress import Stages
     from dfd.export.export_parts import export_parts
     from dfd.segmentation.parts import cut_document
@@ -109,8 +109,7 @@ def parts(
     if output is not None and output.suffix.lower() != ".json":
         export_parts(shape, found, output)
     elif output is not None:
-        with atomic_write(output) as temporary:
-            temporary.write_text(json.dumps(document), "utf-8")
+        write_file(output, json.dumps(document))
     if picture is not None:
         from dfd.pictures.sheet import parts_view, save_sheet
 

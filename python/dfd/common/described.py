@@ -47,9 +47,8 @@ class About:
     affects: Literal["weights", "pose"] = "weights"
     of_part: bool = False  # whether the field needs a part; handles hold parts, fixed points do not
     label: str | None = None  # the field's name in panels
-    slider: tuple[float, float, float] | None = (
-        None  # both ends and the step; lengths are fractions of the shape's size
-    )
+    # Both ends of the slider in panels, and its step. For lengths, all three are fractions of the shape's size.
+    slider: tuple[float, float, float] | None = None
 
     def called(self, name: str) -> str:
         """Return the label that panels show for the field `name`."""

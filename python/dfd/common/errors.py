@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import wraps
-from typing import ParamSpec, TypeVar
+from typing import Any, TypeVar
 
-Parameters = ParamSpec("Parameters")
-Result = TypeVar("Result")
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 LONGEST_REASON = 500  # characters
 
@@ -48,16 +46,9 @@ def called(function: str) -> Iterator[None]:
         raise ArgumentError(error.argument, error.reason, function) from None
 
 
-def public(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+def public(function: Function) -> Function:
     """Return `function`, wrapped so that its `ArgumentError`s begin with its own name."""
-    name = function.__qualname__.removesuffix(".__init__")
-
-    @wraps(function)
-    def named(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
-        with called(name):
-            return function(*args, **kwargs)
-
-    return named
+    return called(function.__qualname__.removesuffix(".__init__"))(function)
 
 
 @contextmanager

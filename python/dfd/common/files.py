@@ -6,7 +6,6 @@ import errno
 import hashlib
 import os
 import secrets
-import stat
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -55,39 +54,46 @@ def atomic_write(path: str | os.PathLike[str], argument: str = "path") -> Iterat
     Raises OSError if the folder does not exist or cannot be written, or the disk is full. Raises OSError if `path` is
     a folder, a device or a pipe. After an error, an existing file is unchanged.
     """
-    named, target = Path(path), _target(Path(path), argument)
-    temporary = None
+    target = resolved_target(Path(path), argument)
     try:
         temporary = _temporary(target)
-        # The block may restrict the file's permissions. The result keeps those of the replaced file or of a new file.
-        mode = (target if target.exists() else temporary).stat().st_mode
-        yield temporary
-        temporary.chmod(mode & 0o777)
-        with temporary.open("rb+") as stream:
-            os.fsync(stream.fileno())
-        temporary.replace(target)
-        temporary = None
+        try:
+            # The block may restrict the file's permissions. The result has those of the replaced file or a new file.
+            mode = (target if target.exists() else temporary).stat().st_mode
+            yield temporary
+            temporary.chmod(mode & 0o777)
+            with temporary.open("rb+") as stream:
+                os.fsync(stream.fileno())
+            temporary.replace(target)
+        finally:
+            temporary.unlink(missing_ok=True)
     except OSError as error:
         reason = error.strerror or str(error)
-        raise OSError(error.errno, f"`{argument}`: {named} could not be written: {reason}") from error
-    finally:
-        if temporary is not None:
-            temporary.unlink(missing_ok=True)
+        raise OSError(error.errno, f"`{argument}`: {Path(path)} could not be written: {reason}") from error
 
 
-def _target(path: Path, argument: str) -> Path:
-    """Return `path`, or its target if it is a symbolic link; the file need not exist."""
+def write_file(path: str | os.PathLike[str], content: str | bytes, argument: str = "path") -> None:
+    """Write bytes, or text in UTF-8, to a file by `atomic_write`."""
+    with atomic_write(path, argument) as temporary:
+        temporary.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+def resolved_target(path: Path, argument: str) -> Path:
+    """Return the file that a write to `path` replaces, which need not exist: `path`, or the target of its link.
+
+    Raises OSError, which names `argument`, if the folder does not exist or `path` is a folder, a device or a pipe.
+    """
     try:
         target = path.resolve() if path.is_symlink() else path
-        found = target.stat().st_mode if target.exists() else None
+        exists = target.exists()
     except (OSError, RuntimeError) as error:  # a link to itself, or a name that is too long
         number = getattr(error, "errno", None) or errno.ELOOP
         raise OSError(number, f"`{argument}`: {path} could not be written: {os.strerror(number)}") from error
     if not target.parent.is_dir():
         raise FileNotFoundError(f"`{argument}`: the folder {target.parent} does not exist")
-    if found is not None and stat.S_ISDIR(found):
+    if target.is_dir():
         raise IsADirectoryError(f"`{argument}`: {path} is a folder, not a file")
-    if found is not None and not stat.S_ISREG(found):
+    if exists and not target.is_file():
         raise OSError(errno.EINVAL, f"`{argument}` must be a regular file, got {path}")
     return target
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TypeVar
 
@@ -79,18 +79,12 @@ def _physical_cores(allowed: set[int]) -> int:
 
 def _quota(most: int) -> int:
     """Return the number of whole processors, at most `most`, that the container's control group grants."""
-    try:
-        granted, period = Path("/sys/fs/cgroup/cpu.max").read_text().split()
-    except (OSError, ValueError):
-        try:
-            granted = Path("/sys/fs/cgroup/cpu/cpu.cfs_quota_us").read_text()
-            period = Path("/sys/fs/cgroup/cpu/cpu.cfs_period_us").read_text()
-        except OSError:
-            return most
-    try:
-        return min(most, max(1, int(granted) // int(period))) if int(granted) > 0 else most
-    except (ValueError, ZeroDivisionError):  # "max" stands for no limit
-        return most
+    group = Path("/sys/fs/cgroup")
+    for names in (("cpu.max",), ("cpu/cpu.cfs_quota_us", "cpu/cpu.cfs_period_us")):  # of versions 2 and 1
+        with suppress(OSError, ValueError, ZeroDivisionError):  # there is no such file, or "max" stands for no limit
+            granted, period = map(int, " ".join((group / name).read_text() for name in names).split())
+            return min(most, max(1, granted // period)) if granted > 0 else most
+    return most
 
 
 def _after_fork() -> None:

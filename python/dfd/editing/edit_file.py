@@ -67,7 +67,7 @@ from pydantic import ConfigDict, StringConstraints, TypeAdapter, ValidationError
 from dfd.common import check
 from dfd.common.described import About, about, check_fields
 from dfd.common.errors import ArgumentError, called, within
-from dfd.common.files import atomic_write
+from dfd.common.files import write_file
 from dfd.common.preset import Preset
 from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, band_on, box_center, edit_on, symmetry_on
@@ -178,8 +178,7 @@ def write_edit(path: str | os.PathLike[str], edit: Edit, mesh: Mesh, field: Fiel
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     # Each list of numbers goes on one line, for readability. JSON texts contain no raw line break, so this is safe.
     text = re.sub(r"\[\n[-+.\de,\s]+\]", lambda numbers: "[" + " ".join(numbers[0][1:-1].split()) + "]", text)
-    with atomic_write(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_file(path, text)
 
 
 def read_edit(path: str | os.PathLike[str], mesh: Mesh, *, other_shape: bool = False) -> Edit:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import safetensors.numpy
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 
 from dfd.common import check
-from dfd.common.files import atomic_write
+from dfd.common.files import write_file
 from dfd.field.field_file import with_sorted_header
 
 if TYPE_CHECKING:
@@ -30,8 +29,7 @@ def write_learned(
 ) -> None:
     """Write a learned file atomically; equal content gives equal bytes."""
     metadata = {"kind": kind, "encoder_weights": identity[0], "encoder_block": str(identity[1])}
-    with atomic_write(Path(path)) as temporary:
-        temporary.write_bytes(with_sorted_header(safetensors.numpy.save(dict(arrays), metadata)))
+    write_file(path, with_sorted_header(safetensors.numpy.save(dict(arrays), metadata)))
 
 
 def read_learned(

@@ -10,12 +10,13 @@ import numpy as np
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
-from dfd.common.files import atomic_write
+from dfd.common.files import write_file
 from dfd.common.linear_algebra import Int64
 from dfd.export.gltf.document import GltfDocument
 from dfd.mesh.file.gltf.header import MODES_READ, Header, item, objects
 from dfd.mesh.file.gltf.read import triangles
 from dfd.mesh.file.obj.write import encode_groups
+from dfd.mesh.file.primitives import Primitive
 from dfd.mesh.mesh import Mesh
 from dfd.segmentation.parts import Part
 
@@ -42,12 +43,11 @@ def export_parts(mesh: Mesh, parts: Sequence[Part], path: str | os.PathLike[str]
         groups = [(f"part_{number + 1}", np.flatnonzero(of_face == number)) for number in range(len(parts))]
         appearance = mesh.appearance
         uv = None if appearance is None or appearance.uv is None else (appearance.uv, appearance.corner_faces)
-        with atomic_write(target) as temporary:
-            temporary.write_bytes(encode_groups(mesh.vertices, mesh.faces, uv, groups))
+        write_file(target, encode_groups(mesh.vertices, mesh.faces, uv, groups))
     else:
         document = GltfDocument(mesh)
-        for node in document.parts():
-            _split(document, node, of_vertex)
+        for node, primitives in document.parts().items():
+            _split(document, node, primitives, of_vertex)
         document.write(target)
 
 
@@ -56,16 +56,15 @@ def _most(corners: Int64) -> Int64:
     return np.sort(corners, axis=1)[:, 1]
 
 
-def _split(document: GltfDocument, node: int, of_vertex: Int64) -> None:
+def _split(document: GltfDocument, node: int, primitives: Sequence[Primitive], of_vertex: Int64) -> None:
     """Replace each primitive of a node by one for each part, with the same attributes and its own material."""
-    content, known = document.own_mesh(node), document.parts()[node]
-    of_number = {each.source[2]: each for each in known}
+    content, of_number = document.own_mesh(node), {each.source[2]: each for each in primitives}
     split: list[Header] = []
     for number, primitive in enumerate(content["primitives"]):
         if number not in of_number or primitive.get("mode", 4) not in MODES_READ:
             split.append(primitive)
             continue
-        rows = document.rows(of_number[number])
+        rows = document.vertex[of_number[number].rows]
         faces = triangles(document.corners(node, number), primitive.get("mode", 4))
         of_face = _most(np.where(rows >= 0, of_vertex[rows], 0)[faces])
         for part in np.unique(of_face).tolist():

@@ -114,11 +114,11 @@ def form_for(mesh: Mesh, path: Path, form: Form | None) -> tuple[Form, tuple[str
             return "skin", ()
         possible: Form = "morph" if morphed is None else "baked"
         return possible, (f"part {skinned!r} keeps its own skin, so the edit is {WRITTEN[possible]}",)
-    for kept, refused, others in ((skinned, "skin", "'morph' or 'baked'"), (morphed, "morph", "'skin' or 'baked'")):
-        if kept is not None and form == refused:
-            what = "a skin" if form == "skin" else "morph targets"
-            why = f"must be {others} for a mesh with {what}: part {kept!r} has its own"
-            raise ArgumentError("form", why, "export_rig")
+    own = {"skin": (skinned, "'morph'", "a skin"), "morph": (morphed, "'skin'", "morph targets")}
+    kept, other, what = own.get(form, (None, "", ""))
+    if kept is not None:
+        why = f"must be {other} or 'baked' for a mesh with {what}: part {kept!r} has its own"
+        raise ArgumentError("form", why, "export_rig")
     return form, ()
 
 

@@ -66,9 +66,8 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
         "mesh": mesh.content_hash,
         "names": json.dumps([names.unique(handle.name or f"handle {handle.id}") for handle in held]),
     }
-    with atomic_write(target) as temporary:
+    with atomic_write(target) as temporary, temporary.open("wb") as stream:
         if ending == ".safetensors":
-            temporary.write_bytes(save_safetensors(arrays, metadata=texts))
+            stream.write(save_safetensors(arrays, metadata=texts))
         else:
-            with temporary.open("wb") as stream:
-                np.savez_compressed(stream, **arrays, **{name: np.array(text) for name, text in texts.items()})  # type: ignore[arg-type]
+            np.savez_compressed(stream, **arrays, **{name: np.array(text) for name, text in texts.items()})  # type: ignore[arg-type]

@@ -21,8 +21,7 @@ class RigReport:
     targets: int = 0  # number of morph targets
     pruned: float = 0.0  # the largest part of a vertex's weight that was pruned, in [0, 1]
     normalized: int = 0  # vertices whose weights sum to more than 1 or were negative, which no format can store
-    # largest, mean: distances between the vertices in the file and those of `dfd.pose`, mesh units, in the pose (the
-    # edit or a key pose) with the largest distance
+    # Distances between the vertices in the file and those of `dfd.pose`, mesh units, in the pose `at`.
     largest: float
     mean: float
     at: str  # the pose with the largest distance: "the edit", or the name of a key pose

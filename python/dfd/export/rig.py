@@ -27,8 +27,7 @@ BATCH = 1 << 14  # vertices per batch, so that no second array is as large as th
 class Rig:
     """Joints, and the weights with which vertices follow them."""
 
-    # mesh, edit: the resting shape and its edit
-    mesh: Mesh
+    mesh: Mesh  # the resting shape
     edit: Edit
     # joints: first the root, which never moves and is the parent of all others; then D₀ if the edit has one
     joints: tuple[Joint, ...]
@@ -134,7 +133,7 @@ def _carry(column: Column, handle: Handle) -> Float64:
 
 def _side(plane: SymmetryPlane, points: Float64) -> Float64:
     """Return how far points are on the side of the plane's normal (N,), in [0, 1]: a smoothstep over the band."""
-    height = points @ np.asarray(plane.normal) - plane.offset
+    height = plane.signed_distance(points)
     if plane.band == 0:
         return np.asarray(height >= 0, np.float64)
     t = np.clip(height / (2.0 * plane.band) + 0.5, 0.0, 1.0)

@@ -18,7 +18,7 @@ ABOVE = 1e-5  # a sum of weights that exceeds 1 by more has other causes than th
 class Difference:
     """The deviation of a file from `dfd.pose`, over the edit and all key poses."""
 
-    # largest, mean: distances of vertices, mesh units; the mean is that of the pose where it is largest
+    # Distances of vertices, mesh units, in the pose `at`.
     largest: float = 0.0
     mean: float = 0.0
     at: str = "the edit"  # the pose with the largest distance: the edit, or the name of a key pose

@@ -13,7 +13,7 @@ import safetensors.numpy
 from numpy.typing import NDArray
 from safetensors import SafetensorError
 
-from dfd.common.files import atomic_write
+from dfd.common.files import write_file
 from dfd.field.architecture import Architecture
 
 FORMAT = "dfd-field"
@@ -33,8 +33,7 @@ def write(
         "network": json.dumps(asdict(architecture)),
         "settings": json.dumps(settings, sort_keys=True),
     }
-    with atomic_write(path) as temporary:
-        temporary.write_bytes(with_sorted_header(safetensors.numpy.save(dict(arrays), metadata)))
+    write_file(path, with_sorted_header(safetensors.numpy.save(dict(arrays), metadata)))
 
 
 def read(path: str | os.PathLike[str]) -> tuple[Architecture, dict[str, NDArray[Any]], dict[str, Any]]:

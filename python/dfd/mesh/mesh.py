@@ -1,4 +1,4 @@
-"""The mesh: positions and triangles, with what rendering and saving need."""
+"""The mesh: positions and triangles, and the data for rendering and saving."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Mesh:
     vertices: Float64  # (V, 3) positions in the file's units
     faces: Int32  # (F, 3) corners as indices into `vertices`
     representative: Int32  # (V,) the first vertex at each vertex's position, which faces use
-    appearance: Appearance | None  # what colors the surface; None where nothing is known
+    appearance: Appearance | None  # the colors of the surface; None if unknown
     source: Path | None  # the file it was read from
     scene: SceneFile | None  # the scene of that file; None for a mesh made from arrays
 

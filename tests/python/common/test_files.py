@@ -12,19 +12,14 @@ from pathlib import Path
 
 import pytest
 
-from dfd.common.files import atomic_write, cache_directory
-
-
-def put(path: Path, content: str = "new") -> None:
-    with atomic_write(path) as temporary:
-        temporary.write_text(content)
+from dfd.common.files import atomic_write, cache_directory, write_file
 
 
 def test_a_file_is_replaced_and_keeps_its_mode(tmp_path: Path) -> None:
     path = tmp_path / "notes.txt"
     path.write_text("old")
     path.chmod(0o640)
-    put(path)
+    write_file(path, "new")
     assert path.read_text() == "new"
     assert stat.S_IMODE(path.stat().st_mode) == 0o640
     assert [each.name for each in tmp_path.iterdir()] == ["notes.txt"]
@@ -52,14 +47,14 @@ def test_a_symbolic_link_stays_one(tmp_path: Path) -> None:
     link, dangling = tmp_path / "link.txt", tmp_path / "dangling.txt"
     link.symlink_to(real)
     dangling.symlink_to("elsewhere/later.txt")
-    put(link)
-    put(dangling, "made")
+    write_file(link, "new")
+    write_file(dangling, "made")
     assert (link.is_symlink(), real.read_text()) == (True, "new")
     assert (dangling.is_symlink(), (tmp_path / "elsewhere" / "later.txt").read_text()) == (True, "made")
     around = tmp_path / "around"
     around.symlink_to(around)
     with pytest.raises(OSError, match="around could not be written: Too many levels"):
-        put(around)
+        write_file(around, "new")
 
 
 def test_what_is_no_file_is_refused_and_stays(tmp_path: Path) -> None:
@@ -69,13 +64,13 @@ def test_what_is_no_file_is_refused_and_stays(tmp_path: Path) -> None:
     link.symlink_to("/dev/null")
     for path in (pipe, link, Path("/dev/null")):
         with pytest.raises(OSError, match="must be a regular file, got"):
-            put(path)
+            write_file(path, "new")
     assert stat.S_ISFIFO(pipe.stat().st_mode)
     assert stat.S_ISCHR(Path("/dev/null").stat().st_mode)
     with pytest.raises(IsADirectoryError, match="is a folder, not a file"):
-        put(tmp_path)
+        write_file(tmp_path, "new")
     with pytest.raises(FileNotFoundError, match="the folder .*absent does not exist"):
-        put(tmp_path / "absent" / "notes.txt")
+        write_file(tmp_path / "absent" / "notes.txt", "new")
 
 
 def test_what_a_killed_process_left_is_swept_by_a_later_write(tmp_path: Path) -> None:
@@ -90,10 +85,10 @@ with atomic_write(sys.argv[1]) as temporary:
     done = subprocess.run([sys.executable, "-c", program, str(path)], timeout=60)
     assert done.returncode == -signal.SIGKILL
     (left,) = tmp_path.iterdir()
-    put(path)
+    write_file(path, "new")
     assert left.exists()  # another process may still write it
     os.utime(left, (0, 0))
-    put(path)
+    write_file(path, "new")
     assert [each.name for each in tmp_path.iterdir()] == ["notes.txt"]
 
 
@@ -101,7 +96,7 @@ def test_writers_of_one_file_at_once_do_not_take_each_others(tmp_path: Path) -> 
     path = tmp_path / "notes.txt"
     with atomic_write(path) as first:
         first.write_text("first")
-        put(path, "second")
+        write_file(path, "second")
         assert first.read_text() == "first"
     assert path.read_text() == "first"
     failed: list[BaseException] = []
@@ -109,7 +104,7 @@ def test_writers_of_one_file_at_once_do_not_take_each_others(tmp_path: Path) -> 
     def write_often(content: str) -> None:
         try:
             for _ in range(30):
-                put(path, content)
+                write_file(path, content)
         except BaseException as error:
             failed.append(error)
 

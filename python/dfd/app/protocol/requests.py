@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Callable, Iterable
 from functools import cache
 from inspect import getdoc, signature
@@ -12,6 +11,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_type_hints
 from pydantic import Field, TypeAdapter, ValidationError, create_model
 
 from dfd.app.protocol.messages import Model
+from dfd.common.errors import one_line
 
 Handler = TypeVar("Handler", bound=Callable[..., Any])
 LARGEST_NUMBER = 2**53  # largest exact integer in JavaScript
@@ -56,20 +56,18 @@ def union_of(models: Iterable[type[Model]]) -> Any:
 
 
 @cache
-def _adapter() -> TypeAdapter[Any]:
+def _adapter() -> TypeAdapter[Request]:
     return TypeAdapter(union_of(MODELS))
 
 
 def read_request(text: str) -> Request:
     """Return the request in a text of the page; RequestError with a plain sentence if it is none."""
     try:
-        read: Request = _adapter().validate_json(text)
+        return _adapter().validate_json(text)
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False, include_context=False)[0]
-        where = ".".join(str(step) for step in first["loc"])
-        reason = re.sub(r"\s+", " ", str(first["msg"]))[:200]
+        where, reason = ".".join(map(str, first["loc"])), one_line(first["msg"])[:200]
         raise RequestError(_number_in(text), f"`{where}`: {reason}" if where else reason) from None
-    return read
 
 
 def _number_in(text: str) -> int:

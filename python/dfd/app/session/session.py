@@ -18,6 +18,7 @@ from dfd.app.protocol.requests import request
 from dfd.app.session.preparation import Preparation
 from dfd.app.session.state import Editing
 from dfd.app.session.surface import mesh_message
+from dfd.common.devices import out_of_memory
 from dfd.common.preset import Preset
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit, band_on
@@ -229,7 +230,7 @@ class Session:
 
     def fail(self, number: int, error: Exception) -> None:
         """Report that request `number` failed, without paths of this machine; log unexpected exceptions."""
-        if isinstance(error, MemoryError) or "can't allocate memory" in str(error):  # torch raises a RuntimeError
+        if out_of_memory(error):
             why = "Memory ran out; nothing was changed. Take a smaller mesh, or close other programs"
         elif isinstance(error, (ValueError, OSError, UserWarning)):
             why = str(error)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dfd.app.protocol.messages import Group, MaterialEntry, MeshMessage
 from dfd.common.linear_algebra import Bool, Float64, Int32, UInt8
 from dfd.editing.edit import box_center
-from dfd.mesh.appearance import Material
+from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.file.assets import as_image
 from dfd.mesh.mesh import Mesh
 
@@ -24,28 +24,25 @@ Arrays = dict[str, NDArray[Any]]
 
 def mesh_message(mesh: Mesh, *, name: str, warnings: Sequence[str]) -> tuple[MeshMessage, Arrays]:
     """Return the message that shows `mesh`, and its arrays."""
-    appearance, scene = mesh.appearance, mesh.scene
-    # The vertex (R,) of each row, -1 for rows without a face, which are left out; and the rows (F, 3) of corners.
-    if appearance is not None:
-        vertex, corner_faces = appearance.corners, appearance.corner_faces
-    elif scene is not None:
-        vertex, corner_faces = scene.vertex, scene.corner_faces
-    else:
-        vertex, corner_faces = np.arange(len(mesh.vertices), dtype=np.int32), mesh.faces
-    used = vertex >= 0
-    rows, number = vertex[used], np.cumsum(used, dtype=np.uint32) - np.uint32(1)
+    look, scene = mesh.appearance, mesh.scene
+    if look is None:
+        vertex = np.arange(len(mesh.vertices), dtype=np.int32) if scene is None else scene.vertex
+        corner_faces = mesh.faces if scene is None else scene.corner_faces
+        look = Appearance(vertex, corner_faces, np.zeros(len(mesh.faces), np.int32), (Material(),))
+    used = look.corners >= 0  # rows without a face are left out
+    rows, number = look.corners[used], np.cumsum(used, dtype=np.uint32) - np.uint32(1)
     arrays: Arrays = {
         "positions": centered(mesh, mesh.vertices[rows]),
         "vertex": rows.astype(np.uint32),
-        "normals": packed_normals(_row_normals(mesh, vertex, used)),
-        "triangles": number[corner_faces],
+        "normals": packed_normals(_row_normals(mesh, look.corners, used)),
+        "triangles": number[look.corner_faces],
     }
-    if appearance is not None and appearance.uv is not None:
-        arrays["uv"] = appearance.uv[used]
-    if appearance is not None and appearance.colors is not None:
-        arrays["colors"] = np.rint(appearance.colors[used] * 255).astype(np.uint8)
+    if look.uv is not None:
+        arrays["uv"] = look.uv[used]
+    if look.colors is not None:
+        arrays["colors"] = np.rint(look.colors[used] * 255).astype(np.uint8)
     materials = []
-    for index, material in enumerate((Material(),) if appearance is None else appearance.materials):
+    for index, material in enumerate(look.materials):
         texture = media_type = None
         if material.texture is not None and "uv" in arrays:
             texture = f"texture{index}"
@@ -60,7 +57,7 @@ def mesh_message(mesh: Mesh, *, name: str, warnings: Sequence[str]) -> tuple[Mes
         parts=len(mesh.parts),
         center=box_center(mesh),
         diagonal=mesh.diagonal,
-        groups=_material_runs(np.zeros(len(mesh.faces), np.int32) if appearance is None else appearance.face_material),
+        groups=_material_runs(look.face_material),
         materials=tuple(materials),
         warnings=tuple(warnings),
     )
@@ -87,9 +84,9 @@ def _row_normals(mesh: Mesh, vertex: Int32, used: Bool) -> Float64:
     for primitive in scene.primitives:
         if primitive.geometry.normals is not None:
             of_file[primitive.rows] = primitive.normals_to_scene(primitive.geometry.normals)
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        of_file = of_file[used] / np.linalg.norm(of_file[used], axis=1, keepdims=True)
-    return np.where(np.isfinite(of_file).all(axis=1, keepdims=True), of_file, normals)
+    of_file = of_file[used]
+    known = np.isfinite(of_file).all(axis=1, keepdims=True) & of_file.any(axis=1, keepdims=True)
+    return np.where(known, of_file, normals)
 
 
 def _material_runs(material_of: Int32) -> tuple[Group, ...]:

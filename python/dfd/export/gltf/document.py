@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.common.files import atomic_write
+from dfd.common.files import write_file
 from dfd.common.linear_algebra import Int64
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.gltf import read as gltf_read
@@ -46,10 +46,6 @@ class GltfDocument(GltfPatch):
         self._own: dict[int, int] = {}
         self._unpacked: set[int] = set()
 
-    def rows(self, primitive: Primitive) -> Int64:
-        """Return the mesh's vertex (rows,) of each row of a primitive; -1 for a row without a face."""
-        return self.vertex[primitive.rows]
-
     def parts(self) -> dict[int, list[Primitive]]:
         """Return the primitives of each node with a displayed mesh."""
         found: dict[int, list[Primitive]] = {}
@@ -75,7 +71,7 @@ class GltfDocument(GltfPatch):
     def _bound(self, node: int, number: int, primitive: Header) -> None:
         """Add the bounds of positions, which the format requires, where the file has none or compressed them."""
         index = int(primitive["attributes"]["POSITION"])
-        accessor, before = self.header["accessors"][index], self._source.header["accessors"][index]
+        accessor, before = self.header["accessors"][index], self.source.header["accessors"][index]
         packed = "bufferView" not in before
         if accessor["componentType"] == FLOAT and (packed or not accessor.keys() >= LIMITS.keys()):
             values = self.values(node, number, "POSITION")
@@ -84,19 +80,15 @@ class GltfDocument(GltfPatch):
 
     def values(self, node: int, primitive: int, name: str) -> NDArray[Any] | None:
         """Return an attribute of a primitive of the file, (rows, components), None where it has none of that name."""
-        return self._source.attribute(self._primitive(node, primitive), name)
+        return self.source.attribute(self._primitive(node, primitive), name)
 
     def corners(self, node: int, primitive: int) -> NDArray[Any]:
         """Return the rows (N,) that a primitive of the file draws, one after the other."""
-        return self._source.corners(self._primitive(node, primitive))
+        return self.source.corners(self._primitive(node, primitive))
 
     def _primitive(self, node: int, number: int) -> Header:
-        mesh = int(self._source.header["nodes"][node]["mesh"])
-        return self._source.header["meshes"][mesh]["primitives"][number]
-
-    def stored(self, index: int) -> NDArray[Any]:
-        """Return the values of an accessor of the file."""
-        return self._source.accessor(index)
+        mesh = int(self.source.header["nodes"][node]["mesh"])
+        return self.source.header["meshes"][mesh]["primitives"][number]
 
     def zeros(self, count: int) -> int:
         """Append `count` vectors of three zeros, which take no room, and return the number of their accessor."""
@@ -106,9 +98,7 @@ class GltfDocument(GltfPatch):
 
     def write(self, target: Path) -> None:
         """Write the file, as GLB or as glTF with embedded data by its ending."""
-        data = self.encode(binary=target.suffix.lower() == ".glb")
-        with atomic_write(target) as temporary:
-            temporary.write_bytes(data)
+        write_file(target, self.encode(binary=target.suffix.lower() == ".glb"))
 
 
 def _rows_written(mesh: Mesh) -> Int64:

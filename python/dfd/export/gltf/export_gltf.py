@@ -29,15 +29,12 @@ def export_gltf(rig: Rig, target: Path, form: str, most: int | None) -> RigRepor
         left = ", ".join(skin.left_behind(document))
         found = skin_of(rig, most)
         joints = skin.add_skin(document, rig, found)
-        _animate(
-            document,
-            rig,
-            (
-                (node, path, np.array([getattr(locals_[number], path) for locals_ in found.moments[1:]]))
-                for number, node in list(enumerate(joints))[1:]  # the root rests
-                for path in ("translation", "rotation", "scale")
-            ),
+        channels = (
+            (node, path, np.array([getattr(locals_[number], path) for locals_ in found.moments[1:]]))
+            for number, node in enumerate(joints[1:], 1)  # the root rests
+            for path in ("translation", "rotation", "scale")
         )
+        _animate(document, rig, channels)
         note = f"the file's own animations no longer move {left}; morph targets would leave them theirs"
         notes = (note,) if left else ()
         report = report_of(rig, target, form, difference_of(rig, found.shown), skin=found, notes=notes)
@@ -51,7 +48,7 @@ def export_gltf(rig: Rig, target: Path, form: str, most: int | None) -> RigRepor
 
 
 def _animate(document: GltfDocument, rig: Rig, channels: Iterable[tuple[int, str, NDArray[Any]]]) -> None:
-    """Append an animation: nodes, what of them moves, and its values at the rig's key poses."""
+    """Append an animation: each channel is a node, its property that changes, and the values at the key poses."""
     if not rig.poses:
         return
     animation: Header = {"name": NAME, "channels": [], "samplers": []}

@@ -40,7 +40,7 @@ class MorphTargets:
 
 
 def targets_of(rig: Rig) -> MorphTargets:
-    """The targets of a rig: without key poses one for each handle that moves, and D₀; with them one for each of them.
+    """Return the targets of a rig: one for each key pose; without key poses, one for each moved handle and for D₀.
 
     Raises ValueError if nothing is moved.
     """
@@ -63,7 +63,6 @@ def add_targets(document: GltfDocument, rig: Rig, targets: MorphTargets) -> list
     rest = _at_rows(document, rig.mesh.vertices)
     moved = [_at_rows(document, shape) for shape in targets.shapes]
     normals = [moved_normals(each, rest, document.scene) for each in moved]
-    before = [each.geometry.normals for each in document.scene.primitives]
     number_of = {id(each): number for number, each in enumerate(document.scene.primitives)}
     nodes = []
     for node, primitives in document.parts().items():
@@ -78,9 +77,8 @@ def add_targets(document: GltfDocument, rig: Rig, targets: MorphTargets) -> list
                 continue
             if position not in done:
                 each = known[number]
-                old = before[number_of[id(each)]]
                 done[position] = [
-                    _target(document, each, shape - rig.mesh.vertices, old, new[number_of[id(each)]], content)
+                    _target(document, each, shape - rig.mesh.vertices, new[number_of[id(each)]], content)
                     for shape, new in zip(targets.shapes, normals, strict=True)
                 ]
             content["targets"] = [dict(target) for target in done[position]]
@@ -94,22 +92,20 @@ def add_targets(document: GltfDocument, rig: Rig, targets: MorphTargets) -> list
 
 
 def _alone(edit: Edit, handle: int | None) -> Edit:
-    """`edit` with one handle as it is, all others at rest and no D₀."""
+    """Return `edit` with one handle as it is, all others at rest and no D₀."""
     rest = Transform()
     handles = tuple(each if each.id == handle else replace(each, transform=rest) for each in edit.handles)
     return replace(edit, handles=handles, default=None)
 
 
 def _target(
-    document: GltfDocument,
-    primitive: Primitive,
-    moved: Float64,  # (V, 3)
-    old: Float64 | None,
-    new: Float64 | None,
-    content: Header,
+    document: GltfDocument, primitive: Primitive, moved: Float64, new: Float64 | None, content: Header
 ) -> Header:
-    """One target of one primitive: displacements of its positions and normals, in its own coordinates."""
-    vertex = document.rows(primitive)
+    """Return a target of a primitive, in its own coordinates: displacements of its positions and normals.
+
+    `moved` (V, 3) are the displacements of the mesh's vertices, and `new` the moved normals of the primitive's rows.
+    """
+    vertex, old = document.vertex[primitive.rows], primitive.geometry.normals
     local = primitive.vectors_from_scene(np.where(vertex[:, None] >= 0, moved[vertex], 0.0))
     if not local.any():
         return {"POSITION": document.zeros(len(vertex))}
@@ -120,7 +116,7 @@ def _target(
 
 
 def _at_rows(document: GltfDocument, vertices: Float64) -> Float64:
-    """Positions of the vertices of the document's own scene, which may have welded some of the mesh's."""
+    """Return the positions of the vertices of the document's own scene, which may weld vertices of the mesh."""
     scene = document.scene
     result = scene.vertices.copy()
     known = (scene.vertex >= 0) & (document.vertex >= 0)

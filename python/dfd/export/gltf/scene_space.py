@@ -16,7 +16,7 @@ _TRANSFORM = ("matrix", "translation", "rotation", "scale")
 
 
 def animated_nodes(header: Header) -> set[object]:
-    """The nodes that animations of the file move, turn or scale."""
+    """Return the nodes that animations of the file move, turn or scale."""
     channels = (each for animation in objects(header, "animations") for each in objects(animation, "channels"))
     targets = (channel.get("target") for channel in channels)
     return {each.get("node") for each in targets if isinstance(each, dict) and each.get("path") != "weights"}
@@ -44,7 +44,7 @@ def bring_to_scene(document: GltfDocument, node: int, transform: Float64) -> Non
             for name in sorted(target.keys() & {"POSITION", "NORMAL", "TANGENT"}):
                 key = (f"target {name}", int(target[name]))
                 if key not in done:
-                    moved = _turned(name, document.stored(target[name]).astype(np.float64), transform)
+                    moved = _turned(name, document.source.accessor(target[name]).astype(np.float64), transform)
                     done[key] = _write(document, name, moved)
                 target[name] = done[key]
         if np.linalg.det(transform[:3, :3]) < 0:
@@ -80,7 +80,7 @@ def stand_alone(document: GltfDocument, node: int) -> int:
 
 
 def _roots(header: Header) -> list[int]:
-    """The roots of the scene that is shown."""
+    """Return the roots of the displayed scene."""
     if not objects(header, "scenes"):
         below = parents(header)
         header["scenes"] = [{"nodes": [index for index in range(len(header["nodes"])) if index not in below]}]
@@ -103,7 +103,7 @@ def _transformed(name: str, values: NDArray[Any], transform: Float64) -> Float64
 
 
 def _turned(name: str, vectors: Float64, transform: Float64) -> Float64:
-    """Displacements and tangents turn with the surface, normals by the inverse transpose."""
+    """Return vectors after `transform`: displacements and tangents by its linear part, normals by its inverse."""
     linear = transform[:3, :3]
     return vectors @ (np.linalg.pinv(linear) if name == "NORMAL" else linear.T)
 

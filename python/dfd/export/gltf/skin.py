@@ -22,21 +22,20 @@ SET = 4  # influences in each pair of attributes
 
 
 def parts_with_deformers(mesh: Mesh) -> tuple[str | None, str | None]:
-    """The names of a part of the mesh's glTF file that has a skin, and of one with morph targets; None for none."""
-    source = None if mesh.scene is None else mesh.scene.gltf
-    if mesh.scene is None or source is None:
+    """Return the names of the first part of a glTF file with a skin, and of the first with morph targets, or None."""
+    if mesh.scene is None or mesh.scene.gltf is None:
         return None, None
-    nodes, meshes = objects(source.header, "nodes"), objects(source.header, "meshes")
-    skinned, morphed = None, None
-    for each in mesh.scene.primitives:
-        node, number, _ = each.source
-        skinned = skinned or (each.part if "skin" in nodes[node] else None)
-        morphed = morphed or (each.part if any("targets" in one for one in meshes[number]["primitives"]) else None)
-    return skinned, morphed
+    nodes, meshes = (objects(mesh.scene.gltf.header, name) for name in ("nodes", "meshes"))
+    morphed = [any("targets" in primitive for primitive in each.get("primitives", [])) for each in meshes]
+    names = [(each.part, each.source) for each in mesh.scene.primitives]
+    return (
+        next((part for part, (node, _, _) in names if "skin" in nodes[node]), None),
+        next((part for part, (_, number, _) in names if morphed[number]), None),
+    )
 
 
 def left_behind(document: GltfDocument) -> list[str]:
-    """The parts that animations of the file move by a node of theirs or above, which a skin ignores."""
+    """Return the names of parts whose node, or a node above it, is animated; a skin ignores these nodes."""
     parent = parents(document.header)
     moved = animated_nodes(document.header)
     found = []
@@ -88,7 +87,7 @@ def _weigh(document: GltfDocument, node: int, primitives: list[Primitive], skin:
         position = int(attributes["POSITION"])
         if position not in done:
             rows = int(document.header["accessors"][position]["count"])
-            vertex = document.rows(known[number]) if number in known else np.full(rows, -1)
+            vertex = document.vertex[known[number].rows] if number in known else np.full(rows, -1)
             joints, weights = _at(skin, vertex, rig.default)
             done[position] = {}
             for first in range(0, joints.shape[1], SET):
@@ -103,7 +102,7 @@ def _weigh(document: GltfDocument, node: int, primitives: list[Primitive], skin:
 
 
 def _at(skin: Skin, vertex: Int64, default: int) -> tuple[Int64, Float32]:
-    """Joints and weights of rows that are at vertices, -1 for none; in whole sets of four."""
+    """Return the joints and weights of rows at vertices, -1 for none, in whole sets of four."""
     count = skin.joints.shape[1]
     joints = np.zeros((len(vertex), -(-count // SET) * SET), np.int64)
     weights = np.zeros(joints.shape, np.float32)

@@ -1,4 +1,4 @@
-"""Reading a mesh file of any supported format as a scene."""
+"""Read a mesh file of any supported format as a scene."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from dfd.common import check
-from dfd.common.errors import ArgumentError
+from dfd.common.errors import ArgumentError, one_line
 from dfd.mesh.file.assets import AssetFolder, read_regular
 from dfd.mesh.file.obj import read as obj_read
 from dfd.mesh.file.obj import text as obj_text
@@ -43,10 +43,10 @@ def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
         raise ArgumentError("path", f"{path} {error.reason}", "load") from error
     except UserWarning:
         raise
-    except Exception as error:  # libraries raise any type for malformed files
+    except Exception as error:  # libraries raise errors of any type for malformed files
         kind = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
-        reason = " ".join(f"{kind}{error}".split()).removesuffix(":")[:300]
-        form = path.suffix[1:].upper()
+        reason = one_line(f"{kind}{error}").removesuffix(":")[:300]
+        form = ending[1:].upper()
         raise ArgumentError("path", f"{path} is not a well-formed {form} file: {reason}", "load") from error
     if assets.unreadable:
         names = ", ".join(each[:100] for each in sorted(assets.unreadable)[:_MOST_NAMED])

@@ -1,4 +1,4 @@
-"""Writing of a mesh: the scene of its file with new positions and normals; all else stays."""
+"""Write a mesh: the scene of its file, with only positions and normals changed."""
 
 from __future__ import annotations
 

@@ -15,8 +15,7 @@ from dfd.common.linear_algebra import UInt8
 from dfd.mesh.appearance import Material, Wrap, linear
 from dfd.mesh.file.assets import as_png
 from dfd.mesh.file.edits import far_origin
-from dfd.mesh.file.gltf import glb
-from dfd.mesh.file.gltf.header import COMPONENT_TYPES, Header
+from dfd.mesh.file.gltf.header import COMPONENT_TYPES, Header, join_glb
 from dfd.mesh.file.gltf.materials import WRAPS
 from dfd.mesh.file.primitives import IDENTITY, Primitive
 
@@ -72,7 +71,7 @@ class GltfBuilder:
         if not binary:
             buffer["uri"] = f"data:application/octet-stream;base64,{base64.b64encode(self._data).decode()}"
         text = json.dumps(self.header, separators=(",", ":")).encode()
-        return glb.join(text, bytes(self._data)) if binary else text
+        return join_glb(text, bytes(self._data)) if binary else text
 
     def _append(self, data: bytes | UInt8) -> int:
         start = len(self._data)

@@ -1,12 +1,14 @@
-"""The JSON header of a glTF file, validated before buffers are read: counts are bounded before allocation.
+"""The GLB container, and the JSON header of a glTF file. The header is checked before buffers are read or allocated.
 
 The format: Khronos Group, "glTF 2.0 Specification", 2021.
 """
 
 from __future__ import annotations
 
+import codecs
 import importlib.util
 import json
+import struct
 from collections import Counter
 from itertools import chain
 from typing import Any, TypeGuard, cast
@@ -14,6 +16,9 @@ from typing import Any, TypeGuard, cast
 from dfd.mesh.file.assets import shortened
 
 Header = dict[str, Any]
+
+_MAGIC = b"glTF"  # of GLB files
+_JSON_CHUNK, _DATA_CHUNK = 0x4E4F534A, 0x004E4942
 
 COMPONENT_TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
@@ -38,8 +43,13 @@ _MOST_OVERLAP = 8  # largest ratio of the total length of a file's views to that
 _SMALL = 2**24  # bytes, below which the overlap does not matter
 
 
-def read(text: bytes, *, glb: bool) -> Header:
-    """Return the header of a glTF or GLB file from its JSON text; ValueError if it is inconsistent or unknown."""
+def read(data: bytes) -> tuple[Header, bytes | None]:
+    """Return the header of a glTF or GLB file, and the data chunk of a GLB file.
+
+    Raises ValueError if the file is cut off, or the header is inconsistent or unknown.
+    """
+    glb = data.startswith(_MAGIC)
+    text, embedded = split_glb(data) if glb else (data.removeprefix(codecs.BOM_UTF8), None)
     header: object = json.loads(text.decode())
     if not isinstance(header, dict):
         raise ValueError(f"its JSON is a {type(header).__name__}, not an object")
@@ -52,7 +62,44 @@ def read(text: bytes, *, glb: bool) -> Header:
     _check_accessors(header)
     _check_primitives(header)
     _check_nodes(header)
-    return header
+    return header, embedded
+
+
+def split_glb(data: bytes) -> tuple[bytes, bytes | None]:
+    """Return the JSON text of a GLB file, and its data or None."""
+    if len(data) < 20:
+        raise ValueError(f"it is cut off after {len(data)} bytes")
+    version, total = struct.unpack("<II", data[4:12])
+    if version != 2:
+        raise ValueError(f"it has version {version} of the format, and only 2 can be read")
+    if total != len(data):
+        raise ValueError(f"it should have {total} bytes, but {len(data)} are there")
+    kind, text, end = _chunk(data, 12)
+    if kind != _JSON_CHUNK:
+        raise ValueError("its first chunk is not JSON")
+    while end + 8 <= len(data):
+        kind, content, end = _chunk(data, end)
+        if kind == _DATA_CHUNK:
+            return text, content
+    return text, None
+
+
+def join_glb(text: bytes, data: bytes) -> bytes:
+    """Return the GLB file of a JSON text and the data that belongs to it."""
+    text += b" " * (-len(text) % 4)
+    padding = bytes(-len(data) % 4)
+    total = 12 + 8 + len(text) + 8 + len(data) + len(padding)
+    head = struct.pack("<4sIIII", _MAGIC, 2, total, len(text), _JSON_CHUNK)
+    return b"".join([head, text, struct.pack("<II", len(data) + len(padding), _DATA_CHUNK), data, padding])
+
+
+def _chunk(data: bytes, start: int) -> tuple[int, bytes, int]:
+    """Return kind, content and end of the chunk at `start`."""
+    length, kind = struct.unpack("<II", data[start : start + 8])
+    end = start + 8 + length
+    if end > len(data):
+        raise ValueError(f"a chunk of it should have {length} bytes, but {len(data) - start - 8} are there")
+    return kind, data[start + 8 : end], end
 
 
 def objects(owner: Header, name: str) -> list[Header]:

@@ -70,10 +70,10 @@ class GltfPatch(GltfBuilder):
 
     def __init__(self, source: GltfData) -> None:
         super().__init__(json.loads(json.dumps(source.header)))
-        self._source = source
+        self.source = source
         self._take_buffers()
         self._take_pictures()
-        # primitives may share an accessor: rows that one of them moves are moved for all of the node's
+        # Primitives may share an accessor. A row that one of them moves is moved for all primitives of the node.
         self._moved: dict[tuple[int, str, int], tuple[Float64, list[Header]]] = {}
 
     def _take_buffers(self) -> None:
@@ -81,7 +81,7 @@ class GltfPatch(GltfBuilder):
         moved_to: dict[int, tuple[int, int]] = {}  # from a buffer to its new number and where it starts there
         for index, buffer in enumerate(self.header.get("buffers", [])):
             try:
-                moved_to[index] = (0, self._append(self._source.buffer(index)))
+                moved_to[index] = (0, self._append(self.source.buffer(index)))
             except (ValueError, OSError):  # a placeholder of a compressed view, or a file that cannot be read
                 self._left.append(buffer)
                 moved_to[index] = (len(self._left), 0)
@@ -98,7 +98,7 @@ class GltfPatch(GltfBuilder):
             if not isinstance(uri, str) or uri.startswith("data:"):
                 continue
             try:
-                data = self._source.picture(image)
+                data = self.source.picture(image)
                 kind = image_format(data)
             except (ValueError, OSError):  # keep the reference
                 continue
@@ -109,7 +109,7 @@ class GltfPatch(GltfBuilder):
     def split_mesh(self, node: int, mesh: int, *, shared: bool) -> int:
         """Return the mesh of a node, copied where other nodes use the same one."""
         if shared:
-            mesh = self.append("meshes", json.loads(json.dumps(self._source.header["meshes"][mesh])))
+            mesh = self.append("meshes", json.loads(json.dumps(self.source.header["meshes"][mesh])))
             self.header["nodes"][node]["mesh"] = mesh
         return mesh
 
@@ -139,7 +139,7 @@ class GltfPatch(GltfBuilder):
 
         Positions and normals that are `moving` are left out: the stream holds the old ones.
         """
-        packed = self._source.draco(primitive)
+        packed = self.source.draco(primitive)
         if packed is None:
             return
         stored = extension(primitive, DRACO) or {}

@@ -138,7 +138,7 @@ def _strip_triangles(values: Int64, sizes: Int64) -> Int64:
 
 
 def _scalars(element: _Element, names: Sequence[str]) -> list[NDArray[Any]]:
-    """Return the values of those of the named properties that exist and are no lists."""
+    """Return the values of the named properties that exist and are no lists."""
     return [each.values for name in names if (each := element.get(name)) is not None and each.counts is None]
 
 
