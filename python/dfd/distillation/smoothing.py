@@ -8,15 +8,15 @@ surface. So tokens are averaged at surface samples and diffused *along* the surf
 a screened diffusion. Ẑ_i is the mean token of the pixels near sample i, and c_i is the visibility of sample i. Unlike a
 blur in space, diffusion does not mix legs that are close together.
 
-Diffusion reduces the distances between features, so weights would be large everywhere. Smooth features are therefore
-scaled about their mean, to three quarters of the mean distance of the pixels' tokens. The remaining quarter is due to
-differences between views, not between parts.
+Diffusion reduces the distances between features, so weights would be large everywhere. So smooth features are
+scaled about their mean. Their mean distance is then three quarters of that of the pixels' tokens. The remaining quarter
+is due to differences between views, not between parts.
 
 An encoder can give different features to a left part and a right part. So weak links, weighted by similarity, connect
 each sample with the samples near its mirror image. The mirror plane is the best of the three middle planes of the box.
 
 Smooth features are low-rank. So only their main directions are smoothed and fitted, and the field's last layer maps
-them to full width. 64 of a DINOv2-small's 384 directions lose less than 1e-4 of the targets' squared length.
+them to full width. For DINOv2-small, 64 of 384 directions keep all but 1e-4 of the targets' squared length.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ NEIGHBORS = 10  # nearest samples of its component to which a sample is linked
 # Weight of links between components, relative to links within a component. These links give features to components
 # that no camera sees. A lower weight separates the components of a body; a higher one gives armor features of the body.
 GAP_WEIGHT = 0.008
-GAP_NEIGHBORS = 4  # nearest samples of other components, or near the mirror image, to which a sample is linked
+GAP_NEIGHBORS = 4  # nearest samples, among which those of other components or near the mirror image are linked
 MIRROR_WEIGHT = 0.02  # weight of mirror links, relative to the median link
-MIRROR_REACH = 0.06  # longest distance from a mirror image to a linked sample, of half the longest side of the box
+MIRROR_REACH = 0.06  # longest distance from a mirror image to a linked sample, in halves of the box's longest side
 SIMILARITY_SCALE = 0.8  # feature distance, relative to the mean, at which a mirror link's weight is 1/e
 DIRECTIONS = 128  # main directions that are smoothed
 SIMILARITY_DIRECTIONS = 32  # main directions that decide similarity; more do not change results
@@ -157,7 +157,8 @@ def _main_directions(rows: Float32, weight: NDArray[np.floating]) -> Float32:
 def _factors(confidence: Float64, area: float, distance: float, links: sparse.csr_matrix) -> SuperLU:
     """Return LU factors of the system that minimizes Σ_i c_i ‖Z_i − Ẑ_i‖² + t Σ_ij w_ij ‖Z_i − Z_j‖².
 
-    `links` (N, N) are the w_ij. t is scaled by `SATURATED_COVERAGE`, the c_i per area of a fully visible sample.
+    `links` (N, N) are the w_ij. A fully visible sample has c_i = `SATURATED_COVERAGE` · area, so t is multiplied by
+    `SATURATED_COVERAGE`.
     """
     from scipy.sparse.linalg import splu
 
@@ -188,9 +189,9 @@ def _solve(tokens: Float32, confidence: Float64, factors: SuperLU) -> Float32:
 def _surface_links(points: Float64, component: Int32, seen: Bool, area: float) -> sparse.csr_matrix:
     """Return symmetric weights (N, N) between each sample and its k nearest neighbors, so that Zᵀ L Z ≈ ∫ ‖∇Z‖².
 
-    For a constant gradient g near sample i, its part of the integral is ¼ Σ_j w_ij ‖p_i − p_j‖² g². So the weights
-    w_ij = 4 area / (k ‖p_i − p_j‖²) give area · g². `area` is that of each sample. `points` (N, 3), `component` (N,)
-    and `seen` (N,) are position, connected component and visibility of the samples.
+    For a constant gradient g near sample i, the links of i contribute ¼ Σ_j w_ij ‖p_i − p_j‖² g² to Zᵀ L Z. So the
+    weights w_ij = 4 area / (k ‖p_i − p_j‖²) give area · g². `area` is that of each sample. `points` (N, 3),
+    `component` (N,) and `seen` (N,) are position, connected component and visibility of the samples.
     """
     every = np.arange(len(points))
     hidden = np.bincount(component, seen)[component] == 0  # samples on components that no camera sees

@@ -25,15 +25,15 @@ SAMPLES = 4_000  # surface samples of the part, to which the curve is fitted
 # Standard deviation of the kernel that averages samples for a point of the curve: WIDTH times the length, or WIDE radii
 # if this is more.
 WIDTH, WIDE = 0.08, 0.5
-STOUT = 0.4  # radius over length above which the levels remain the distances from the base
+STOUT = 0.4  # radius over length above which levels are not projected: they stay the distances from the base
 ENDS = (0.005, 0.995)  # quantiles of the levels between which the curve runs, so that no single vertex sets the tip
 ROUNDS = 3  # rounds of fitting the curve and projecting the samples onto the curve
 FARTHEST = 0.2  # largest difference between a point's level on the curve and its first level
-SEAM = 0.6  # distance from the base over which motion along the axis begins, in radii at the base
-NEAR_JOINT = 0.12  # difference of levels within which a joint near the handle is chosen first
+SEAM = 0.6  # distance from the base, in radii at the base, over which levels rise smoothly from 0
+NEAR_JOINT = 0.12  # largest difference of levels between the handle and a joint that is preferred
 SLENDER = 0.75  # least length of a limb, over its width
-# Variances of a wheel's surface along its principal axes, over the largest one: the least value of the middle one, and
-# the largest value of the smallest one.
+# A part is a wheel if its middle variance exceeds ROUND times the largest one, and its smallest is below FLAT times the
+# largest one.
 ROUND, FLAT = 0.95, 0.7
 CARRIED = 0.5  # area below which a region around a part is attached to it, relative to the largest region
 SMALL_COMPONENT = 0.05  # area below which a component of a region has no axis, relative to the largest component
@@ -44,7 +44,7 @@ class PartAxis:
     """The axis of one connected part. Positions and lengths are in mesh units."""
 
     vertices: Int64  # (N,) vertices of the part and of attached regions, ascending
-    parameter: Float64  # (N,) level of each vertex, in [0, 1]; far vertices of an attached region have one level
+    parameter: Float64  # (N,) level of each vertex, in [0, 1]; far from the part, an attached region has one level
     nodes: Float64  # (33, 3) points of the curve at equal steps of its length, from base to tip
     radius: Float64  # (33,) root mean squared distance of the surface from the curve
     border: Float64  # (B, 3) nodes of the part that touch the rest, or one end of the part if there is no rest
@@ -70,7 +70,7 @@ class PartAxis:
 
     @property
     def is_limb(self) -> bool:
-        """Return whether the part has one border with the rest, is slender, and is not a wheel."""
+        """Return whether the part has one border with the rest, is longer than `SLENDER` widths, and is no wheel."""
         if self.spread[1] > ROUND * self.spread[2] and self.spread[0] < FLAT * self.spread[2]:
             return False
         return self.borders == 1 and self.length > SLENDER * 2 * float(np.sqrt(np.square(self.radius).mean()))
@@ -105,7 +105,7 @@ class PartAxis:
 
     @property
     def hinge(self) -> tuple[Float64, Float64]:
-        """Return a point (3,) and the unit direction (3,) of the hinge, a line through the border far from the tip.
+        """Return a point (3,) and the unit direction (3,) of the hinge, a line through border points far from the tip.
 
         A positive rotation about this line moves the tip away from the rest of the shape, as a jaw opens.
         """
@@ -211,7 +211,7 @@ class PartAxes:
         return PartAxis(vertices, parameter, nodes, radius, center[seeds], borders, middle, rest, spread)
 
     def _on_vertices(self, some: Int64, values: Float64) -> tuple[Int64, Float64]:
-        """Return the vertices (N,) of the nodes `some` (M,), and `values` (M,) of the nodes interpolated to them (N,).
+        """Return the vertices (N,) of the nodes `some` (M,), and the nodes' `values` (M,) at these vertices (N,).
 
         Values and gradients of nodes are interpolated, so that values linear in space stay linear.
         """
@@ -284,7 +284,7 @@ class PartAxes:
     def _with_attached(self, own: Int64, parameter: Float64, attached: Int64, group: Int64) -> tuple[Int64, Float64]:
         """Return the nodes of the part and of the `attached` regions, and their levels.
 
-        The levels of a region change with distance from those of the part to one common level.
+        With distance from the part, the levels of a region change from the part's levels to one common level.
         """
         if len(attached) == 0:
             return own, parameter
@@ -309,7 +309,7 @@ class PartAxes:
 
 
 def carried(vertices: Float64, tree: cKDTree, values: Float64, isometry: Float64) -> tuple[Int64, Float64]:
-    """Return the vertices (N,) onto which `isometry` (3, 4) maps `values` (V,) above 0, and their values (N,).
+    """Move `values` (V,) by `isometry` (3, 4); return the vertices (N,) with values above 0, and these values (N,).
 
     The value of a vertex is the mean over the vertices nearest to its preimage, weighted by the inverse squared
     distance.

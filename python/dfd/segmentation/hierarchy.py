@@ -27,19 +27,20 @@ CREASE = 0.1  # concavity that divides the conductance of smoothing by e, about 
 STEP = 0.15  # feature distance that divides the conductance of smoothing by e
 ROUNDS = 3  # rounds of smoothing; each round detects borders in the result of the previous round
 LEAST_AREA, MOST_AREA = 0.002, 0.95  # bounds of the area of a part, as shares of the surface
-LEAST_COMPONENT = 0.005  # smallest mean area of a part's components, as a share of the surface; creases have less
+# smallest mean area of a part's components, as a share of the surface; regions along creases are smaller
+LEAST_COMPONENT = 0.005
 LEAST_CUT_AREA = 0.005  # smallest area of a part in a cut of the whole shape, as a share of the surface
 ALIKE = 1.4  # largest ratio of two similar areas or lengths
-# An ancestor replaces the best node if the areas of its smallest and largest component have at least the ratio EQUAL,
-# and its likelihood is at least STILL_LIKELY times that of the best node.
+# In `held`, an ancestor can replace the best node if its smallest component has at least EQUAL times the area of its
+# largest, and its likelihood is at least STILL_LIKELY times that of the best node.
 EQUAL, STILL_LIKELY = 0.8, 0.15
-CUT = 1.35  # factor of the saliency of nodes in the clearest cut, because parts that people name do not overlap
+CUT = 1.35  # factor of the saliency of nodes in the clearest cut; these do not overlap, like the parts that people name
 # A handle holds a node of more than MOST_HELD of the surface only if no smaller node has at least the saliency
 # LEAST_WITHIN. With MOST_HELD 0.8, the IoU on 91 rigs is 0.005 lower; with 0.6, the IoU on 76 labelled meshes is 0.002
 # lower. With LEAST_WITHIN 0.2, the IoU on the rigs is 0.003 lower; with 0.1, the IoU on the meshes is 0.010 lower.
 MOST_HELD, LEAST_WITHIN = 0.7, 0.15
-# A node's likelihood has this exponent of the share that the node holds of the surface beyond the handle. On 91 rigs,
-# 2 leaves 0.004 more of limbs behind, and 4 lowers the IoU by 0.004.
+# Exponent, in a node's likelihood, of the node's share of the surface beyond the handle. On 91 rigs, the share of limbs
+# that do not follow is higher by 0.004 with 2, and the IoU is lower by 0.004 with 4.
 HELD_BEYOND = 3.0
 SHORT = 0.2  # added to lengths of borders, in diagonals of the box: short borders often follow a crease by chance
 ROUNDING = 1e-12  # length below which a border is a rounding error, as a share of the length of all borders
@@ -58,7 +59,7 @@ class Node:
     inside: Bool  # (P,) whether a patch belongs to the node
     area: float  # share of the surface
     border: float  # length of its borders, in diagonals of the box
-    concavity: float  # mean concavity along its borders, in [0, 2]
+    concavity: float  # mean concavity along its borders, in [0, 2], lower for short borders
     step: float  # relative increase of the merge distance to the parent, in [0, 1]
 
 
@@ -88,7 +89,7 @@ class Hierarchy:
         self._components_by_patches: dict[bytes, tuple[Float64, int]] = {}  # kept for the trees of all rounds
         values = smoothed(patches, features.astype(np.float64))
         self._build(values)
-        # Features also depend on the location on a body: front legs can be nearer to the trunk than to the hind legs.
+        # Features also depend on the place on a body: front legs can resemble the trunk more than the hind legs.
         # Then both pairs of legs get the same mean, and the tree is built again.
         for _ in range(JOIN_ROUNDS):
             if not (pairs := self._counterpart_pairs(values)):
@@ -159,7 +160,7 @@ class Hierarchy:
         return [node for node in path if self._may_be_part(node)] or path[-1:]
 
     def _may_be_part(self, node: int) -> bool:
-        """Return whether the areas of a node and of its mean component are those of a part."""
+        """Return whether a node's area and the mean area of its components lie within the bounds for parts."""
         return bool(
             LEAST_AREA < self.nodes[node].area < MOST_AREA and self._components(node)[0].mean() > LEAST_COMPONENT
         )
@@ -168,7 +169,7 @@ class Hierarchy:
         """Return the saliency of a node, comparable among the ancestors of one patch.
 
         Salient nodes end at creases, differ from their surroundings, and have short borders: limbs, heads, handles. The
-        length of borders is a mean over the components, so four legs are as salient as one.
+        length of borders is a mean over the borders, so four legs are as salient as one.
         """
         own = self.nodes[node]
         saliency = (own.concavity + LEAST_CONCAVITY) * own.step / (self.girth(node) + SHORT)
@@ -189,7 +190,7 @@ class Hierarchy:
     def held(self, patch: int) -> int:
         """Return the node that a handle at a patch holds.
 
-        The node, after closing, has the largest expected IoU with the part that a person means. The likelihood of a
+        After `closed`, the node has the largest expected IoU with the part that a person means. The likelihood of a
         node increases with its saliency, and with its share of the surface beyond the handle: a ring around a leg is
         unlikely. An ancestor replaces the node if it has at least twice as many components, all of similar size. Hind
         wheels then follow front wheels.
@@ -275,7 +276,7 @@ class Hierarchy:
         ]
 
     def _sums(self, of_node: Float64) -> Float64:
-        """Return the sum (N,) over the subtree of each node of the values `of_node`, one for each node or patch."""
+        """Return (N,), for each tree node, the sum over its subtree of `of_node`, a value per node or patch."""
         sums = np.zeros(len(self._height))
         sums[: len(of_node)] = of_node
         for node, (one, other) in enumerate(self._children, start=self._patches.borders.count):
@@ -283,7 +284,7 @@ class Hierarchy:
         return sums
 
     def _crossing(self, of_border: Float64) -> Float64:
-        """Return the sum (N,) over the outer borders of each node of the values `of_border`, one for each border."""
+        """Return (N,), for each tree node, the sum of `of_border`, a value per border, over its outer borders."""
         borders = self._patches.borders
         ends = borders.pairs.copy()
         apart = np.arange(len(ends))
@@ -308,7 +309,7 @@ def components_and_borders(patches: Patches, inside: Bool) -> tuple[Float64, int
     own = np.zeros(len(areas), bool)
     own[component[inside]] = True
     large = areas > SMALL_COMPONENT * areas[own].max()
-    # The large components inside and outside the part form a tree, whose edges are the borders.
+    # On one component without handles, the large components form a tree, whose edges are the borders.
     return areas[large & own], max(int(large.sum()) - 1, 1)
 
 

@@ -23,14 +23,13 @@ from dfd.segmentation.patches import Patches
 
 Level = Literal["smaller", "part", "larger"]
 LARGER = 1.25  # least ratio of the areas of two levels
-LEAST_SALIENCY = (
-    0.033  # smallest saliency of a part; chance gives up to 0.031 on a ball, parts that people name 0.08 to 2
-)
+# Smallest saliency of a part. On a ball, chance gives up to 0.031. Parts that people name have 0.08 to 2.
+LEAST_SALIENCY = 0.033
 # In the blend band, the weights of a grip fall from 1 to 0. The border of the part, with weight 0.5, is the middle of
 # the band. Its width is the smaller of WIDEST, in diagonals of the box, and OF_GIRTH, in girths of the limb.
-# In tests, 167 parts were pulled by 30 % of their length. For 40 % of them, the 99th percentile of the change of
-# dihedral angles is at most 25°. With WIDEST 0.05 it is 22 %, and the IoU with labels is 0.011 higher. With OF_GIRTH
-# 0.35 it is 45 %, but the corners of a chair's seat follow its legs.
+# In tests, 167 parts were pulled by 30 % of their length. A part passes if 99 % of its dihedral
+# angles change by at most 25°: 40 % pass. With WIDEST 0.05, 22 % pass, and the IoU with labels is 0.011 higher. With
+# OF_GIRTH 0.35, 45 % pass, but the corners of a chair's seat follow its legs.
 WIDEST, OF_GIRTH = 0.1, 0.25
 # Parts with more than MOST_BORDERS borders per component, such as a trunk, have a blend band TRUNK times as wide.
 TRUNK, MOST_BORDERS = 3.0, 1.5
@@ -104,7 +103,7 @@ class Parts:
         return self._part(inside, self._at_vertices([~nodes, nodes]) == 1, vertex)
 
     def grip(self, at: Any) -> Grip | None:
-        """Return the part that a handle at a place holds, with all components that only this part connects to the body.
+        """Return the part that a handle at a place holds, with all regions that only this part connects to the rest.
 
         Return None if there is no part, such as on a ball.
         """
@@ -152,7 +151,7 @@ class Parts:
         patches, part = self._patches, self._hierarchy.cut_labels()
         masks = part == np.unique(part)[:, None]
         claims = np.array([snapped(patches, inside) for inside in masks])
-        # A node that no part or several parts claim stays with the part of its patch.
+        # If no part or several parts contain a node after snapping, the node keeps the part of its patch.
         of_node = np.where(claims.sum(axis=0) == 1, claims.argmax(axis=0), masks.argmax(axis=0)[patches.of_node])
         sides = [of_node == number for number in range(len(masks))]
         label = self._at_vertices(sides)
@@ -188,13 +187,13 @@ class Parts:
         among = np.array([best])
         if level == "larger":
             among = np.flatnonzero(area > LARGER * area[best])
-        elif level == "smaller":  # the clearest cut of the part itself
+        elif level == "smaller":  # the largest node inside that is clearer than each cut of it
             among = np.flatnonzero(tree.clear[nodes] & (LARGER * area < area[best]))[-1:]
         chosen = among[clarity[among].argmax()] if len(among) else best
         return nodes[chosen]
 
     def _at_vertices(self, sides: Sequence[Bool]) -> Int64:
-        """Return (V,) the index of the mask in `sides`, each (N,), that holds most of the nodes around each vertex."""
+        """Return (V,) the index of the mask in `sides`, (N,) each, with the largest interpolated share at a vertex."""
         shares = self._patches.nodes.shares(np.array(sides, np.float64))
         best = np.zeros(len(self._mesh.vertices), np.float32)
         label = np.zeros(len(best), np.int64)

@@ -52,7 +52,7 @@ class Session:
         self._progress: messages.ProgressMessage | None = None  # the last progress message, while its task runs
         self._warnings: list[str] = []  # warnings of reading the shape
         self.after = 0  # the number of the newest request
-        self._names: dict[str, str] = {}  # names of opened files that the user knows, by their paths
+        self._names: dict[str, str] = {}  # original names of opened files, by path
         self._uploads: list[Path] = []  # folders of the open shape's uploads
         self.exports: dict[str, Path] = {}  # files to download, by number
         self._pending_edit: Path | None = None  # an edit that waits for the field
@@ -139,7 +139,7 @@ class Session:
 
     @request
     def open_sample(self, name: messages.Text) -> None:
-        """Open one of the samples that `session` lists."""
+        """Open one of the samples that the message `session` lists."""
         self.open(Opening(mesh=name))
 
     @request
@@ -229,7 +229,7 @@ class Session:
             self.fail(number, error)
 
     def fail(self, number: int, error: Exception) -> None:
-        """Report that request `number` failed, without paths of this machine; log unexpected exceptions."""
+        """Send the failure of request `number`, without paths of this machine; log unexpected exceptions."""
         if out_of_memory(error):
             why = "Memory ran out; nothing was changed. Take a smaller mesh, or close other programs"
         elif isinstance(error, (ValueError, OSError, UserWarning)):
@@ -245,7 +245,7 @@ class Session:
     def require(self) -> Editing:
         """Return the editing state; raises ValueError if no shape is open or it has no field yet."""
         if self.editing is None:
-            raise ValueError("Open a mesh first" if self.mesh is None else "The shape has no field yet: wait for it")
+            raise ValueError("Open a mesh first" if self.mesh is None else "The shape has no field yet: distill one")
         return self.editing
 
     @property

@@ -1,4 +1,7 @@
-"""The scene of a mesh file: its parts, the mesh vertex of each row, and the source for rewriting the file."""
+"""The scene of a mesh file: its primitives, the mesh vertex of each row, and the source file.
+
+A row is a vertex of a primitive.
+"""
 
 from __future__ import annotations
 
@@ -21,10 +24,10 @@ _DEFAULT = Material(is_default=True)
 
 @dataclass(frozen=True)
 class FileSource:
-    """The source for rewriting an OBJ, PLY, STL or OFF file with other positions; rewriting parses it again."""
+    """The content of an OBJ, PLY, STL or OFF file. Writing it with other positions parses this content again."""
 
     path: Path
-    data: UInt8  # (N,) its bytes; processes can share an array
+    data: UInt8  # (N,) the bytes of the file, as an array, which processes can share
     numbers: Int64 | None = None  # (R,) the file's own vertex of each row; None for STL files, which number no vertices
     corner_rows: Int32 | None = None  # (C,) row of each corner of an OBJ file's faces; −1 in a face of too few corners
 
@@ -34,7 +37,7 @@ class SceneFile:
     """A file's scene, kept for coloring and rewriting.
 
     Rows are the concatenated vertices of the primitives: the file's own vertices, split along seams of texture or
-    normals. A vertex of the mesh represents all rows at its position.
+    normals. The first vertex of the mesh at a position represents all rows there.
     """
 
     path: Path | None
@@ -66,11 +69,11 @@ class SceneFile:
         gltf: GltfData | None = None,
         source: FileSource | None = None,
     ) -> SceneFile:
-        """Return the scene of a file's instances, with numbered vertices.
+        """Return the scene of a file's instances, and number the vertices of the mesh.
 
-        `own_vertices` (V, 3) is the file's own list of vertices. `source.numbers` maps rows to this list; without a
-        `source`, every row is a vertex. Without a list, distinct positions that faces use are numbered in the order of
-        the rows.
+        `own_vertices` (V, 3) is the file's own list of vertices. `source.numbers` maps rows to this list; without
+        these numbers, every row is a vertex. Without `own_vertices`, the vertices are the distinct positions that faces
+        use, in the order of the rows.
 
         Raises ArgumentError if there are no faces or fewer than three distinct vertices, or a number is not finite.
         """
@@ -100,8 +103,8 @@ class SceneFile:
 
 
 def _appearance(primitives: Sequence[Primitive], vertex: Int32, corner_faces: Int32) -> Appearance | None:
-    """Return the appearance of the primitives, with the `vertex` (R,) of each row; None if the file defines none."""
-    numbers: dict[tuple[int, bool], int] = {}  # from a material, and whether its surface has colors, to our number
+    """Return the appearance of the primitives, or None if the file defines none; `vertex` (R,) is that of each row."""
+    numbers: dict[tuple[int, bool], int] = {}  # index in `known`, by material and presence of colors
     known: list[Material] = []
     of_primitive: list[int] = []
     colored, by_corner = False, False
@@ -122,7 +125,7 @@ def _appearance(primitives: Sequence[Primitive], vertex: Int32, corner_faces: In
         uv = np.where(np.isfinite(uv), uv, 0).clip(-1e6, 1e6).astype(np.float32)
     if colored:
         colors = np.concatenate([_or_fill(each.geometry.colors, each, 1.0, 4) for each in primitives])
-    if colors is not None and by_corner:  # corners are rows of their own
+    if colors is not None and by_corner:  # each corner becomes a row, since shared rows have several colors
         rows = corner_faces.ravel()
         vertex, colors, uv = vertex[rows], colors[rows], None if uv is None else uv[rows]
         corner_faces = np.arange(len(rows), dtype=np.int32).reshape(-1, 3)
