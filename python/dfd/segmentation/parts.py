@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -23,9 +23,8 @@ from dfd.segmentation.patches import Patches
 
 Level = Literal["smaller", "part", "larger"]
 LARGER = 1.25  # least ratio of the areas of two levels
-LEAST_SALIENCY = (
-    0.033  # smallest saliency of a part; chance gives up to 0.031 on a ball, parts that people name 0.08 to 2
-)
+# Smallest saliency of a part. Chance gives up to 0.031 on a ball, and parts that people name have 0.08 to 2.
+LEAST_SALIENCY = 0.033
 # In the blend band, the weights of a grip fall from 1 to 0. The border of the part, with weight 0.5, is the middle of
 # the band. Its width is the smaller of WIDEST, in diagonals of the box, and OF_GIRTH, in girths of the limb.
 # In tests, 167 parts were pulled by 30 % of their length. For 40 % of them, the 99th percentile of the change of
@@ -34,13 +33,6 @@ LEAST_SALIENCY = (
 WIDEST, OF_GIRTH = 0.1, 0.25
 # Parts with more than MOST_BORDERS borders per component, such as a trunk, have a blend band TRUNK times as wide.
 TRUNK, MOST_BORDERS = 3.0, 1.5
-
-
-class Features(Protocol):
-    """A function that returns the features of vertices of a mesh, such as `field.on(mesh).rows`."""
-
-    def __call__(self, vertices: Int64) -> Float32:
-        """Return the features (N, D) of vertices (N,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,9 +62,12 @@ class Grip:
 
 
 class Parts:
-    """The parts of the shape `mesh`, by the features of its vertices; computed for the first request."""
+    """The parts of the shape `mesh`, computed for the first request.
 
-    def __init__(self, mesh: Mesh, features: Features) -> None:
+    `features` returns the features (N, D) of vertices (N,), such as `field.on(mesh).rows`.
+    """
+
+    def __init__(self, mesh: Mesh, features: Callable[[Int64], Float32]) -> None:
         self._mesh, self._features = mesh, features
 
     def __repr__(self) -> str:
@@ -96,7 +91,7 @@ class Parts:
         check.choice("Parts.part", "level", level, Level)
         vertex = self._vertex(at)
         patch = int(self._patches.of_vertex[vertex])
-        inside = self._hierarchy.nodes[self._chosen(patch, level)].inside
+        inside = self._hierarchy.inside[self._chosen(patch, level)]
         if not alike:
             component = components_of(self._patches, inside)
             inside = component == component[patch]
@@ -118,7 +113,9 @@ class Parts:
         if inside.all() or max(map(tree.saliency, tree.candidates(patch))) < LEAST_SALIENCY:
             return None
         side = self._snapped(inside, vertex)
-        width = patches.size * self._band(chosen, inside)
+        components, borders = components_and_borders(patches, inside)
+        wider = TRUNK if borders > MOST_BORDERS * len(components) else 1.0
+        width = patches.size * wider * min(WIDEST, tree.girth(chosen) * OF_GIRTH)
         # The blend band does not cross gaps between components of the mesh, such as between teeth and lips.
         graph, component = patches.nodes.graph, patches.nodes.component
         row = np.repeat(np.arange(len(side)), np.diff(graph.indptr))
@@ -154,8 +151,7 @@ class Parts:
         claims = np.array([snapped(patches, inside) for inside in masks])
         # A node that no part or several parts claim stays with the part of its patch.
         of_node = np.where(claims.sum(axis=0) == 1, claims.argmax(axis=0), masks.argmax(axis=0)[patches.of_node])
-        sides = [of_node == number for number in range(len(masks))]
-        label = self._at_vertices(sides)
+        label = self._at_vertices([of_node == number for number in range(len(masks))])
         found = [
             self._part(inside, label == number, self._middle(inside))
             for number, inside in enumerate(masks)
@@ -168,12 +164,6 @@ class Parts:
         if self._has_surface:
             _ = self._hierarchy
 
-    def _band(self, chosen: int, inside: Bool) -> float:
-        """Return the width of the blend band around a part, in diagonals of the box."""
-        components, borders = components_and_borders(self._patches, inside)
-        wider = TRUNK if borders > MOST_BORDERS * len(components) else 1.0
-        return wider * min(WIDEST, self._hierarchy.girth(chosen) * OF_GIRTH)
-
     def _snapped(self, inside: Bool, vertex: int) -> Bool:
         """Return (N,) the nodes of the part of patches `inside` (P,), which always has the node of `vertex`."""
         return snapped(self._patches, inside, int(self._patches.first[self._patches.nodes.of_vertex[vertex]]))
@@ -182,7 +172,7 @@ class Parts:
         """Return the tree node of the part at a patch."""
         tree = self._hierarchy
         nodes = tree.candidates(patch)
-        area = np.array([tree.nodes[node].area for node in nodes])
+        area = tree.area[nodes]
         clarity = np.array([tree.clarity(node) for node in nodes])
         best = nodes.index(tree.held(patch))
         among = np.array([best])
@@ -190,8 +180,7 @@ class Parts:
             among = np.flatnonzero(area > LARGER * area[best])
         elif level == "smaller":  # the clearest cut of the part itself
             among = np.flatnonzero(tree.clear[nodes] & (LARGER * area < area[best]))[-1:]
-        chosen = among[clarity[among].argmax()] if len(among) else best
-        return nodes[chosen]
+        return nodes[among[clarity[among].argmax()] if len(among) else best]
 
     def _at_vertices(self, sides: Sequence[Bool]) -> Int64:
         """Return (V,) the index of the mask in `sides`, each (N,), that holds most of the nodes around each vertex."""
@@ -211,11 +200,7 @@ class Parts:
 
     def _middle(self, inside: Bool) -> int:
         """Return a vertex of the patch of `inside` (P,) that is farthest from the border of the part."""
-        borders = self._patches.borders
-        ends = np.unique(borders.pairs[np.not_equal(*inside[borders.pairs.T])])
-        depth = np.zeros(len(inside))
-        if len(ends):
-            depth = dijkstra(borders.graph(borders.apart), indices=ends, min_only=True)
+        depth = self._patches.borders.depth(inside)
         depth = np.where(inside & np.isfinite(depth), depth, -1.0)
         return int(np.flatnonzero(self._patches.of_vertex == depth.argmax())[0])
 
