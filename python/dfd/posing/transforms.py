@@ -120,19 +120,23 @@ class Transform(Brief):
         keep = object.__setattr__
         keep(self, "translation", vector("translation", self.translation))
         keep(self, "rotation", rotation_vector(self.rotation))
-        keep(self, "scale", scale_factors(self.scale))
+        keep(
+            self, "scale", _triple(np.broadcast_to(_numbers("scale", self.scale, ((), (3,)), "one number or 3"), (3,)))
+        )
         if self.pivot is not None:
             keep(self, "pivot", vector("pivot", self.pivot))
         if self.axes is not None:
-            keep(self, "axes", frame_vectors("axes", self.axes))
+            rows = check.array("Transform", "axes", self.axes, (3, 3), dtype=np.float64)
+            if np.abs(rows @ rows.T - np.eye(3)).max() > 1e-6:
+                raise ArgumentError("axes", f"must be 3 unit vectors at right angles, got {rows.tolist()}", "Transform")
+            keep(self, "axes", tuple(_triple(row) for row in rows))
         if self.pivot_at is not None:
             check.choice("Transform", "pivot_at", self.pivot_at, PivotAt)
             if self.pivot is None:
                 raise ArgumentError("pivot", "must be given when `pivot_at` is", "Transform")
         keep(self, "bend", _angles("bend", self.bend))
-        keep(
-            self, "twist", check.number("Transform", "twist", self.twist, minimum=-LARGEST_ANGLE, maximum=LARGEST_ANGLE)
-        )
+        most = LARGEST_ANGLE
+        keep(self, "twist", check.number("Transform", "twist", self.twist, minimum=-most, maximum=most))
         if self.joint is not None:
             keep(self, "joint", check.number("Transform", "joint", self.joint, minimum=0.0, maximum=1.0))
         keep(self, "linear", _linear(self.rotation, self.scale, self.axes))
@@ -220,12 +224,10 @@ def rotation_matrix(rotation: ArrayLike) -> Float64:
 
 def rotation_vector(rotation: ArrayLike) -> Vector:
     """Return `rotation` as a rotation vector in degrees; a quaternion gives the shorter rotation."""
-    numbers = _numbers("rotation", rotation)
-    if numbers.shape == (3,):
+    wanted = "a rotation vector in degrees (3 numbers) or a quaternion x y z w (4 numbers)"
+    numbers = _numbers("rotation", rotation, ((3,), (4,)), wanted)
+    if len(numbers) == 3:
         return _angles("rotation", numbers)
-    if numbers.shape != (4,):
-        wanted = "a rotation vector in degrees (3 numbers) or a quaternion x y z w (4 numbers)"
-        raise ArgumentError("rotation", f"must be {wanted}, got shape {numbers.shape}", "Transform")
     from scipy.spatial.transform import Rotation
 
     largest = np.abs(numbers).max()
@@ -246,29 +248,9 @@ def _angles(name: str, value: ArrayLike) -> Vector:
     return angles
 
 
-def scale_factors(scale: ArrayLike) -> Vector:
-    """Return `scale`, one factor or three, as three factors."""
-    numbers = _numbers("scale", scale)
-    if numbers.shape not in ((), (3,)):
-        raise ArgumentError("scale", f"must be one number or 3, got shape {numbers.shape}", "Transform")
-    return _triple(np.broadcast_to(numbers, (3,)))
-
-
 def vector(name: str, value: ArrayLike) -> Vector:
     """Return `value` as three finite numbers."""
-    numbers = _numbers(name, value)
-    if numbers.shape != (3,):
-        raise ArgumentError(name, f"must be 3 numbers, got shape {numbers.shape}", "Transform")
-    return _triple(numbers)
-
-
-def frame_vectors(name: str, value: ArrayLike) -> Frame:
-    """Return `value` (3, 3) as three orthonormal vectors, one per row."""
-    rows = check.array("Transform", name, value, (3, 3), dtype=np.float64)
-    if np.abs(rows @ rows.T - np.eye(3)).max() > 1e-6:
-        raise ArgumentError(name, f"must be 3 unit vectors at right angles, got {rows.tolist()}", "Transform")
-    x, y, z = (_triple(row) for row in rows)
-    return (x, y, z)
+    return _triple(_numbers(name, value, ((3,),), "3 numbers"))
 
 
 def frame_of_normal(normal: ArrayLike) -> Frame:
@@ -297,11 +279,14 @@ def _linear(rotation: Vector, scale: Vector, axes: Frame | None) -> Float64:
     return linear
 
 
-def _numbers(name: str, value: Any) -> Float64:
-    """Return `value`, one number or a list of numbers, as an array of shape () or (N,)."""
-    if value is None or np.isscalar(value) or getattr(value, "ndim", 1) == 0:
-        return check.array("Transform", name, value, (), dtype=np.float64).reshape(())
-    return check.array("Transform", name, value, ("N",), dtype=np.float64)
+def _numbers(name: str, value: Any, shapes: tuple[tuple[int, ...], ...], wanted: str) -> Float64:
+    """Return `value` as an array of one of `shapes`, () or (N,), which messages call `wanted`."""
+    single = value is None or np.isscalar(value) or getattr(value, "ndim", 1) == 0
+    numbers: Float64 = check.array("Transform", name, value, () if single else ("N",), dtype=np.float64)
+    numbers = numbers.reshape(()) if single else numbers
+    if numbers.shape not in shapes:
+        raise ArgumentError(name, f"must be {wanted}, got shape {numbers.shape}", "Transform")
+    return numbers
 
 
 def _triple(numbers: Float64) -> Vector:
