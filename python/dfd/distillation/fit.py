@@ -217,10 +217,8 @@ def widen(field: Field, directions: Float32) -> Field:
 
     The rows of `directions` are orthonormal, so lengths stay the same. The product is folded into the last layer.
     """
-    last = field.architecture.layer_names().linear[-1]
-    turned: dict[str, Any] = {
-        name: directions.T @ field.parameters[name] for name in (f"{last}.weight", f"{last}.bias")
-    }
+    last = list(field.parameters)[-2:]  # weight and bias of the last linear map
+    turned: dict[str, Any] = {name: directions.T @ field.parameters[name] for name in last}
     return Field(
         {**field.parameters, **turned},
         octaves=field.architecture.octaves,
