@@ -57,9 +57,7 @@ def fit(
 
     Raises ValueError if the fit diverges (NaN or infinity).
     """
-    architecture = Architecture(
-        targets.dimension, width=settings.width, layers=settings.layers, octaves=settings.octaves
-    )
+    architecture = Architecture(targets.dimension, settings.width, settings.layers, settings.octaves)
     generator = torch.Generator().manual_seed(settings.seed)
     network = Network(architecture).draw(generator).to(device)
     batches, steps = _batches(targets, settings, generator)
@@ -140,22 +138,9 @@ class Adam:
 
     def step(self, gradients: list[Tensor], rate: float, momentum: float) -> None:
         """Update the parameters by one step with the learning rate `rate`; `momentum` is β₁."""
-        adam(
-            self._parameters,
-            gradients,
-            self._means,
-            self._squares,
-            [],
-            self._steps,
-            fused=True,
-            amsgrad=False,
-            beta1=momentum,
-            beta2=0.999,
-            lr=rate,
-            weight_decay=0.0,
-            eps=1e-8,
-            maximize=False,
-        )
+        state = self._parameters, gradients, self._means, self._squares, [], self._steps
+        options: dict[str, Any] = {"amsgrad": False, "weight_decay": 0.0, "maximize": False}
+        adam(*state, fused=True, beta1=momentum, beta2=0.999, lr=rate, eps=1e-8, **options)
 
 
 def schedule(settings: DistillSettings, steps: int) -> Iterator[tuple[float, float]]:
