@@ -138,7 +138,7 @@ class Adam:
 
     def step(self, gradients: list[Tensor], rate: float, momentum: float) -> None:
         """Update the parameters by one step with the learning rate `rate`; `momentum` is β₁."""
-        state = self._parameters, gradients, self._means, self._squares, [], self._steps
+        state = self._parameters, gradients, self._means, self._squares, list[Tensor](), self._steps
         options: dict[str, Any] = {"amsgrad": False, "weight_decay": 0.0, "maximize": False}
         adam(*state, fused=True, beta1=momentum, beta2=0.999, lr=rate, eps=1e-8, **options)
 

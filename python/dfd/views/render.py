@@ -16,7 +16,7 @@ from dfd.common.threads import get_num_threads
 from dfd.mesh.appearance import blend
 from dfd.mesh.normalization import normalization
 from dfd.views.cameras import Camera, Framing, place_cameras
-from dfd.views.raycast import Hits, Scene
+from dfd.views.raycast import Scene
 from dfd.views.shading import Shading
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def render(
                 covered[index, place[0], place[1]] = True
                 return points, row, column, np.zeros(0, np.int32)
             row, column = np.divmod(hits.ray.astype(np.int32), resolution)
-            points = surface_points(vertices, mesh.faces, hits)
+            points = blend(vertices, mesh.faces.take(hits.face, axis=0), hits.barycentric)  # P = B·T, Eq. 2
             return points, row.astype(np.float32), column.astype(np.float32), hits.face
 
         seen = []
@@ -145,11 +145,6 @@ def used_vertices(vertices: Float32, faces: Int32) -> Float32:
     used = np.zeros(len(vertices), bool)
     used[faces] = True
     return vertices if used.all() else vertices[used]
-
-
-def surface_points(vertices: Float32, faces: Int32, hits: Hits) -> Float32:
-    """Return the points P = B·T (Eq. 2) of all hits, (K, 3), in the units of `vertices` (V, 3)."""
-    return blend(vertices, faces.take(hits.face, axis=0), hits.barycentric)
 
 
 def _visible_vertices(
