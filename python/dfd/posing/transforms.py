@@ -9,6 +9,7 @@ also be given as a quaternion (x, y, z, w), in glTF's order, which is converted 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -27,60 +28,43 @@ NOT_UNIT = 1e-3  # difference of a quaternion's length from 1 above which a warn
 LARGEST_ANGLE = 1e9  # degrees; for larger angles, float64 has too few digits to remove whole turns
 
 # The motions of a handle: fields of `Transform`, and values that the held part converts to them.
+_of_pose, _of_part = partial(About, affects="pose"), partial(About, affects="pose", of_part=True)
 MOTIONS = {
-    "translation": About(
-        "Move the handle, in mesh units.", metavar="X Y Z", option="translate", unit="length", affects="pose"
-    ),
-    "rotation": About(
+    "translation": _of_pose("Move the handle, in mesh units.", metavar="X Y Z", option="translate", unit="length"),
+    "rotation": _of_pose(
         "Rotate the handle: the vector's direction is the axis, and its length the angle in degrees.",
         metavar="X Y Z",
         option="rotate",
         unit="angle",
-        affects="pose",
     ),
-    "scale": About("Scale the handle: one factor, or three along the axes.", metavar="S | X Y Z", affects="pose"),
-    "pivot": About(
+    "scale": _of_pose("Scale the handle: one factor, or three along the axes.", metavar="S | X Y Z"),
+    "pivot": _of_pose(
         "Center of rotation and scale; by default the base of a limb, and the middle of other parts.",
         metavar="X Y Z|base|middle|point|plane|hinge",
         unit="position",
-        affects="pose",
     ),
-    "axes": About(
-        "Use the surface's normal at the handle as the third axis of scale, instead of z.",
-        metavar="normal",
-        affects="pose",
+    "axes": _of_pose(
+        "Use the surface's normal at the handle as the third axis of scale, instead of z.", metavar="normal"
     ),
-    "bend": About(
-        "Bend the held part along its own axis: the angle by which its tip rotates.",
-        metavar="DEGREES",
-        unit="angle",
-        affects="pose",
-        of_part=True,
+    "bend": _of_part(
+        "Bend the held part along its own axis: the angle by which its tip rotates.", metavar="DEGREES", unit="angle"
     ),
-    "towards": About(
+    "towards": _of_part(
         "Direction in which --bend moves the tip; by default up, or to the front if the part is upright.",
         metavar="up|down|left|right|front|back|X Y Z",
-        affects="pose",
-        of_part=True,
     ),
-    "twist": About(
-        "Twist the held part about its own axis.", metavar="DEGREES", unit="angle", affects="pose", of_part=True
-    ),
-    "joint": About(
+    "twist": _of_part("Twist the held part about its own axis.", metavar="DEGREES", unit="angle"),
+    "joint": _of_part(
         "Position of the bend along the axis: over the whole length (spread), where the part is already bent or narrow "
         "(auto), at the handle (here), or from base (0) to tip (1).",
         0.0,
         1.0,
         metavar="spread|auto|here|0…1",
-        affects="pose",
-        of_part=True,
     ),
-    "open": About(
+    "open": _of_part(
         "Rotate the held part about its hinge, away from the rest of the shape, as a jaw opens.",
         metavar="DEGREES",
         unit="angle",
-        affects="pose",
-        of_part=True,
     ),
 }
 
@@ -106,9 +90,7 @@ class Transform(Brief):
     # Three orthonormal vectors along which `scale` acts, the columns of A; None is the mesh's axes.
     axes: Annotated[Frame | None, MOTIONS["axes"]] = None
     # The name of the pivot, as in `Deformer.add`; None if the pivot was given in numbers.
-    pivot_at: Annotated[
-        PivotAt | None, About("Name of the pivot's place on the held part.", affects="pose", of_part=True)
-    ] = None
+    pivot_at: Annotated[PivotAt | None, _of_part("Name of the pivot's place on the held part.")] = None
     bend: Annotated[Vector, MOTIONS["bend"]] = (0.0, 0.0, 0.0)  # rotation vector of the held part's tip, in degrees
     twist: Annotated[float, MOTIONS["twist"]] = 0.0  # rotation of the tip about the part's axis, in degrees
     # The position of bend and twist on the axis, from base (0) to tip (1); None distributes them over its length.

@@ -152,11 +152,12 @@ class Parts:
         # A node that no part or several parts claim stays with the part of its patch.
         of_node = np.where(claims.sum(axis=0) == 1, claims.argmax(axis=0), masks.argmax(axis=0)[patches.of_node])
         label = self._at_vertices([of_node == number for number in range(len(masks))])
-        found = [
-            self._part(inside, label == number, self._middle(inside))
-            for number, inside in enumerate(masks)
-            if (label == number).any()
-        ]
+        found = []
+        for number, inside in enumerate(masks):
+            if (label == number).any():
+                depth = patches.borders.depth(inside)
+                deepest = np.where(inside & np.isfinite(depth), depth, -1.0).argmax()
+                found.append(self._part(inside, label == number, int((patches.of_vertex == deepest).argmax())))
         return sorted(found, key=lambda each: -each.share)
 
     def prepare(self) -> None:
@@ -197,12 +198,6 @@ class Parts:
         component, area = components_of(self._patches, inside)[inside], self._patches.area[inside]
         sizes = np.bincount(component, area)
         return Part(mask, float(area.sum()), int((sizes > SMALL_COMPONENT * sizes.max()).sum()), vertex)
-
-    def _middle(self, inside: Bool) -> int:
-        """Return a vertex of the patch of `inside` (P,) that is farthest from the border of the part."""
-        depth = self._patches.borders.depth(inside)
-        depth = np.where(inside & np.isfinite(depth), depth, -1.0)
-        return int(np.flatnonzero(self._patches.of_vertex == depth.argmax())[0])
 
     def _vertex(self, at: Any) -> int:
         if np.ndim(at) == 0:
