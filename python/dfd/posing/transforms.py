@@ -174,22 +174,6 @@ class Transform(Brief):
         return matrix
 
 
-def affine(
-    *,
-    translation: ArrayLike = (0.0, 0.0, 0.0),
-    rotation: ArrayLike = (0.0, 0.0, 0.0),
-    scale: ArrayLike = 1.0,
-    pivot: ArrayLike = (0.0, 0.0, 0.0),
-    axes: ArrayLike | None = None,
-) -> Float64:
-    """Return the (3, 4) matrix, in mesh units, of a `Transform` with these values; the default pivot is the origin.
-
-    Raises ValueError as `Transform` does.
-    """
-    parts: dict[str, Any] = {"translation": translation, "rotation": rotation, "scale": scale, "axes": axes}
-    return Transform(**parts, pivot=vector("pivot", pivot)).matrix().copy()
-
-
 def rotation_matrix(rotation: ArrayLike) -> Float64:
     """Return R (3, 3) of a rotation vector in degrees or a quaternion (x, y, z, w).
 
