@@ -34,20 +34,16 @@ def posed_with_gradients(
     if options["blend"] != "linear" or options["overlap"] == "interpolate":
         remedy = "detach the tensors that require gradients"
         raise ValueError(f'pose: only blend="linear" without overlap="interpolate" has gradients: {remedy}')
-    given = {"vertices": vertices, "weights": weights, "transforms": transforms}
-    for name, value in given.items():
+    inputs = []
+    for name, value in {"vertices": vertices, "weights": weights, "transforms": transforms}.items():
         if tensors.tracked(value) and value.dtype not in (torch.float32, torch.float64):
             raise ArgumentError(name, f"must be float32 or float64 to have gradients, got {value.dtype}", "pose")
-    arguments = (_tensor(name, value) for name, value in given.items())
-    return _Pose.apply(pose, options, *arguments)  # type: ignore[no-untyped-call]
-
-
-def _tensor(name: str, value: Any) -> torch.Tensor:
-    if isinstance(value, torch.Tensor):
-        return value
-    array = np.asarray(tensors.shared("pose", name, value))
-    # Vertices of a mesh are read-only. torch has no read-only tensors and would warn.
-    return torch.from_numpy(array if array.flags.writeable else array.copy())
+        if not isinstance(value, torch.Tensor):
+            array = np.asarray(tensors.shared("pose", name, value))
+            # Vertices of a mesh are read-only. torch has no read-only tensors and would warn.
+            value = torch.from_numpy(array if array.flags.writeable else array.copy())
+        inputs.append(value)
+    return _Pose.apply(pose, options, *inputs)  # type: ignore[no-untyped-call]
 
 
 class _Pose(torch.autograd.Function):

@@ -208,9 +208,7 @@ def _smoothed(normal: Float64, pairs: Int64) -> Float64:
     return unit(normal)
 
 
-def _contracted(
-    of: NDArray[np.integer], pairs: NDArray[np.integer], length: Float64, count: int
-) -> tuple[Int64, Float64]:
+def _contracted(of: Int64, pairs: Int64, length: Float64, count: int) -> tuple[Int64, Float64]:
     """Return the distinct pairs (E, 2) of groups, and the total length (E,) of their borders.
 
     `of` (N,) is the group of each node, `pairs` and `length` the borders between nodes, and `count` the number of

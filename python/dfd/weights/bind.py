@@ -161,8 +161,6 @@ def _extents(
 
 def _locality(geodesic: Any, locality: ArrayLike, shape: tuple[int, int]) -> tuple[Float32 | None, Float32 | None]:
     """Return distances (H, V) and exponents λ (H,), or (None, None) without locality."""
-    if geodesic is None and type(locality) is float and locality == 0:
-        return None, None
     vertex_count, handle_count = shape
     exponents = _for_each("locality", locality, handle_count, minimum=0.0)
     if geodesic is None:
