@@ -18,7 +18,7 @@ from dfd.editing.influence.regions import Ball, Box, HalfSpace, VertexSet
 from dfd.editing.presets import Counterparts
 from dfd.geometry.findings import findings
 from dfd.posing.pose import Blend, Overlap, pose
-from dfd.posing.transforms import affine
+from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.symmetry.search import symmetry_planes
 from dfd.weights.bind import Falloff, bind
@@ -140,7 +140,7 @@ def _regions(mesh: Mesh, random: np.random.Generator) -> list[Any]:
 def _posed(mesh: Mesh, features: NDArray[np.float32], handles: list[int], random: np.random.Generator) -> None:
     """The functions by themselves: every overlap with every blend, across a plane and not."""
     weights = bind(features, handles)
-    transforms = np.stack([affine(rotation=random.normal(size=3) * 90, scale=1.3) for _ in handles])
+    transforms = np.stack([Transform(rotation=random.normal(size=3) * 90, scale=1.3).matrix() for _ in handles])
     across = SymmetryPlane((1.0, 0.0, 0.0), float(mesh.vertices[:, 0].mean()), band=0.03 * mesh.diagonal)
     for overlap, blend in itertools.product(get_args(Overlap), get_args(Blend)):
         for plane in (None, across):

@@ -320,13 +320,13 @@ def field(network: Field, points: ArrayLike) -> Array:
     x = ((np.asarray(points, np.float64) - network.center) * network.scale).astype(np.float32).astype(np.float64)
     angles = [np.pi / 2 * 2**octave * x for octave in range(network.architecture.octaves)]
     x = np.concatenate([x, *[wave for angle in angles for wave in (np.sin(angle), np.cos(angle))]], axis=1)
-    names = network.architecture.layer_names()
     of = {name: np.asarray(values, np.float64) for name, values in network.parameters.items()}
-    for linear, norm in zip(names.linear, names.norms, strict=False):
-        x = np.maximum(x @ of[f"{linear}.weight"].T + of[f"{linear}.bias"], 0.0)
+    last = 3 * network.architecture.layers
+    for layer in range(0, last, 3):
+        x = np.maximum(x @ of[f"network.{layer}.weight"].T + of[f"network.{layer}.bias"], 0.0)
         x = (x - x.mean(axis=1, keepdims=True)) / np.sqrt(x.var(axis=1, keepdims=True) + 1e-5)
-        x = x * of[f"{norm}.weight"] + of[f"{norm}.bias"]
-    x = x @ of[f"{names.linear[-1]}.weight"].T + of[f"{names.linear[-1]}.bias"]
+        x = x * of[f"network.{layer + 2}.weight"] + of[f"network.{layer + 2}.bias"]
+    x = x @ of[f"network.{last}.weight"].T + of[f"network.{last}.bias"]
     features: Array = x / np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-12)
     return features
 

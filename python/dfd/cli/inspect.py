@@ -31,7 +31,7 @@ def inspect(
     from dfd.geometry import topology
     from dfd.geometry.findings import findings
     from dfd.symmetry.plane import plane_text
-    from dfd.upright.candidates import check_up, explicit_up, file_up
+    from dfd.upright.candidates import Up, check_up, explicit_up
     from dfd.upright.find_up import find_up
 
     shape = load(mesh)
@@ -40,7 +40,7 @@ def inspect(
     try:
         found = find_up(shape, load_encoder(DEFAULT_ENCODER)) if said == "auto" else explicit_up(shape, said)
     except OSError:  # without the encoder's weights, the rest is still reported
-        found = file_up()
+        found = Up()
     odd = findings(shape, counts)
     report: dict[str, Any] = {
         "file": str(mesh),

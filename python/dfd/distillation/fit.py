@@ -57,9 +57,7 @@ def fit(
 
     Raises ValueError if the fit diverges (NaN or infinity).
     """
-    architecture = Architecture(
-        targets.dimension, width=settings.width, layers=settings.layers, octaves=settings.octaves
-    )
+    architecture = Architecture(targets.dimension, settings.width, settings.layers, settings.octaves)
     generator = torch.Generator().manual_seed(settings.seed)
     network = Network(architecture).draw(generator).to(device)
     batches, steps = _batches(targets, settings, generator)
@@ -140,22 +138,9 @@ class Adam:
 
     def step(self, gradients: list[Tensor], rate: float, momentum: float) -> None:
         """Update the parameters by one step with the learning rate `rate`; `momentum` is β₁."""
-        adam(
-            self._parameters,
-            gradients,
-            self._means,
-            self._squares,
-            [],
-            self._steps,
-            fused=True,
-            amsgrad=False,
-            beta1=momentum,
-            beta2=0.999,
-            lr=rate,
-            weight_decay=0.0,
-            eps=1e-8,
-            maximize=False,
-        )
+        state = self._parameters, gradients, self._means, self._squares, list[Tensor](), self._steps
+        options: dict[str, Any] = {"amsgrad": False, "weight_decay": 0.0, "maximize": False}
+        adam(*state, fused=True, beta1=momentum, beta2=0.999, lr=rate, eps=1e-8, **options)
 
 
 def schedule(settings: DistillSettings, steps: int) -> Iterator[tuple[float, float]]:
@@ -217,10 +202,8 @@ def widen(field: Field, directions: Float32) -> Field:
 
     The rows of `directions` are orthonormal, so lengths stay the same. The product is folded into the last layer.
     """
-    last = field.architecture.layer_names().linear[-1]
-    turned: dict[str, Any] = {
-        name: directions.T @ field.parameters[name] for name in (f"{last}.weight", f"{last}.bias")
-    }
+    last = list(field.parameters)[-2:]  # weight and bias of the last linear map
+    turned: dict[str, Any] = {name: directions.T @ field.parameters[name] for name in last}
     return Field(
         {**field.parameters, **turned},
         octaves=field.architecture.octaves,

@@ -66,9 +66,9 @@ class DiffusionProblem:
     views: Views
     distance: float  # distance over which features are smoothed, in normalized coordinates
     points: Float64  # (N, 3) the samples, in normalized coordinates
+    centered: Float64  # (N, 3) the samples along the axes of `views.frame`, with the box along these axes in [−1, 1]
     face: Int64  # (N,) the face of each sample
     area: float  # area of the surface per sample
-    size: float  # half the longest side of the box along the axes of `views.frame`
     component: Int32  # (F,) the connected component of each face of the surface
     gathered: sparse.csr_matrix  # (N, tokens) the weight of each token in the mean at each sample
     confidence: Float64  # (N,) visibility c_i of each sample
@@ -94,17 +94,24 @@ def build_diffusion(views: Views, grid: TokenGrid, *, smoothing: float, seed: in
     component = face_components(weld(vertices)[1][faces])
     points, face = sample_surface(vertices, faces, SURFACE_SAMPLES, generator)
     area = float(np.cumsum(face_areas(vertices, faces))[-1]) / SURFACE_SAMPLES
-    chosen, nearest = _gather(views, points, component, face, generator)
+    chosen = np.arange(len(views.points))
+    if len(chosen) > MAX_PIXELS:
+        chosen = np.sort(generator.choice(len(chosen), MAX_PIXELS, replace=False))
+    # The sample nearest to each pixel on its connected component.
+    tree = cKDTree(apart(points, component[face]))
+    nearest = tree.query(apart(views.points[chosen], component[views.face[chosen]]), workers=-1)[1]
     seen = np.bincount(nearest, minlength=len(points)) / (len(chosen) / len(points))
     confidence = np.minimum(seen, SATURATED_COVERAGE) * area
     links = _surface_links(points, component[face], seen > 0, area)
     # In contrast to the mesh's axes, the axes of the frame give the same box if the shape is rotated in its file.
-    size = float(np.ptp(used_vertices(views.vertices, faces) @ views.frame.T, axis=0).max()) / 2
+    corners = used_vertices(views.vertices, faces) @ views.frame.T
+    size = float(np.ptp(corners, axis=0).max()) / 2
+    centered = (points @ views.frame.T - (corners.min(axis=0) + corners.max(axis=0)) / 2) / size
     distance = smoothing * size
     factors = _factors(confidence, area, distance, links)
     gathered = grid.means(chosen, nearest, len(points))
     return DiffusionProblem(
-        views, distance, points, face, area, size, component, gathered, confidence, links, factors, generator
+        views, distance, points, centered, face, area, component, gathered, confidence, links, factors, generator
     )
 
 
@@ -117,12 +124,12 @@ def smooth_along_surface(pixels: PixelTargets, on: DiffusionProblem, *, stages: 
     with stages.stage("smooth"), one_blas_thread():
         confidence, generator = on.confidence, on.generator
         tokens = pixels.means_by(on.gathered)  # Ẑ
-        directions = _main_directions(tokens, confidence)
+        weighted = tokens * np.sqrt(confidence / confidence.max()).astype(np.float32)[:, None]
+        directions = principal_directions(weighted, DIRECTIONS)
         main = tokens @ directions.T
         appearance = unit(_solve(main[:, :SIMILARITY_DIRECTIONS], confidence, on.factors))
         weight = float(np.median(on.links.data))
-        mirrored = _mirror_links(_centered(on.points, on.views) / on.size, appearance, weight, generator)
-        links = on.links + mirrored
+        links = on.links + _mirror_links(on.centered, appearance, weight, generator)
         smooth = _solve(main, confidence, _factors(confidence, on.area, on.distance, links))  # Z
         reached = np.linalg.norm(smooth, axis=1) > 1e-4
         one, other = (pixels.rows(some) for some in generator.integers(0, len(pixels.points), (2, PAIRS)))
@@ -132,26 +139,6 @@ def smooth_along_surface(pixels: PixelTargets, on: DiffusionProblem, *, stages: 
             component = on.component[face]
             boxes = boxes_of_components(on.views.vertices.astype(np.float64), on.views.faces, on.component)
         return PointTargets(on.points[reached].astype(np.float32), targets, directions, component, boxes, face)
-
-
-def _gather(
-    views: Views, points: Float64, component: Int32, face: Int64, generator: np.random.Generator
-) -> tuple[Int64, Int64]:
-    """Return chosen pixels (P,), and for each the nearest sample (P,) on its connected component.
-
-    The samples have positions `points` (N, 3) and lie on `face` (N,); `component` (F,) is that of each face.
-    """
-    chosen = np.arange(len(views.points))
-    if len(chosen) > MAX_PIXELS:
-        chosen = np.sort(generator.choice(len(chosen), MAX_PIXELS, replace=False))
-    tree = cKDTree(apart(points, component[face]))
-    _, nearest = tree.query(apart(views.points[chosen], component[views.face[chosen]]), workers=-1)
-    return chosen, nearest
-
-
-def _main_directions(rows: Float32, weight: NDArray[np.floating]) -> Float32:
-    """Return principal directions, orthonormal rows (d, D), of `rows` (N, D) weighted by `weight` (N,)."""
-    return principal_directions(rows * np.sqrt(weight / weight.max()).astype(np.float32)[:, None], DIRECTIONS)
 
 
 def _factors(confidence: Float64, area: float, distance: float, links: sparse.csr_matrix) -> SuperLU:
@@ -165,9 +152,8 @@ def _factors(confidence: Float64, area: float, distance: float, links: sparse.cs
     # The term 1e-6 · area makes the system regular at samples without visibility and links.
     system = distance**2 / 2 * SATURATED_COVERAGE * _laplacian(links) + sparse.diags(confidence + 1e-6 * area)
     # The matrix is positive definite, so it needs no pivoting. A symmetric ordering halves the fill-in.
-    return splu(
-        sparse.csc_matrix(system), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-    )
+    options = {"SymmetricMode": True}
+    return splu(sparse.csc_matrix(system), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
 
 
 def _laplacian(links: sparse.csr_matrix) -> sparse.csr_matrix:
@@ -228,12 +214,6 @@ def _mirror_links(
         links = _symmetric(2 * MIRROR_WEIGHT * weight * np.exp(-np.square(unlike)), one, other, len(points))
         best = max(best, links, key=lambda links: float(links.sum()))
     return best
-
-
-def _centered(points: Float64, views: Views) -> Float64:
-    """Return `points` (N, 3) in the axes of `views.frame`, relative to the center of the shape's box in these axes."""
-    corners = used_vertices(views.vertices, views.faces) @ views.frame.T
-    return points @ views.frame.T - (corners.min(axis=0) + corners.max(axis=0)) / 2
 
 
 def _symmetric(weights: NDArray[np.floating], one: Int64, other: Int64, count: int) -> sparse.csr_matrix:

@@ -19,9 +19,7 @@ if TYPE_CHECKING:  # torch takes seconds to import, and only the fit needs it
     import torch
 
 PAIRS = 2000  # random pairs of rows that estimate a mean distance
-LARGEST_STRETCH = (
-    5.0  # largest factor about the mean; without it, noise of a shape of equal features would be amplified
-)
+LARGEST_STRETCH = 5.0  # largest factor about the mean, so that noise of a shape of equal features is not amplified
 _GROUPS_AT_ONCE = 1000  # means in a range of `parallel_ranges`
 _ROWS_AT_ONCE = 2048  # tokens in a range of `parallel_ranges`
 _ROWS_IN_CACHE = 512  # rows that fit a core's cache
@@ -35,7 +33,7 @@ class Targets:
     @property
     def dimension(self) -> int:
         """Return the width of a target."""
-        raise NotImplementedError
+        return self.rows(np.zeros(1, np.int64)).shape[1]
 
     def rows(self, chosen: NDArray[np.integer]) -> Float32:
         """Return unit targets (B, d) of the points with indices `chosen` (B,)."""
@@ -68,11 +66,6 @@ class PointTargets(Targets):
     face: Int64 | None = None  # (N,) the face of each point, if known
 
     @property
-    def dimension(self) -> int:
-        """Return the width d of a target."""
-        return int(self.targets.shape[1])
-
-    @property
     def features(self) -> Float32:
         """Return the features (N, D) of the points: the targets times `directions`."""
         return self.targets if self.directions is None else np.asarray(self.targets @ self.directions, np.float32)
@@ -100,9 +93,8 @@ class TokenGrid:
         left, right = self._between(self._column[chosen], self._width)
         bottom, after = np.minimum(top + 1, self._height - 1), np.minimum(left + 1, self._width - 1)
         first = self._view[chosen].astype(np.int64) * self._height
-        indices = np.stack(
-            [(first + y) * self._width + x for y, x in ((top, left), (top, after), (bottom, left), (bottom, after))], 1
-        )
+        corners = (top, left), (top, after), (bottom, left), (bottom, after)
+        indices = np.stack([(first + y) * self._width + x for y, x in corners], 1)
         weights = np.stack([(1 - lower) * (1 - right), (1 - lower) * right, lower * (1 - right), lower * right], 1)
         return indices, weights
 
@@ -134,11 +126,6 @@ class PixelTargets(Targets):
         self._table = tokens.reshape(-1, tokens.shape[3])
         self.points = views.points
 
-    @property
-    def dimension(self) -> int:
-        """Return the width D of a token."""
-        return int(self._table.shape[1])
-
     def rows(self, chosen: NDArray[np.integer]) -> Float32:
         """Return unit targets Z/‖Z‖ (B, D) of the chosen points."""
         import torch
@@ -156,7 +143,7 @@ class PixelTargets(Targets):
             table[begin:end] = unit(self._table[begin:end])
 
         parallel_ranges(len(table), _ROWS_AT_ONCE, normalize)
-        mean = np.empty((weights.shape[0], self.dimension), np.float32)
+        mean = np.empty((weights.shape[0], table.shape[1]), np.float32)
 
         def fill(begin: int, end: int) -> None:
             mean[begin:end] = weights[begin:end] @ table

@@ -68,7 +68,9 @@ def thicknesses(
         (N,) the connected component of each point; None if there is only one. If equally many rays of a point hit on
         both sides, all rays of its component decide which side is inside.
     """
-    along, across, normal = _axes(corners.astype(np.float64))
+    edges = corners[:, 1:].astype(np.float64) - corners[:, :1]
+    along, normal = unit(edges[:, 0]), unit(np.cross(edges[:, 0], edges[:, 1]))
+    across = np.cross(normal, along)
     # The rays of each point are rotated about the normal by another angle, so that neighbors have different directions.
     turn = np.arange(len(points)) * np.pi * (3 - np.sqrt(5))
     far = np.full((2, len(points), RAYS), np.inf)  # distances behind the face, and in front of it
@@ -86,11 +88,3 @@ def thicknesses(
     behind = np.where(lead == 0, np.bincount(component, lead)[component] >= 0, lead > 0)
     median = np.sort(np.where(behind[:, None], far[0], far[1]), axis=1)[:, (RAYS - 1) // 2]
     return np.where(np.isfinite(median), median, 0.0)
-
-
-def _axes(corners: Float64) -> tuple[Float64, Float64, Float64]:
-    """Return three unit axes (N, 3) of triangles (N, 3, 3): along the first edge, across it, and the normal."""
-    along, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    normal = unit(np.cross(along, other))
-    along = unit(along)
-    return along, np.cross(normal, along), normal

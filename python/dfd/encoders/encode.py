@@ -153,10 +153,9 @@ class Encoder:
             except RuntimeError as error:
                 if not out_of_memory(error):
                     raise
-                raise MemoryError(
-                    f"encode: {self.device} has too little memory for one image of {resolution}² pixels: "
-                    "lower the resolution, or choose a smaller encoder or another device"
-                ) from None
+                found = f"{self.device} has too little memory for one image of {resolution}² pixels"
+                remedy = "lower the resolution, or choose a smaller encoder or another device"
+                raise MemoryError(f"encode: {found}: {remedy}") from None
         return tokens
 
     def _forward(self, images: UInt8, covered: Bool | None, side: int) -> Float32:

@@ -39,13 +39,26 @@ def build_family(weights: EncoderWeights, block: int | None) -> VisionModel:
     if kind not in CONFIG_MAPPING:
         raise ArgumentError("encoder", f"must be a model that the installed transformers has, got the type {kind!r}")
     with _quiet():
+        from transformers import AutoModel
+
         try:
             config = CONFIG_MAPPING[kind].from_dict(dict(weights.config))
         except Exception as error:  # configurations raise errors of any type
             reason = f"must have a valid config.json of a {kind} model, got the error {error}"
             raise ArgumentError("encoder", reason) from error
         config = getattr(config, "vision_config", config)
-        network, report = _load(weights, config)
+        try:
+            network, report = AutoModel.from_pretrained(
+                weights.folder,
+                config=config,
+                dtype=torch.float32,
+                local_files_only=True,
+                output_loading_info=True,
+                ignore_mismatched_sizes=True,  # `check_fit` raises the error, with the tensor's name
+                key_mapping={r"^vision_encoder\.": ""},  # prefix of the image encoder's tensors in files of SAM 2
+            )
+        except Exception as error:  # safetensors and transformers raise their own error types
+            raise unreadable(weights, error) from error
     lists = [module for module in network.modules() if isinstance(module, nn.ModuleList)]
     if not lists:
         raise ArgumentError("encoder", f"must be a model with a list of blocks, got the type {kind!r}")
@@ -60,24 +73,6 @@ def build_family(weights: EncoderWeights, block: int | None) -> VisionModel:
     network.eval().requires_grad_(False)
     channels = weights.channels or (CLIP if config.model_type == "clip_vision_model" else IMAGENET)
     return _FAMILIES.get(config.model_type, _of_one_size)(network, config, block=chosen, depth=depth, channels=channels)
-
-
-def _load(weights: EncoderWeights, config: Any) -> tuple[Any, dict[str, Any]]:
-    """Return the network, and transformers' report on missing tensors and tensors of other shapes."""
-    from transformers import AutoModel
-
-    try:
-        return AutoModel.from_pretrained(
-            weights.folder,
-            config=config,
-            dtype=torch.float32,
-            local_files_only=True,
-            output_loading_info=True,
-            ignore_mismatched_sizes=True,  # `check_fit` raises the error, with the tensor's name
-            key_mapping={r"^vision_encoder\.": ""},  # prefix of the image encoder's tensors in files of SAM 2
-        )
-    except Exception as error:  # safetensors and transformers raise their own error types
-        raise unreadable(weights, error) from error
 
 
 @contextmanager

@@ -40,7 +40,7 @@ def find_weights(encoder: str | os.PathLike[str]) -> EncoderWeights:
         known = f"a hub name such as 'facebook/dinov2-base', or one of {', '.join(KNOWN_ENCODERS)}"
         raise ArgumentError("encoder", f"must be a folder that exists, {known}; got {name!r}")
     folder = _cached_folder(hub) or _downloaded_folder(name, hub)
-    return folder_weights(folder, source=f"hub {hub}", fingerprint=_revision(folder))
+    return folder_weights(folder, source=f"hub {hub}", fingerprint=f"revision:{folder.name}")
 
 
 def find_fingerprint(encoder: str | os.PathLike[str]) -> str | None:
@@ -56,7 +56,7 @@ def find_fingerprint(encoder: str | os.PathLike[str]) -> str | None:
         return FINGERPRINT if find_graph() else None
     hub = _hub_name(name)
     cached = None if hub is None else _cached_folder(hub)
-    return None if cached is None else _revision(cached)
+    return None if cached is None else f"revision:{cached.name}"
 
 
 def find_identity(encoder: str | os.PathLike[str], device: str | torch.device | None = None) -> dict[str, str] | None:
@@ -75,13 +75,8 @@ def _hub_name(name: str) -> str | None:
     return name if name.count("/") == 1 and name[0] not in (".", "~", "/") else None
 
 
-def _revision(folder: Path) -> str:
-    """Return the fingerprint of weights in a folder of the hub's cache, whose name is the revision."""
-    return f"revision:{folder.name}"
-
-
 def _cached_folder(hub: str) -> Path | None:
-    """Return the folder of the model `hub` in the hub's cache; None if a needed file is missing."""
+    """Return the folder of the model `hub` in the hub's cache, named by its revision; None if a file is missing."""
     try:
         from huggingface_hub import try_to_load_from_cache
     except ImportError:

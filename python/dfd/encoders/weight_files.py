@@ -55,7 +55,10 @@ def folder_weights(folder: Path, *, source: str = "folder", fingerprint: str | N
     if missing:
         raise FileNotFoundError(f"load_encoder: `encoder`: the folder {folder} has no {missing[0]}")
     files += [folder / name for name in SETTINGS if (folder / name).is_file()]
-    channels = _channels(_read_json(folder / "preprocessor_config.json") or {})
+    preprocessor = _read_json(folder / "preprocessor_config.json") or {}
+    values = [preprocessor.get("image_mean"), preprocessor.get("image_std")]
+    known = all(isinstance(value, list) and len(value) == 3 for value in values)
+    channels = ChannelStats(*(tuple(map(float, value)) for value in values if value)) if known else None
     fingerprint = fingerprint or f"sha256:{sha256_of_files(*files)}"
     return EncoderWeights(config, source, fingerprint, folder, channels=channels)
 
@@ -94,10 +97,3 @@ def _read_json(path: Path) -> dict[str, Any] | None:
     if not isinstance(content, dict):
         raise OSError(f"load_encoder: {path} cannot be read: it contains no JSON object")
     return content
-
-
-def _channels(preprocessor: dict[str, Any]) -> ChannelStats | None:
-    values = [preprocessor.get("image_mean"), preprocessor.get("image_std")]
-    if not all(isinstance(value, list) and len(value) == 3 for value in values):
-        return None
-    return ChannelStats(*(tuple(map(float, value)) for value in values if value))

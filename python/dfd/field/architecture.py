@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,13 +16,6 @@ from dfd.common import check
 from dfd.common.errors import ArgumentError
 
 MOST_OCTAVES = 16  # with more, float32 cannot represent the angles
-
-
-class LayerNames(NamedTuple):
-    """The names of the modules that have parameters, in order."""
-
-    linear: tuple[str, ...]
-    norms: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -66,21 +58,15 @@ class Architecture:
         """Return the number of inputs of the first layer."""
         return 3 + 6 * self.octaves
 
-    def layer_names(self) -> LayerNames:
-        """Return the module names: the names of parameters without `.weight` and `.bias`."""
-        linear = tuple(f"network.{3 * layer}" for layer in range(self.layers + 1))
-        return LayerNames(linear, tuple(f"network.{3 * layer + 2}" for layer in range(self.layers)))
-
     def shapes(self) -> dict[str, tuple[int, ...]]:
-        """Return the shape of every parameter, by name."""
-        names = self.layer_names()
+        """Return the shape of every parameter, by name: weight and bias of each linear map and of its LayerNorm."""
         shapes: dict[str, tuple[int, ...]] = {}
-        for layer, name in enumerate(names.linear):
-            entering = self.width if layer else self.inputs
+        for layer in range(self.layers + 1):
+            name, entering = f"network.{3 * layer}", self.width if layer else self.inputs
             leaving = self.width if layer < self.layers else self.dimension
             shapes |= {f"{name}.weight": (leaving, entering), f"{name}.bias": (leaving,)}
             if layer < self.layers:
-                shapes |= {f"{names.norms[layer]}.{part}": (self.width,) for part in ("weight", "bias")}
+                shapes |= {f"network.{3 * layer + 2}.{part}": (self.width,) for part in ("weight", "bias")}
         return shapes
 
 

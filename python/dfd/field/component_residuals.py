@@ -46,16 +46,14 @@ class ComponentResiduals:
 
     def __post_init__(self) -> None:
         owner = "ComponentResiduals"
-        count = np.shape(self.points)[:1]
-        width = np.shape(self.differences)[1:]
+        count, width = np.shape(self.points)[:1], np.shape(self.differences)[1:]
         component = check.vertex_indices(owner, "component", self.component, len(self.boxes))
+        differences = check.array(owner, "differences", self.differences, (*count, *width), dtype=np.float16)
         checked: dict[str, NDArray[Any]] = {
             "boxes": check.array(owner, "boxes", self.boxes, ("P", 6)).copy(),
             "points": check.array(owner, "points", self.points, ("N", 3)).copy(),
             "component": component.astype(np.int32),
-            "differences": check.array(
-                owner, "differences", self.differences, (*count, *width), dtype=np.float16
-            ).copy(),
+            "differences": differences.copy(),
         }
         if component.shape != count or len(width) != 1:
             found = f"{component.shape} and {np.shape(self.differences)}"
@@ -118,10 +116,8 @@ class ComponentResiduals:
         reach = np.where(own[:, -1], distance[:, -1], 2 * np.where(own, distance, 0).max(axis=1) + 1e-6)[:, None]
         share = np.where(own, np.maximum(1 - distance / np.maximum(reach, 1e-12), 0) ** 2 + 1e-9 * own, 0)
         share /= np.maximum(share.sum(axis=1, keepdims=True), 1e-30)
-        gather = sparse.csr_matrix(
-            (share.ravel().astype(np.float32), near.ravel(), np.arange(0, near.size + 1, wanted)),
-            shape=(len(points), len(self.points)),
-        )
+        entries = share.ravel().astype(np.float32), near.ravel(), np.arange(0, near.size + 1, wanted)
+        gather = sparse.csr_matrix(entries, shape=(len(points), len(self.points)))
         return np.asarray(gather @ self._wide, np.float32)
 
     @cached_property

@@ -205,12 +205,12 @@ class Field:
 
     @cached_property
     def _kernel(self) -> _core.Field:
-        of_layer = self.architecture.layer_names()
+        arrays = list(self.parameters.values())
         return _core.Field(
-            weights=[self.parameters[f"{name}.weight"] for name in of_layer.linear],
-            biases=[self.parameters[f"{name}.bias"] for name in of_layer.linear],
-            gains=[self.parameters[f"{name}.weight"] for name in of_layer.norms],
-            shifts=[self.parameters[f"{name}.bias"] for name in of_layer.norms],
+            weights=arrays[::4],
+            biases=arrays[1::4],
+            gains=arrays[2::4],
+            shifts=arrays[3::4],
             octaves=self.architecture.octaves,
             center=self.center.tolist(),
             scale=self.scale,
@@ -255,18 +255,11 @@ class Field:
         architecture, arrays, settings = field_file.read(path)
         stored = [name for name in arrays if name.startswith(RESIDUALS)]
         residuals = {name.removeprefix(RESIDUALS): arrays.pop(name) for name in stored}
-        center, scale = arrays.pop("center", ()), arrays.pop("scale", ())
-        surface = arrays.pop("surface", None)
+        others: dict[str, Any] = {"center": (), "scale": (), "surface": None}
+        others = {name: arrays.pop(name, missing) for name, missing in others.items()}
         try:
-            field = Field(
-                arrays,
-                octaves=architecture.octaves,
-                center=center,
-                scale=scale,  # type: ignore[arg-type]  # `Field` checks the type
-                settings=settings,
-                residuals=ComponentResiduals(**residuals) if residuals else None,
-                surface=surface,
-            )
+            checked = ComponentResiduals(**residuals) if residuals else None
+            field = Field(arrays, octaves=architecture.octaves, settings=settings, residuals=checked, **others)
             if field.architecture != architecture:
                 raise ArgumentError("parameters", f"must be those of {architecture}, got {field.architecture}")
         except (ArgumentError, TypeError) as error:

@@ -13,7 +13,7 @@ from scipy.sparse import csr_array, eye_array
 from scipy.spatial import cKDTree
 
 import dfd._core as _core
-from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64, distinct_pairs, group_sums
+from dfd.common.linear_algebra import Float32, Float64, Int32, Int64, distinct_pairs, group_sums
 from dfd.common.threads import get_num_threads
 from dfd.geometry.surface_graph import surface_graph, surface_links
 from dfd.geometry.topology import face_sides, first_at_place
@@ -66,18 +66,14 @@ class Nodes:
         vertices = mesh.vertices
         count = len(vertices)
         self._are_vertices = count <= MOST_NODES
-        if self._are_vertices:
-            self.of_vertex = np.arange(count, dtype=np.int32)
-            self.graph = surface_graph(mesh)
-        else:
-            links = surface_links(mesh)
-            self.of_vertex = _clustered(mesh, links)
-            self.graph = _contracted(mesh, links, self.of_vertex)
-        self.members = np.argsort(self.of_vertex, kind="stable").astype(np.int32)
+        links = None if self._are_vertices else surface_links(mesh)
+        self.of_vertex = np.arange(count, dtype=np.int32) if links is None else _clustered(mesh, links)
         size = np.bincount(self.of_vertex)
+        self.center = group_sums(self.of_vertex, vertices, len(size)) / size[:, None]
+        self.graph = surface_graph(mesh) if links is None else _contracted(mesh, links, self.of_vertex, self.center)
+        self.members = np.argsort(self.of_vertex, kind="stable").astype(np.int32)
         self.ends = np.cumsum(size)
         self.starts = self.ends - size
-        self.center = _centers(vertices, self.of_vertex)
         first = first_at_place(mesh)
         component = _core.components(len(first), first[mesh.faces], np.zeros((0, 2), np.int32))[first]
         self.component = component[self.members[self.starts]]
@@ -90,7 +86,8 @@ class Nodes:
         total = rows.sum(axis=0)
         found = []
         for row in rows:
-            vertices = np.flatnonzero(self._near(row > 0)[self.of_vertex])
+            near = row if self._are_vertices else self._reach @ (row > 0).astype(np.float32)
+            vertices = np.flatnonzero(near[self.of_vertex] > 0)
             some, all_of = self.interpolated(np.stack([row, total], axis=1), vertices).T
             above = some > 0
             found.append(Share(vertices[above].astype(np.int32), some[above] / all_of[above]))
@@ -130,10 +127,6 @@ class Nodes:
         reach.indptr, reach.indices = reach.indptr.astype(np.int32), reach.indices.astype(np.int32)
         return reach
 
-    def _near(self, nodes: Bool) -> Bool:
-        """Return (N,) the nodes whose vertices interpolate from `nodes` (N,)."""
-        return nodes if self._are_vertices else np.asarray(self._reach @ nodes.astype(np.float32)) > 0
-
 
 _NODES: WeakKeyDictionary[Mesh, ref[Nodes]] = WeakKeyDictionary()
 
@@ -160,9 +153,8 @@ def _clustered(mesh: Mesh, links: Int32) -> Int32:
     return _core.components(len(key), np.zeros((0, 3), np.int32), np.concatenate(inside))
 
 
-def _contracted(mesh: Mesh, links: Int32, of_vertex: Int32) -> csr_array:
-    """Return the graph (N, N) between nodes, with the distances between their centers."""
-    center = _centers(mesh.vertices, of_vertex)
+def _contracted(mesh: Mesh, links: Int32, of_vertex: Int32, center: Float64) -> csr_array:
+    """Return the graph (N, N) between nodes, with the distances between their centers (N, 3)."""
     found = [np.zeros((0, 2), np.int64)]
     for ends in _edges(mesh, links):
         nodes = of_vertex[ends]
@@ -180,9 +172,3 @@ def _edges(mesh: Mesh, links: Int32) -> Iterator[Int32]:
     for start in range(0, len(mesh.faces), RUN):
         yield face_sides(mesh.faces[start : start + RUN])
     yield links
-
-
-def _centers(vertices: Float64, of_vertex: Int32) -> Float64:
-    """Return the mean position (N, 3) of the vertices of each node."""
-    size = np.bincount(of_vertex)[:, None]
-    return group_sums(of_vertex, vertices, len(size)) / size

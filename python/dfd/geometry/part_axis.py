@@ -260,16 +260,14 @@ class PartAxes:
             return None
         face, barycentric = even_points(areas, SAMPLES)
         corners = number[self._nodes.of_vertex[faces[face]]]
-        weight = np.ones(SAMPLES)
         points = np.einsum("nk,nkd->nd", barycentric, self._mesh.vertices[faces[face]])
         start = (barycentric * away[corners]).sum(axis=1) / away.max()
         level, width = start, WIDTH
         own_level = away / away.max()
         for _ in range(ROUNDS):
             at = np.linspace(np.quantile(level, ENDS[0]), np.quantile(level, ENDS[1]), NODES)
-            nodes = _resampled(_fitted(at, level, points, weight, width))
-            thick = np.average(np.square(points - _on(nodes, level)).sum(axis=1), weights=weight)
-            width = float(np.sqrt(thick)) / away.max()
+            nodes = _resampled(_fitted(at, level, points, width))
+            width = float(np.sqrt(np.square(points - _on(nodes, level)).sum(axis=1).mean())) / away.max()
             if width > STOUT:
                 break
             width = max(WIDTH, WIDE * width)
@@ -278,7 +276,7 @@ class PartAxes:
             own_level = _projected(nodes, self._nodes.center[own], own_level)
         at = np.linspace(0.0, 1.0, NODES)
         squares = np.square(points - _on(nodes, level)).sum(axis=1)
-        radius = np.sqrt(_fitted(at, level, squares[:, None], weight, WIDTH, straight=False)[:, 0])
+        radius = np.sqrt(_fitted(at, level, squares[:, None], WIDTH, straight=False)[:, 0])
         return nodes, radius, own_level
 
     def _with_attached(self, own: Int64, parameter: Float64, attached: Int64, group: Int64) -> tuple[Int64, Float64]:
@@ -292,19 +290,14 @@ class PartAxes:
         known = np.full(len(group), np.nan)
         known[own] = parameter
         local = self._nodes.graph[nodes][:, nodes]
-        distance, _, source = dijkstra(
-            local, indices=np.flatnonzero(~np.isnan(known[nodes])), min_only=True, return_predecessors=True
-        )
-        nearest = known[nodes[np.maximum(source, 0)]]
-        result = np.where(np.isnan(known[nodes]), nearest, known[nodes])
+        unknown = np.isnan(known[nodes])
+        distance, _, source = dijkstra(local, indices=np.flatnonzero(~unknown), min_only=True, return_predecessors=True)
+        result = np.where(unknown, known[nodes[np.maximum(source, 0)]], known[nodes])
         of = group[nodes]
         for one in np.unique(of[of >= 0]):
             here = of == one
-            width = float(np.ptp(result[here]))
-            size = distance[here].max()
-            far = np.clip(distance[here] / max(size / 3, 1e-300), 0.0, 1.0)
-            if width > 0:
-                result[here] += (np.median(result[here]) - result[here]) * far * far * (3 - 2 * far)
+            far = np.clip(distance[here] / max(distance[here].max() / 3, 1e-300), 0.0, 1.0)
+            result[here] += (np.median(result[here]) - result[here]) * far * far * (3 - 2 * far)
         return nodes, result
 
 
@@ -327,16 +320,14 @@ def carried(vertices: Float64, tree: cKDTree, values: Float64, isometry: Float64
     return near[found > 0], found[found > 0]
 
 
-def _fitted(
-    at: Float64, level: Float64, values: Float64, weight: Float64, width: float, *, straight: bool = True
-) -> Float64:
+def _fitted(at: Float64, level: Float64, values: Float64, width: float, *, straight: bool = True) -> Float64:
     """Return `values` (N, D) of samples with levels (N,), smoothed at the levels `at` (K,): (K, D).
 
     The kernel is a Gaussian of `width`. With `straight`, local lines are fitted instead of local means, so that the
     curve does not shrink at its ends.
     """
     apart = level[None] - at[:, None]
-    kernel = weight * np.exp(-0.5 * np.square(apart / width)) + 1e-12 * weight
+    kernel = np.exp(-0.5 * np.square(apart / width)) + 1e-12
     total = kernel.sum(axis=1)
     mean = kernel @ values / total[:, None]
     if not straight:

@@ -18,34 +18,21 @@ def split_long_edges(vertices: Float64, faces: Int32, longest: float, *, most: i
     """
     sizes = face_sizes(vertices, faces)[0]
     long = sizes[sizes > longest]
-    while len(long) and _needed(long, longest) > most:
+    # A face whose longest side is k times `longest` gets about k + k² / 2 vertices.
+    while (long / longest + (long / longest) ** 2 / 2).sum() > most:
         longest *= 1.5
         long = long[long > longest]
     for _ in range(_ROUNDS if len(long) else 0):
-        split = _halved(vertices, faces, longest)
-        if split is None:
+        ends = face_sides(faces)
+        cut = np.linalg.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1) > longest
+        if not cut.any():
             break
-        vertices, faces = split
+        edges, number = distinct_pairs(ends[cut], len(vertices))
+        middle = np.full((len(faces), 3), -1, np.int64)  # of the sides from corner 0 to 1, 1 to 2, 2 to 0
+        middle[cut.reshape(-1, 3)] = len(vertices) + number
+        vertices = np.concatenate([vertices, vertices[edges].mean(axis=1)])
+        faces = _cut(vertices, faces.astype(np.int64), middle).astype(np.int32)
     return vertices, faces
-
-
-def _needed(lengths: Float64, longest: float) -> float:
-    """Return about the number of vertices that are added if the longest sides of faces have `lengths` (F,)."""
-    parts = lengths / longest
-    return float((parts + parts**2 / 2).sum())
-
-
-def _halved(vertices: Float64, faces: Int32, longest: float) -> tuple[Float64, Int32] | None:
-    """Return the mesh with every edge longer than `longest` halved; None if no edge is longer."""
-    ends = face_sides(faces)
-    long = np.linalg.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1) > longest
-    if not long.any():
-        return None
-    edges, number = distinct_pairs(ends[long], len(vertices))
-    middle = np.full((len(faces), 3), -1, np.int64)  # of the sides from corner 0 to 1, 1 to 2, 2 to 0
-    middle[long.reshape(-1, 3)] = len(vertices) + number
-    points = np.concatenate([vertices, vertices[edges].mean(axis=1)])
-    return points, _cut(points, faces.astype(np.int64), middle).astype(np.int32)
 
 
 def _cut(points: Float64, faces: Int64, middle: Int64) -> Int64:

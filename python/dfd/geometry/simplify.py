@@ -7,7 +7,6 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dfd.common import check
-from dfd.common.linear_algebra import Float64, Int32
 from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.normalization import normalization
@@ -39,22 +38,15 @@ def simplify(mesh: Mesh, face_count: int) -> Mesh:
     # On flat regions, the optimal position is ill-conditioned and may be far away, so it is clamped to the box.
     vertices = np.clip(vertices, normalized.min(axis=0), normalized.max(axis=0))
     vertices = frame.invert(vertices)
-    return Mesh(vertices, faces, appearance=_nearest_colors(mesh, vertices, faces))
-
-
-def _nearest_colors(mesh: Mesh, vertices: Float64, faces: Int32) -> Appearance | None:
-    """Return an appearance in which `vertices` (V, 3) have the color of the nearest vertex of `mesh`.
-
-    `faces` (F, 3) are the faces of `vertices`. The result is None if `mesh` has no appearance.
-    """
     if mesh.appearance is None:
-        return None
+        return Mesh(vertices, faces)
     used = np.unique(mesh.faces)
     nearest = used[cKDTree(mesh.vertices[used]).query(vertices)[1]]
-    return Appearance(
+    appearance = Appearance(
         corners=np.arange(len(vertices), dtype=np.int32),
         corner_faces=np.asarray(faces, np.int32),
         face_material=np.zeros(len(faces), np.int32),
         materials=(Material(color=(1.0, 1.0, 1.0, 1.0)),),
         colors=mesh.vertex_colors()[nearest],
     )
+    return Mesh(vertices, faces, appearance=appearance)

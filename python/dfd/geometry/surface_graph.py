@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 import dfd._core as _core
-from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, distinct_pairs
+from dfd.common.linear_algebra import Float64, Int32, Int64, distinct_pairs
 from dfd.geometry.topology import face_sides, face_sizes, first_at_place, points_on_faces
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.weld import weld
@@ -34,11 +34,15 @@ def surface_graph(mesh: Mesh) -> csr_matrix:
 
     Raises ValueError if the mesh is so large that lengths overflow.
     """
-    size = _size(mesh)
-    scaled = mesh.vertices / size if size > 0 else mesh.vertices  # prevents overflow and underflow of squares
-    sides = face_sides(mesh.faces)
-    graph = edge_graph(scaled, np.concatenate([sides, surface_links(mesh)]))
-    graph.data = np.maximum(graph.data * size, np.finfo(np.float64).tiny)
+    size, scaled = _scaled(mesh)
+    ends = np.concatenate([face_sides(mesh.faces), surface_links(mesh)])
+    there, back = ends[ends[:, 0] != ends[:, 1]].T
+    pattern = coo_array((np.ones(len(there), bool), (there, back)), shape=(len(scaled), len(scaled))).tocsr()
+    graph = csr_matrix(pattern + pattern.T, dtype=np.float64)  # the sum of boolean matrices merges repeated edges
+    row = np.repeat(np.arange(len(scaled), dtype=graph.indices.dtype), np.diff(graph.indptr))
+    lengths = np.sqrt(sum((axis[row] - axis[graph.indices]) ** 2 for axis in np.ascontiguousarray(scaled.T)))
+    least = np.finfo(np.float64).tiny
+    graph.data = np.maximum(np.maximum(lengths, least) * size, least)
     return graph
 
 
@@ -47,34 +51,25 @@ def surface_links(mesh: Mesh) -> Int32:
 
     Raises ValueError if the mesh is so large that lengths overflow.
     """
-    size = _size(mesh)
+    _, scaled = _scaled(mesh)
     stands_for = first_at_place(mesh)
     moved = np.flatnonzero(stands_for != np.arange(len(stands_for)))
     links = np.column_stack([moved, stands_for[moved]]).astype(np.int32)
     component = _core.components(len(mesh.vertices), mesh.faces, links)
     if component.max(initial=0) == 0:
         return links
-    scaled = mesh.vertices / size if size > 0 else mesh.vertices
     return np.concatenate([links, bridges(scaled, mesh.faces, component).astype(np.int32)])
 
 
-def edge_graph(vertices: Float64, ends: NDArray[np.integer]) -> csr_matrix:
-    """Return a symmetric matrix (V, V) with the lengths, above 0, of the edges between `ends` (E, 2)."""
-    there, back = ends[ends[:, 0] != ends[:, 1]].T
-    pattern = coo_array((np.ones(len(there), bool), (there, back)), shape=(len(vertices), len(vertices))).tocsr()
-    graph = csr_matrix(pattern + pattern.T, dtype=np.float64)  # the sum of boolean matrices merges repeated edges
-    row = np.repeat(np.arange(len(vertices), dtype=graph.indices.dtype), np.diff(graph.indptr))
-    lengths = np.sqrt(sum((axis[row] - axis[graph.indices]) ** 2 for axis in np.ascontiguousarray(vertices.T)))
-    graph.data = np.maximum(lengths, np.finfo(np.float64).tiny)
-    return graph
+def _scaled(mesh: Mesh) -> tuple[float, Float64]:
+    """Return the longest side of the mesh's box, and the vertices (V, 3) in this unit, whose squares do not overflow.
 
-
-def _size(mesh: Mesh) -> float:
-    """Return the longest side of the mesh's box; raises ValueError if lengths overflow."""
+    Raises ValueError if lengths overflow.
+    """
     size = float(np.max(mesh.extents))
     if not np.isfinite(2 * size):
         raise ValueError(f"surface_graph: `mesh` must be smaller than 1e308, got {size:g}")
-    return size
+    return size, mesh.vertices / size if size > 0 else mesh.vertices
 
 
 def bridges(vertices: Float64, faces: Int32, component: NDArray[np.integer]) -> Int64:
@@ -87,26 +82,25 @@ def bridges(vertices: Float64, faces: Int32, component: NDArray[np.integer]) -> 
     found = [np.zeros((0, 2), np.int64)]
     if used.any():
         size = float(np.linalg.norm(np.ptp(vertices[used], axis=0)))
-        label = _renumbered(component, used)
+        label = np.full(len(component), -1, np.int64)  # components of used vertices, renumbered from 0
+        label[used] = np.unique(component[used], return_inverse=True)[1]
+        own = np.flatnonzero(used)
         for gap in (SAME_PLACE, *GAPS):
             if size == 0 or label.max() == 0:
                 break
-            own = np.flatnonzero(used)
             points, vertex = vertices[own], own
             if gap > SAME_PLACE:
                 points, vertex = _samples(vertices, faces, own, 0.7 * gap * size)
             pairs = _across(points, vertex, label, gap * size)
             found.append(pairs)
             label = _joined(label, pairs)
-        found.append(_to_strays(vertices, used, GAPS[-1] * size))
+        # A vertex without faces is paired with the nearest vertex of a face.
+        if len(stray := np.flatnonzero(~used)):
+            bound = np.nextafter(GAPS[-1] * size, np.inf)
+            distance, nearest = cKDTree(vertices[own]).query(vertices[stray], distance_upper_bound=bound)
+            near = np.isfinite(distance)
+            found.append(np.column_stack([stray[near], own[nearest[near]]]))
     return np.concatenate(found)
-
-
-def _renumbered(component: NDArray[np.integer], used: Bool) -> Int64:
-    """Return the component (V,) of each vertex, renumbered from 0 over used vertices; −1 at unused vertices."""
-    label = np.full(len(component), -1, np.int64)
-    label[used] = np.unique(component[used], return_inverse=True)[1]
-    return label
 
 
 def _across(points: Float64, vertex: Int64, label: Int64, gap: float) -> Int64:
@@ -174,14 +168,3 @@ def _joined(label: Int64, pairs: Int64) -> Int64:
     links = coo_array((np.ones(len(ends), bool), (ends[:, 0], ends[:, 1])), shape=(count, count))
     merged = connected_components(links, directed=False)[1].astype(np.int64)
     return np.where(label >= 0, merged[label], -1)
-
-
-def _to_strays(vertices: Float64, used: Bool, gap: float) -> Int64:
-    """Return pairs (B, 2) of vertices without faces and the nearest vertex of a face, if that is within `gap`."""
-    stray, own = np.flatnonzero(~used), np.flatnonzero(used)
-    if len(stray) == 0:
-        return np.zeros((0, 2), np.int64)
-    bound = np.nextafter(gap, np.inf)
-    distance, nearest = cKDTree(vertices[own]).query(vertices[stray], distance_upper_bound=bound)
-    near = np.isfinite(distance)
-    return np.column_stack([stray[near], own[nearest[near]]])

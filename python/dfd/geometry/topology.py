@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import dfd._core as _core
-from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64
+from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64, distinct_pairs
 from dfd.common.threads import get_num_threads
 from dfd.mesh.weld import weld
 
@@ -43,7 +43,8 @@ def inspect(mesh: Mesh) -> Topology:
     """
     faces = first_at_place(mesh)[mesh.faces]
     proper = faces[_three_corners(faces)]
-    uses = _edge_uses(proper)
+    uses = np.bincount(distinct_pairs(face_sides(proper), len(mesh.vertices))[1])  # number of faces of each edge
+    distinct_faces = weld(np.sort(faces, axis=1).astype(np.float64))[0]
     look = mesh.appearance
     textures = {id(each.texture) for each in look.materials if each.texture is not None} if look else set()
     return Topology(
@@ -53,7 +54,7 @@ def inspect(mesh: Mesh) -> Topology:
         boundary_edges=int((uses == 1).sum()),
         non_manifold_edges=int((uses > 2).sum()),
         degenerate_faces=int((~_has_area(mesh.vertices, faces)).sum()),
-        duplicate_faces=int(_repeats_earlier(faces).sum()),
+        duplicate_faces=len(faces) - len(distinct_faces),
         unreferenced_vertices=int((np.bincount(mesh.faces.ravel(), minlength=len(mesh.vertices)) == 0).sum()),
         extents=(float(mesh.extents[0]), float(mesh.extents[1]), float(mesh.extents[2])),
         parts=len(mesh.parts),
@@ -124,18 +125,6 @@ def _has_area(vertices: Float64, faces: Int32) -> Bool:
     return _three_corners(faces) & large
 
 
-def _edge_uses(faces: Int32) -> Int64:
-    """Return the number (E,) of faces of each edge."""
-    ends = face_sides(faces).astype(np.int64)
-    return np.unique(ends.min(axis=1) << 32 | ends.max(axis=1), return_counts=True)[1]
-
-
-def _repeats_earlier(faces: Int32) -> Bool:
-    """Return whether each face (F,) has the corners of an earlier face."""
-    first, number = weld(np.sort(faces, axis=1).astype(np.float64))
-    return first[number] != np.arange(len(faces))
-
-
 def even_points(areas: Float64, count: int) -> tuple[Int64, Float32]:
     """Return `count` points spread evenly over faces of `areas` (F,): their faces (N,) and barycentric rows (N, 3)."""
     evenly = (np.arange(count) + 0.5) / count * areas.sum()
@@ -162,22 +151,14 @@ def sample_surface(
 def points_on_faces(counts: Int64) -> tuple[Int64, Float32]:
     """Return `counts` (F,) points on each face, as their faces (N,), ascending, and barycentric rows (N, 3).
 
-    The first point of a face is its center.
+    The points of a face are a sequence that fills the face evenly; the first is its center.
+
+    Source: the additive sequence of Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018.
     """
     ends = np.cumsum(counts)
     face = np.repeat(np.arange(len(counts)), counts)
     index = np.arange(len(face)) - (ends - counts)[face]
-    return face, spread_in_triangle(index)
-
-
-def spread_in_triangle(index: Int64) -> Float32:
-    """Return barycentric rows (N, 3) of the points `index` (N,) of a sequence that fills a triangle evenly.
-
-    Point 0 is the center.
-
-    Source: the additive sequence of Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018.
-    """
     step = np.array([0.7548776662466927, 0.5698402909980532])  # 1/g and 1/g², g³ = g + 1
     across = (1 / 3 + index[:, None] * step) % 1
     across = np.where(across.sum(axis=1, keepdims=True) > 1, 1 - across, across)
-    return np.column_stack([1 - across.sum(axis=1), across]).astype(np.float32)
+    return face, np.column_stack([1 - across.sum(axis=1), across]).astype(np.float32)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +15,8 @@ from scipy.ndimage import uniform_filter
 from dfd.common import check
 from dfd.common.files import atomic_write
 from dfd.common.linear_algebra import Float32, Float64, Int64, UInt8
-from dfd.common.threads import get_num_threads
-from dfd.mesh.appearance import linear, srgb
+from dfd.common.threads import parallel_ranges
+from dfd.mesh.appearance import blend, linear, srgb
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.normals import smooth_normals
 from dfd.pictures.colors import CLAY, weight_colors
@@ -25,7 +24,6 @@ from dfd.pictures.labels import draw_axes, draw_labels, draw_marks
 from dfd.pictures.viewpoint import aim
 from dfd.views.cameras import Camera
 from dfd.views.raycast import Hits, Scene
-from dfd.views.render import surface_points
 
 SAMPLES = 2  # samples along each side of a pixel
 LARGEST_RESOLUTION = 8192
@@ -105,7 +103,13 @@ def picture(
     drawn = mesh.vertices
     if vertices is not None:
         drawn = check.array("picture", "vertices", vertices, mesh.vertices.shape, dtype=np.float64)
-    paint = _vertex_colors(mesh, colors, weights)
+    if colors is not None and weights is not None:
+        raise ValueError("picture: `colors` and `weights` cannot both be given")
+    paint = None  # the mesh's own colors
+    if weights is not None:
+        paint = weight_colors(check.array("picture", "weights", weights, (len(drawn),)))
+    elif colors is not None:
+        paint = check.array("picture", "colors", colors, (len(drawn), 3)).clip(0, 1)
     marks = [
         (_positions(name, points, drawn), square)
         for name, points, square in (("fixed", fixed, True), ("handles", handles, False))
@@ -162,20 +166,17 @@ class _Painter:
         image = np.empty((resolution, resolution, 3), np.float32)
         # The height is a multiple of HALO, which aligns the tiles of all bands.
         height = max(HALO, BAND // (SAMPLES * resolution * SAMPLES) // HALO * HALO)
-        bands = [slice(top, min(top + height, resolution)) for top in range(0, resolution, height)]
 
-        def draw_band(band: slice) -> None:
-            image[band] = self._band(band, resolution)
+        def draw_band(begin: int, end: int) -> None:
+            image[begin:end] = self._band(begin, end, resolution)
 
-        with ThreadPoolExecutor(get_num_threads()) as threads:
-            for _ in threads.map(draw_band, bands):
-                pass
+        parallel_ranges(resolution, height, draw_band)
         return image
 
-    def _band(self, band: slice, resolution: int) -> Float32:
-        """Return the rows `band` of the picture, (rows, R, 3)."""
-        count, top = resolution * SAMPLES, max(0, band.start - HALO)
-        rows = np.arange(top * SAMPLES, min(resolution, band.stop + HALO) * SAMPLES)
+    def _band(self, begin: int, end: int, resolution: int) -> Float32:
+        """Return the rows from `begin` to `end` of the picture, (rows, R, 3)."""
+        count, top = resolution * SAMPLES, max(0, begin - HALO)
+        rows = np.arange(top * SAMPLES, min(resolution, end + HALO) * SAMPLES)
         directions = self._directions(rows, count)
         starts = np.broadcast_to(self._camera.position.astype(np.float32), directions.shape)
         ray = np.arange(len(directions))
@@ -200,7 +201,7 @@ class _Painter:
         # The mean is that of sRGB values, which gives smoother outlines of dark surfaces on white.
         samples = srgb(color).reshape(-1, SAMPLES, resolution, SAMPLES, 3)
         pixels: Float32 = samples.mean(axis=(1, 3))
-        return pixels[band.start - top : band.stop - top]
+        return pixels[begin - top : end - top]
 
     def _directions(self, rows: NDArray[np.integer], count: int) -> Float32:
         """Return the unit directions (S, 3) of the samples in `rows`, in a square picture of `count` rows."""
@@ -213,7 +214,7 @@ class _Painter:
         """Return the linear red, green and blue, and the opacity (K, 4) of each hit."""
         rgba = np.ones((len(hits.ray), 4), np.float32)
         if self._colors is not None:
-            rgba[:, :3] = surface_points(self._colors, self._faces, hits)  # colors are interpolated as positions are
+            rgba[:, :3] = blend(self._colors, self._faces.take(hits.face, axis=0), hits.barycentric)
         elif self._appearance is not None:
             rgba = self._appearance.albedo(hits.face, hits.barycentric)
         else:
@@ -276,18 +277,6 @@ def _smoothed(values: Float32, ray: Int64, shape: tuple[int, int]) -> Float32:
     grid[0, ray], grid[1, ray] = values, 1
     total, covered = (uniform_filter(each.reshape(shape), len(TILE), mode="constant").ravel()[ray] for each in grid)
     return total / np.maximum(covered, np.float32(1 / TILE.size))
-
-
-def _vertex_colors(mesh: Mesh, colors: ArrayLike | None, weights: ArrayLike | None) -> Float32 | None:
-    """Return the colors (V, 3) of vertices; None for the mesh's own."""
-    count = len(mesh.vertices)
-    if colors is not None and weights is not None:
-        raise ValueError("picture: `colors` and `weights` cannot both be given")
-    if weights is not None:
-        return weight_colors(check.array("picture", "weights", weights, (count,)))
-    if colors is not None:
-        return check.array("picture", "colors", colors, (count, 3)).clip(0, 1)
-    return None
 
 
 def _positions(name: str, dots: Any, vertices: Float64) -> Float64:

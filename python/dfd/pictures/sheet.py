@@ -96,12 +96,9 @@ def session_views(deformer: Deformer, azimuth: float | None = None) -> dict[str,
         "frame": [mesh.vertices, moved],
     }
     before = {**shared, "handles": handles}
-    weights = deformer.following.max(axis=1, initial=0.0)
-    return {
-        "before": before,
-        "weights": {**before, "weights": weights},
-        "after": {**shared, "handles": landed, "vertices": moved},
-    }
+    weighted = {**before, "weights": deformer.following.max(axis=1, initial=0.0)}
+    after = {**shared, "handles": landed, "vertices": moved}
+    return {"before": before, "weights": weighted, "after": after}
 
 
 def parts_view(mesh: Mesh, found: Sequence[Part]) -> dict[str, Any]:

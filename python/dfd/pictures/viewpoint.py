@@ -36,7 +36,9 @@ def aim(
 
     `drawn` (V, 3) are the positions of the mesh's vertices in the picture, in mesh units.
     """
-    direction = _direction(azimuth, elevation)
+    turn = np.radians(check.number("picture", "azimuth", azimuth))
+    tilt = np.radians(check.number("picture", "elevation", elevation, minimum=-90, maximum=90))
+    direction = [np.cos(tilt) * np.sin(turn), np.sin(tilt), np.cos(tilt) * np.cos(turn)]  # from the shape to the camera
     closer = check.number("picture", "zoom", zoom, minimum=0.0, exclusive=True)
     others = [check.array("picture", "frame", points, ("N", 3), dtype=np.float64) for points in frame]
     seen = np.unique(mesh.faces)  # vertices without faces are not drawn
@@ -44,19 +46,10 @@ def aim(
     found = box_normalization(around.min(axis=0), around.max(axis=0))
     if found is None:
         raise ValueError("picture: all points have one position")
-    camera = camera_towards(
-        direction, ((around - found.center) * found.scale).astype(np.float32), field_of_view=FIELD_OF_VIEW
-    )
+    camera = camera_towards(direction, found.apply(around).astype(np.float32), field_of_view=FIELD_OF_VIEW)
     position = camera.position
     if target is not None:
         middle = found.apply(check.array("picture", "target", target, (3,), dtype=np.float64)) - position
         position = position + (middle @ camera.right) * camera.right + (middle @ camera.up) * camera.up
     angle = float(np.degrees(2 * np.arctan(camera.half_width / closer)))
     return found, Camera(position, camera.right, camera.up, camera.back, angle)
-
-
-def _direction(azimuth: float, elevation: float) -> Float64:
-    """Return the unit vector (3,) from the shape to the camera: +z for 0, 0, and +x for azimuth 90."""
-    turn = np.radians(check.number("picture", "azimuth", azimuth))
-    tilt = np.radians(check.number("picture", "elevation", elevation, minimum=-90, maximum=90))
-    return np.array([np.cos(tilt) * np.sin(turn), np.sin(tilt), np.cos(tilt) * np.cos(turn)])

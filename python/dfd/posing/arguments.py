@@ -61,9 +61,10 @@ def read_affine(function: str, name: str, value: Any, count: int | None) -> Floa
         shape = np.shape(value) if count is None else array.shape
         raise ArgumentError(name, f"must have shape ({leading}3, 4) or ({leading}4, 4), got {shape}", function)
     result = check.array(function, name, array, ("H", "R", 4), dtype=np.float64)
-    if result.shape[1] == 4 and np.abs(result[:, 3] - (0.0, 0.0, 0.0, 1.0)).max(initial=0.0) > 1e-6:
-        wrong = np.abs(result[:, 3] - (0.0, 0.0, 0.0, 1.0)).max(axis=1).argmax()
-        raise ArgumentError(name, f"must have the bottom row [0, 0, 0, 1], got {result[wrong, 3].tolist()}", function)
+    apart = np.abs(result[:, 3:] - (0.0, 0.0, 0.0, 1.0)).max(axis=(1, 2), initial=0.0)
+    if apart.max(initial=0.0) > 1e-6:
+        found = result[apart.argmax(), 3].tolist()
+        raise ArgumentError(name, f"must have the bottom row [0, 0, 0, 1], got {found}", function)
     return np.ascontiguousarray(result[:, :3])
 
 
@@ -82,9 +83,8 @@ def handle_positions(
             return None, check.array(function, "handles", array, (count, 3), dtype=np.float64)
         indices = check.vertex_indices(function, "handles", array, len(vertices))
         if len(indices) != count:
-            raise ArgumentError(
-                "handles", f"must be {count}, one for each column of weights, got {len(indices)}", function
-            )
+            reason = f"must be {count}, one for each column of weights, got {len(indices)}"
+            raise ArgumentError("handles", reason, function)
     return indices, np.ascontiguousarray(vertices[indices], np.float64)
 
 

@@ -34,47 +34,36 @@ def posed_with_gradients(
     if options["blend"] != "linear" or options["overlap"] == "interpolate":
         remedy = "detach the tensors that require gradients"
         raise ValueError(f'pose: only blend="linear" without overlap="interpolate" has gradients: {remedy}')
-    given = {"vertices": vertices, "weights": weights, "transforms": transforms}
-    for name, value in given.items():
+    inputs = []
+    for name, value in {"vertices": vertices, "weights": weights, "transforms": transforms}.items():
         if tensors.tracked(value) and value.dtype not in (torch.float32, torch.float64):
             raise ArgumentError(name, f"must be float32 or float64 to have gradients, got {value.dtype}", "pose")
-    arguments = (_tensor(name, value) for name, value in given.items())
-    return _Pose.apply(*arguments, pose, options)  # type: ignore[no-untyped-call]
-
-
-def _tensor(name: str, value: Any) -> torch.Tensor:
-    if isinstance(value, torch.Tensor):
-        return value
-    array = np.asarray(tensors.shared("pose", name, value))
-    # Vertices of a mesh are read-only. torch has no read-only tensors and would warn.
-    return torch.from_numpy(array if array.flags.writeable else array.copy())
+        if not isinstance(value, torch.Tensor):
+            array = np.asarray(tensors.shared("pose", name, value))
+            # Vertices of a mesh are read-only. torch has no read-only tensors and would warn.
+            value = torch.from_numpy(array if array.flags.writeable else array.copy())
+        inputs.append(value)
+    return _Pose.apply(pose, options, *inputs)  # type: ignore[no-untyped-call]
 
 
 class _Pose(torch.autograd.Function):
     @staticmethod
-    def forward(
-        ctx: Any,
-        vertices: torch.Tensor,
-        weights: torch.Tensor,
-        transforms: torch.Tensor,
-        pose: Callable[..., Any],
-        options: dict[str, Any],
-    ) -> torch.Tensor:
-        ctx.save_for_backward(vertices, weights, transforms)
+    def forward(ctx: Any, pose: Callable[..., Any], options: dict[str, Any], *inputs: torch.Tensor) -> torch.Tensor:
+        ctx.save_for_backward(*inputs)
         ctx.options = options
-        return pose(vertices.detach(), weights.detach(), transforms.detach(), **options)
+        return pose(*(value.detach() for value in inputs), **options)
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, gradient: torch.Tensor) -> tuple[torch.Tensor | None, ...]:
         with torch.enable_grad():
             needed = ctx.needs_input_grad
-            inputs = [saved.detach().requires_grad_(needed[k]) for k, saved in enumerate(ctx.saved_tensors)]
+            inputs = [saved.detach().requires_grad_(needed[2 + k]) for k, saved in enumerate(ctx.saved_tensors)]
             vertices, weights, transforms = (value.to(torch.float64) for value in inputs)
             posed = _posed(vertices, weights, transforms, ctx.options)
         wanted = [value for value in inputs if value.requires_grad]
         found = iter(torch.autograd.grad(posed, wanted, gradient.to(torch.float64), allow_unused=True))
-        return *(next(found) if value.requires_grad else None for value in inputs), None, None
+        return None, None, *(next(found) if value.requires_grad else None for value in inputs)
 
 
 def _posed(
@@ -101,9 +90,8 @@ def _posed(
     if plane is None:
         return moved(affine)
     normal = torch.tensor(plane.normal, dtype=torch.float64)
-    _, places = handle_positions(
-        "pose", options["handles"], vertices.detach().numpy(), weights.detach().float().numpy()
-    )
+    given = vertices.detach().numpy(), weights.detach().float().numpy()
+    _, places = handle_positions("pose", options["handles"], *given)
     positive = torch.from_numpy(places @ np.asarray(plane.normal) >= plane.offset)[:, None, None]
     reflection = torch.from_numpy(plane.reflection)
     bottom = torch.tensor([0.0, 0.0, 0.0, 1.0], dtype=torch.float64).expand(len(affine), 1, 4)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, TypedDict, TypeVar, get_args, overload
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict, TypeVar, get_args, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,7 +29,8 @@ if TYPE_CHECKING:
     from dfd.symmetry.plane import SymmetryPlane
 
 Overlap = Literal["add", "interpolate", "normalize", "paper"]
-KERNEL_OVERLAPS = ("add", "paper", "normalize")  # numbered as in the kernels; "interpolate" is "add" with new weights
+# Numbered as in the kernels; "interpolate" is "add" with new weights.
+KERNEL_OVERLAPS = {"add": 0, "interpolate": 0, "paper": 1, "normalize": 2}
 Blend = Literal["linear", "dual_quaternion"]  # numbered as in the kernels
 
 Out = TypeVar("Out")
@@ -171,7 +171,7 @@ def pose(
         directions = check.array("pose", "normals", normals, points.shape, dtype=points.dtype, finite=False)
         turned = empty_like(points)
     posed = target("pose", out, points, {"vertices": points, "weights": matrix, "normals": directions})
-    _run(rule, points, matrix, affine, posed, normals=directions, turned=turned)
+    _core.pose(points, matrix, affine, *rule, None, directions, posed, turned, threads.get_num_threads())
     result = tensors.like(vertices, posed) if out is None else out
     return result if turned is None else (result, tensors.like(vertices, turned))
 
@@ -218,10 +218,10 @@ class Drag:
         resting = affine.copy()
         resting[self._moving] = IDENTITY
         self._base = empty_like(self._points)
-        _run(rule, self._points, matrix, resting, self._base)
+        _core.pose(self._points, matrix, resting, *rule, None, None, self._base, None, threads.get_num_threads())
         self._weights = np.asfortranarray(_effective(rule, matrix, self._moving), np.float32)
         positive = None if rule.positive is None else np.ascontiguousarray(rule.positive[self._moving])
-        self._rule = replace(rule, rest=IDENTITY, positive=positive, places=None, mixing=None, overlap="add")
+        self._rule = rule._replace(rest=IDENTITY, positive=positive, places=None, mixing=None, overlap=0)
 
     def pose(self, transforms: Any, *, out: Any = None) -> Any:
         """Return vertices (V, 3) for `transforms` (M, 3, 4) or (M, 4, 4) of the moving handles, in their order.
@@ -235,21 +235,21 @@ class Drag:
         if self._base is None:
             self._transforms[self._moving] = affine
             affine = self._transforms
-        _run(self._rule, self._points, self._weights, affine, posed, base=self._base)
+        inputs = self._points, self._weights, affine, *self._rule, self._base
+        _core.pose(*inputs, None, posed, None, threads.get_num_threads())
         return tensors.like(self._like, posed) if out is None else out
 
 
-@dataclass(frozen=True)
-class _Rule:
-    """The arguments of the kernel that say how transforms are blended."""
+class _Rule(NamedTuple):
+    """The arguments of the kernel, in its order, that say how transforms are blended."""
 
     rest: Float64  # (3, 4) D₀
     plane: tuple[tuple[float, float, float], float, float] | None  # normal, offset and band of the mirror plane
     positive: Bool | None  # (H,) whether a handle is on the side to which the plane's normal points
     places: Float64 | None  # (H, 3) positions of the handles
     mixing: Float64 | None  # (H, H) matrix by which the weights are multiplied
-    overlap: Overlap
-    blend: Blend
+    overlap: int  # index in `KERNEL_OVERLAPS`
+    blend: int  # index in `Blend`
 
 
 def _rule(
@@ -282,43 +282,14 @@ def _rule(
         among = handle_weight_matrix(function, handle_weights, weights, indices)
         mixing = np.ascontiguousarray(interpolating(function, among))
     plane = None if symmetry is None else (symmetry.normal, symmetry.offset, symmetry.band)
-    return _Rule(rest, plane, positive, None if blend == "linear" else places, mixing, overlap, blend)
-
-
-def _run(
-    rule: _Rule,
-    points: NDArray[Any],
-    weights: Float32,
-    transforms: Float64,
-    posed: NDArray[Any],
-    *,
-    base: NDArray[Any] | None = None,
-    normals: NDArray[Any] | None = None,
-    turned: NDArray[Any] | None = None,
-) -> None:
-    _core.pose(
-        points,
-        weights,
-        transforms,
-        rule.rest,
-        rule.plane,
-        rule.positive,
-        rule.places,
-        rule.mixing,
-        0 if rule.overlap == "interpolate" else KERNEL_OVERLAPS.index(rule.overlap),
-        get_args(Blend).index(rule.blend),
-        base,
-        normals,
-        posed,
-        turned,
-        threads.get_num_threads(),
-    )
+    numbers = KERNEL_OVERLAPS[overlap], get_args(Blend).index(blend)
+    return _Rule(rest, plane, positive, None if blend == "linear" else places, mixing, *numbers)
 
 
 def _effective(rule: _Rule, weights: Float32, moving: Int64) -> NDArray[Any]:
     """Return the weights (V, M) of the `moving` handles after mixing or normalization."""
     if rule.mixing is not None:
         return weights @ rule.mixing[:, moving].astype(np.float32)
-    if rule.overlap == "normalize":
+    if rule.overlap == KERNEL_OVERLAPS["normalize"]:
         return weights[:, moving] / np.maximum(weights.sum(axis=1, dtype=np.float64), 1.0)[:, None]
     return weights[:, moving]

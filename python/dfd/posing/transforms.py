@@ -9,6 +9,7 @@ also be given as a quaternion (x, y, z, w), in glTF's order, which is converted 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -27,60 +28,43 @@ NOT_UNIT = 1e-3  # difference of a quaternion's length from 1 above which a warn
 LARGEST_ANGLE = 1e9  # degrees; for larger angles, float64 has too few digits to remove whole turns
 
 # The motions of a handle: fields of `Transform`, and values that the held part converts to them.
+_of_pose, _of_part = partial(About, affects="pose"), partial(About, affects="pose", of_part=True)
 MOTIONS = {
-    "translation": About(
-        "Move the handle, in mesh units.", metavar="X Y Z", option="translate", unit="length", affects="pose"
-    ),
-    "rotation": About(
+    "translation": _of_pose("Move the handle, in mesh units.", metavar="X Y Z", option="translate", unit="length"),
+    "rotation": _of_pose(
         "Rotate the handle: the vector's direction is the axis, and its length the angle in degrees.",
         metavar="X Y Z",
         option="rotate",
         unit="angle",
-        affects="pose",
     ),
-    "scale": About("Scale the handle: one factor, or three along the axes.", metavar="S | X Y Z", affects="pose"),
-    "pivot": About(
+    "scale": _of_pose("Scale the handle: one factor, or three along the axes.", metavar="S | X Y Z"),
+    "pivot": _of_pose(
         "Center of rotation and scale; by default the base of a limb, and the middle of other parts.",
         metavar="X Y Z|base|middle|point|plane|hinge",
         unit="position",
-        affects="pose",
     ),
-    "axes": About(
-        "Use the surface's normal at the handle as the third axis of scale, instead of z.",
-        metavar="normal",
-        affects="pose",
+    "axes": _of_pose(
+        "Use the surface's normal at the handle as the third axis of scale, instead of z.", metavar="normal"
     ),
-    "bend": About(
-        "Bend the held part along its own axis: the angle by which its tip rotates.",
-        metavar="DEGREES",
-        unit="angle",
-        affects="pose",
-        of_part=True,
+    "bend": _of_part(
+        "Bend the held part along its own axis: the angle by which its tip rotates.", metavar="DEGREES", unit="angle"
     ),
-    "towards": About(
+    "towards": _of_part(
         "Direction in which --bend moves the tip; by default up, or to the front if the part is upright.",
         metavar="up|down|left|right|front|back|X Y Z",
-        affects="pose",
-        of_part=True,
     ),
-    "twist": About(
-        "Twist the held part about its own axis.", metavar="DEGREES", unit="angle", affects="pose", of_part=True
-    ),
-    "joint": About(
+    "twist": _of_part("Twist the held part about its own axis.", metavar="DEGREES", unit="angle"),
+    "joint": _of_part(
         "Position of the bend along the axis: over the whole length (spread), where the part is already bent or narrow "
         "(auto), at the handle (here), or from base (0) to tip (1).",
         0.0,
         1.0,
         metavar="spread|auto|here|0…1",
-        affects="pose",
-        of_part=True,
     ),
-    "open": About(
+    "open": _of_part(
         "Rotate the held part about its hinge, away from the rest of the shape, as a jaw opens.",
         metavar="DEGREES",
         unit="angle",
-        affects="pose",
-        of_part=True,
     ),
 }
 
@@ -106,9 +90,7 @@ class Transform(Brief):
     # Three orthonormal vectors along which `scale` acts, the columns of A; None is the mesh's axes.
     axes: Annotated[Frame | None, MOTIONS["axes"]] = None
     # The name of the pivot, as in `Deformer.add`; None if the pivot was given in numbers.
-    pivot_at: Annotated[
-        PivotAt | None, About("Name of the pivot's place on the held part.", affects="pose", of_part=True)
-    ] = None
+    pivot_at: Annotated[PivotAt | None, _of_part("Name of the pivot's place on the held part.")] = None
     bend: Annotated[Vector, MOTIONS["bend"]] = (0.0, 0.0, 0.0)  # rotation vector of the held part's tip, in degrees
     twist: Annotated[float, MOTIONS["twist"]] = 0.0  # rotation of the tip about the part's axis, in degrees
     # The position of bend and twist on the axis, from base (0) to tip (1); None distributes them over its length.
@@ -120,19 +102,23 @@ class Transform(Brief):
         keep = object.__setattr__
         keep(self, "translation", vector("translation", self.translation))
         keep(self, "rotation", rotation_vector(self.rotation))
-        keep(self, "scale", scale_factors(self.scale))
+        keep(
+            self, "scale", _triple(np.broadcast_to(_numbers("scale", self.scale, ((), (3,)), "one number or 3"), (3,)))
+        )
         if self.pivot is not None:
             keep(self, "pivot", vector("pivot", self.pivot))
         if self.axes is not None:
-            keep(self, "axes", frame_vectors("axes", self.axes))
+            rows = check.array("Transform", "axes", self.axes, (3, 3), dtype=np.float64)
+            if np.abs(rows @ rows.T - np.eye(3)).max() > 1e-6:
+                raise ArgumentError("axes", f"must be 3 unit vectors at right angles, got {rows.tolist()}", "Transform")
+            keep(self, "axes", tuple(_triple(row) for row in rows))
         if self.pivot_at is not None:
             check.choice("Transform", "pivot_at", self.pivot_at, PivotAt)
             if self.pivot is None:
                 raise ArgumentError("pivot", "must be given when `pivot_at` is", "Transform")
         keep(self, "bend", _angles("bend", self.bend))
-        keep(
-            self, "twist", check.number("Transform", "twist", self.twist, minimum=-LARGEST_ANGLE, maximum=LARGEST_ANGLE)
-        )
+        most = LARGEST_ANGLE
+        keep(self, "twist", check.number("Transform", "twist", self.twist, minimum=-most, maximum=most))
         if self.joint is not None:
             keep(self, "joint", check.number("Transform", "joint", self.joint, minimum=0.0, maximum=1.0))
         keep(self, "linear", _linear(self.rotation, self.scale, self.axes))
@@ -188,22 +174,6 @@ class Transform(Brief):
         return matrix
 
 
-def affine(
-    *,
-    translation: ArrayLike = (0.0, 0.0, 0.0),
-    rotation: ArrayLike = (0.0, 0.0, 0.0),
-    scale: ArrayLike = 1.0,
-    pivot: ArrayLike = (0.0, 0.0, 0.0),
-    axes: ArrayLike | None = None,
-) -> Float64:
-    """Return the (3, 4) matrix, in mesh units, of a `Transform` with these values; the default pivot is the origin.
-
-    Raises ValueError as `Transform` does.
-    """
-    parts: dict[str, Any] = {"translation": translation, "rotation": rotation, "scale": scale, "axes": axes}
-    return Transform(**parts, pivot=vector("pivot", pivot)).matrix().copy()
-
-
 def rotation_matrix(rotation: ArrayLike) -> Float64:
     """Return R (3, 3) of a rotation vector in degrees or a quaternion (x, y, z, w).
 
@@ -220,12 +190,10 @@ def rotation_matrix(rotation: ArrayLike) -> Float64:
 
 def rotation_vector(rotation: ArrayLike) -> Vector:
     """Return `rotation` as a rotation vector in degrees; a quaternion gives the shorter rotation."""
-    numbers = _numbers("rotation", rotation)
-    if numbers.shape == (3,):
+    wanted = "a rotation vector in degrees (3 numbers) or a quaternion x y z w (4 numbers)"
+    numbers = _numbers("rotation", rotation, ((3,), (4,)), wanted)
+    if len(numbers) == 3:
         return _angles("rotation", numbers)
-    if numbers.shape != (4,):
-        wanted = "a rotation vector in degrees (3 numbers) or a quaternion x y z w (4 numbers)"
-        raise ArgumentError("rotation", f"must be {wanted}, got shape {numbers.shape}", "Transform")
     from scipy.spatial.transform import Rotation
 
     largest = np.abs(numbers).max()
@@ -246,29 +214,9 @@ def _angles(name: str, value: ArrayLike) -> Vector:
     return angles
 
 
-def scale_factors(scale: ArrayLike) -> Vector:
-    """Return `scale`, one factor or three, as three factors."""
-    numbers = _numbers("scale", scale)
-    if numbers.shape not in ((), (3,)):
-        raise ArgumentError("scale", f"must be one number or 3, got shape {numbers.shape}", "Transform")
-    return _triple(np.broadcast_to(numbers, (3,)))
-
-
 def vector(name: str, value: ArrayLike) -> Vector:
     """Return `value` as three finite numbers."""
-    numbers = _numbers(name, value)
-    if numbers.shape != (3,):
-        raise ArgumentError(name, f"must be 3 numbers, got shape {numbers.shape}", "Transform")
-    return _triple(numbers)
-
-
-def frame_vectors(name: str, value: ArrayLike) -> Frame:
-    """Return `value` (3, 3) as three orthonormal vectors, one per row."""
-    rows = check.array("Transform", name, value, (3, 3), dtype=np.float64)
-    if np.abs(rows @ rows.T - np.eye(3)).max() > 1e-6:
-        raise ArgumentError(name, f"must be 3 unit vectors at right angles, got {rows.tolist()}", "Transform")
-    x, y, z = (_triple(row) for row in rows)
-    return (x, y, z)
+    return _triple(_numbers(name, value, ((3,),), "3 numbers"))
 
 
 def frame_of_normal(normal: ArrayLike) -> Frame:
@@ -297,11 +245,14 @@ def _linear(rotation: Vector, scale: Vector, axes: Frame | None) -> Float64:
     return linear
 
 
-def _numbers(name: str, value: Any) -> Float64:
-    """Return `value`, one number or a list of numbers, as an array of shape () or (N,)."""
-    if value is None or np.isscalar(value) or getattr(value, "ndim", 1) == 0:
-        return check.array("Transform", name, value, (), dtype=np.float64).reshape(())
-    return check.array("Transform", name, value, ("N",), dtype=np.float64)
+def _numbers(name: str, value: Any, shapes: tuple[tuple[int, ...], ...], wanted: str) -> Float64:
+    """Return `value` as an array of one of `shapes`, () or (N,), which messages call `wanted`."""
+    single = value is None or np.isscalar(value) or getattr(value, "ndim", 1) == 0
+    numbers: Float64 = check.array("Transform", name, value, () if single else ("N",), dtype=np.float64)
+    numbers = numbers.reshape(()) if single else numbers
+    if numbers.shape not in shapes:
+        raise ArgumentError(name, f"must be {wanted}, got shape {numbers.shape}", "Transform")
+    return numbers
 
 
 def _triple(numbers: Float64) -> Vector:

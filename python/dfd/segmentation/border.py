@@ -20,10 +20,8 @@ KEEP = 0.1  # cost of moving a patch's area to the other side, relative to a bor
 STEEPEST = 10.0  # largest factor of the concavity between nodes that are nearer to each other than patches
 UNITS, MOST = 1e6, 2**28  # integer cost of a border as long as the diagonal of the box, and the largest cost
 
-Mask = Bool
 
-
-def snapped(patches: Patches, inside: Mask, held: int | None = None) -> Mask:
+def snapped(patches: Patches, inside: Bool, held: int | None = None) -> Bool:
     """Return (N,) the nodes of the part of patches `inside` (P,), after its border moves to the cheapest cut nearby.
 
     The cost of a border is its length, lowered in concave creases. Nodes farther from the old border than `BAND`, or
@@ -65,7 +63,7 @@ def snapped(patches: Patches, inside: Mask, held: int | None = None) -> Mask:
     return on_side[number][patches.first]
 
 
-def closed(patches: Patches, inside: Mask) -> Mask:
+def closed(patches: Patches, inside: Bool) -> Bool:
     """Return a part (P,) with all components that only this part connects to the body, such as the hoof of a leg.
 
     The body is the largest component of the surface without the part. If the body has less than half of the remaining
@@ -82,7 +80,7 @@ def closed(patches: Patches, inside: Mask) -> Mask:
     return whole
 
 
-def components_of(patches: Patches, inside: Mask) -> Int64:
+def components_of(patches: Patches, inside: Bool) -> Int64:
     """Return (P,) the component of each patch of a part `inside` (P,), counted from 0; −1 outside the part.
 
     Patches farther from the border than `NECK` define the components, so legs that meet in a narrow web are separate.
@@ -91,22 +89,18 @@ def components_of(patches: Patches, inside: Mask) -> Int64:
     borders = patches.borders
     own = np.flatnonzero(inside)
     graph = borders.graph(borders.apart)[own][:, own]
-    ends = np.unique(borders.pairs[np.not_equal(*inside[borders.pairs.T])])
-    depth = dijkstra(borders.graph(borders.apart), indices=ends, min_only=True) if len(ends) else None
     component = np.asarray(connected_components(graph, directed=False)[1], np.int64)
-    if depth is not None:
-        deep = np.flatnonzero(depth[own] > NECK * patches.spacing)
-        core = connected_components(graph[deep][:, deep], directed=False)[1] if len(deep) else deep
-        area = np.bincount(core, patches.area[own[deep]])
-        large = (area > SMALL_COMPONENT * area.max(initial=0))[core]
+    deep = np.flatnonzero(borders.depth(inside)[own] > NECK * patches.spacing)
+    core = connected_components(graph[deep][:, deep], directed=False)[1] if len(deep) else deep
+    area = np.bincount(core, patches.area[own[deep]])
+    large = (area > SMALL_COMPONENT * area.max(initial=0))[core]
+    if len(seeds := deep[large]):
         # A component without a large group of deep patches is not divided.
-        whole = np.isin(component, component[deep[large]])
-        seeds = deep[large]
-        if len(seeds):
-            source = dijkstra(graph, indices=seeds, min_only=True, return_predecessors=True)[2]
-            name = np.zeros(len(own), np.int64)
-            name[seeds] = core[large] + 1
-            component = np.where(whole, name[np.where(whole, source, 0)], -component - 1)
+        whole = np.isin(component, component[seeds])
+        source = dijkstra(graph, indices=seeds, min_only=True, return_predecessors=True)[2]
+        name = np.zeros(len(own), np.int64)
+        name[seeds] = core[large] + 1
+        component = np.where(whole, name[np.where(whole, source, 0)], -component - 1)
     result = np.full(borders.count, -1)
     result[own] = np.unique(component, return_inverse=True)[1]
     return result

@@ -7,8 +7,6 @@ borders follow creases and its parent has a much larger merge distance.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.cluster.hierarchy import linkage
@@ -52,24 +50,18 @@ LESS_APART, JOIN_ROUNDS = 2.0, 3
 EVEN = 0.05  # merge distance below which an increase to the parent is noise
 
 
-@dataclass(frozen=True, eq=False)
-class Node:
-    """A node of the tree: a part with its counterparts."""
-
-    inside: Bool  # (P,) whether a patch belongs to the node
-    area: float  # share of the surface
-    border: float  # length of its borders, in diagonals of the box
-    concavity: float  # mean concavity along its borders, in [0, 2], lower for short borders
-    step: float  # relative increase of the merge distance to the parent, in [0, 1]
-
-
 class Hierarchy:
-    """The tree of all parts of one shape, from patches to the whole shape.
+    """The tree of all parts of one shape: first the patches, then nodes that merge two earlier nodes.
 
     Attributes
     ----------
-    nodes
-        (N,) the nodes: first the patches, then nodes that merge two earlier nodes.
+    inside
+        (N, P) whether a patch belongs to a node.
+    area, border
+        (N,) shares of the surface, and lengths of the borders in diagonals of the box.
+    concavity, step
+        (N,) mean concavity along the borders, in [0, 2], and relative increase of the merge distance to the parent, in
+        [0, 1].
     cut
         The nodes of the clearest cut of the tree: they cover the shape with the largest sum of clarity times area.
     clear
@@ -86,7 +78,7 @@ class Hierarchy:
     def __init__(self, patches: Patches, features: NDArray[np.floating]) -> None:
         self._patches = patches
         self._distal = Distal(patches)
-        self._components_by_patches: dict[bytes, tuple[Float64, int]] = {}  # kept for the trees of all rounds
+        self._known_components: dict[bytes, tuple[Float64, int]] = {}  # kept for the trees of all rounds
         values = smoothed(patches, features.astype(np.float64))
         self._build(values)
         # Features also depend on the place on a body: front legs can resemble the trunk more than the hind legs.
@@ -117,9 +109,8 @@ class Hierarchy:
             first[other] = first[one] + self._size[one]
         self._first, self._order = first, np.argsort(first[:count], kind="stable")
         self._children = children
-        self._known_components: dict[int, tuple[Float64, int]] = {}
         self._closed: dict[int, Bool] = {}
-        self.nodes = self._make_nodes()
+        self._measure_nodes()
         self.cut, self.clear = self._clearest_cut()
 
     def _counterpart_pairs(self, values: Float64) -> list[Bool]:
@@ -128,7 +119,7 @@ class Hierarchy:
         nodes = [node for node in nodes if len(self._components(node)[0]) > 1]
         if len(nodes) < 2:
             return []
-        inside = np.array([self.nodes[node].inside for node in nodes])
+        inside = self.inside[nodes]
         touches = self._patches.borders.graph(np.ones(len(self._patches.borders.pairs)))
         around = (touches @ inside.T > 0).T & ~inside
         around[~around.any(axis=1)] = True  # a whole component of the mesh is compared with the whole shape
@@ -161,9 +152,7 @@ class Hierarchy:
 
     def _may_be_part(self, node: int) -> bool:
         """Return whether a node's area and the mean area of its components lie within the bounds for parts."""
-        return bool(
-            LEAST_AREA < self.nodes[node].area < MOST_AREA and self._components(node)[0].mean() > LEAST_COMPONENT
-        )
+        return bool(LEAST_AREA < self.area[node] < MOST_AREA and self._components(node)[0].mean() > LEAST_COMPONENT)
 
     def saliency(self, node: int) -> float:
         """Return the saliency of a node, comparable among the ancestors of one patch.
@@ -171,20 +160,18 @@ class Hierarchy:
         Salient nodes end at creases, differ from their surroundings, and have short borders: limbs, heads, handles. The
         length of borders is a mean over the borders, so four legs are as salient as one.
         """
-        own = self.nodes[node]
-        saliency = (own.concavity + LEAST_CONCAVITY) * own.step / (self.girth(node) + SHORT)
+        saliency = (self.concavity[node] + LEAST_CONCAVITY) * self.step[node] / (self.girth(node) + SHORT)
         return float(saliency * (CUT if node in self.cut else 1.0))
 
     def clarity(self, node: int) -> float:
         """Return the clarity of a node's borders, comparable among all nodes."""
-        own = self.nodes[node]
-        clarity = (own.concavity + LEAST_CONCAVITY) * own.step**0.75
+        clarity = (self.concavity[node] + LEAST_CONCAVITY) * self.step[node] ** 0.75
         return float(clarity / np.sqrt(self.girth(node) + SHORT))
 
     def closed(self, node: int) -> Bool:
         """Return (P,) the patches of a node, and of all components that only this node connects to the body."""
         if node not in self._closed:
-            self._closed[node] = closed(self._patches, self.nodes[node].inside)
+            self._closed[node] = closed(self._patches, self.inside[node])
         return self._closed[node]
 
     def held(self, patch: int) -> int:
@@ -218,20 +205,16 @@ class Hierarchy:
 
     def girth(self, node: int) -> float:
         """Return the mean length of a node's borders, in diagonals of the box: the girth of a limb at its base."""
-        own = self.nodes[node]
         # Without borders, the length is the side of a square of the node's area.
-        length = own.border or np.sqrt(own.area * self._patches.node_area.sum())
+        length = self.border[node] or np.sqrt(self.area[node] * self._patches.node_area.sum())
         return float(length) / self._components(node)[1]
 
     def _components(self, node: int) -> tuple[Float64, int]:
         """Return `components_and_borders` of a node."""
-        if node not in self._known_components:
-            inside = self.nodes[node].inside
-            key = np.packbits(inside).tobytes()
-            if key not in self._components_by_patches:
-                self._components_by_patches[key] = components_and_borders(self._patches, inside)
-            self._known_components[node] = self._components_by_patches[key]
-        return self._known_components[node]
+        key = self._keys[node]
+        if key not in self._known_components:
+            self._known_components[key] = components_and_borders(self._patches, self.inside[node])
+        return self._known_components[key]
 
     def _clearest_cut(self) -> tuple[list[int], Bool]:
         """Return `cut` and `clear`. The best cut of a node is the node itself, or the best cuts of its children."""
@@ -239,7 +222,7 @@ class Hierarchy:
         worth, clear = np.zeros(len(self._height)), np.zeros(len(self._height), bool)
         cuts = [[node] for node in range(count)]
         for node, (one, other) in enumerate(self._children, start=count):
-            own = self.nodes[node].area * self.clarity(node) if self._may_be_part(node) else 0.0
+            own = self.area[node] * self.clarity(node) if self._may_be_part(node) else 0.0
             below = worth[one] + worth[other]
             worth[node], clear[node] = max(own, below), own > 0 and own >= below
             cuts.append([node] if clear[node] else cuts[one] + cuts[other])
@@ -248,7 +231,7 @@ class Hierarchy:
     def cut_labels(self) -> Int64:
         """Return (P,) the part of each patch in `cut`; small parts join the neighbor with the longest common border."""
         borders, area = self._patches.borders, self._patches.area
-        part: Int64 = np.argmax([self.nodes[node].inside for node in self.cut], axis=0)
+        part: Int64 = self.inside[self.cut].argmax(axis=0)
         for small in sorted(set(part.tolist()), key=lambda number: area[part == number].sum()):
             if area[part == small].sum() >= LEAST_CUT_AREA:
                 break
@@ -259,21 +242,19 @@ class Hierarchy:
                 part[part == small] = np.bincount(beside, borders.length[between] + 1e-9).argmax()
         return part
 
-    def _make_nodes(self) -> list[Node]:
-        """Return the nodes of the tree, with their areas and borders."""
+    def _measure_nodes(self) -> None:
+        """Set the patches, areas, borders and steps of the nodes."""
         patches, borders = self._patches, self._patches.borders
         creased = borders.length * borders.concavity.clip(0)
-        area, length, crease = self._sums(patches.area), self._crossing(borders.length), self._crossing(creased)
+        self.area, self.border = self._sums(patches.area), self._crossing(borders.length)
         # Borders of length 0 are gaps between components.
-        concavity = np.where(length > 0, crease / (length + SHORT), BRIDGE)
+        self.concavity = np.where(self.border > 0, self._crossing(creased) / (self.border + SHORT), BRIDGE)
         above = np.where(self._parent >= 0, self._height[self._parent], self._height)
-        step = (above - self._height) / (above + EVEN)
-        inside = np.zeros((len(self._height), borders.count), bool)
-        for row, first, size in zip(inside, self._first, self._size, strict=True):
+        self.step = (above - self._height) / (above + EVEN)
+        self.inside = np.zeros((len(self._height), borders.count), bool)
+        for row, first, size in zip(self.inside, self._first, self._size, strict=True):
             row[self._order[first : first + size]] = True
-        return [
-            Node(*each) for each in zip(inside, *map(np.ndarray.tolist, (area, length, concavity, step)), strict=True)
-        ]
+        self._keys = [row.tobytes() for row in np.packbits(self.inside, axis=1)]
 
     def _sums(self, of_node: Float64) -> Float64:
         """Return (N,), for each tree node, the sum over its subtree of `of_node`, a value per node or patch."""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -35,13 +35,6 @@ WIDEST, OF_GIRTH = 0.1, 0.25
 TRUNK, MOST_BORDERS = 3.0, 1.5
 
 
-class Features(Protocol):
-    """A function that returns the features of vertices of a mesh, such as `field.on(mesh).rows`."""
-
-    def __call__(self, vertices: Int64) -> Float32:
-        """Return the features (N, D) of vertices (N,)."""
-
-
 @dataclass(frozen=True, eq=False)
 class Part:
     """A part of a shape."""
@@ -69,9 +62,12 @@ class Grip:
 
 
 class Parts:
-    """The parts of the shape `mesh`, by the features of its vertices; computed for the first request."""
+    """The parts of the shape `mesh`, computed for the first request.
 
-    def __init__(self, mesh: Mesh, features: Features) -> None:
+    `features` returns the features (N, D) of vertices (N,), such as `field.on(mesh).rows`.
+    """
+
+    def __init__(self, mesh: Mesh, features: Callable[[Int64], Float32]) -> None:
         self._mesh, self._features = mesh, features
 
     def __repr__(self) -> str:
@@ -95,7 +91,7 @@ class Parts:
         check.choice("Parts.part", "level", level, Level)
         vertex = self._vertex(at)
         patch = int(self._patches.of_vertex[vertex])
-        inside = self._hierarchy.nodes[self._chosen(patch, level)].inside
+        inside = self._hierarchy.inside[self._chosen(patch, level)]
         if not alike:
             component = components_of(self._patches, inside)
             inside = component == component[patch]
@@ -117,7 +113,9 @@ class Parts:
         if inside.all() or max(map(tree.saliency, tree.candidates(patch))) < LEAST_SALIENCY:
             return None
         side = self._snapped(inside, vertex)
-        width = patches.size * self._band(chosen, inside)
+        components, borders = components_and_borders(patches, inside)
+        wider = TRUNK if borders > MOST_BORDERS * len(components) else 1.0
+        width = patches.size * wider * min(WIDEST, tree.girth(chosen) * OF_GIRTH)
         # The blend band does not cross gaps between components of the mesh, such as between teeth and lips.
         graph, component = patches.nodes.graph, patches.nodes.component
         row = np.repeat(np.arange(len(side)), np.diff(graph.indptr))
@@ -153,25 +151,19 @@ class Parts:
         claims = np.array([snapped(patches, inside) for inside in masks])
         # If no part or several parts contain a node after snapping, the node keeps the part of its patch.
         of_node = np.where(claims.sum(axis=0) == 1, claims.argmax(axis=0), masks.argmax(axis=0)[patches.of_node])
-        sides = [of_node == number for number in range(len(masks))]
-        label = self._at_vertices(sides)
-        found = [
-            self._part(inside, label == number, self._middle(inside))
-            for number, inside in enumerate(masks)
-            if (label == number).any()
-        ]
+        label = self._at_vertices([of_node == number for number in range(len(masks))])
+        found = []
+        for number, inside in enumerate(masks):
+            if (label == number).any():
+                depth = patches.borders.depth(inside)
+                deepest = np.where(inside & np.isfinite(depth), depth, -1.0).argmax()
+                found.append(self._part(inside, label == number, int((patches.of_vertex == deepest).argmax())))
         return sorted(found, key=lambda each: -each.share)
 
     def prepare(self) -> None:
         """Compute the tree of parts, which takes half a second, and seconds for a million faces."""
         if self._has_surface:
             _ = self._hierarchy
-
-    def _band(self, chosen: int, inside: Bool) -> float:
-        """Return the width of the blend band around a part, in diagonals of the box."""
-        components, borders = components_and_borders(self._patches, inside)
-        wider = TRUNK if borders > MOST_BORDERS * len(components) else 1.0
-        return wider * min(WIDEST, self._hierarchy.girth(chosen) * OF_GIRTH)
 
     def _snapped(self, inside: Bool, vertex: int) -> Bool:
         """Return (N,) the nodes of the part of patches `inside` (P,), which always has the node of `vertex`."""
@@ -181,7 +173,7 @@ class Parts:
         """Return the tree node of the part at a patch."""
         tree = self._hierarchy
         nodes = tree.candidates(patch)
-        area = np.array([tree.nodes[node].area for node in nodes])
+        area = tree.area[nodes]
         clarity = np.array([tree.clarity(node) for node in nodes])
         best = nodes.index(tree.held(patch))
         among = np.array([best])
@@ -189,8 +181,7 @@ class Parts:
             among = np.flatnonzero(area > LARGER * area[best])
         elif level == "smaller":  # the largest node inside that is clearer than each cut of it
             among = np.flatnonzero(tree.clear[nodes] & (LARGER * area < area[best]))[-1:]
-        chosen = among[clarity[among].argmax()] if len(among) else best
-        return nodes[chosen]
+        return nodes[among[clarity[among].argmax()] if len(among) else best]
 
     def _at_vertices(self, sides: Sequence[Bool]) -> Int64:
         """Return (V,) the index of the mask in `sides`, (N,) each, with the largest interpolated share at a vertex."""
@@ -207,16 +198,6 @@ class Parts:
         component, area = components_of(self._patches, inside)[inside], self._patches.area[inside]
         sizes = np.bincount(component, area)
         return Part(mask, float(area.sum()), int((sizes > SMALL_COMPONENT * sizes.max()).sum()), vertex)
-
-    def _middle(self, inside: Bool) -> int:
-        """Return a vertex of the patch of `inside` (P,) that is farthest from the border of the part."""
-        borders = self._patches.borders
-        ends = np.unique(borders.pairs[np.not_equal(*inside[borders.pairs.T])])
-        depth = np.zeros(len(inside))
-        if len(ends):
-            depth = dijkstra(borders.graph(borders.apart), indices=ends, min_only=True)
-        depth = np.where(inside & np.isfinite(depth), depth, -1.0)
-        return int(np.flatnonzero(self._patches.of_vertex == depth.argmax())[0])
 
     def _vertex(self, at: Any) -> int:
         if np.ndim(at) == 0:

@@ -36,8 +36,6 @@ STARTS = 96  # patches from which distances are measured to find the middle of a
 MIDDLE = 1.5
 BRIDGE = 1.0  # concavity of a small gap between components of the mesh, which is a clear border
 
-Indices = Int64
-
 
 class Borders:
     """The borders between neighboring patches, or nodes, each with a center and a normal.
@@ -54,7 +52,7 @@ class Borders:
         (E,) distances between the centers of both patches, in diagonals of the box.
     """
 
-    def __init__(self, pairs: Indices, length: Float64, center: Float64, normal: Float64) -> None:
+    def __init__(self, pairs: Int64, length: Float64, center: Float64, normal: Float64) -> None:
         self.count = len(center)
         self.pairs, self.length = pairs, length
         one, other = pairs.T
@@ -68,6 +66,13 @@ class Borders:
         one, other = self.pairs.T
         ends = np.concatenate([one, other]), np.concatenate([other, one])
         return csr_array((np.concatenate([values, values]), ends), shape=(self.count, self.count))
+
+    def depth(self, inside: Bool) -> Float64:
+        """Return the distance (N,) of each patch from the border of a part `inside` (N,); 0 if there is no border."""
+        ends = np.unique(self.pairs[np.not_equal(*inside[self.pairs.T])])
+        if len(ends) == 0:
+            return np.zeros(self.count)
+        return np.asarray(dijkstra(self.graph(self.apart), indices=ends, min_only=True), np.float64)
 
 
 class Patches:
@@ -105,7 +110,7 @@ class Patches:
         self.spacing = float(np.sqrt(area.sum() / COUNT))
         links = _links(nodes.graph, pairs)
         pairs, length = np.concatenate([pairs, links]), np.concatenate([length, np.zeros(len(links))])
-        self.node_borders = Borders(pairs, length, center, self._smoothed(normal, pairs))
+        self.node_borders = Borders(pairs, length, center, _smoothed(normal, pairs))
         apart = PACKING * self.spacing
         places = np.column_stack([center, TURNED * apart * unit(normal)])
         used = np.flatnonzero(nodes.used)
@@ -120,7 +125,7 @@ class Patches:
         turned = group_sums(self.of_node, normal, count) / (self.area * weight.sum())[:, None]
         self.borders = Borders(*_contracted(self.of_node, pairs, length, count), middle, turned)
 
-    def means(self, features: Callable[[Indices], NDArray[np.floating]]) -> Float64:
+    def means(self, features: Callable[[Int64], NDArray[np.floating]]) -> Float64:
         """Return the means (P, D) of `features`, a function of vertices (N,), over ≤ `SAMPLES` vertices of a patch."""
         used = np.flatnonzero(self.nodes.used[self.nodes.of_vertex])
         order = used[np.argsort(self.of_vertex[used], kind="stable")]
@@ -131,15 +136,6 @@ class Patches:
         vertices = order[np.repeat(np.cumsum(size) - size, taken) + place * size[patch] // taken[patch]]
         mean = csr_array((1 / taken[patch], (patch, np.arange(len(patch)))), shape=(len(size), len(patch)))
         return np.asarray(mean @ features(vertices).astype(np.float64))
-
-    def _smoothed(self, normal: Float64, pairs: Indices) -> Float64:
-        """Return the unit normals (N, 3) of nodes, averaged over about the area of a patch."""
-        count = len(normal)
-        ends = np.concatenate([pairs, pairs[:, ::-1], np.repeat(np.arange(count), 2).reshape(-1, 2)])
-        near = csr_array((np.ones(len(ends)), tuple(ends.T)), shape=(count, count))
-        for _ in range(min(round(np.sqrt(count / COUNT)), 6)):
-            normal = near @ normal
-        return unit(normal)
 
 
 class Distal:
@@ -176,7 +172,7 @@ class Distal:
         return np.asarray(reached)
 
 
-def _surface(mesh: Mesh, nodes: Nodes, size: float) -> tuple[Float64, Float64, Indices, Float64]:
+def _surface(mesh: Mesh, nodes: Nodes, size: float) -> tuple[Float64, Float64, Int64, Float64]:
     """Return areas (N,) and area-weighted normals (N, 3) of nodes, and pairs (E, 2) and lengths (E,) of borders."""
     count = len(nodes.center)
     first = first_at_place(mesh)
@@ -203,9 +199,17 @@ def _surface(mesh: Mesh, nodes: Nodes, size: float) -> tuple[Float64, Float64, I
     return areas, normals, *joined
 
 
-def _contracted(
-    of: NDArray[np.integer], pairs: NDArray[np.integer], length: Float64, count: int
-) -> tuple[Indices, Float64]:
+def _smoothed(normal: Float64, pairs: Int64) -> Float64:
+    """Return the unit normals (N, 3) of nodes, averaged over about the area of a patch."""
+    count = len(normal)
+    ends = np.concatenate([pairs, pairs[:, ::-1], np.repeat(np.arange(count), 2).reshape(-1, 2)])
+    near = csr_array((np.ones(len(ends)), tuple(ends.T)), shape=(count, count))
+    for _ in range(min(round(np.sqrt(count / COUNT)), 6)):
+        normal = near @ normal
+    return unit(normal)
+
+
+def _contracted(of: Int64, pairs: Int64, length: Float64, count: int) -> tuple[Int64, Float64]:
     """Return the distinct pairs (E, 2) of groups, and the total length (E,) of their borders.
 
     `of` (N,) is the group of each node, `pairs` and `length` the borders between nodes, and `count` the number of
@@ -217,7 +221,7 @@ def _contracted(
     return joined, np.bincount(which, length[apart], len(joined)).astype(np.float64)
 
 
-def _links(graph: csr_array, pairs: Indices) -> Indices:
+def _links(graph: csr_array, pairs: Int64) -> Int64:
     """Return pairs (L, 2) of nodes that `graph` joins and `pairs` lacks: across small gaps, and at one position."""
     count = graph.shape[0]
     row = np.repeat(np.arange(count, dtype=np.int64), np.diff(graph.indptr))
@@ -225,7 +229,7 @@ def _links(graph: csr_array, pairs: Indices) -> Indices:
     return np.stack(np.divmod(key, count), axis=1)
 
 
-def _seeds(points: Float64, near: float) -> Indices:
+def _seeds(points: Float64, near: float) -> Int64:
     """Return at most `MOST` random indices of `points` (N, 6), `near` apart; `near` grows if there are more."""
     tree = cKDTree(points)
     order = np.random.default_rng(0).permutation(len(points)).tolist()
@@ -243,12 +247,12 @@ def _seeds(points: Float64, near: float) -> Indices:
         near *= WIDER
 
 
-def _nearest_seed(graph: csr_array, seeds: Indices, center: Float64) -> Indices:
+def _nearest_seed(graph: csr_array, seeds: Int64, center: Float64) -> Int64:
     """Return (N,) the seed nearest to each node along the surface, or in space if no seed is connected with it."""
     _, _, source = dijkstra(graph, indices=seeds, min_only=True, return_predecessors=True)
     number = np.full(len(center) + 1, -1)
     number[seeds] = np.arange(len(seeds))
-    found: Indices = number[np.maximum(source, -1)]
+    found: Int64 = number[np.maximum(source, -1)]
     lost = found < 0
     if lost.any():
         found[lost] = cKDTree(center[seeds]).query(center[lost])[1]

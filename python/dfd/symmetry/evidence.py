@@ -43,29 +43,22 @@ class SurfaceFeatures:
     farthest: float  # upper end of the last interval of `change`, normalized
     spacing: float  # typical distance of neighboring samples, normalized
 
-    def features_at(self, points: Float64) -> Float32:
-        """Return the features (K, D) of normalized points (K, 3)."""
-        return np.asarray(self.field(self.frame.invert(points)), np.float32)
-
-    def usual_change(self, distance: Float64) -> Float64:
-        """Return the mean change of features (K,) between two samples at each `distance` (K,), normalized."""
-        places = (np.arange(len(self.change)) + 0.5) * self.farthest / len(self.change)
-        return np.interp(distance, np.concatenate([[0], places]), [0, *self.change])
-
     def dissimilarity(self, images: Float64) -> tuple[float, float]:
         """Return two measures of the symmetry that maps `points` to `images` (N, 3), both for samples that it moves.
 
-        The first is the dissimilarity: the mean change of features over `usual_change`, for the best four fifths of the
-        samples. It is 0 for a perfect symmetry, and 1 for chance. It is also 1 if few samples move, as in the plane of
-        a flat shape. The second is the share of images on the surface.
+        The first is the dissimilarity: the mean change of features, over the usual change between samples at the same
+        distance, for the best four fifths of the samples. It is 0 for a perfect symmetry, and 1 for chance. It is also
+        1 if few samples move, as in the plane of a flat shape. The second is the share of images on the surface.
         """
         distance = np.linalg.norm(images - self.points, axis=1)
         moves = distance > STAYS
         if moves.mean() < _MOVED:
             return 1.0, 0.0
         landed = float((self.tree.query(images[moves])[0] < 3 * self.spacing).mean())
-        changed = np.linalg.norm(self.features[moves] - self.features_at(images[moves]), axis=1)
-        usual = float(self.usual_change(distance[moves]).mean())
+        found = np.asarray(self.field(self.frame.invert(images[moves])), np.float32)
+        changed = np.linalg.norm(self.features[moves] - found, axis=1)
+        places = (np.arange(len(self.change)) + 0.5) * self.farthest / len(self.change)
+        usual = float(np.interp(distance[moves], np.concatenate([[0], places]), [0, *self.change]).mean())
         if usual < _NO_SPREAD:
             return 1.0, landed
         kept = np.argsort(changed)[: max(1, int(_TRIMMED * len(changed)))]

@@ -6,7 +6,7 @@ A frame is a rotation (3, 3), whose rows are right, up and front in the mesh's c
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -29,12 +29,12 @@ LEAST_EXTENT = 1e-6  # extent along an axis below which it is taken as 0, relati
 class Up:
     """The up direction of a mesh."""
 
-    frame: Float64  # (3, 3)
+    frame: Float64 = field(default_factory=lambda: np.eye(3))  # (3, 3); by default that of +y, the convention of files
     # Probability, in [0, 1], that the axis of this direction, or a nearly parallel axis, is upright; 1 if given.
-    confidence: float
+    confidence: float = 0.0
     # "said" if the user gave it; "file" if +y is the likeliest, or +y with confidence 0; "found" if another axis is
     # the likeliest; "averaged" if the axis is uncertain, so that the features of two directions are concatenated.
-    source: Literal["said", "file", "found", "averaged"]
+    source: Literal["said", "file", "found", "averaged"] = "file"
     # `shared` and `shares` are None if pictures are rendered for `frame` only.
     shared: Float64 | None = None  # (K, 3, 3) the frames for which pictures are rendered, the likeliest first
     shares: Float64 | None = None  # (K,) their probabilities, with sum 1
@@ -125,11 +125,6 @@ def check_up(up: Any) -> str | tuple[float, float, float]:
     raise ValueError(f"distill: `up` must be one of {', '.join(UP_WORDS)}, or three numbers, not all 0, got {up!r}")
 
 
-def file_up() -> Up:
-    """Return +y, the convention of files, with confidence 0."""
-    return Up(np.eye(3), 0.0, "file")
-
-
 def explicit_up(mesh: Mesh, up: str | tuple[float, float, float]) -> Up:
     """Return the direction `up`, a result of `check_up` except "auto"; ValueError if `mesh` has no extent along it."""
     if up == "file":
@@ -137,16 +132,11 @@ def explicit_up(mesh: Mesh, up: str | tuple[float, float, float]) -> Up:
     direction = AXES[up] if isinstance(up, str) else np.array(up)
     if np.ptp(mesh.vertices @ direction) <= LEAST_EXTENT * np.max(mesh.extents):
         raise ValueError(f"distill: `up` must be a direction along which `mesh` has an extent, got {up!r}")
-    return Up(_upright_frame(direction), 1.0, "said")
-
-
-def _upright_frame(up: Float64) -> Float64:
-    """Return the frame (3, 3) with `up` (3,), whose other rows are axes of the file or near them."""
-    along = np.flatnonzero(up)
-    if len(along) == 1:
-        return axis_frames(np.eye(3))[2 * int(along[0]) + int(up[along[0]] < 0)]
-    right = np.eye(3)[0] if abs(up[0]) < 0.9 else np.eye(3)[2]
-    return frame_facing(up, right)
+    axis = int(np.abs(direction).argmax())
+    if np.count_nonzero(direction) == 1:
+        return Up(axis_frames(np.eye(3))[2 * axis + int(direction[axis] < 0)], 1.0, "said")
+    right = np.eye(3)[0] if abs(direction[0]) < 0.9 else np.eye(3)[2]
+    return Up(frame_facing(direction, right), 1.0, "said")
 
 
 def frame_facing(up: Float64, right: Float64) -> Float64:

@@ -11,7 +11,7 @@ from dfd.common.linear_algebra import Float64
 from dfd.common.progress import Stages
 from dfd.geometry.topology import face_areas
 from dfd.mesh.normalization import box_normalization
-from dfd.upright.candidates import AXES, Up, axis_frames, explicit_up, file_up, frame_facing
+from dfd.upright.candidates import AXES, Up, axis_frames, explicit_up, frame_facing
 from dfd.upright.probe import UpProbe, find_probe
 from dfd.upright.probe_views import CORNERS, SIDES, ProbeCameras
 from dfd.upright.stability import StabilityCues
@@ -34,9 +34,7 @@ GLTF_UP = 2.5
 UNALIGNED_PRIOR = 0.5  # factor of the prior if the shape is not aligned with the axes of the file
 
 
-def resolve_up(
-    mesh: Mesh, encoder: Encoder, up: str | tuple[float, float, float], *, stages: Stages | None = None
-) -> Up:
+def resolve_up(mesh: Mesh, encoder: Encoder, up: str | tuple[float, float, float], *, stages: Stages) -> Up:
     """Return the up direction for the setting `up`, a result of `check_up`; "auto" calls `find_up`."""
     return find_up(mesh, encoder, stages=stages) if up == "auto" else explicit_up(mesh, up)
 
@@ -56,10 +54,10 @@ def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stage
     probe = probe or find_probe(encoder)
     box = box_normalization(*mesh.bounds) if len(mesh.faces) else None
     if probe is None or box is None:
-        return file_up()
+        return Up()
     vertices = (mesh.vertices - box[0]) * box[1]
     if not face_areas(vertices, mesh.faces).sum() > 0:
-        return file_up()
+        return Up()
     with (stages or Stages(show=False)).stage("up"):
         cues, cameras = StabilityCues(vertices, mesh.faces), ProbeCameras(mesh, encoder)
         frame = cues.frame()

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dfd.common.linear_algebra import Bool, Float32, Float64
-from dfd.common.threads import get_num_threads
+from dfd.common.threads import parallel_ranges
 from dfd.mesh.normalization import normalization
 from dfd.views.cameras import camera_towards
 from dfd.views.raycast import Scene
@@ -68,21 +67,16 @@ class ProbeCameras:
 
         Raises ValueError if no camera ray hits the mesh.
         """
-        around = [self._used @ frame.T for frame in frames]
-        cameras = [
-            camera_towards(eye, points).in_mesh(frame)
-            for frame, points in zip(frames, around, strict=True)
-            for eye in eyes
-        ]
+        around = [(frame, self._used @ frame.T) for frame in frames]
+        cameras = [camera_towards(eye, points).in_mesh(frame) for frame, points in around for eye in eyes]
         images = np.empty((len(cameras), self._resolution, self._resolution, 3), np.uint8)
         covered = np.zeros((len(cameras), self._resolution**2), bool)
 
-        def take(number: int) -> None:
+        def take(number: int, _: int) -> None:
             images[number], hits = self._shading.picture(cameras[number], self._resolution)
             covered[number, hits.ray] = True
 
-        with ThreadPoolExecutor(get_num_threads()) as threads:
-            list(threads.map(take, range(len(cameras))))
+        parallel_ranges(len(cameras), 1, take)
         if not covered.any():
             raise ValueError("find_up: no camera ray hits `mesh`: its faces have no area, or are smaller than a pixel")
         covered = covered.reshape(images.shape[:3])

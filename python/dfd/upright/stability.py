@@ -38,7 +38,9 @@ class StabilityCues:
         generator = np.random.default_rng(0)
         self.points, face = sample_surface(vertices, faces, POINTS, generator)
         self.normals = unit(face_normals(vertices, faces[face]))
-        self.hull = _hull_vertices(np.unique(vertices[np.unique(faces)].astype(np.float64), axis=0))
+        used = np.unique(vertices[np.unique(faces)].astype(np.float64), axis=0)
+        hull = _hull_of(used)
+        self.hull = used if hull is None else used[hull.vertices]  # all vertices if they are coplanar
         self.middle = self.points.mean(axis=0)
         self.diagonal = float(np.linalg.norm(np.ptp(self.hull, axis=0)))
         self._tree = cKDTree(self.points)
@@ -81,10 +83,8 @@ class StabilityCues:
         new = [normal for normal in normals if _key(normal) not in self._mirror_errors]
         if not new:
             return
-        images = []
-        for normal in new:
-            across = (self._reflected - self.middle) @ normal
-            images.append(self._reflected - 2 * across[:, None] * normal)
+        offsets = self._reflected - self.middle
+        images = [self._reflected - 2 * (offsets @ normal)[:, None] * normal for normal in new]
         workers = get_num_threads() if len(new) > 1 else 1
         distances = self._tree.query(np.concatenate(images), workers=workers)[0].reshape(len(new), -1)
         for normal, of_images in zip(new, distances, strict=True):
@@ -169,18 +169,8 @@ def _across(normal: Float64) -> Float64:
 
 
 def _hull_of(points: Float64) -> ConvexHull | None:
-    """Return the convex hull of `points` (N, 2); None if they are collinear."""
-    if len(points) < 3:
-        return None
+    """Return the convex hull of `points` (N, 2 or 3); None if they are collinear, or coplanar in space."""
     try:
         return ConvexHull(points)
-    except QhullError:
-        return None
-
-
-def _hull_vertices(points: Float64) -> Float64:
-    """Return the `points` (N, 3) on their convex hull, or all points if they are coplanar."""
-    try:
-        return points[ConvexHull(points).vertices]
     except (QhullError, ValueError):
-        return points
+        return None

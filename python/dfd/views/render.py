@@ -16,7 +16,7 @@ from dfd.common.threads import get_num_threads
 from dfd.mesh.appearance import blend
 from dfd.mesh.normalization import normalization
 from dfd.views.cameras import Camera, Framing, place_cameras
-from dfd.views.raycast import Hits, Scene
+from dfd.views.raycast import Scene
 from dfd.views.shading import Shading
 
 if TYPE_CHECKING:
@@ -116,13 +116,16 @@ def render(
             covered[index].ravel()[hits.ray] = True
             hit[index] = len(hits.ray) > 0
             if supervision == "vertex":
-                points, row, column = _visible_vertices(scene, used, cameras[index], resolution)
+                row, column = cameras[index].project(used, resolution)
+                inside = (np.minimum(row, column) >= -0.5) & (np.maximum(row, column) <= resolution - 0.5)
+                chosen = inside & ~scene.hides(cameras[index].position, used, 1e-3)
+                placed = row[chosen].astype(np.float32), column[chosen].astype(np.float32)
                 # A vertex at the outline can lie in a pixel whose ray misses the surface.
-                place = np.rint([row, column]).astype(np.int32).clip(0, resolution - 1)
+                place = np.rint(placed).astype(np.int32).clip(0, resolution - 1)
                 covered[index, place[0], place[1]] = True
-                return points, row, column, np.zeros(0, np.int32)
+                return used[chosen], *placed, np.zeros(0, np.int32)
             row, column = np.divmod(hits.ray.astype(np.int32), resolution)
-            points = surface_points(vertices, mesh.faces, hits)
+            points = blend(vertices, mesh.faces.take(hits.face, axis=0), hits.barycentric)  # P = B·T, Eq. 2
             return points, row.astype(np.float32), column.astype(np.float32), hits.face
 
         seen = []
@@ -145,19 +148,3 @@ def used_vertices(vertices: Float32, faces: Int32) -> Float32:
     used = np.zeros(len(vertices), bool)
     used[faces] = True
     return vertices if used.all() else vertices[used]
-
-
-def surface_points(vertices: Float32, faces: Int32, hits: Hits) -> Float32:
-    """Return the points P = B·T (Eq. 2) of all hits, (K, 3), in the units of `vertices` (V, 3)."""
-    return blend(vertices, faces.take(hits.face, axis=0), hits.barycentric)
-
-
-def _visible_vertices(
-    scene: Scene, vertices: Float32, camera: Camera, resolution: int
-) -> tuple[Float32, Float32, Float32]:
-    """Return the vertices (N, 3) that are visible from the camera, and their rows (N,) and columns (N,) in pixels."""
-    hidden = scene.hides(camera.position, vertices, 1e-3)
-    row, column = camera.project(vertices, resolution)
-    inside = (np.minimum(row, column) >= -0.5) & (np.maximum(row, column) <= resolution - 0.5)
-    chosen = ~hidden & inside
-    return vertices[chosen], row[chosen].astype(np.float32), column[chosen].astype(np.float32)

@@ -40,12 +40,12 @@ class Shading:
         origin = camera.position.astype(np.float32)
         directions = camera.ray_directions(resolution)
         hits = self._scene.cast(origin, directions)
-        image = np.full((resolution * resolution, 3), 255, np.uint8)
         rgba = self.colors(hits, directions)
         if (rgba[:, 3] < 1).any():
             hits, color = self._see_through(origin, directions, hits, rgba)
             image = _bytes(color)
         else:
+            image = np.full((resolution * resolution, 3), 255, np.uint8)
             image[hits.ray] = _bytes(rgba[:, :3])
         return image.reshape(resolution, resolution, 3), hits
 

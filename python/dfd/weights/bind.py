@@ -113,6 +113,7 @@ def bind(
             raise ArgumentError("features", f"must have at least one dimension, got {source.shape}", "bind")
     wanted = resolve_points("handles", handles, source)
     held = None if fixed is None else resolve_points("fixed", fixed, source)
+    fixed_points, fixed_missed = (None, None) if held is None else (held.points, held.missed)
     shape = (source.shape[0], len(wanted))
     distances, exponents = _locality(geodesic, locality, shape)
     reaches, falloffs = _extents(reach, falloff, shape[1])
@@ -120,25 +121,11 @@ def bind(
         weights = _core.empty_float32(*shape)
     else:
         inputs = {"features": blocks, "handles": wanted.points, "geodesic": distances}
-        inputs["fixed"] = None if held is None else held.points
+        inputs["fixed"] = fixed_points
         weights = tensors.output("bind", out, shape, np.float32, inputs, columns=True)
-    _core.bind(
-        blocks,
-        shape[0],
-        step,
-        wanted.points,
-        wanted.missed,
-        wanted.members,
-        reaches,
-        falloffs,
-        None if held is None else held.points,
-        None if held is None else held.missed,
-        _strengths(strength, held),
-        distances,
-        exponents,
-        weights,
-        threads.get_num_threads(),
-    )
+    handle_arguments = wanted.points, wanted.missed, wanted.members, reaches, falloffs
+    others = _strengths(strength, held), distances, exponents, weights, threads.get_num_threads()
+    _core.bind(blocks, shape[0], step, *handle_arguments, fixed_points, fixed_missed, *others)
     return tensors.like(features, weights) if out is None else out
 
 
@@ -174,8 +161,6 @@ def _extents(
 
 def _locality(geodesic: Any, locality: ArrayLike, shape: tuple[int, int]) -> tuple[Float32 | None, Float32 | None]:
     """Return distances (H, V) and exponents λ (H,), or (None, None) without locality."""
-    if geodesic is None and type(locality) is float and locality == 0:
-        return None, None
     vertex_count, handle_count = shape
     exponents = _for_each("locality", locality, handle_count, minimum=0.0)
     if geodesic is None:

@@ -7,7 +7,7 @@ the weight of a handle at itself is still exactly 1.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -143,7 +143,7 @@ def compact(
         for rows, along in ((sample, centered), (validation, (validation - mean) @ directions))
     ]
 
-    for precision, dimensions in _candidates(source.dimension):
+    for _, precision, dimensions in _candidates(source.dimension):
         kept = min(dimensions, source.dimension)
         rotation = np.eye(kept)
         step = 1.0
@@ -166,17 +166,9 @@ def compact(
         raise ArgumentError("features", reason, "compact")
     for array in (blocks, basis, center):
         array.flags.writeable = False
-    return CompactFeatures(
-        shape=(source.count, source.dimension),
-        precision=precision,
-        blocks=blocks,
-        basis=basis,
-        mean=center,
-        step=step,
-        radius=max(trial.radius(rotation, precision, step) for trial in trials),
-        tolerance=wanted,
-        error=error,
-    )
+    radius = max(trial.radius(rotation, precision, step) for trial in trials)
+    shape = source.count, source.dimension
+    return CompactFeatures(shape, precision, blocks, basis, center, step, radius, wanted, error)
 
 
 class _Source:
@@ -253,17 +245,13 @@ def _sample(random: np.random.Generator, count: int, size: int) -> Int64:
     return random.choice(count, min(count, size), replace=False)
 
 
-def _candidates(dimension: int) -> Iterator[tuple[Precision, int]]:
-    """Yield precisions and numbers of dimensions, the smallest in bytes first."""
-    sizes = {
-        min(size, -(-dimension // 4) * 4)
-        for size in (*range(8, 64, 8), *range(64, 256, 16), *range(256, dimension + 64, 64))
-    }
+def _candidates(dimension: int) -> list[tuple[int, Precision, int]]:
+    """Return bytes per vertex, precisions and numbers of dimensions, the fewest bytes first."""
     options: list[tuple[int, Precision, int]] = []
-    for size in sizes:
+    for size in (*range(8, 64, 8), *range(64, 256, 16), *range(256, dimension + 64, 64)):
+        size = min(size, -(-dimension // 4) * 4)
         options += [(size + 4, "int8", size), (2 * size, "float16", min(size, dimension))]
-    for _, precision, size in sorted(options):
-        yield precision, size
+    return sorted(set(options))
 
 
 def _rounded(projected: NDArray[Any], precision: Precision, step: float) -> Float32:
@@ -283,23 +271,20 @@ def _packed(
     progress: Callable[[int], object] | None,
 ) -> tuple[NDArray[Any], float]:
     """Return the blocks of all rows, and the step, which is increased if a row outside the samples needs it."""
-    count, dimensions = source.count, basis.shape[1]
-    block_count = -(-count // BLOCK)
-    blocks: NDArray[Any]  # np.empty, because np.zeros allocates small memory pages
-    if precision == "float16":
-        blocks = np.empty((block_count, dimensions, BLOCK), np.uint16)
-    else:
-        blocks = np.empty((block_count, dimensions // 4 + 1, BLOCK, 4), np.uint8)
+    count, dimensions, is_float16 = source.count, basis.shape[1], precision == "float16"
+    shape = (dimensions, BLOCK) if is_float16 else (dimensions // 4 + 1, BLOCK, 4)
+    # np.empty, because np.zeros allocates small memory pages
+    blocks: NDArray[Any] = np.empty((-(-count // BLOCK), *shape), np.uint16 if is_float16 else np.uint8)
 
     def pack(start: int) -> float:
         """Fill the blocks of a batch; return its largest entry."""
         stop = min(start + BATCH, count)
         projected = (source.rows(slice(start, stop)) - mean) @ basis
         padded = np.zeros((-(-(stop - start) // BLOCK) * BLOCK, dimensions), np.float32)
-        padded[: stop - start] = projected if precision == "float16" else _rounded(projected, precision, step)
+        padded[: stop - start] = projected if is_float16 else _rounded(projected, precision, step)
         rows = padded.reshape(-1, BLOCK, dimensions)
         into = blocks[start // BLOCK : start // BLOCK + len(rows)]
-        if precision == "float16":
+        if is_float16:
             with np.errstate(over="ignore"):
                 into[:] = rows.astype(np.float16).view(np.uint16).transpose(0, 2, 1)
         else:
@@ -312,9 +297,9 @@ def _packed(
     with one_blas_thread(), ThreadPoolExecutor(get_num_threads(), "dfd") as pool:
         try:
             for start, largest in zip(starts, pool.map(pack, starts), strict=True):
-                if precision == "int8" and largest > (SPAN + 0.5) * step:
+                if not is_float16 and largest > (SPAN + 0.5) * step:
                     break
-                if precision == "float16" and largest > float(np.finfo(np.float16).max):
+                if is_float16 and largest > float(np.finfo(np.float16).max):
                     raise ArgumentError("features", "have a row too far from the others for 16 bits", "compact")
                 if progress is not None:
                     progress(min(BATCH, count - start))

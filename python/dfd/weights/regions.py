@@ -41,18 +41,14 @@ def resolve_points(name: str, value: Any, source: Source) -> Targets:
     items = _items(name, value)
     if items is None:
         return _points(name, np.asarray(tensors.shared("bind", name, value)), source)
-    regions = [_thinned(_region(f"{name}[{i}]", item, source), source) for i, item in enumerate(items)]
+    regions = [_thinned(_points(f"{name}[{i}]", item, source, region=True), source) for i, item in enumerate(items)]
     members = np.array([len(region.points) for region in regions], np.uint32)
     if all(region.points.ndim == 1 for region in regions):
         return Targets(np.concatenate([region.points for region in regions]).astype(np.int64), None, members)
     regions = [_as_rows(region, source) for region in regions]
     points = np.ascontiguousarray(np.concatenate([region.points for region in regions]), np.float32)
-    if not isinstance(source, CompactFeatures):
-        return Targets(points, None, members)
-    missed = [
-        np.zeros(len(region.points), np.float32) if region.missed is None else region.missed for region in regions
-    ]
-    return Targets(points, np.concatenate(missed), members)
+    missed = [np.zeros(len(each.points), np.float32) if each.missed is None else each.missed for each in regions]
+    return Targets(points, np.concatenate(missed) if isinstance(source, CompactFeatures) else None, members)
 
 
 def _items(name: str, value: Any) -> list[NDArray[Any]] | None:
@@ -78,25 +74,22 @@ def _is_row(item: NDArray[Any]) -> bool:
     return item.ndim == 1 and item.dtype.kind == "f" and item.size > 0
 
 
-def _points(name: str, array: NDArray[Any], source: Source) -> Targets:
-    """Return the points of handles of one member; the kernel checks that vertices exist and are distinct."""
+def _points(name: str, array: NDArray[Any], source: Source, *, region: bool = False) -> Targets:
+    """Return the points of handles of one member, or the members of one handle with `region`.
+
+    The kernel checks that vertices exist and are distinct. Vertices of a region are checked here, because `_thinned`
+    reads their features.
+    """
+    if region and len(array) == 0:
+        raise ArgumentError(name, "must have at least one member", "bind")
     if array.ndim == 2:
         rows = check.array("bind", name, array, ("N", source.shape[1]))
         if not isinstance(source, CompactFeatures):
             return Targets(rows, None, None)
         stored, missed = source.project(rows)
         return Targets(np.ascontiguousarray(stored), missed, None)
-    if array.ndim == 1 and array.dtype == np.int64:
+    if array.ndim == 1 and array.dtype == np.int64 and not region:
         return Targets(np.ascontiguousarray(array), None, None)
-    return Targets(check.vertex_indices("bind", name, array, source.shape[0]), None, None)
-
-
-def _region(name: str, array: NDArray[Any], source: Source) -> Targets:
-    """Return the members of one handle; vertices are checked here, because `_thinned` reads their features."""
-    if len(array) == 0:
-        raise ArgumentError(name, "must have at least one member", "bind")
-    if array.ndim == 2:
-        return _points(name, array, source)
     return Targets(check.vertex_indices("bind", name, array, source.shape[0]), None, None)
 
 
@@ -105,8 +98,7 @@ def _as_rows(region: Targets, source: Source) -> Targets:
     if region.points.ndim == 2:
         return region
     vertices = region.points.astype(np.int64)
-    rows = source.stored(vertices) if isinstance(source, CompactFeatures) else source[vertices]
-    return replace(region, points=rows)
+    return replace(region, points=source.stored(vertices) if isinstance(source, CompactFeatures) else source[vertices])
 
 
 def _thinned(region: Targets, source: Source) -> Targets:

@@ -12,7 +12,7 @@ from dfd.editing.influence import counterparts
 from dfd.editing.influence.counterparts import find_counterparts
 from dfd.geometry import coarse
 from dfd.geometry.coarse import nodes_of
-from dfd.posing.transforms import affine
+from dfd.posing.transforms import Transform
 from dfd.segmentation.parts import Grip
 
 SIDE = 41  # vertices along a side of the sheet
@@ -166,7 +166,7 @@ def test_what_is_far_away_does_not_swing_on_a_long_lever():
     assert other.position == pytest.approx((0.8, 0, 0))
     top = np.array([0.8, 0, 0])
     linear, shift = np.split(
-        other.transform(affine(rotation=(0, 30, 0), pivot=own.position), own.position), [3], axis=1
+        other.transform(Transform(rotation=(0, 30, 0), pivot=own.position).matrix(), own.position), [3], axis=1
     )
     np.testing.assert_allclose(linear @ top + shift[:, 0], top, atol=1e-12)
 
@@ -182,8 +182,8 @@ def test_across_a_plane_of_symmetry_the_frame_is_mirrored():
     own, other = find(mesh, weights, vertex_at(mesh, -0.5, 0.2), component, plane)
     np.testing.assert_array_equal(other.frame, np.diag([-1.0, 1.0, 1.0]))
     np.testing.assert_allclose(other.position, plane.reflect([own.position])[0], atol=1e-12)
-    moved = other.transform(affine(translation=(0.1, 0.2, 0.3)), own.position)
-    np.testing.assert_allclose(moved, affine(translation=(-0.1, 0.2, 0.3)), atol=1e-12)
+    moved = other.transform(Transform(translation=(0.1, 0.2, 0.3)).matrix(), own.position)
+    np.testing.assert_allclose(moved, Transform(translation=(-0.1, 0.2, 0.3)).matrix(), atol=1e-12)
 
 
 def test_components_far_apart_are_counterparts_too():

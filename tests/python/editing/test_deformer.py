@@ -11,7 +11,7 @@ import pytest
 import dfd
 from dfd.editing.edit import Edit, Fixed
 from dfd.editing.points import Place
-from dfd.posing.transforms import affine
+from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
 
 # --- the shape follows
@@ -57,8 +57,8 @@ def test_the_session_is_bind_and_pose(deformer, rules, mesh, features):
     deformer.add(900, scale=(1, 2, 1), pivot="point")
     deformer.fix(6)
     transforms = [
-        affine(translation=(0, 0.2, 0), rotation=(0, 30, 0), pivot=mesh.vertices[5]),
-        affine(scale=(1, 2, 1), pivot=mesh.vertices[900]),
+        Transform(translation=(0, 0.2, 0), rotation=(0, 30, 0), pivot=mesh.vertices[5]).matrix(),
+        Transform(scale=(1, 2, 1), pivot=mesh.vertices[900]).matrix(),
     ]
     weights = dfd.bind(features, [5, 900], fixed=[6])
     assert weights.sum(axis=1).max() <= 1

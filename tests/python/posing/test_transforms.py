@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dfd.posing.transforms import Transform, affine, rotation_matrix, rotation_vector
+from dfd.posing.transforms import Transform, rotation_matrix, rotation_vector
 
 coordinate = st.floats(-10, 10)
 points = st.tuples(coordinate, coordinate, coordinate)
@@ -34,7 +34,7 @@ def test_rotations_are_right_handed_and_in_degrees(rotation, point, image):
 
 @given(points, st.tuples(*[st.floats(-720, 720)] * 3), st.floats(-3, 3))
 def test_the_pivot_stays_but_for_the_translation(pivot, rotation, scale):
-    matrix = affine(translation=(0.5, 0, -2), rotation=rotation, scale=scale, pivot=pivot)
+    matrix = Transform(translation=(0.5, 0, -2), rotation=rotation, scale=scale, pivot=pivot).matrix()
     np.testing.assert_allclose(moved(matrix, pivot), np.add(pivot, (0.5, 0, -2)), atol=1e-12)
 
 
@@ -64,13 +64,13 @@ def test_a_quaternion_and_its_opposite_of_any_length_are_one_rotation():
 
 
 def test_scale_acts_along_the_axes_before_the_rotation():
-    matrix = affine(scale=(2, 1, 1), rotation=(0, 0, 90))
+    matrix = Transform(scale=(2, 1, 1), rotation=(0, 0, 90)).matrix()
     np.testing.assert_allclose(moved(matrix, (1, 0, 0)), (0, 2, 0), atol=1e-15)
 
 
 @pytest.mark.parametrize("factor", [2, 0, -1, np.float32(0.5), np.array(3.0)])
 def test_one_factor_scales_all_axes(factor):
-    np.testing.assert_allclose(affine(scale=factor)[:, :3], float(factor) * np.eye(3))
+    np.testing.assert_allclose(Transform(scale=factor).matrix()[:, :3], float(factor) * np.eye(3))
 
 
 @pytest.mark.parametrize(
@@ -80,7 +80,6 @@ def test_one_factor_scales_all_axes(factor):
         ({"translation": (1, 2, math.nan)}, r"`translation` must be finite, got nan at \[2\]"),
         ({"translation": "up"}, r"`translation` must be a numeric array"),
         ({"pivot": (0, 0, math.inf)}, r"`pivot` must be finite"),
-        ({"pivot": None}, r"`pivot` must be a numeric array"),
         ({"scale": (1, 2)}, r"`scale` must be one number or 3, got shape \(2,\)"),
         ({"scale": math.nan}, r"`scale` must be finite"),
         ({"rotation": 90}, r"`rotation` must be a rotation vector in degrees \(3 numbers\) or a quaternion"),
@@ -94,10 +93,7 @@ def test_one_factor_scales_all_axes(factor):
 )
 def test_what_is_no_transform_is_refused(arguments, message):
     with pytest.raises(ValueError, match=message):
-        affine(**arguments)
-    if arguments.get("pivot", 0) is not None:
-        with pytest.raises(ValueError, match=message):
-            Transform(**arguments).matrix()
+        Transform(**arguments).matrix()
 
 
 def test_a_transform_checks_itself_once_and_keeps_its_matrix():
