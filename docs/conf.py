@@ -1,7 +1,5 @@
 """Settings of Sphinx, by which `make docs` builds these pages into build/docs/html."""
 
-from __future__ import annotations
-
 import sys
 from importlib import metadata
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Write equations as MathML, by docutils, which needs no script from another server."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from docutils import nodes

@@ -9,8 +9,6 @@ mesh that both write must be the same. The build replaces these lines:
                            pair of a mesh and options of `picture`.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import os

@@ -1,7 +1,5 @@
 """Write reference pages from the code: the function NAME here replaces `<!-- generated NAME -->` on a page."""
 
-from __future__ import annotations
-
 import html
 import json
 import re

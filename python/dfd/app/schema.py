@@ -1,7 +1,5 @@
 """`python -m dfd.app.schema`: print the JSON Schema of all messages, from which the client's types are generated."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The shapes of a batch: from files, globs or a CSV manifest."""
 
-from __future__ import annotations
-
 import csv
 import glob
 import hashlib

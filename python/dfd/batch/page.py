@@ -1,7 +1,5 @@
 """The page of a batch: every shape with its pictures, failures first. It opens from the folder, without a server."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from html import escape

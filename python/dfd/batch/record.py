@@ -1,7 +1,5 @@
 """The result of one shape: a small JSON file. It is the last file written into the shape's folder and marks the end."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path

@@ -3,8 +3,6 @@
 The folder holds all state of a batch, so the batch may be interrupted at any moment: the next run resumes.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 import time

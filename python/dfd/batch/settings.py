@@ -1,7 +1,5 @@
 """The settings of a batch, in the file `batch.json` of its folder."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, Literal, get_args
 

@@ -1,7 +1,5 @@
 """The steps of a batch for one shape: from its file to a folder of results and a record."""
 
-from __future__ import annotations
-
 import errno
 import json
 import shutil

@@ -3,8 +3,6 @@
 Slow modules (torch, trimesh) are imported inside the commands, so `dfd --help` answers at once.
 """
 
-from __future__ import annotations
-
 import atexit
 import gc
 from collections.abc import Sequence

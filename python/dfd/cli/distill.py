@@ -1,7 +1,5 @@
 """`dfd distill`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin
 

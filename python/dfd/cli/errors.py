@@ -1,7 +1,5 @@
 """Errors of the command line: one line on standard error and an exit code, without a traceback for wrong input."""
 
-from __future__ import annotations
-
 import os
 import re
 import sys

@@ -1,7 +1,5 @@
 """Several handles on one command line. Each begins with `--handle`, and the options after it belong to it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

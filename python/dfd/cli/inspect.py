@@ -1,7 +1,5 @@
 """`dfd inspect` and `dfd parts`: describe a mesh and its parts."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Options of several commands, and options from the tables of controls, motions and settings."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from inspect import Parameter, signature
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Check the arguments of public functions; an error names the argument and the value found."""
 
-from __future__ import annotations
-
 import os
 import sys
 import warnings

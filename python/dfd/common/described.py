@@ -4,8 +4,6 @@ Three users read the descriptions. The dataclass checks its values. pydantic rea
 command line creates options. This module does not import pydantic.
 """
 
-from __future__ import annotations
-
 from dataclasses import MISSING, dataclass, fields
 from functools import cache
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints

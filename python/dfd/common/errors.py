@@ -1,7 +1,5 @@
 """Raise errors that name the public function, the argument and the reason."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, TypeVar

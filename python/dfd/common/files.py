@@ -1,7 +1,5 @@
 """Write files atomically, by renaming a temporary file, and find the folder of the cache."""
 
-from __future__ import annotations
-
 import errno
 import hashlib
 import os

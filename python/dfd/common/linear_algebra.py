@@ -1,7 +1,5 @@
 """Define array types, and compute unit vectors, sums by group, distinct pairs and principal directions."""
 
-from __future__ import annotations
-
 from typing import TypeVar
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Load one GNU OpenMP runtime for both the kernels, which link against it, and torch, which contains a copy."""
 
-from __future__ import annotations
-
 import ctypes
 import importlib.util
 import os

@@ -1,7 +1,5 @@
 """Measure the wall times of the stages of a long call, and show progress bars with the time left."""
 
-from __future__ import annotations
-
 import importlib.util
 import time
 from collections.abc import Iterator

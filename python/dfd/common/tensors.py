@@ -1,7 +1,5 @@
 """Convert torch tensors to arrays over the same memory and back; this module never imports torch."""
 
-from __future__ import annotations
-
 import sys
 from typing import Any
 

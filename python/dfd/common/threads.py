@@ -5,8 +5,6 @@ threads do not survive a fork, so a forked child computes on one thread. Process
 all threads.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor

@@ -14,8 +14,6 @@ Source: Shapira, Shamir and Cohen-Or, "Consistent mesh partitioning and skeleton
 function", 2008.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree

@@ -1,7 +1,5 @@
 """The probability that a transferred edit moves the corresponding parts, from the vertices that follow its handles."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfd.common.linear_algebra import Float64

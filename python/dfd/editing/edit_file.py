@@ -48,8 +48,6 @@ lie elsewhere; the position is then used, as a point in space. A handle has the 
 controls on one level. Otherwise pydantic defines the document from the fields of `Edit`.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os

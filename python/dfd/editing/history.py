@@ -1,7 +1,5 @@
 """Undo without limit: the states of an edit, which are small and share all unchanged values."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable, Iterator
 from contextlib import contextmanager
 

@@ -1,7 +1,5 @@
 """A report of the effect of an edit on a shape, in numbers and in one sentence."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

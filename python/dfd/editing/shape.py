@@ -1,7 +1,5 @@
 """The posed shape of an edit. During a drag, only the handles that move are computed."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

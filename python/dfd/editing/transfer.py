@@ -1,7 +1,5 @@
 """Transfer an edit from one shape to another shape of its class: handles move to the most similar places."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -3,8 +3,6 @@
 `weights` are those of the session. They hold the mesh, its parts, and the orientation of its surface.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, get_args

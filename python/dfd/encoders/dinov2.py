@@ -6,8 +6,6 @@ precision of the weights of handles changes by at most 0.004, up as often as dow
 Sources: Oquab et al., "DINOv2" (TMLR 2024); Darcet et al., "Vision transformers need registers" (ICLR 2024).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

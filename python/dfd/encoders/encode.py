@@ -1,7 +1,5 @@
 """Encode images as tokens with a vision network (paper, section 3.1)."""
 
-from __future__ import annotations
-
 import logging
 import os
 from typing import Any, Literal

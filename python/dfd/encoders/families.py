@@ -4,8 +4,6 @@ The network ends after that block. Its own final LayerNorm, or SAM's neck, is ap
 registers are removed.
 """
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections.abc import Iterator

@@ -5,8 +5,6 @@ of linear layers have other names: each gets its name from the node that multipl
 values differ from the hub's. All measurements use these weights.
 """
 
-from __future__ import annotations
-
 import hashlib
 import re
 from importlib import metadata

@@ -1,7 +1,5 @@
 """Name the known encoders."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 DEFAULT_ENCODER = "dinov2-small-focus"

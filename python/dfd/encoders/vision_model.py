@@ -1,7 +1,5 @@
 """Define the common interface of vision networks of all families."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Read the configuration and find the weights of an encoder in a folder that transformers saved."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field

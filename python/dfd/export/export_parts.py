@@ -1,7 +1,5 @@
 """Exports a shape cut into parts, as groups of an OBJ file or material slots of a glTF file."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Exports a session to animation programs as a skin, morph targets or the posed shape, in glTF."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from dataclasses import replace

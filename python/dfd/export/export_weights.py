@@ -1,7 +1,5 @@
 """Exports weights as plain arrays, with their names and settings."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

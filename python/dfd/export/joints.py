@@ -6,8 +6,6 @@ frame of a mirror image has all three axes negated, so that the same rotation ac
 joints.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

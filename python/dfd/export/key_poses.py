@@ -1,7 +1,5 @@
 """Key poses: transforms of handles at moments of time, exported as an animation."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """The report of an export, in numbers and in one sentence."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

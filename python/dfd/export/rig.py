@@ -1,7 +1,5 @@
 """A session as a rig: joints, and the weights with which vertices follow them (Eq. 1 and 8)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

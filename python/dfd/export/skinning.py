@@ -1,7 +1,5 @@
 """The skin of a file from a rig: a few joints for each vertex, and its deviation from `dfd.pose`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

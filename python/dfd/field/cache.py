@@ -4,8 +4,6 @@ An entry is a file, `<hash of the key>-<hash of the file>.safetensors`. Files ar
 processes may use the cache at the same time. A file whose content does not match its name is ignored.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import os

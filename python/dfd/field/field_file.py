@@ -1,7 +1,5 @@
 """Read and write field files: safetensors, with the architecture and the settings in the metadata."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Mapping

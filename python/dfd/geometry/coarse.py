@@ -1,7 +1,5 @@
 """Build a coarse graph of a mesh, on which smooth functions of the surface need little time and memory."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import cached_property
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Find unusual properties of a mesh, and name their effect on each control."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Compute distances along the surface, for locality (Eq. 7)."""
 
-from __future__ import annotations
-
 import threading
 from dataclasses import dataclass
 from typing import Any

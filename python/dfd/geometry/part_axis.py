@@ -4,8 +4,6 @@ A node is a group of nearby vertices (`dfd.geometry.coarse`). A level is a posit
 the tip. Regions that only the part connects to the rest, such as a hoof, are attached to the part and move with it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """Subdivide large triangles, so that distances are measured inside them too."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfd.common.linear_algebra import Float64, Int32, Int64, distinct_pairs

@@ -1,7 +1,5 @@
 """Simplify a mesh to fewer faces by quadric errors, as the paper does before rendering."""
 
-from __future__ import annotations
-
 import fast_simplification
 import numpy as np
 from scipy.spatial import cKDTree

@@ -1,7 +1,5 @@
 """Build a graph of a mesh's vertices from its edges, and bridges between components that touch or nearly touch."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_matrix

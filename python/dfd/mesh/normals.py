@@ -1,7 +1,5 @@
 """Smooth normals at the vertices of a surface."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

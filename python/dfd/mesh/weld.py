@@ -1,7 +1,5 @@
 """Welding: rows that hold the same position become one vertex."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

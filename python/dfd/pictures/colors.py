@@ -1,7 +1,5 @@
 """Convert numbers to colors: weights to a heat map, features by their main directions, and part numbers."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Arrange pictures with captions on one page."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

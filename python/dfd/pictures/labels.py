@@ -1,7 +1,5 @@
 """Draw marks and text on pictures: handles, fixed points, labels and the directions of the axes."""
 
-from __future__ import annotations
-
 import unicodedata
 from collections.abc import Sequence
 from functools import lru_cache

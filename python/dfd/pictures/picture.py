@@ -1,7 +1,5 @@
 """Draw a mesh by ray casting, with antialiasing and ambient occlusion; no display is needed."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from pathlib import Path

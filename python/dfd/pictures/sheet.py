@@ -1,7 +1,5 @@
 """Write PNG files with several views of a shape, or with a shape before and after an edit."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any

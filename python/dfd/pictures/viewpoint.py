@@ -1,7 +1,5 @@
 """Choose the camera of a picture."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Check the arguments of `dfd.pose` and `dfd.Drag`, and convert them for the kernel."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Bend and twist along a curve; each cross-section moves rigidly, so the thickness does not change."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array

@@ -1,7 +1,5 @@
 """Correct weights so that each handle moves exactly as its own transform says, in spite of the other handles."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfd.common.linear_algebra import Float64

@@ -3,8 +3,6 @@
 All shapes are upright (y up) and face +z. Their height is about 1, and they are exactly symmetric in the plane x = 0.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Define solid shapes by signed distances: rounded primitives with part labels, and their smooth union."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

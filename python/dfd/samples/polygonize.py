@@ -6,8 +6,6 @@ cell, each has its own vertex, so the mesh is a manifold (G. M. Nielson, "Dual m
 2004).
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -3,8 +3,6 @@
 A patch is a group of nodes; a node is a group of nearby vertices (`dfd.geometry.coarse`).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, dijkstra, maximum_flow

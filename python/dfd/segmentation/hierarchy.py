@@ -5,8 +5,6 @@ distance of a node is the mean distance between the features of the two nodes th
 borders follow creases and its parent has a much larger merge distance.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.cluster.hierarchy import linkage

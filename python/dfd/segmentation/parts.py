@@ -1,7 +1,5 @@
 """Find the part of a shape at a place, with or without its counterparts, and cut shapes into parts."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property

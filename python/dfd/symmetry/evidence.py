@@ -3,8 +3,6 @@
 Normalized coordinates have their origin at the center of the box, and half its longest side is 1.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

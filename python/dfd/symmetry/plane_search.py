@@ -3,8 +3,6 @@
 All coordinates are normalized (`dfd.symmetry.evidence`). A plane is a row (4,): its unit normal and its offset.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfd.common.linear_algebra import Float64, Int64

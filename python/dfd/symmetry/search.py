@@ -1,7 +1,5 @@
 """Find the planes of visual symmetry, whose two sides look alike (paper, section 3.3.3)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Literal
 

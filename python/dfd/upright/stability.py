@@ -3,8 +3,6 @@
 Source: Fu, Cohen-Or, Dror, Sheffer, "Upright orientation of man-made objects" (SIGGRAPH 2008), for stability and base.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

@@ -5,8 +5,6 @@ permits, and stored in 8 or 16 bits in the order in which the kernels read them.
 the weight of a handle at itself is still exactly 1.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass

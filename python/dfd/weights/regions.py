@@ -1,7 +1,5 @@
 """Convert handles and fixed points for the kernels: single points, or regions of several members."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any

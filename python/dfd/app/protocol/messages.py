@@ -1,7 +1,5 @@
 """The fields of messages, and all messages of the server."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Annotated, Any, Literal, get_args
 

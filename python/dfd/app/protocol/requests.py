@@ -1,7 +1,5 @@
 """Requests of the page: the fields of a message are the parameters of the function that answers it."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterable
 from functools import cache

@@ -1,7 +1,5 @@
 """Files for download: the posed mesh from the C++ kernel, rigs, weights, the edit and the field."""
 
-from __future__ import annotations
-
 import re
 import zipfile
 from pathlib import Path

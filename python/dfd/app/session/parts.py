@@ -1,7 +1,5 @@
 """The parts of the shape that handles hold or are limited to."""
 
-from __future__ import annotations
-
 from functools import cached_property
 from typing import Any
 

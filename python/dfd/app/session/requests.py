@@ -1,7 +1,5 @@
 """The requests of the page. Each is a function whose parameters are the fields of the message."""
 
-from __future__ import annotations
-
 import base64
 import binascii
 import secrets

@@ -1,7 +1,5 @@
 """The state of one tab: its shape, field, edit and messages. This module does not depend on the web server."""
 
-from __future__ import annotations
-
 import logging
 import re
 import shutil

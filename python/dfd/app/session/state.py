@@ -1,7 +1,5 @@
 """The state of a shape with a field as the page shows it: its handles, and the columns of weights that pose it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from hashlib import sha256

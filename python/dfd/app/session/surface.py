@@ -1,7 +1,5 @@
 """The resting shape for the page: rows, triangles, materials."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Sequence
 from typing import Any

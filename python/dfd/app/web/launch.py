@@ -1,7 +1,5 @@
 """Start and stop the server: its port, its address with a token, and cleanup."""
 
-from __future__ import annotations
-
 import html
 import signal
 import socket

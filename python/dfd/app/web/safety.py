@@ -5,8 +5,6 @@ needs a Host header that names this server, an Origin header (if any) of this se
 the address with the token.
 """
 
-from __future__ import annotations
-
 import hmac
 import ipaddress
 import secrets

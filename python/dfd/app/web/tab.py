@@ -1,7 +1,5 @@
 """One open session: its thread, and the page that shows it."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import queue

@@ -1,7 +1,5 @@
 """Store files that were dropped on the page in their own folder, under safe names."""
 
-from __future__ import annotations
-
 import lzma
 import re
 import secrets

@@ -4,8 +4,6 @@ A component follows the handle on it, else the first handle whose counterpart it
 follows both handles. Components that border on each other share the band between them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 

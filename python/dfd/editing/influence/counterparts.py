@@ -4,8 +4,6 @@ A rotation about the handle's pivot would move distant legs in wide arcs. So eac
 corresponds to the handle's. If a mirror plane relates both legs, the motion is mirrored.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple

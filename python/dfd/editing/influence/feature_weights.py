@@ -1,7 +1,5 @@
 """Weights by features (Eq. 4 to 7), a column per handle, kept as long as their inputs do not change."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The part and the counterparts that a handle at a place holds, by features alone."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """Convert places to the arguments of `dfd.bind`: vertices, or rows of features if a place is no vertex."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

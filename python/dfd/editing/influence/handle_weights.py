@@ -1,7 +1,5 @@
 """The columns of weights by which a session poses: one for each handle, or one for each of its counterparts."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

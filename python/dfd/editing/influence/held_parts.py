@@ -1,7 +1,5 @@
 """The parts that a handle holds. Each has an axis, along which it bends and twists."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Mirror images among the components of a part: a plane for each pair, whether or not the whole shape has it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

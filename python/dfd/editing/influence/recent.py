@@ -1,7 +1,5 @@
 """A cache of the results that were used last."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable
 from typing import Generic, TypeVar
 

@@ -3,8 +3,6 @@
 The format: Khronos Group, "glTF 2.0 Specification", 2021.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

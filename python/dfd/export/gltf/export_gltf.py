@@ -1,7 +1,5 @@
 """A rig as a glTF file: with a skin, or with morph targets; its key poses as an animation, linear between them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any

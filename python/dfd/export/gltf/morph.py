@@ -3,8 +3,6 @@
 The format: Khronos Group, "glTF 2.0 Specification", 2021, section 3.7.2.2.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Baking node transforms into vertices: a skin requires scene coordinates, under nodes without a transform."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ The format: Khronos Group, "glTF 2.0 Specification", 2021, section 3.7.3. Vertic
 coordinates of the scene, since a skin ignores node transforms.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfd.common.linear_algebra import Float32, Int64

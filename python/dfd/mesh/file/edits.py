@@ -1,7 +1,5 @@
 """Replacement of bytes in a file, and conversion of numbers to text."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Conversion of trimesh's meshes and scenes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, Literal, cast
 

@@ -3,8 +3,6 @@
 Ear clipping: Meisters, "Polygons Have Ears", 1975, by mapbox-earcut.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Geometries with one material each, and their instances in a scene, which form named parts."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Read a mesh file of any supported format as a scene."""
 
-from __future__ import annotations
-
 import errno
 import os
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Write a mesh: the scene of its file, with only positions and normals changed."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from contextlib import ExitStack

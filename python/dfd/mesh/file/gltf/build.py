@@ -1,7 +1,5 @@
 """Build glTF files: objects of the header, data in one buffer, and scenes of parts."""
 
-from __future__ import annotations
-
 import base64
 import json
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The binary data of a glTF file: buffers, views and accessors, each read and decompressed on first use."""
 
-from __future__ import annotations
-
 import base64
 import binascii
 from typing import Any, cast

@@ -1,7 +1,5 @@
 """The materials of a glTF file: base colors, their textures and texture coordinates."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Literal, cast
 

@@ -4,8 +4,6 @@ New positions and normals are appended to the file's data and referenced in its 
 targets, animations, extras, extensions and parts that did not move are kept bit for bit.
 """
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from collections.abc import Sequence

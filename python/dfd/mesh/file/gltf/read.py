@@ -3,8 +3,6 @@
 The format: Khronos Group, "glTF 2.0 Specification", 2021; morph targets and skins: sections 3.7.2.2 and 3.7.3.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from functools import cache, partial
 from typing import Any, cast

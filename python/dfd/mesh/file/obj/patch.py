@@ -4,8 +4,6 @@ Only the coordinates of `v` and `vn` lines change, and the normal numbers of fac
 polygons, groups, smoothing, curves, comments and materials stay unchanged.
 """
 
-from __future__ import annotations
-
 from pathlib import Path, PurePosixPath
 
 import numpy as np

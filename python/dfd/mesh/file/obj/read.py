@@ -1,7 +1,5 @@
 """Read an OBJ file as triangles, by part and material."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -4,8 +4,6 @@ The format: Wavefront, "Advanced Visualizer Manual", appendix B1, 1992, with col
 many programs write them. NumPy reads every number, so that a file of a million faces takes seconds.
 """
 
-from __future__ import annotations
-
 import codecs
 import re
 import warnings

@@ -3,8 +3,6 @@
 trimesh's writer duplicates the vertices along every seam, which splits the surface and renumbers its vertices.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath

@@ -3,8 +3,6 @@
 The formats: Geomview, "OFF Files", 1996; 3D Systems, "StereoLithography Interface Specification", 1989.
 """
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

@@ -4,8 +4,6 @@ The format: Turk, "The PLY Polygon File Format", 1994, with colors, texture coor
 write them.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
