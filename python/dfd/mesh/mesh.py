@@ -39,7 +39,7 @@ class MeshPart:
 
 
 class Mesh:
-    """An immutable triangle mesh with read-only arrays; a moved mesh is a further array of positions.
+    """An immutable triangle mesh with read-only arrays. Moved positions are a separate array (V, 3).
 
     Vertex i of a mesh from an OBJ, PLY or OFF file is the file's own vertex i, counted from 0. Vertices that no face
     uses count too. (The faces of an OBJ file call this vertex i + 1.) GLB, glTF and STL files have no single list of
@@ -59,7 +59,7 @@ class Mesh:
     def __init__(
         self, vertices: Any, faces: Any, *, appearance: Appearance | None = None, scene: SceneFile | None = None
     ) -> None:
-        """Check and copy at least three finite positions `vertices` (V, 3), and at least one face of `faces` (F, 3).
+        """Check and copy `vertices` (V, 3), at least three and finite, and `faces` (F, 3), at least one.
 
         Faces without area and repeated faces are kept. `appearance` colors the faces. `save` rewrites the `scene` of
         the source file.
@@ -84,7 +84,7 @@ class Mesh:
 
     @cached_property
     def bounds(self) -> Float64:
-        """Return the smallest and largest coordinates (2, 3), without unused vertices of a file."""
+        """Return the smallest and largest coordinates (2, 3); a file's vertices without faces are ignored."""
         # in a mesh of arrays, unused vertices count too
         places = self.vertices if self.scene is None else self.vertices[self._corners_of(slice(None))]
         return _frozen(np.stack([places.min(axis=0), places.max(axis=0)]))
@@ -168,7 +168,7 @@ class Mesh:
 
     @cached_property
     def normals(self) -> Float32:
-        """Return smooth unit normals (V, 3), means over faces weighted by area; zero at vertices without any."""
+        """Return unit normals (V, 3): normalized sums of face normals weighted by area; zero where the sum is 0."""
         return _frozen(smooth_normals(self.vertices, self.faces)[self.representative])
 
     @cached_property
@@ -189,8 +189,8 @@ class Mesh:
         format can store them. Normals follow the moved surface. If the format is that of the source file, only moved
         data is rewritten; all other bytes, number types and byte order stay. The file is written atomically.
 
-        Warns if 32-bit floats of the format move a shape that is far from the origin. GLB and PLY files keep such a
-        shape.
+        Warns if the format's 32-bit floats round a shape far from the origin too coarsely. GLB and PLY files keep such
+        a shape.
 
         Raises ValueError if the ending is none of .obj, .ply, .stl, .off, .glb and .gltf. Raises ValueError if
         `vertices` has another shape or is not finite. Raises OSError if the file cannot be written; an existing file is

@@ -111,7 +111,7 @@ def pose(
     transforms
         (H, 3, 4) or (H, 4, 4) affine transforms D_k, in mesh units.
     default
-        (3, 4) or (4, 4) transform D₀, whose weight is 1 less the sum of all weights; None for the identity.
+        (3, 4) or (4, 4) transform D₀, with weight max(1 − Σ W_k, 0); None for the identity.
     symmetry
         The mirror plane; handles act mirrored on the other side. Over its `band`, both sides are blended smoothly.
     handles
@@ -132,8 +132,8 @@ def pose(
         The quantity that is blended. "linear": the matrices, Eq. 1. "dual_quaternion": each transform is divided into a
         stretch about the handle's position and a rigid motion. Stretches are blended linearly, and rigid motions as
         dual quaternions (Kavan et al., Geometric Skinning with Approximate Dual Quaternion Blending, 2008). Twisted
-        parts then keep their thickness. The rigid motion of a transform that flattens does not mirror. A transform that
-        mirrors has the mirror in its stretch, along the axis that leaves the smallest rotation.
+        parts then keep their thickness. The rotation of a singular transform has no reflection. If a transform mirrors,
+        its stretch mirrors, so that the rotation is the smallest.
     out
         (V, 3) array for the result, of the type of `vertices`; None makes a new one.
 
@@ -145,16 +145,17 @@ def pose(
         blend can be differentiated by `vertices`, `weights` and `transforms`.
 
     Raises ValueError if shapes disagree, a value is not finite, a transform is not affine, or `out` has another shape
-    or type. Raises ValueError if two handles cannot move independently, or gradients are required that do not exist.
+    or type. Raises ValueError if two handles cannot move independently, or a tensor requires a gradient that is not
+    implemented.
 
     Equation 1: V' = (max(1 − Σ W_k, 0) D₀ + Σ W_k D_k) V. With "add":
     V' = V + max(1 − Σ W_k, 0) (D₀ V − V) + Σ W_k (D_k V − V). Both are equal if weights sum to at most 1. With "add",
     vertices are unchanged to the bit if all transforms are the identity. For dual quaternions, the sums are those of
     the differences of quaternions and stretches from the identity. Each quaternion has the sign that gives the shorter
-    rotation from D₀. The stretch of D₀ is about the first vertex. "paper" equals "normalize".
+    rotation from D₀. The stretch of D₀ is about the first vertex. For dual quaternions, "paper" equals "normalize".
 
-    Equation 8: with the reflection R, handle k acts as R D_k R, from its mirror image, on vertices on the other side of
-    the plane. Within the band, a smoothstep blends both sides.
+    Equation 8: on the other side of the plane, handle k acts with R D_k R, where R is the reflection. Within the band,
+    a smoothstep blends both sides.
     """
     if tensors.tracked(vertices, weights, transforms, default, normals, handle_weights, out):
         from dfd.posing.gradients import posed_with_gradients
@@ -214,7 +215,8 @@ class Drag:
         if blend != "linear":
             self._rule, self._weights, self._transforms = rule, matrix.copy(order="K"), affine.copy()
             return
-        # The identity adds no displacement, so a pose with the identity for moving handles is the sum over the others.
+        # A handle with the identity adds no displacement. So posing the moving handles with it gives the sum over all
+        # others.
         resting = affine.copy()
         resting[self._moving] = IDENTITY
         self._base = empty_like(self._points)

@@ -13,13 +13,13 @@ from dfd.symmetry.evidence import SurfaceFeatures, surface_features
 from dfd.symmetry.plane import DEFAULT_BAND, SymmetryPlane
 from dfd.symmetry.plane_search import candidate_planes, mirrored, same_plane
 
-_SCORED_VERTICES = 4_000  # most vertices in a score, evenly strided; the standard error of the mean is below 1 %
+_SCORED_VERTICES = 4_000  # largest number of vertices for a score, at even strides; the standard error is below 1 %
 _AT_ONCE = 50_000  # vertices whose features are in memory together
 RELATIVE_THRESHOLD = 0.25  # largest dissimilarity of a symmetry plane
 # Largest dissimilarity of a plane, over that of the best plane, and the dissimilarity that remains after the fit. The
 # front and the back of a figure also look alike, but far less than its two sides.
 WORSE_THAN_BEST, FIT_LEAVES = 3.0, 0.01
-LANDED = 0.5  # least share of the moved samples whose images lie on the surface
+LANDED = 0.5  # least share of samples with mirror images on the surface, among those that the reflection moves
 # A plane is an inaccurate copy of a better plane if their angle and offset are below these bounds, and the ratio of
 # their dissimilarities is above _COPY_RATIO.
 _COPY_ANGLE, _COPY_OFFSET, _COPY_RATIO = np.radians(20.0), 0.25, 1.3
@@ -36,10 +36,10 @@ def symmetry_planes(
 ) -> list[SymmetryPlane]:
     """Return the mirror planes of `mesh`, planes whose two sides look alike.
 
-    Candidates lie halfway between points with similar features, and perpendicular to principal axes and coordinate
-    axes. Each is fitted so that the mirror image of the surface is nearest to the surface. Nearly equal planes are
-    merged. A plane nearly perpendicular to a coordinate axis is aligned with the axis if the dissimilarity hardly
-    increases. The plane of a flat shape is not found, because its reflection moves no point.
+    Candidates are the bisecting planes of points with similar features, and planes perpendicular to principal axes or
+    coordinate axes. Each is fitted so that the mirror image of the surface is nearest to the surface. Nearly equal
+    planes are merged. A plane nearly perpendicular to a coordinate axis is made exactly perpendicular if its
+    dissimilarity hardly increases. The plane of a flat shape is not found, because its reflection moves no point.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def scored_planes(field: Field, mesh: Mesh, *, candidates: Literal["any", "axes"
     judged.sort(key=lambda each: each.dissimilarity)
     planes = [_plane(each.row, evidence) for each in judged]
     vertices = mesh.vertices
-    if candidates != "axes":  # as in the paper, the three planes are scored by all vertices
+    if candidates != "axes":  # for "axes", all vertices are used, as in the paper
         vertices = vertices[:: -(-len(vertices) // _SCORED_VERTICES)]
     totals = np.zeros(len(planes))
     for some in np.array_split(vertices, -(-len(vertices) // _AT_ONCE)):

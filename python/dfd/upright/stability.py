@@ -20,7 +20,7 @@ POINTS = 2000  # surface samples
 REFLECTED = 500  # surface samples whose mirror images are compared with the surface
 BASE = 0.03  # height of the base above the lowest point, in diagonals of the box
 FACES_UP = 0.9  # least cosine between up and a normal that faces up
-ALIGNED = 1.25  # largest mirror error of a file axis that is taken as mirror normal, over the least mirror error
+ALIGNED = 1.25  # a file axis is a mirror normal if its mirror error is at most this times the least one
 LEAST_ERROR = 0.004  # mirror error of an exact mirror plane, due to random samples, in diagonals of the box
 LEAST_HEIGHT = 1e-6  # height of a flat shape, in diagonals of the box, which prevents division by 0
 DIRECTIONS = 200  # candidate normals of mirror planes, over half the sphere
@@ -101,8 +101,9 @@ class StabilityCues:
     def stable_ups(self, frame: Float64) -> Float64:
         """Return the up directions (K, 3) of stable poses, K ≤ `RESTS`, no two of them nearly parallel.
 
-        Along the first row of `frame` (3, 3), the shape has a polygon as outline. In a stable pose, it rests on one of
-        the longest edges, with its middle above the edge. If there are few stable poses, other rows of `frame` follow.
+        The shape is projected along the first row of `frame` (3, 3); its outline is the convex hull. In a stable pose,
+        it rests on one of the longest edges, with its middle above the edge. If there are few stable poses, other rows
+        of `frame` follow.
         """
         plane = frame[1:]
         kept: list[Float64] = []

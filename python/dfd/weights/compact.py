@@ -24,7 +24,7 @@ SPAN = 127  # largest absolute value of an int8 entry, in steps
 # Vertices that determine the directions, and vertices and handles whose weights are compared. With larger samples, the
 # largest error grows slowly.
 DIRECTION_SAMPLE, VERTEX_SAMPLE, HANDLE_SAMPLE = 16_384, 4_096, 128
-SAFETY = 0.8  # largest error on the samples, over the tolerance, for the chosen number of dimensions
+SAFETY = 0.8  # a number of dimensions is accepted if its sampled error is at most this times the tolerance
 
 Precision = Literal["int8", "float16"]
 
@@ -80,9 +80,9 @@ class CompactFeatures:
         return stored @ self.basis.T + self.mean
 
     def principal(self, count: int) -> Float32:
-        """Return the coordinates (V, ≤ `count`) of all features along their principal directions, of which d exist.
+        """Return the coordinates (V, min(`count`, d)) of all features along their first principal directions.
 
-        The largest component of each direction is positive, so that equal features have equal coordinates.
+        The largest component of each direction is positive, so that results are reproducible.
         """
         sample = self.stored(np.arange(0, len(self), -(-len(self) // DIRECTION_SAMPLE))).astype(np.float64)
         mean = sample.mean(axis=0)
@@ -145,7 +145,7 @@ def compact(
         kept = min(dimensions, source.dimension)
         rotation = np.eye(kept)
         step = 1.0
-        if precision == "int8":  # all dimensions have one step, so a random rotation gives them equal variance
+        if precision == "int8":  # all dimensions share one step, so a random rotation makes their variances similar
             rotation = np.linalg.qr(random.standard_normal((kept, kept)))[0]
             step = float(1.02 * np.abs(centered[:, :kept] @ rotation).max() / SPAN or 1.0)
         if max(trial.error(rotation, precision, step) for trial in trials) <= SAFETY * wanted:
@@ -205,9 +205,9 @@ class _Source:
 class _Trial:
     """A comparison of weights of full features in float64 with weights of entries, on sampled vertices and handles.
 
-    `features` (N, D) are the full features, and `along` (N, D) their coordinates along all principal directions. Full
-    features are needed too, because coordinates far from the mean lose digits. The first d coordinates are multiplied
-    by `rotation` (d, d) and rounded.
+    `features` (N, D) are the full features, and `along` (N, D) their coordinates along all principal directions.
+    Reference weights come from full features, because coordinates far from the mean have rounding errors. The first d
+    coordinates are multiplied by `rotation` (d, d) and rounded.
     """
 
     def __init__(self, features: Float64, along: Float64, handles: Int64) -> None:
@@ -275,7 +275,7 @@ def _packed(
     blocks: NDArray[Any] = np.empty((-(-count // BLOCK), *shape), np.uint16 if is_float16 else np.uint8)
 
     def pack(start: int) -> float:
-        """Fill the blocks of a batch; return its largest entry."""
+        """Fill the blocks of a batch; return the largest magnitude before rounding."""
         stop = min(start + BATCH, count)
         projected = (source.rows(slice(start, stop)) - mean) @ basis
         padded = np.zeros((-(-(stop - start) // BLOCK) * BLOCK, dimensions), np.float32)

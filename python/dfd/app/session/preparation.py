@@ -39,7 +39,7 @@ class SharedShape:
 
 
 _SHARED: WeakValueDictionary[str, SharedShape] = WeakValueDictionary()  # by the content of mesh and field
-_DISTILLING = threading.Lock()  # held by the running distillation, because two would each take twice as long
+_DISTILLING = threading.Lock()  # the running distillation holds this lock: two at once would each take twice as long
 
 
 class Preparation:
@@ -85,7 +85,7 @@ class Preparation:
         self._session.post(lambda: None if self._dropped else method(*arguments))
 
     def _progress(self, task: str, stage: str, done: int, total: int | None, left: float | None = None) -> None:
-        """Report progress, within a stage at most once per `INTERVAL` and at its end."""
+        """Report progress at each new stage, at most once per `INTERVAL` within a stage, and at a stage's end."""
         stage_before, then = self._told
         now = time.monotonic()
         if stage != stage_before or done == total or now - then >= INTERVAL:
@@ -180,7 +180,7 @@ class Preparation:
 
 
 def seconds_left(stage: str, done: int, total: int | None, elapsed: float) -> float | None:
-    """Estimate the seconds left of a distillation with `done` of `total` items of `stage` done; None if unknown."""
+    """Estimate the remaining seconds of a distillation after `done` of `total` items of `stage`; None if unknown."""
     if stage not in USUAL_SECONDS:
         return None
     names = list(USUAL_SECONDS)
@@ -197,7 +197,7 @@ def distill_apart(
     tell: Callable[[str, int, int | None], object],
     started: Callable[[BaseProcess], object],
 ) -> None:
-    """Distill a shape in its own process, which can be killed, and whose crash affects nothing else; save at `path`.
+    """Distill a shape in its own process and save at `path`. The process can be killed; its crash affects nothing else.
 
     `settings` are the keywords of `dfd.distill`. `tell` is called with a stage, items done and their total. `started`
     is called with the process.
@@ -232,7 +232,7 @@ class SentStages(Stages):
 
     @contextmanager
     def stage(self, name: str, total: int | None = None) -> Iterator[Any]:
-        """Time the block under `name`, and send its progress."""
+        """Measure the time of the `with` block as stage `name`, and send its progress."""
         done = 0
         self._pipe.send((name, 0, total))
 
