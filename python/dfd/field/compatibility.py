@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -11,7 +11,6 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64
 
 if TYPE_CHECKING:
-    from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
 # Largest ratio of the longest sides of both shapes. Cut or simplified shapes have smaller ratios. Inch and centimeter,
@@ -27,6 +26,14 @@ FAR = 0.02  # distance above which a point is far from a surface, beside the spa
 # 36 real meshes passed (noise, subdivision, a tenth of the faces, halves), except a boat with faces that simplification
 # tore apart. Of 536 pairs of shapes with equal boxes 4 passed; 3 of them are two files of one body.
 MOST_BEYOND, MOST_MISSING = 0.1, 0.6
+
+
+class KnownShape(Protocol):
+    """The data that a `Field` stores about the shape from which it was distilled, in mesh units."""
+
+    center: Float64  # (3,) center of the box
+    scale: float  # 2 over the longest side of the box
+    surface: Float32 | None  # (512, 3) surface samples
 
 
 def surface_points(mesh: Mesh) -> Float32 | None:
@@ -45,7 +52,7 @@ def surface_points(mesh: Mesh) -> Float32 | None:
     return samples[chosen].astype(np.float32)
 
 
-def check_compatible(field: Field, mesh: Mesh, *, allowed_by: str = "") -> None:
+def check_compatible(field: KnownShape, mesh: Mesh, *, allowed_by: str = "") -> None:
     """Raise ValueError if a field was distilled from another shape than `mesh`.
 
     Accepted are other resolutions of the shape, and parts with at least half of its surface. A field without surface
@@ -83,7 +90,7 @@ def check_compatible(field: Field, mesh: Mesh, *, allowed_by: str = "") -> None:
         warnings.warn(message, UserWarning, stacklevel=4)
 
 
-def _differences(field: Field, mesh: Mesh) -> tuple[float, float]:
+def _differences(field: KnownShape, mesh: Mesh) -> tuple[float, float]:
     """Return the shares of the mesh's surface far from the field's points, and of these points far from the mesh."""
     samples, spacing = _samples(mesh)
     if field.surface is None or samples is None:

@@ -27,8 +27,6 @@ Supervision = Literal["barycentric", "vertex"]
 LARGEST_RESOLUTION = 4096
 LARGEST_VIEWS = 32767  # view numbers have 16 bits
 
-Seen = tuple[Float32, Float32, Float32, Int32]  # points, rows, columns and faces of one picture
-
 
 @dataclass(frozen=True, eq=False)
 class Views:
@@ -111,7 +109,7 @@ def render(
         covered = np.zeros((views, resolution, resolution), bool)
         hit = np.zeros(views, bool)  # whether a ray of a picture hit the surface
 
-        def take(index: int) -> Seen:
+        def take(index: int) -> tuple[Float32, Float32, Float32, Int32]:  # points, rows, columns and faces
             images[index], hits = shading.picture(cameras[index], resolution)
             covered[index].ravel()[hits.ray] = True
             hit[index] = len(hits.ray) > 0
