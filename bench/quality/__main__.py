@@ -23,7 +23,7 @@ MEASURES: dict[str, tuple[Any, Any]] = {  # by verb, the module and the reader o
     "anatomy": (anatomy, anatomy.rigged_shapes),
     "mirrored": (mirrored, mirrored.paired_shapes),
 }
-Row = tuple[str, bool, str, Mapping[str, float]]  # category, whether it is kept back, name, and numbers of a shape
+Row = tuple[str, str, Mapping[str, float]]  # category, name and numbers of a shape
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -46,31 +46,24 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for shape in read(given.folder, quick=given.quick):
         print(shape.name, file=sys.stderr)
         field = dfd.distill(shape.mesh, given.encoder, progress=False)
-        # Constants are never chosen on rigs, and each rig is its own category.
-        category, kept_back = getattr(shape, "category", shape.name), getattr(shape, "kept_back", True)
-        rows.append((category, kept_back, shape.name, module.judged(shape, field)))
+        # Each rig is its own category.
+        rows.append((getattr(shape, "category", shape.name), shape.name, module.judged(shape, field)))
         write(path, (module.__doc__ or "").splitlines()[0], rows, module.LEGEND)
     print(f"{path}.md")
 
 
 def write(path: Path, title: str, rows: Sequence[Row], legend: Mapping[str, str]) -> None:
-    """Write PATH.csv with a row per shape, and PATH.md with a row per category, of all shapes and of each half."""
-    names = list(rows[0][3])
-    halves = {True: "judged", False: "chosen on"}
-    cells = [[category, name, halves[kept], *numbers.values()] for category, kept, name, numbers in rows]
-    blocks = [f"# {title}"]
-    for heading, half in (("All shapes", None), ("Constants were chosen on these", False), ("Judged on these", True)):
-        some = [row for row in rows if half in (None, row[1])]
-        table = [
-            [category, *_means([list(row[3].values()) for row in some if row[0] == category])]
-            for category in dict.fromkeys(row[0] for row in some)
-        ]
-        if table:
-            means = ["mean", *_means([row[1:] for row in table])]
-            own = to_markdown(["category", *names], [*table, means], ".3f")
-            blocks += [f"## {heading}", f"{len(some)} shapes.", own]
+    """Write PATH.csv with a row per shape, and PATH.md with a row per category."""
+    names = list(rows[0][2])
+    cells = [[category, name, *numbers.values()] for category, name, numbers in rows]
+    table = [
+        [category, *_means([list(row[2].values()) for row in rows if row[0] == category])]
+        for category in dict.fromkeys(row[0] for row in rows)
+    ]
+    means = ["mean", *_means([row[1:] for row in table])]
+    blocks = [f"# {title}", f"{len(rows)} shapes.", to_markdown(["category", *names], [*table, means], ".3f")]
     blocks.append("\n".join(f"- **{word}**: {meaning}." for word, meaning in legend.items()))
-    write_text(path.with_name(f"{path.name}.csv"), to_csv(["category", "shape", "half", *names], cells))
+    write_text(path.with_name(f"{path.name}.csv"), to_csv(["category", "shape", *names], cells))
     write_text(path.with_name(f"{path.name}.md"), "\n\n".join(blocks) + "\n")
 
 

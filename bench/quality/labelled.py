@@ -1,8 +1,7 @@
 """Judge weights, parts and handles by parts that people labelled.
 
-Constants may be chosen on the first half of each category; the second half judges. The folder of a category has
-`N.off` and `N_labels.txt`: a line with the name of each part, then a line with its faces, counted from 1. The benchmark
-is of Kalogerakis, Hertzmann and Singh, "Learning 3D Mesh Segmentation and Labeling", 2010.
+The folder of a category has `N.off` and `N_labels.txt`: a line with the name of each part, then a line with its faces,
+counted from 1. The benchmark is of Kalogerakis, Hertzmann and Singh, "Learning 3D Mesh Segmentation and Labeling", 2010.
 """
 
 from collections.abc import Iterator
@@ -33,7 +32,6 @@ class LabelledShape(Shape):
     """A mesh with labelled parts; a vertex has the label of most of the area around it."""
 
     category: str = ""  # such as "Ant"
-    kept_back: bool = True  # whether it only judges; constants are chosen on the other half of each category
 
 
 def judged(shape: LabelledShape, field: dfd.Field) -> dict[str, float]:
@@ -62,7 +60,7 @@ def judged(shape: LabelledShape, field: dfd.Field) -> dict[str, float]:
 def labelled_shapes(folder: Path | None, *, quick: bool = False) -> Iterator[LabelledShape]:
     """Read every labelled mesh of `folder`, or make the samples of dfd if it is None.
 
-    `quick` reads the first of each category that is kept back.
+    `quick` reads the middle one of each category.
 
     Raises ValueError if there is none, or a file has another layout.
     """
@@ -75,20 +73,18 @@ def labelled_shapes(folder: Path | None, *, quick: bool = False) -> Iterator[Lab
         raise ValueError(f"labelled: there is no CATEGORY/N_labels.txt in {folder}")
     for category in categories:
         paths = sorted(category.glob("*.off"), key=lambda path: (len(path.stem), path.stem))
-        half = len(paths) // 2
-        for number, path in enumerate(paths):
-            if not quick or number == half:
-                yield _read(path, kept_back=number >= half)
+        for path in [paths[len(paths) // 2]] if quick else paths:
+            yield _read(path)
 
 
-def _read(path: Path, *, kept_back: bool) -> LabelledShape:
+def _read(path: Path) -> LabelledShape:
     mesh = dfd.load(path)
     names, of_face = _face_labels(path.with_name(f"{path.stem}_labels.txt"), len(mesh.faces))
     votes = np.zeros((len(mesh.vertices), len(names)))
     areas = face_areas(mesh.vertices, mesh.faces)
     np.add.at(votes, (mesh.faces.T, of_face), areas)
     category = path.parent.name
-    return LabelledShape(f"{category} {path.stem}", mesh, votes.argmax(axis=1), names, category, kept_back)
+    return LabelledShape(f"{category} {path.stem}", mesh, votes.argmax(axis=1), names, category)
 
 
 def _face_labels(path: Path, count: int) -> tuple[tuple[str, ...], Int64]:

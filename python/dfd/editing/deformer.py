@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dfd.common import check
-from dfd.common.errors import called, public
+from dfd.common.errors import ArgumentError, called, public
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.common.preset import Preset
 from dfd.editing import verbs
@@ -343,9 +343,11 @@ class Deformer(History):
         Raises ValueError if `plane` is invalid, `band` is negative or not finite, or "auto" finds no plane. Raises
         ValueError if `candidates` or `threshold` is given for a plane other than "auto".
         """
+        how: dict[str, Any] = {"candidates": candidates, "threshold": threshold}
         if plane is not None:
-            how: dict[str, Any] = {"candidates": candidates, "threshold": threshold}
             plane = symmetry_on(self.mesh, plane, band, preset=self.preset, field=self.field, **how)
+        elif any(value is not None for value in how.values()):
+            raise ArgumentError("candidates", "and `threshold` are for the plane auto, got None")
         self._commit(replace(self.edit, symmetry=plane), "symmetry", merge)
 
     @property

@@ -134,7 +134,7 @@ def test_the_style_of_a_shape_does_not_count(mesh, moved, fields):
 def test_one_width_of_two_encoders_or_metrics_is_refused(mesh, moved, fields, key):
     session = dfd.Deformer(mesh, fields[0], features=fields[0].features(mesh))
     one, two = (made_field(16, seed=0).with_settings({key: name}) for name in ("first", "second"))
-    with pytest.raises(ValueError, match=rf"transfer: `field_to` must have the same {key} as `field_from`, first, got second"):
+    with pytest.raises(ValueError, match=rf"`field_to` must have the same {key} as `field_from`, first, got second"):
         transfer(session.edit, mesh, one, moved[0], two)
 
 
