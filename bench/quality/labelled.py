@@ -1,7 +1,7 @@
 """Judge weights, parts and handles by parts that people labelled.
 
 The folder of a category has `N.off` and `N_labels.txt`: a line with the name of each part, then a line with its faces,
-counted from 1. The benchmark is of Kalogerakis, Hertzmann and Singh, "Learning 3D Mesh Segmentation and Labeling", 2010.
+counted from 1. Source: Kalogerakis, Hertzmann and Singh, "Learning 3D Mesh Segmentation and Labeling", 2010.
 """
 
 from collections.abc import Iterator
