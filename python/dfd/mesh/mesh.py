@@ -45,8 +45,8 @@ class Mesh:
     uses count too. (The faces of an OBJ file call this vertex i + 1.) GLB, glTF and STL files have no single list of
     vertices. For these, the distinct positions that faces use are numbered in the order of the file.
 
-    Several vertices may have one position. Faces then use the first of them, even along seams of texture or normals.
-    `representative` holds this first vertex for every vertex.
+    Several vertices may have one position. Faces of a file then use the first of them, even along seams of texture or
+    normals. `representative` holds this first vertex for every vertex; in a mesh from arrays, each vertex itself.
     """
 
     vertices: Float64  # (V, 3) positions in the file's units

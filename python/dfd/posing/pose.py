@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from dfd.symmetry.plane import SymmetryPlane
 
 Overlap = Literal["add", "interpolate", "normalize", "paper"]
-# Numbered as in the kernels; "interpolate" is "add" with new weights.
+# In the order of the kernels' enum; "interpolate" runs as "add" with weights multiplied by `mixing`.
 KERNEL_OVERLAPS = {"add": 0, "interpolate": 0, "paper": 1, "normalize": 2}
 Blend = Literal["linear", "dual_quaternion"]  # numbered as in the kernels
 

@@ -20,10 +20,11 @@ RELATIVE_THRESHOLD = 0.25  # largest dissimilarity of a symmetry plane
 # front and the back of a figure also look alike, but far less than its two sides.
 WORSE_THAN_BEST, FIT_LEAVES = 3.0, 0.01
 LANDED = 0.5  # least share of samples with mirror images on the surface, among those that the reflection moves
-# A plane is an inaccurate copy of a better plane if their angle and offset are below these bounds, and the ratio of
-# their dissimilarities is above _COPY_RATIO.
+# A plane is an inaccurate copy of a better plane if their angle and the difference of their offsets are below these
+# bounds, and its dissimilarity is at least _COPY_RATIO times larger.
 _COPY_ANGLE, _COPY_OFFSET, _COPY_RATIO = np.radians(20.0), 0.25, 1.3
-# A plane is aligned with an axis if the angle, the change of the offset and the added dissimilarity are below these.
+# A plane is made perpendicular to an axis if the angle, the change of the offset and the added dissimilarity are
+# below these bounds.
 _SNAP_ANGLE, _SNAP_OFFSET, _SNAP_LOSS = np.radians(1.5), 0.012, 0.01
 
 
@@ -37,15 +38,16 @@ def symmetry_planes(
     """Return the mirror planes of `mesh`, planes whose two sides look alike.
 
     Candidates are the bisecting planes of points with similar features, and planes perpendicular to principal axes or
-    coordinate axes. Each is fitted so that the mirror image of the surface is nearest to the surface. Nearly equal
-    planes are merged. A plane nearly perpendicular to a coordinate axis is made exactly perpendicular if its
-    dissimilarity hardly increases. The plane of a flat shape is not found, because its reflection moves no point.
+    coordinate axes. With `candidates="any"`, each is fitted so that the mirror image of the surface is nearest to the
+    surface, and nearly equal planes are merged. A plane nearly perpendicular to a coordinate axis is made exactly
+    perpendicular if its dissimilarity hardly increases. The plane of a flat shape is not found, because its reflection
+    moves no point.
 
     Parameters
     ----------
     threshold
         A number is the ε of the paper, which uses 0.1: planes with a smaller `score` are returned. "relative" returns
-        planes with a `relative_score` of at most 0.25, unless another plane has a far smaller one. The right ε depends
+        planes with a `relative_score` of at most 0.25, and at most 3 times the best one plus 0.01. The right ε depends
         on the encoder and its block, because the spread of their features differs.
     candidates
         "any", or "axes" for the paper's three planes, perpendicular to the axes through the center of the box.

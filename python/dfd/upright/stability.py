@@ -21,8 +21,8 @@ REFLECTED = 500  # surface samples whose mirror images are compared with the sur
 BASE = 0.03  # height of the base above the lowest point, in diagonals of the box
 FACES_UP = 0.9  # least cosine between up and a normal that faces up
 ALIGNED = 1.25  # a file axis is a mirror normal if its mirror error is at most this times the least one
-LEAST_ERROR = 0.004  # mirror error of an exact mirror plane, due to random samples, in diagonals of the box
-LEAST_HEIGHT = 1e-6  # height of a flat shape, in diagonals of the box, which prevents division by 0
+LEAST_ERROR = 0.004  # least mirror error, in diagonals of the box: random samples give it to an exact mirror plane
+LEAST_HEIGHT = 1e-6  # least height in a denominator, in diagonals of the box, for flat shapes
 DIRECTIONS = 200  # candidate normals of mirror planes, over half the sphere
 RESTS = 4  # stable poses that become candidates
 _NEARLY = np.cos(np.radians(8))  # cosine of the angle below which two directions are nearly parallel
@@ -46,7 +46,7 @@ class StabilityCues:
         self._mirror_errors: dict[tuple[float, ...], float] = {}
 
     def evidence(self, frame: Float64) -> Float64:
-        """Return the `EVIDENCE` (7,), unitless, for `frame` (3, 3) as right, up and front."""
+        """Return the values (7,) of the cues in `EVIDENCE`. The rows of `frame` (3, 3) are right, up and front."""
         right, up, front = frame
         height = self.hull @ up
         feet = self.hull[height < height.min() + BASE * self.diagonal]
@@ -102,8 +102,8 @@ class StabilityCues:
         """Return the up directions (K, 3) of stable poses, K ≤ `RESTS`, no two of them nearly parallel.
 
         The shape is projected along the first row of `frame` (3, 3); its outline is the convex hull. In a stable pose,
-        it rests on one of the longest edges, with its middle above the edge. If there are few stable poses, other rows
-        of `frame` follow.
+        it rests on one of the longest edges, with its middle above the edge. If there are fewer than `RESTS`, the
+        second and third rows of `frame` are added.
         """
         plane = frame[1:]
         kept: list[Float64] = []
@@ -127,8 +127,8 @@ class StabilityCues:
     def frame(self) -> Float64:
         """Return the axes (3, 3) of the shape.
 
-        They are the axes of the file if one of them is a mirror normal. Otherwise they are the normal of the shape's
-        mirror plane, and the sides of its smallest box in that plane.
+        If one axis of the file is a mirror normal, these are the axes of the file. Otherwise they are the normal of the
+        best mirror plane, and the sides of the smallest rectangle around the shape's projection onto this plane.
         """
         normal = self.mirror_normal()
         least = max(self.mirror_error(normal), LEAST_ERROR)
@@ -150,7 +150,7 @@ def _key(normal: Float64) -> tuple[float, ...]:
 
 
 def _resting_ups(outline: Float64, middle: Float64) -> list[Float64]:
-    """Return the inward unit normals (2,) of the hull edges of `outline` (N, 2) below `middle` (2,), longest first."""
+    """Return the inward unit normals (2,) of those edges of `outline` onto which `middle` projects, longest first."""
     hull = _hull_of(outline)
     found = []
     for edge, equation in zip(hull.simplices, hull.equations, strict=True) if hull is not None else ():

@@ -21,8 +21,8 @@ from dfd.common.threads import get_num_threads, one_blas_thread
 BLOCK = 16  # vertices that the kernels read together
 BATCH = 512  # rows that are projected together, as many as a field evaluates together; they fit a core's cache
 SPAN = 127  # largest absolute value of an int8 entry, in steps
-# Vertices that determine the directions, and vertices and handles whose weights are compared. With larger samples, the
-# largest error grows slowly.
+# Numbers of vertices for the principal directions, and of vertices and handles for the comparison of weights. The
+# largest sampled error grows slowly with the number of samples.
 DIRECTION_SAMPLE, VERTEX_SAMPLE, HANDLE_SAMPLE = 16_384, 4_096, 128
 SAFETY = 0.8  # a number of dimensions is accepted if its sampled error is at most this times the tolerance
 
@@ -96,9 +96,9 @@ class CompactFeatures:
         return coordinates
 
     def project(self, rows: Float32) -> tuple[Float32, Float32]:
-        """Return the entries (N, d) of features `rows` (N, D), and the squared distances (N,) that the entries miss.
+        """Return the entries (N, d) of features `rows` (N, D), and the squared residuals (N,), above those of vertices.
 
-        Up to `radius` they are 0, because entries of the shape's vertices miss distances too.
+        A residual up to `radius` counts as 0, because the shape's own vertices have residuals of this size.
         """
         centered = rows - self.mean
         stored = _rounded(centered @ self.basis, self.precision, self.step)

@@ -30,7 +30,7 @@ INTERVAL = 0.1  # least seconds between two messages about one stage
 
 @dataclass
 class SharedShape:
-    """Data that all sessions of one shape and field share; None until the first session has computed it."""
+    """Data that all sessions of one shape and field share; empty until the first session has computed it."""
 
     making: threading.Lock = field(default_factory=threading.Lock)
     features: Any = None
@@ -45,7 +45,7 @@ _DISTILLING = threading.Lock()  # the running distillation holds this lock: two 
 class Preparation:
     """The background work for the shape of a session, which is read from `source`.
 
-    Progress and results are passed to the methods `field_…` of the session, on the session's thread.
+    Progress and results are passed to methods of the session, on the session's thread.
     """
 
     def __init__(self, session: Any, mesh: Mesh, source: Source) -> None:
