@@ -3,16 +3,12 @@
 Sessions, the command line, the app, Blender and edit files read them here. The module imports no SciPy or pydantic.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from dfd.common.preset import Preset
 from dfd.symmetry.plane import DEFAULT_BAND
-
-if TYPE_CHECKING:
-    from dfd.weights.bind import Falloff
+from dfd.weights.bind import Falloff
 
 LARGEST = 1e38  # bound of numbers, because the kernels compute with 32-bit floats
 PARTLESS_REACH = 0.7  # stands for the reach "part" on a shape without parts that end, such as a ball

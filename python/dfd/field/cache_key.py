@@ -1,19 +1,15 @@
 """Compute the key of a cached field from all values on which the field depends."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.files import plain
-
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import Mesh
+from dfd.mesh.mesh import Mesh
 
 # Increase this version with every change that gives another field or file for the same mesh, encoder and settings. The
 # cache ignores fields of other versions. The test of the golden field fails after such a change.

@@ -1,17 +1,13 @@
 """Check that a field belongs to a mesh, by the box and the surface points that the field stores of its own shape."""
 
-from __future__ import annotations
-
 import warnings
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64
-
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import Mesh
+from dfd.mesh.mesh import Mesh
 
 # Largest ratio of the longest sides of both shapes. Cut or simplified shapes have smaller ratios. Inch and centimeter,
 # the nearest units that people confuse, have the ratio 2.54.

@@ -1,25 +1,20 @@
 """Define a field by given features of the vertices of a mesh."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
 from dfd.common import check, tensors
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32
 from dfd.field.field import Field
+from dfd.mesh.mesh import MeshLike
 from dfd.mesh.normalization import normalization
-
-if TYPE_CHECKING:
-    from scipy.spatial import cKDTree
-
-    from dfd.mesh.mesh import MeshLike
 
 ROWS_AT_ONCE = 1 << 16  # limits memory
 

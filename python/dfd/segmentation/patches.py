@@ -1,9 +1,6 @@
 """Divide the surface into about two thousand patches, and describe the borders between them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +12,7 @@ import dfd._core as _core
 from dfd.common.linear_algebra import Bool, Float64, Int64, distinct_pairs, group_sums, unit
 from dfd.geometry.coarse import RUN, Nodes, nodes_of
 from dfd.geometry.topology import first_at_place
-
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import Mesh
+from dfd.mesh.mesh import Mesh
 
 COUNT = 2_000  # approximate number of patches; time grows with its square, and more patches find the same parts
 PACKING = 0.75  # distance between random seeds that gives COUNT patches, in patch spacings
