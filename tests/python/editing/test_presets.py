@@ -224,9 +224,7 @@ def test_the_papers_session_on_another_field_warns_and_names_what_differs(mesh, 
     dfd.Deformer(mesh, field.with_settings(made), preset="paper")
     dfd.Deformer(mesh, field.with_settings(made | {"octaves": 5}))
     other = field.with_settings(made | {"octaves": 5, "simplify_to": 20_000})
-    with pytest.warns(
-        UserWarning, match="`preset` is 'paper', but the field .* other settings: .*octaves"
-    ):
+    with pytest.warns(UserWarning, match="`preset` is 'paper', but the field .* other settings: .*octaves"):
         session = dfd.Deformer(mesh, other, preset="paper")
     session.preset = "default"
     with pytest.warns(UserWarning, match="octaves"):
