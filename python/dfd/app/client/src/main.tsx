@@ -8,6 +8,7 @@ import { receive } from "./actions/receive";
 import { App } from "./panels/app";
 import { posePoint } from "./posing/columns";
 import { store } from "./store/state";
+import { Pointer } from "./viewer/pointer";
 import { sceneOf } from "./viewer/scene";
 import { Viewer } from "./viewer/viewer";
 
@@ -24,6 +25,7 @@ function start(): void {
   let viewer: Viewer;
   try {
     viewer = new Viewer(canvas, overlay, box);
+    new Pointer(canvas, viewer);
   } catch {
     const text = "This browser does not support WebGL 2. Use another browser, or switch on hardware acceleration.";
     render(<p role="alert">{text}</p>, panels);

@@ -20,7 +20,6 @@ import { touch } from "./overlays/brush";
 import { Gizmo } from "./overlays/gizmo";
 import { drawMarks, marksOf } from "./overlays/marks";
 import { Picker } from "./picker";
-import { Pointer } from "./pointer";
 import { mirrorOf, sceneOf } from "./scene";
 import { Shape } from "./shape";
 import { Stage, VIEWS } from "./stage";
@@ -44,7 +43,6 @@ export class Viewer {
     // The gizmo must receive a press before the orbit controls do.
     this.gizmo = new Gizmo(this.stage.camera, canvas, () => this.stage.invalidate());
     this.stage.scene.add(this.plane, this.gizmo.proxy, this.gizmo.helper);
-    new Pointer(canvas, this);
     this.follow(overlay);
   }
 
