@@ -104,8 +104,8 @@ def test_no_points_give_no_rows(field: Field) -> None:
         ("somewhere", "Field: `points` must be a numeric array, got 'somewhere'"),
         (torch.ones(4, 3).to_sparse(), "^Field: `points` must be a dense tensor of real numbers"),
         (torch.zeros(3), r"Field: `points` must have shape \(N, 3\), got \(3,\)"),
-        (np.full((2, 3), 1e36), "`points` must lie within 1e.06 half sides .*, got one at 5e.35"),
-        (np.full((2, 3), 1e308), "`points` must lie within 1e.06 half sides"),
+        (np.full((2, 3), 1e36), "`points` must have coordinates within 1e.06 half sides .*, got 5e.35"),
+        (np.full((2, 3), 1e308), "`points` must have coordinates within 1e.06 half sides"),
     ],
 )
 def test_bad_points_are_named(field: Field, bad: object, message: str) -> None:
