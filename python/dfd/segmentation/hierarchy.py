@@ -38,6 +38,9 @@ MOST_HELD, LEAST_WITHIN = 0.7, 0.15
 # Exponent, in a node's likelihood, of the node's share of the surface beyond the handle. On 91 rigs, the share of limbs
 # that do not follow is higher by 0.004 with 2, and the IoU is lower by 0.004 with 4.
 HELD_BEYOND = 3.0
+# Nodes of at least this saliency, such as ears, are as likely with a small share. Without this, the IoU is 0.020 lower
+# on 38 labelled meshes and 0.003 higher on 85 rigs, and the share of limbs that do not follow is 0.010 lower.
+SALIENT = 0.5
 SHORT = 0.2  # added to lengths of borders, in diagonals of the box: short borders often follow a crease by chance
 ROUNDING = 1e-12  # length below which a border is a rounding error, as a share of the length of all borders
 LEAST_CONCAVITY = 0.02  # added to the concavity of all borders, because some parts end without a crease
@@ -176,15 +179,15 @@ class Hierarchy:
         """Return the node that a handle at a patch holds.
 
         After `closed`, the node has the largest expected IoU with the part that a person means. The likelihood of a
-        node increases with its saliency, and with its share of the surface beyond the handle: a ring around a leg is
-        unlikely. An ancestor replaces the node if it has at least twice as many components, all of similar size. Hind
-        wheels then follow front wheels.
+        node increases with its saliency. Below `SALIENT`, it also increases with the node's share of the surface beyond
+        the handle: a ring around a leg is unlikely. An ancestor replaces the node if it has at least twice as many
+        components, all of similar size. Hind wheels then follow front wheels.
         """
         nodes, area = self.candidates(patch), self._patches.area
         whole = np.array([self.closed(node) for node in nodes])
         beyond = area * self._distal.beyond(patch)
         saliency = np.array([self.saliency(node) for node in nodes])
-        likely = saliency * (whole @ beyond / beyond.sum()) ** HELD_BEYOND
+        likely = saliency * np.where(saliency < SALIENT, (whole @ beyond / beyond.sum()) ** HELD_BEYOND, 1.0)
         common = whole * area @ whole.T
         share = common.diagonal()
         expected = common / (share[:, None] + share - common) @ likely
