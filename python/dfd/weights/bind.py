@@ -123,9 +123,23 @@ def bind(
         inputs = {"features": blocks, "handles": wanted.points, "geodesic": distances}
         inputs["fixed"] = fixed_points
         weights = tensors.output("bind", out, shape, np.float32, inputs, columns=True)
-    handle_arguments = wanted.points, wanted.missed, wanted.members, reaches, falloffs
-    others = _strengths(strength, held), distances, exponents, weights, threads.get_num_threads()
-    _core.bind(blocks, shape[0], step, *handle_arguments, fixed_points, fixed_missed, *others)
+    _core.bind(
+        blocks,
+        shape[0],
+        step,
+        wanted.points,
+        wanted.missed,
+        wanted.members,
+        reaches,
+        falloffs,
+        fixed_points,
+        fixed_missed,
+        _strengths(strength, held),
+        distances,
+        exponents,
+        weights,
+        threads.get_num_threads(),
+    )
     return tensors.like(features, weights) if out is None else out
 
 
@@ -161,6 +175,8 @@ def _extents(
 
 def _locality(geodesic: Any, locality: ArrayLike, shape: tuple[int, int]) -> tuple[Float32 | None, Float32 | None]:
     """Return distances (H, V) and exponents λ (H,), or (None, None) without locality."""
+    if geodesic is None and type(locality) is float and locality == 0:
+        return None, None
     vertex_count, handle_count = shape
     exponents = _for_each("locality", locality, handle_count, minimum=0.0)
     if geodesic is None:
