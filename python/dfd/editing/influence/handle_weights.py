@@ -41,6 +41,7 @@ class HandleWeights:
         self.grips = Grips(mesh, field, self.rows)
         self.by_features = FeatureWeights(mesh, self.rows, self.grips)
         self._axes = PartAxes(mesh)
+        self._owned: Recent[Counterpart] = Recent(64)  # the nearest vertex of a point is slow to find
         self._held_parts: Recent[list[HeldPart]] = Recent(64)
         self._made: Recent[tuple[Float32, tuple[Column, ...]]] = Recent(1)
 
@@ -152,7 +153,8 @@ class HandleWeights:
 
     def _own(self, handle: Handle) -> Counterpart:
         """Return a handle's own counterpart for a column that all of its counterparts share."""
-        return Counterpart(self.rows.anchor(handle.place), handle.place.position, np.eye(3))
+        place = handle.place
+        return self._owned.get(place, lambda: Counterpart(self.rows.anchor(place), place.position, np.eye(3)))
 
     def _portions(self, edit: Edit, handle: Handle, weights: Float32) -> list[tuple[Counterpart, Share]]:
         """Return the counterparts of a handle that move, and the portion of its weights (V,) that each has."""
