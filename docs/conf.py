@@ -1,11 +1,11 @@
-"""Settings of Sphinx, by which `make docs` builds these pages into build/docs/html."""
+"""Settings of Sphinx. `make docs` builds the pages with them, into build/docs/html."""
 
 import sys
 from importlib import metadata
 from pathlib import Path
 
 HERE = Path(__file__).parent
-sys.path[:0] = [str(HERE), str(HERE.parent)]  # `tools` and `bench`
+sys.path[:0] = [str(HERE), str(HERE.parent)]  # so that `tools` and `bench` can be imported
 
 project = "dfd"
 project_copyright = "the authors of dfd, MIT license"
@@ -26,7 +26,7 @@ exclude_patterns = ["tools"]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 
-# Types are in the signatures, shapes and units in the docstrings.
+# The pages show types in signatures, because docstrings only have shapes and units.
 autodoc_default_options = {"members": True, "member-order": "bysource"}
 autodoc_typehints = "signature"
 autodoc_type_aliases = {"MeshLike": "MeshLike", "ArrayLike": "ArrayLike"}

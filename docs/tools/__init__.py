@@ -1,1 +1,1 @@
-"""Extensions of Sphinx for the pages."""
+"""Sphinx extensions that build the pages."""

@@ -1,4 +1,4 @@
-"""Write equations as MathML, by docutils, which needs no script from another server."""
+"""Write equations as MathML, which browsers draw without a script from another server."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ from sphinx.application import Sphinx
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Add the renderer "mathml"."""
+    """Register the renderer "mathml" for equations in HTML."""
     app.add_html_math_renderer("mathml", (_inline, None), (_block, None))
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 

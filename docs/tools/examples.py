@@ -1,12 +1,12 @@
 """Run the code on the pages, and insert its output and pictures.
 
-A page runs every fence of `python` in one namespace, and the commands that begin with `dfd` in every fence of `sh`. A
-mesh that both write must be the same. The build replaces these lines:
+All `python` fences of a page run in one namespace. In `sh` fences, the lines that begin with `dfd` run as commands. If
+Python and a command write the same mesh, its vertices must be equal. The build replaces these lines:
 
     <!-- output -->        the output of the fence above
-    <!-- draw NAME -->     pictures of a variable, here or, if it is defined later, at the end of the page. A session is
-                           drawn before, with its weights, and after. A dict has a caption for each session, picture, or
-                           pair of a mesh and options of `picture`.
+    <!-- draw NAME -->     pictures of the page's variable NAME, which a fence above or below defines. A session gives
+                           pictures before and after the edit, and one of the weights. A dict maps captions to
+                           sessions, pictures, or pairs of a mesh and options of `picture`.
 """
 
 import contextlib
@@ -38,16 +38,17 @@ STEP = re.compile(r"^```(python|sh)\n(.*?)^```$|^<!-- (output|draw)(?: (\w+))? -
 LATER = re.compile(r"^<!-- draw (\w+) -->$", re.MULTILINE)
 RESOLUTION = 360
 MARKS = ("handles", "fixed", "labels")  # options of `picture`
-TOLERANCE = 1e-4  # of the diagonal, because files have 32-bit floats
+# Largest difference between equal vertices, as a fraction of the box's diagonal, because files have 32-bit floats.
+TOLERANCE = 1e-4
 MARGIN = 6  # pixels around the shapes of a strip
-SHAPES = "how_to/index"  # this page makes the shapes of all others
+SHAPES = "how_to/index"  # the page whose code makes the shapes of all pages
 
-Cell = tuple[str, list[NDArray[np.uint8]]]  # a caption, and pictures one below the other
+Cell = tuple[str, list[NDArray[np.uint8]]]  # a caption, and pictures from top to bottom
 log = logging.getLogger(__name__)
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Run the code of each page that is read."""
+    """Register the functions that run the code when Sphinx reads a page."""
     app.connect("builder-inited", _make_shapes)
     app.connect("env-before-read-docs", _show_last)
     app.connect("source-read", _run_page)
@@ -62,7 +63,7 @@ def _make_shapes(app: Sphinx) -> None:
 
 
 def _show_last(app: Sphinx, env: BuildEnvironment, names: list[str]) -> None:
-    """Read the page of the shapes last, because it shows pictures of other pages."""
+    """Let Sphinx read the page `SHAPES` last, because it shows pictures of other pages."""
     names.sort(key=SHAPES.__eq__)
 
 
@@ -75,38 +76,38 @@ def _run_page(app: Sphinx, name: str, source: list[str]) -> None:
 
 
 class _Page:
-    """The code of one page, and its output."""
+    """Runs the code of one page, and replaces the lines for output and pictures."""
 
     def __init__(self, name: str) -> None:
-        self.name, self.space = name, {"__name__": name}
+        self.name, self.namespace = name, {"__name__": name}
         self.printed, self.drawn = "", 0
         self.began = time.time() - 1
 
     def run(self, text: str) -> str:
-        """Run all fences of the page, and replace the lines for output and pictures."""
+        """Return the text of the page after its code has run."""
         with contextlib.chdir(FILES):
             text = STEP.sub(self._step, text)
-            return LATER.sub(lambda mark: self._draw(self.space[mark[1]]), text)
+            return LATER.sub(lambda mark: self._draw(self.namespace[mark[1]]), text)
 
     def _step(self, step: re.Match[str]) -> str:
-        language, code, mark, of = step.groups()
+        language, code, mark, variable = step.groups()
         try:
             if language == "python":
                 with contextlib.redirect_stdout(io.StringIO()) as printed, contextlib.redirect_stderr(io.StringIO()):
-                    exec(compile(code, self.name, "exec"), self.space)
+                    exec(compile(code, self.name, "exec"), self.namespace)
                 self.printed = printed.getvalue()
             elif language == "sh":
                 self.printed = "".join(map(self._command, code.replace("\\\n", "").splitlines()))
             elif mark == "output":
                 return f"```{{code-block}} text\n:class: output\n\n{self.printed.rstrip()}\n```"
-            elif of in self.space:
-                return self._draw(self.space[of])
+            elif variable in self.namespace:
+                return self._draw(self.namespace[variable])
         except Exception as error:
             log.warning("%r in\n%s", error, step[0], location=self.name)
         return step[0]
 
     def _command(self, line: str) -> str:
-        """Run one command, and return its output."""
+        """Run a line of an `sh` fence if it is a command of dfd, and return its output."""
         words = shlex.split(line, comments=True)
         if not words or words[0] != "dfd":
             return ""
@@ -119,7 +120,7 @@ class _Page:
             if file.stat().st_mtime_ns != written:
                 now = dfd.load(file)
                 if np.abs(now.vertices - vertices).max() > TOLERANCE * now.diagonal:
-                    raise RuntimeError(f"{file.name} differs from the one by Python")
+                    raise RuntimeError(f"{file.name} differs from the file that Python wrote")
         return "".join(f"{line}\n" for line in result.output.splitlines() if "━" not in line)
 
     def _draw(self, value: Any) -> str:
@@ -139,7 +140,7 @@ class _Page:
 
 
 def _cells(value: Any) -> list[Cell]:
-    """Draw the captions of a dict, sessions with weights above the deformed shape; or a session's three stages."""
+    """Return captioned pictures: of a session, its three stages; of a session in a dict, weights above the result."""
     if isinstance(value, dfd.Deformer):
         stages = zip(("before", "what follows", "after"), _views(value, [value]).values(), strict=True)
         return [(caption, [_transparent(value.mesh, **view)]) for caption, view in stages]
@@ -158,24 +159,24 @@ def _cells(value: Any) -> list[Cell]:
 
 
 def _views(session: dfd.Deformer, sessions: list[dfd.Deformer]) -> dict[str, dict[str, Any]]:
-    """Return options of `picture` for one of several sessions, all with one camera that faces the handles."""
+    """Return the options of `picture` for each stage of a session; all `sessions` have the same camera."""
     mesh = sessions[0].mesh
     places = np.array([handle.place.position for each in sessions for handle in each.handles]).reshape(-1, 3)
-    # A shape is recognized by its front, so the camera stays within 45° of it.
+    # The camera faces the handles, but stays within 45° of the front, where viewers recognize a shape.
     azimuth = float(np.clip((azimuth_towards(mesh, places) + 180) % 360 - 180, -45, 45))
     frame = [mesh.vertices, *(each.vertices for each in sessions)]
     return {name: {**view, "frame": frame} for name, view in session_views(session, azimuth).items()}
 
 
 def _transparent(mesh: dfd.Mesh, **options: Any) -> NDArray[np.uint8]:
-    """Draw a picture (R, R, 4) without its white, for pages with a dark background.
+    """Return a picture (R, R, 4) with a transparent background, for pages with a dark background.
 
-    The shape is opaque. The opacity of marks beside it is their difference from white.
+    The shape is opaque. The opacity of marks outside the shape is their difference from white.
     """
     options = {"resolution": RESOLUTION, **options}
     image = picture(mesh, **options) / np.float32(255)
-    look = {name: value for name, value in options.items() if name not in ("colors", "weights", *MARKS)}
-    black = picture(mesh, colors=np.zeros((len(mesh.vertices), 3)), **look) / np.float32(255)
+    shape_options = {name: value for name, value in options.items() if name not in ("colors", "weights", *MARKS)}
+    black = picture(mesh, colors=np.zeros((len(mesh.vertices), 3)), **shape_options) / np.float32(255)
     alpha = 1 - np.minimum(black, image).min(axis=2, keepdims=True)
     color = (image - (1 - alpha)) / np.maximum(alpha, 1e-3)
     return (np.dstack([color, alpha]).clip(0, 1) * 255 + 0.5).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""Write reference pages from the code: the function NAME here replaces `<!-- generated NAME -->` on a page."""
+"""Generate reference tables from the code: the result of a function NAME replaces `<!-- generated NAME -->`."""
 
 import html
 import json
@@ -18,7 +18,7 @@ Schema = dict[str, Any]
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Write the generated parts of each page that is read."""
+    """Register the function that inserts the generated text when Sphinx reads a page."""
     app.connect("source-read", _put_in)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
@@ -36,19 +36,19 @@ def command_line() -> str:
 
 
 def edit_file() -> str:
-    """Return the definitions of the edit file, its own fields first."""
+    """Return tables of all objects in an edit file, first the edit itself."""
     schema = dfd.edit_schema()
     return _object("Edit", schema) + "".join(_object(*each) for each in schema.get("$defs", {}).items())
 
 
 def controls() -> str:
-    """Return each control of a handle with its description."""
+    """Return a table of the controls of a handle with their descriptions."""
     rows = [f"| `{name}` | {about.text} |" for name, about in CONTROLS.items()]
     return "\n".join(["| control | what it does |", "|---|---|", *rows]) + "\n"
 
 
 def distill_settings() -> str:
-    """Return each setting of a distillation with its value in both presets."""
+    """Return a table of the settings of a distillation with their values in both presets."""
     rows = ["| setting | default | paper | what it is |", "|---|---|---|---|"]
     default, paper = dfd.DistillSettings(), dfd.DistillSettings(preset="paper")
     for name, about in dfd.DistillSettings.model_fields.items():
@@ -58,7 +58,7 @@ def distill_settings() -> str:
 
 
 def _object(name: str, schema: Schema) -> str:
-    """Return one definition: a heading, its sentence, and a table of its fields."""
+    """Return the heading, the description and the table of fields of one definition in the schema."""
     text = f"\n## {name}\n\n{_sentence(schema)}\n"
     if fields := schema.get("properties"):
         text += "\n| field | type | default | what it is |\n|---|---|---|---|\n"
@@ -78,7 +78,7 @@ def _sentence(schema: Schema) -> str:
 
 
 def _type(schema: Schema) -> str:
-    """Return a type in words."""
+    """Return the type that a JSON Schema defines, as Markdown."""
     if "$ref" in schema:
         name = schema["$ref"].rpartition("/")[2]
         return f"[{name}](#{name.lower()})"
