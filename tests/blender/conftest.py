@@ -5,5 +5,5 @@ from __future__ import annotations
 import os
 import tempfile
 
-# Before bpy is imported: extensions are installed into here, and nobody's own settings are read.
+# Set before bpy is imported, so that bpy uses this folder instead of the user's settings and extensions.
 os.environ.setdefault("BLENDER_USER_RESOURCES", tempfile.mkdtemp(prefix="blender-"))

@@ -1,6 +1,6 @@
 #pragma once
 
-// Tools of the core's tests: named cases that run in order, checks that continue after a failure, and an exit code.
+// Helpers of the C++ tests: cases run in order, checks continue after a failure, and the exit code reports failures.
 
 #include <cmath>
 #include <cstdio>

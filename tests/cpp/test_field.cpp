@@ -35,7 +35,7 @@ struct Network {
         }
     }
 
-    /// The same in double, with each sine and layer computed directly.
+    /// Returns the features in double precision, with each sine and layer computed directly.
     std::vector<double> expected(const double* point) const
     {
         std::vector<double> values(inputs);

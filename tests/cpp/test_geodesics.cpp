@@ -8,7 +8,7 @@
 
 namespace {
 
-/// A flat square of n × n vertices, 1 wide.
+/// A flat square of n × n vertices with sides of length 1.
 struct Grid {
     std::vector<double> vertices;
     std::vector<std::int32_t> faces;

@@ -61,7 +61,7 @@ CASE("maps onto a plane, a line or a point, and large maps")
     check_composed({-1, 0, 0, 0, -1, 0, 0, 0, 1});
     check_composed({-1, 0, 0, 0, -1, 0, 0, 0, -1});
     check_composed({-1, 1, 0, 0, -1, 0, 0, 0, -1});  // (x, y, z) -> (y, 0, 0)
-    check_composed({0, 1, 2, 2, 1, 4, 3, 3, 5});     // rows that depend on one another
+    check_composed({0, 1, 2, 2, 1, 4, 3, 3, 5});     // linearly dependent rows
     check_composed({1e150, 2e150, -1e150, 3e150, 0, 1e150, 5e149, 1e150, 2e150}, 4e150);
     for (const Matrix3d& change : {Matrix3d{-1, 0, 0, 0, 0, 0, 0, 0, 0}, Matrix3d{-1, 0, 0, 0, -1, 0, 0, 0, 1},
                                    Matrix3d{-1, 0, 0, 0, -1, 0, 0, 0, -1}})

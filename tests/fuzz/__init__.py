@@ -1,1 +1,1 @@
-"""Made and damaged input for every reader of untrusted input (`make fuzz`)."""
+"""Fuzz every reader of untrusted input with generated and damaged input (`make fuzz`)."""

@@ -1,8 +1,8 @@
-"""python -m tests.fuzz [--seconds N] [--seed N] [TARGET …]: each target gets its part of the time.
+"""`python -m tests.fuzz [--seconds N] [--seed N] [TARGET …]`: fuzz targets, each for an equal share of the time.
 
-Each runs in a process of its own, and the kernels in one for every instruction set of the machine. An input that fails
-is kept, as small as Hypothesis can make it, in tests/corpus under its target's name, where the tests find it from then
-on; where the process itself died, in a decoder say, the input that it died of. Exits 1 if anything failed.
+Each target runs in its own process, and the kernels in one process per instruction set of the machine. Hypothesis
+minimizes an input that fails. The input is then written to tests/corpus, where the tests read it. If an input ends the
+process, it is written there unchanged. The exit code is the number of targets that failed.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def main() -> int:
     """Return the number of targets that failed."""
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz")
     parser.add_argument("--seconds", type=float, default=60.0)
-    parser.add_argument("--seed", type=int, default=None, help="the same inputs each time, as far as the time goes")
+    parser.add_argument("--seed", type=int, default=None, help="equal seeds give equal inputs; by default the time")
     parser.add_argument("--input", type=Path, help=argparse.SUPPRESS)  # for child processes: path of the input
     parser.add_argument("targets", nargs="*")
     given = parser.parse_args()
@@ -50,7 +50,7 @@ def main() -> int:
 
 
 def survives(name: str, isa: str | None, seconds: float, seed: int) -> bool:
-    """Run one target in a child process, return whether it passed, and keep an input that ended the process."""
+    """Run one target in a child process, and return whether it passed; save an input that ended the process."""
     print(name if isa is None else f"{name} with {isa}", end=": ", flush=True)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, name)
@@ -67,7 +67,7 @@ def survives(name: str, isa: str | None, seconds: float, seed: int) -> bool:
 
 
 def keep(name: str, content: bytes) -> Path:
-    """Write a failing input to the tests' corpus and return its path."""
+    """Write a failing input to tests/corpus, and return its path."""
     CORPUS.mkdir(exist_ok=True)
     stem, ending = name.split(".")
     kept = CORPUS / f"{stem}-{hashlib.sha256(content).hexdigest()[:12]}.{ending}"
@@ -76,7 +76,7 @@ def keep(name: str, content: bytes) -> Path:
 
 
 def fuzz(name: str, seconds: float, seed: int, path: Path) -> bool:
-    """Run one target for `seconds`, with each input at `path`; print the result and return whether it passed."""
+    """Run one target for `seconds` and return whether it passed; each input is written to `path`."""
     import hypothesis
     from hypothesis import HealthCheck, Phase, given, settings
 

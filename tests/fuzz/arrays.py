@@ -1,4 +1,4 @@
-"""Arrays of odd shapes, types and memory layouts into every public function; kernels beside their float64 twins."""
+"""Call public functions with unusual arrays, and compare kernels with their float64 references."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def kernel_input() -> st.SearchStrategy[bytes]:
 
 
 def run_kernels(path: Path) -> None:
-    """Check that bind and pose agree with their twins, keep their bounds, and do not change their inputs."""
+    """Check that bind and pose agree with their references, keep their bounds, and do not change their inputs."""
     case = json.loads(path.read_bytes())
     random = np.random.default_rng(case["seed"])
     count, handle_count = case["vertices"], min(case["handles"], case["vertices"])

@@ -1,4 +1,4 @@
-"""Damage to valid files: to the bytes of any file, and to the values of JSON."""
+"""Damage valid files: the bytes of any file, or the values of a JSON document."""
 
 from __future__ import annotations
 

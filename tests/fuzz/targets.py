@@ -1,4 +1,4 @@
-"""The targets of fuzzing: each reads one input as a user's program would, and checks the result.
+"""The targets of fuzzing: each reads one input by the public functions, and checks the result.
 
 Invalid input must raise ValueError or OSError with a short message of one line.
 """
@@ -208,8 +208,8 @@ def _targets() -> dict[str, Target]:
 
 
 def to_bytes(document: object) -> bytes:
-    """Write JSON."""
+    """Return a JSON document as bytes."""
     return json.dumps(document).encode()
 
 
-TARGETS = _targets()  # by what their files are called
+TARGETS = _targets()  # by the names of their input files

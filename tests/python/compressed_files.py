@@ -1,4 +1,4 @@
-"""glTF files that are compressed, as the encoders of their formats make them."""
+"""Make glTF files of a cube, compressed by the encoders of Draco and meshopt."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A walk of one mesh through every control, in which nothing may crash, hang or become NaN."""
+"""Use every control of dfd on one mesh, and check that nothing crashes, hangs or becomes NaN."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ from dfd.symmetry.plane import SymmetryPlane
 from dfd.symmetry.search import symmetry_planes
 from dfd.weights.bind import Falloff, bind
 
-__all__ = ["walk"]
+__all__ = ["use_every_control"]
 
 
-def walk(mesh: Mesh, field: Field, seed: int) -> None:
-    """Take `mesh` through every control once; handles are drawn by `seed`.
+def use_every_control(mesh: Mesh, field: Field, seed: int) -> None:
+    """Use every control on `mesh` once, with random handles for `seed`.
 
     Raises
     ------
     AssertionError
-        If what comes out is not what was promised: finite, within its bounds, and the input as it was.
+        If a result is not finite or not within its bounds, or the input has changed.
     """
     random = np.random.default_rng(seed)
     before = mesh.vertices.copy(), mesh.faces.copy()
     handles = random.choice(len(mesh.vertices), min(3, len(mesh.vertices)), replace=False).tolist()
     features = field.features(mesh)
     _bound(mesh, features, handles, random)
-    planes = _symmetries(mesh, field) if seed % 4 == 0 else []  # the longest step of all
+    planes = _symmetries(mesh, field) if seed % 4 == 0 else []  # the slowest step
     assert all(each.what and each.means for each in findings(mesh))
     _edited(mesh, field, features, handles, planes, random)
     _posed(mesh, features, handles, random)
@@ -80,7 +80,7 @@ def _edited(
     planes: list[SymmetryPlane],
     random: np.random.Generator,
 ) -> None:
-    """A session: handles with every kind of counterparts, regions, distances, fixed points, symmetry, rules."""
+    """Check a session with all kinds of counterparts, regions, distances, fixed points, planes and presets."""
     size = mesh.diagonal
     session = Deformer(mesh, field, features=features)
     turned: dict[str, Any] = {"rotation": (10, 70, 20), "scale": (1.5, 0.7, 1.0), "translation": [0.1 * size] * 3}
@@ -138,7 +138,7 @@ def _regions(mesh: Mesh, random: np.random.Generator) -> list[Any]:
 
 
 def _posed(mesh: Mesh, features: NDArray[np.float32], handles: list[int], random: np.random.Generator) -> None:
-    """The functions by themselves: every overlap with every blend, across a plane and not."""
+    """Check `pose` with every overlap and every blend, with and without a plane."""
     weights = bind(features, handles)
     transforms = np.stack([Transform(rotation=random.normal(size=3) * 90, scale=1.3).matrix() for _ in handles])
     across = SymmetryPlane((1.0, 0.0, 0.0), float(mesh.vertices[:, 0].mean()), band=0.03 * mesh.diagonal)
@@ -150,7 +150,7 @@ def _posed(mesh: Mesh, features: NDArray[np.float32], handles: list[int], random
 
 
 def _tried(step: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
-    """What a step gives; None where it refuses the mesh, which it has to do by a sentence."""
+    """Return the result of a step; None if it raises ValueError with a message of `REFUSALS`."""
     try:
         return step(*arguments, **options)
     except ValueError as error:
@@ -159,7 +159,7 @@ def _tried(step: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
         return None
 
 
-# What a shape may be refused for: nothing to measure, nothing in a region, counterparts that cannot be told apart.
+# Messages with which dfd may refuse a shape: no area, no vertex in a region, or handles that are too similar.
 REFUSALS = re.compile(
     "must have a face with an area|must hold a vertex|must be a part of the scene|look the same|"
     "cannot move|must leave something|must lie at distinct places|must be free places|"

@@ -1,4 +1,4 @@
-"""Ray in this process: tasks run in order, and their processes end as a test wants it."""
+"""A replacement of Ray that runs tasks in this process, one after another, and simulates failures."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dfd.batch.steps import process
 
 
 class RayError(Exception):
-    """The base of what Ray raises."""
+    """The base class of Ray's errors."""
 
 
 class RayTaskError(RayError):
@@ -20,11 +20,11 @@ class RayTaskError(RayError):
 
 
 class OutOfMemoryError(RayError):
-    """Ray ended the process."""
+    """Ray ended the process because memory ran out."""
 
 
 class FakeRay:
-    """Runs tasks in this process, in order; `ends` maps a shape's name to what becomes of its process."""
+    """Runs tasks in this process, in order; `ends` maps a shape's name to its error, or to "hangs"."""
 
     exceptions = SimpleNamespace(RayError=RayError, RayTaskError=RayTaskError, OutOfMemoryError=OutOfMemoryError)
 

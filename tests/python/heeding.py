@@ -1,6 +1,7 @@
-"""`dfd` as a process that heeds interruptions, however the tests were started."""
+"""Code for a child process that runs `dfd` and can be interrupted by SIGINT."""
 
 __all__ = ["HEED"]
 
-# What ignores SIGINT hands that on to its children, as `nohup` does: they begin with Python's own handler again.
+# If the tests run under a program that ignores SIGINT, such as `nohup`, child processes also ignore it. So the code
+# first restores Python's handler.
 HEED = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from dfd.cli import main; main()"

@@ -1,4 +1,4 @@
-"""Inputs that once failed, or that were written to: each is read as `make fuzz` reads it."""
+"""Read every input in tests/corpus as `make fuzz` reads it. Most of these inputs once failed."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Damaged meshes through every control: no crash, no hang, no NaN.
+"""Use every control on damaged meshes, without a crash, a hang or NaN.
 
-DFD_DAMAGED says how many, 12 if it is not set. With DFD_MESHES, meshes of the world are damaged, too, and go through
-whole.
+DFD_DAMAGED is the number of damaged meshes, by default 12. With DFD_MESHES, the meshes in this folder are also used,
+damaged and undamaged.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from damage import DAMAGES, damaged
-from every_control import walk
+from every_control import use_every_control
 from made_field import field_of
 
 import dfd
@@ -27,12 +27,12 @@ FOLDER = os.environ.get("DFD_MESHES")
 FILES = sorted(path for path in Path(FOLDER).rglob("*") if path.suffix in (".obj", ".glb")) if FOLDER else []
 SHAPES = ["chair", "quadruped", "robot", *FILES]
 MOST_FACES = 3000  # of a shape before it is damaged
-LONGEST = 600  # seconds after which it is a hang
+LONGEST = 600  # seconds after which a test counts as a hang
 
 
 @pytest.fixture(autouse=True)
 def _no_hang() -> Iterator[None]:
-    """A hang ends with where it hung; warnings for people are none of what is looked for."""
+    """Print the stack and stop the process after a hang; ignore warnings for users."""
     faulthandler.dump_traceback_later(LONGEST, exit=True)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
@@ -42,21 +42,21 @@ def _no_hang() -> Iterator[None]:
 
 @cache
 def shape(number: int) -> dfd.Mesh:
-    """A sample or a mesh of the world, with few faces."""
+    """Return a sample, or a mesh in DFD_MESHES, with few faces."""
     source = SHAPES[number % len(SHAPES)]
     mesh = dfd.load(source) if isinstance(source, Path) else getattr(dfd.samples, source)(4000).mesh
     return simplify(mesh, MOST_FACES)
 
 
 def rippled(mesh: dfd.Mesh, seed: int) -> dfd.Field:
-    """A field that has learnt nothing, smooth or full of ripples."""
+    """Return a field with random weights; its features vary more over the surface for larger `seed % 4`."""
     return field_of(mesh, seed, octaves=seed % 4)
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, COUNT))])
 def test_damaged_meshes_go_through_every_control(seed: int) -> None:
     mesh, _ = damaged(shape(seed), seed)
-    walk(mesh, rippled(mesh, seed), seed)
+    use_every_control(mesh, rippled(mesh, seed), seed)
 
 
 @pytest.mark.slow
@@ -64,7 +64,7 @@ def test_damaged_meshes_go_through_every_control(seed: int) -> None:
 @pytest.mark.parametrize("path", FILES if COUNT >= 50 else FILES[:3], ids=lambda path: path.stem)
 def test_meshes_of_the_world_go_through_every_control(path: Path) -> None:
     mesh = dfd.load(path)
-    walk(mesh, rippled(mesh, 3), 4)
+    use_every_control(mesh, rippled(mesh, 3), 4)
 
 
 @pytest.mark.parametrize("seed", range(3))

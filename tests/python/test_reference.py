@@ -1,4 +1,4 @@
-"""The twins themselves, held to numbers worked out by hand from the paper's equations."""
+"""Compare the slow reference functions with numbers that were computed by hand from the paper's equations."""
 
 from __future__ import annotations
 
