@@ -2,6 +2,5 @@
 
 __all__ = ["HEED"]
 
-# If the tests run under a program that ignores SIGINT, such as `nohup`, child processes also ignore it. So the code
-# first restores Python's handler.
+# Restores Python's handler first, because children of a program that ignores SIGINT, such as `nohup`, also ignore it.
 HEED = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from dfd.cli import main; main()"

@@ -50,8 +50,7 @@ def bind(
 ) -> Array:
     """Return the weights (V, H) of `dfd.bind`: Eq. 4 and 5 with reach and falloff, then Eq. 6, then Eq. 7.
 
-    Each item of `handles` and `fixed` is a vertex, several vertices, or feature rows. For an item with several members,
-    the member with the nearest feature counts.
+    Each item of `handles` and `fixed` is a vertex, several vertices, or feature rows; its nearest member counts.
     """
     z = np.asarray(features, np.float64)
     weights = _nearest_weights(z, handles, reach, falloff)
