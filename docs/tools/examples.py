@@ -38,8 +38,7 @@ STEP = re.compile(r"^```(python|sh)\n(.*?)^```$|^<!-- (output|draw)(?: (\w+))? -
 LATER = re.compile(r"^<!-- draw (\w+) -->$", re.MULTILINE)
 RESOLUTION = 360
 MARKS = ("handles", "fixed", "labels")  # options of `picture`
-# Largest difference between equal vertices, as a fraction of the box's diagonal, because files have 32-bit floats.
-TOLERANCE = 1e-4
+TOLERANCE = 1e-4  # fraction of the box's diagonal by which equal vertices may differ: files have 32-bit floats
 MARGIN = 6  # pixels around the shapes of a strip
 SHAPES = "how_to/index"  # the page whose code makes the shapes of all pages
 
