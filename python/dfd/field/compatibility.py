@@ -86,7 +86,7 @@ def check_compatible(field: KnownShape, mesh: Mesh, *, allowed_by: str = "") -> 
 
 
 def _differences(field: KnownShape, mesh: Mesh) -> tuple[float, float]:
-    """Return two shares: mesh samples that are far from the field's shape, and field points that are far from the mesh."""
+    """Return two shares: mesh samples far from the field's shape, and points of that shape far from the mesh."""
     samples, spacing = _samples(mesh)
     if field.surface is None or samples is None:
         return 0.0, 0.0
