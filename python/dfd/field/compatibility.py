@@ -9,8 +9,8 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.mesh.mesh import Mesh
 
-# Largest accepted ratio between the longest box sides of the mesh and of the field's shape. Cut or
-# simplified shapes have a smaller ratio. Inch and centimeter, which people often confuse, have the ratio 2.54.
+# Largest accepted ratio between the longest box sides of the mesh and of the field's shape. Cut or simplified shapes
+# have a smaller ratio. Inch and centimeter, which people often confuse, have the ratio 2.54.
 LARGEST_RATIO = 2.0
 # A warning is given if a coordinate of the mesh, relative to the center of the field's box, exceeds this number of
 # halves of the box's longest side. A tall shape on the ground has the coordinate 2 if its file has another up axis.
