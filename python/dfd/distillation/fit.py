@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from dfd.distillation.settings import DistillSettings
     from dfd.distillation.targets import PointTargets, Targets
 
-# Smallest batch size for which matrix products use bfloat16. With the paper's preset, bfloat16 halves the time of the fit
-# and increases the loss by 0.1 %.
+# Smallest batch size for which matrix products use bfloat16. With the paper's preset, bfloat16 halves the time of the
+# fit and increases the loss by 0.1 %.
 LARGE_BATCH = 4096
 _LEAST_POINTS, _MOST_CHUNKS = 192, 8  # least points of a thread's chunk of a batch, and most chunks of a batch
 

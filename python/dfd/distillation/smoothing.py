@@ -1,8 +1,8 @@
 """Smooth features along the surface, to average the differences between pictures.
 
 A token is the feature that the encoder gives to one patch of a picture. At outlines and gaps, a patch shows more than
-one part. Tokens of the same surface differ between pictures, and no camera sees some of the surface. So tokens
-are averaged at surface samples and diffused *along* the surface: the targets Z minimize
+one part. Tokens of the same surface differ between pictures, and no camera sees some of the surface. So tokens are
+averaged at surface samples and diffused *along* the surface: the targets Z minimize
 
     Σ_i c_i ‖Z_i − Ẑ_i‖² + t ∫ ‖∇Z‖²,    t = distance² / 2,
 
@@ -174,9 +174,9 @@ def _solve(tokens: Float32, confidence: Float64, factors: SuperLU) -> Float32:
 
 
 def _surface_links(points: Float64, component: Int32, seen: Bool, area: float) -> sparse.csr_matrix:
-    """Return symmetric weights (N, N) between each sample and its k nearest neighbors, so that Zᵀ L Z ≈ ∫ ‖∇Z‖².
+    """Return symmetric weights (N, N) of links between nearby samples, so that Zᵀ L Z ≈ ∫ ‖∇Z‖².
 
-    For a constant gradient g near sample i, the links of i contribute ¼ Σ_j w_ij ‖p_i − p_j‖² g² to Zᵀ L Z. So the
+    For a constant gradient g near sample i, its k links contribute ¼ Σ_j w_ij ‖p_i − p_j‖² g² to Zᵀ L Z. So the
     weights w_ij = 4 area / (k ‖p_i − p_j‖²) give area · g². `area` is the surface area per sample. For each sample,
     `points` (N, 3) is the position, `component` (N,) the connected component, and `seen` (N,) whether a pixel shows it.
     """
