@@ -63,7 +63,7 @@ class PointTargets(Targets):
     # `component` and `boxes` are None if the surface has one connected component.
     component: Int32 | None = None  # (N,) the component of each point
     boxes: Float64 | None = None  # (P, 6) the lower and upper corners of the components' boxes
-    face: Int64 | None = None  # (N,) the face of each point, if known
+    face: Int64 | None = None  # (N,) the face of the rendered surface with each point, if known
 
     @property
     def features(self) -> Float32:
@@ -78,7 +78,7 @@ class PointTargets(Targets):
 class TokenGrid:
     """Bilinear interpolation of the `height` × `width` tokens of each picture at the surface points of `views`.
 
-    A token lies at the center of its patch. Tokens are numbered by picture, then by row, then by column.
+    A token is the encoder's feature of a patch, and lies at its center. Tokens are numbered by picture, row and column.
     """
 
     def __init__(self, views: Views, height: int, width: int) -> None:
@@ -99,7 +99,7 @@ class TokenGrid:
         return indices, weights
 
     def means(self, chosen: NDArray[np.integer], group: NDArray[np.integer], count: int) -> sparse.csr_matrix:
-        """Return a matrix (count, tokens) whose row g averages the tokens at all points of group g.
+        """Return a matrix (count, tokens) whose row g averages the interpolated tokens at the points of group g.
 
         `group` (B,) is the group of each of the points `chosen` (B,). Rows of empty groups are 0.
         """
@@ -170,7 +170,7 @@ def side_by_side(by_up: Sequence[PointTargets], shares: Sequence[float] | NDArra
 
 
 def restore_contrast(rows: Float32, distance: float, generator: np.random.Generator, *, least: float = 1.0) -> Float32:
-    """Return `rows` (N, D) of unit length, scaled about their mean so that their mean distance becomes `distance`.
+    """Return `rows` (N, D) of unit length, scaled about their mean to the mean pairwise distance `distance`.
 
     The factor lies in [`least`, `LARGEST_STRETCH`]. Random pairs estimate the mean distance.
     """
