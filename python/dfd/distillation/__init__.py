@@ -1,1 +1,1 @@
-"""Fit a field to pictures: targets, smoothing, thickness, the learned metric, and the fit."""
+"""Distill a field: render pictures of a shape, encode them, smooth the features, and fit a network to them."""

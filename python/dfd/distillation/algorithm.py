@@ -31,18 +31,18 @@ _log = logging.getLogger(__name__)
 
 @one_blas_thread()
 def distill_pictures(mesh: Mesh, encoder: Encoder, settings: DistillSettings, *, stages: Stages) -> Field:
-    """Return the field fitted to the features that `encoder` gives to pictures of `mesh`."""
+    """Return a field that is fitted to the features that `encoder` gives for pictures of `mesh`."""
     smoothing, seed = settings.smoothing, settings.seed
     metric = find_metric(encoder) if settings.metric == "learned" else None
-    made = {**encoder.settings(), **settings.as_dict()}
-    made |= {"block": encoder.block, "background": not encoder.foreground_only, **_lacking(encoder, settings, metric)}
-    made |= {"metric": "learned", "metric_hash": metric.content_hash} if metric else {"metric": "none"}
+    recorded = {**encoder.settings(), **settings.as_dict(), **_lacking(encoder, settings, metric)}
+    recorded |= {"block": encoder.block, "background": not encoder.foreground_only}
+    recorded |= {"metric": "learned", "metric_hash": metric.content_hash} if metric else {"metric": "none"}
 
     up = resolve_up(mesh, encoder, settings.up, stages=stages)
-    if smoothing == 0 and up.shared is not None:  # only smoothed targets of two up directions have common points
+    if smoothing == 0 and up.shared is not None:  # only smoothed features of two up directions have common points
         up = replace(up, shared=None, shares=None, source="found")
     pictures = settings.of_pictures()
-    pictures["views"] = max(settings.views // len(up.frames), 1)  # the up directions divide the views
+    pictures["views"] = max(settings.views // len(up.frames), 1)  # the up directions share the views
     views = [render(mesh, **pictures, frame=frame, stages=stages) for frame in up.frames]  # P = B·T, Eq. 2
     images, covered = (np.concatenate([getattr(each, name) for each in views]) for name in ("images", "covered"))
     encode = partial(encoder.encode, images, covered=covered, stages=stages)
@@ -61,17 +61,17 @@ def distill_pictures(mesh: Mesh, encoder: Encoder, settings: DistillSettings, *,
             by_up.append(metric.of_targets(smooth, thickness_bands(each, smooth), seed) if metric else smooth)
         targets = by_up[0] if up.shares is None else side_by_side(by_up, up.shares)
 
-    # minimizes ‖Φ(P) − Z‖², Eq. 3
+    # The fit minimizes ‖Φ(P) − Z‖² (Eq. 3).
     field = fit(targets, settings, center=views[0].center, scale=views[0].scale, device=encoder.device, stages=stages)
     if settings.pieces and isinstance(targets, PointTargets):
         field = fit_component_residuals(field, targets)
     if targets.directions is not None:
         field = widen(field, targets.directions)
-    return field.with_settings({**made, **up.settings, **field.settings})
+    return field.with_settings({**recorded, **up.settings, **field.settings})
 
 
 def _lacking(encoder: Encoder, settings: DistillSettings, metric: Metric | None) -> dict[str, Any]:
-    """Return the field's setting that lists the learned data missing for `encoder`, and log it; {} if none is."""
+    """Return and log the setting "encoder_lacks", the learned data that `encoder` lacks; {} if it lacks none."""
     lacking = []
     if settings.metric == "learned" and metric is None:
         lacking.append("no metric was learned for it, so distances are those of its features")

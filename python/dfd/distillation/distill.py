@@ -1,4 +1,4 @@
-"""Distill a field, or take it from the cache; if memory runs out, name the settings to lower."""
+"""Distill a field from a mesh, or load it from the user's cache."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # torch takes seconds to import, so it is imported only if no
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh, MeshLike
 
-# The data that take the memory in each stage, and the settings that reduce it.
+# Parts of the error message for each stage: the data that fill the memory, and the settings that make them smaller.
 _PICTURES = "the pictures: lower `resolution` or `views`"
 _FIT = "the fit: lower `batch`, `resolution` or `views`, or give features with fewer columns"
 _ADVICE = dict.fromkeys(("load", "up", "simplify", "render"), _PICTURES)
@@ -56,35 +56,35 @@ def distill(
     views, resolution
         The number of pictures, and the side of each in pixels.
     up
-        The up direction: "+y", "-z" and the like, a direction (3,), "file" for the file's +y, or "auto" to find it
-        from pictures.
+        The up direction: an axis such as "+y" or "-z", a direction (3,), "file" for the file's +y, or "auto" to find
+        it from pictures.
     smoothing
-        Distance over which features are smoothed along the surface, relative to half the longest side of the box.
+        Distance over which features are smoothed along the surface, divided by half the longest side of the box.
     steps, epochs
         Length of the fit, in batches or in passes over all points. Only one of the two can be given.
     seed
         Seed of all random numbers. Equal seeds give equal fields on one machine with the same number of threads.
-        Elsewhere the fields agree to about 1e-3 of a feature.
+        On other machines, features differ by about 1e-3.
     device
         Torch device, such as "cpu" or "cuda"; None takes CUDA if available.
     progress
         True shows progress bars on standard error; a `Stages` also records the duration of each stage.
     cache
-        Whether to take the field from the user's cache if it has one for the same mesh and settings, and otherwise to
-        store the new field there; see `dfd.common.files.cache_directory`.
+        Whether to load the field from the user's cache if the cache has it, and otherwise to store the new field there;
+        see `dfd.common.files.cache_directory`.
     settings
-        Any other setting of `DistillSettings`. The device decides the precision of a named encoder (see
-        `dfd.encoders.encode.load_encoder`); `field.settings["encoder_precision"]` records it.
+        Any other setting of `DistillSettings`. The device decides the precision of a named encoder, "float32" or
+        "bfloat16" (see `load_encoder`); `field.settings["encoder_precision"]` records it.
 
     Returns
     -------
     Field. `field.settings` holds all settings and the loss of every step. It also holds the encoder's block, and
-    whether the encoder saw the background. "up_direction" and "up_confidence" describe the up direction. "up_source" is
-    "said" if the caller gave it, "file" if it is the file's +y, "found" if it was found from pictures, or "averaged" if
-    the features of two directions are combined.
+    whether the encoder encoded background patches. "up_direction" and "up_confidence" describe the up direction.
+    "up_source" is "said" if the caller gave the direction, "file" if it is the file's +y, "found" if it was found from
+    pictures, or "averaged" if the features of two directions are combined.
 
     Raises ValueError if an argument is out of range, the encoder is unknown, or no camera ray hits the mesh. Raises
-    ValueError if a loaded encoder has another `block` or `background`. Raises OSError if the encoder's weights cannot
+    ValueError if a loaded encoder contradicts `block` or `background`. Raises OSError if the encoder's weights cannot
     be found or read. Raises MemoryError if memory runs out; the message names the settings to lower.
 
     Warns
@@ -126,7 +126,7 @@ def distill(
 def find_distilled(
     mesh: Mesh, encoder: str | PathLike[str] | Encoder, settings: DistillSettings, *, device: str | None = None
 ) -> Field | None:
-    """Return the field in the user's cache for the arguments, or None; this function does not import torch."""
+    """Return the field for these arguments in the user's cache, or None; the encoder is not loaded."""
     key = _find_key(mesh, encoder, settings, device)
     return field_cache.find(key) if key else None
 
@@ -134,7 +134,7 @@ def find_distilled(
 def _find_key(
     mesh: Mesh, encoder: str | PathLike[str] | Encoder, settings: DistillSettings, device: str | None
 ) -> dict[str, Any] | None:
-    """Return the cache key, without loading the encoder; None if its weights are not on this machine."""
+    """Return the cache key without loading the encoder; None if the encoder's weights are not on this machine."""
     from dfd.encoders.sources import find_identity
 
     if isinstance(encoder, str | PathLike):

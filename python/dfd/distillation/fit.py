@@ -1,4 +1,4 @@
-"""Fit the field's network to targets at points, by gradient descent on Eq. 3 in torch."""
+"""Fit the field's network to target features at surface points, by gradient descent on Eq. 3 in torch."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     from dfd.distillation.settings import DistillSettings
     from dfd.distillation.targets import PointTargets, Targets
 
-# Batch size from which matrix products use bfloat16, which halves their time. Two epochs of the paper's preset took
-# 25 s instead of 52 s, with a loss 0.1 % higher.
+# Smallest batch size for which matrix products use bfloat16. With the paper's preset, bfloat16 halves the time of the
+# fit and increases the loss by 0.1 %.
 LARGE_BATCH = 4096
-_LEAST_PART, _MOST_PARTS = 192, 8  # least points in a part of a batch, and most parts; each part runs on one thread
+_LEAST_POINTS, _MOST_CHUNKS = 192, 8  # least points of a thread's chunk of a batch, and most chunks of a batch
 
 
 def fit(
@@ -43,17 +43,17 @@ def fit(
     device: str | torch.device,
     stages: Stages,
 ) -> Field:
-    """Return a field that Adam fits to `targets`; its settings hold the loss of every step.
+    """Fit a field to `targets` with Adam, and return it; its settings hold the loss of every step.
 
     The loss is the mean of ‖Φ(P) − Z‖² over a batch. One generator on the CPU draws initial parameters and batches. So
-    a seed gives the same field on every device, up to rounding (differences of about 1e-3 between features).
+    a seed gives the same field on every device, apart from rounding, which changes features by about 1e-3.
 
     Parameters
     ----------
     center, scale
         The normalization of the points: the field evaluates the network at `scale` · (point − `center`).
     device
-        Torch device. On the CPU the fit uses the threads of the kernels; their number does not change the result.
+        Torch device. On the CPU the fit uses `dfd.get_num_threads()` threads; their number does not change the result.
 
     Raises ValueError if the fit diverges (NaN or infinity).
     """
@@ -63,7 +63,7 @@ def fit(
     batches, steps = _batches(targets, settings, generator)
     optimizer = Adam(network)
     losses: list[Tensor] = []
-    # torch has a thread count for each calling thread, so each worker sets its own to 1.
+    # torch has a separate thread count for each calling thread, so each worker sets its count to 1.
     workers = ThreadPoolExecutor(get_num_threads(), "dfd-fit", initializer=torch.set_num_threads, initargs=(1,))
     bfloat16 = settings.batch >= LARGE_BATCH and choose_precision(device) == "bfloat16"
     with _exact_float32(), one_thread(), workers as pool, stages.stage("fit", steps) as advance:
@@ -83,24 +83,24 @@ def fit(
 def _gradients(
     network: Network, points: Tensor, wanted: Tensor, pool: Executor, *, bfloat16: bool
 ) -> tuple[Tensor, list[Tensor]]:
-    """Return the mean of ‖Φ(P) − Z‖² over a batch, (B, 3) points and (B, d) targets, and its gradients.
+    """Return the loss of a batch, (B, 3) points P and (B, d) wanted targets Z, and the gradients of the parameters.
 
     `bfloat16` sets the precision of matrix products; parameters and sums stay in float32.
 
-    On the CPU each thread takes parts of the batch, and the gradients of the parts are added in order. torch's own
-    threads synchronize many times per step, which is up to twenty times slower on a busy machine.
+    On the CPU, threads compute chunks of the batch, and the gradients of the chunks are added in order. torch's own
+    threads would synchronize many times per step, which is up to twenty times slower on a busy machine.
     """
     parameters = list(network.parameters())
 
-    def differentiate(part: tuple[Tensor, Tensor]) -> tuple[Tensor, ...]:
+    def differentiate(chunk: tuple[Tensor, Tensor]) -> tuple[Tensor, ...]:
         with torch.autocast(points.device.type, torch.bfloat16, enabled=bfloat16):
-            found = network(part[0])
-        loss = (found.float() - part[1]).square().sum() / len(points)
+            found = network(chunk[0])
+        loss = (found.float() - chunk[1]).square().sum() / len(points)
         return loss.detach(), *torch.autograd.grad(loss, parameters)
 
-    size = len(points) if points.is_cuda else max(_LEAST_PART, -(-len(points) // _MOST_PARTS))
-    parts = [(points[begin : begin + size], wanted[begin : begin + size]) for begin in range(0, len(points), size)]
-    found = pool.map(differentiate, parts)
+    size = len(points) if points.is_cuda else max(_LEAST_POINTS, -(-len(points) // _MOST_CHUNKS))
+    chunks = [(points[begin : begin + size], wanted[begin : begin + size]) for begin in range(0, len(points), size)]
+    found = pool.map(differentiate, chunks)
     loss: Tensor
     loss, *gradients = (functools.reduce(torch.add, each) for each in zip(*found, strict=True))
     return loss, gradients
@@ -111,7 +111,7 @@ def _batches(
 ) -> tuple[Iterator[tuple[Tensor, Tensor]], int]:
     """Return the points and targets of every step, and the number of steps.
 
-    With the setting `steps` each batch is random; with `epochs` the points are shuffled in each pass.
+    With the setting `steps`, each batch is random. With `epochs`, each pass shuffles the points.
     """
     batch = settings.batch
     if settings.steps is not None:
@@ -128,7 +128,7 @@ def _batches(
 
 
 class Adam:
-    """Adam by torch's fused function; torch's own class Adam imports its compiler, which takes two seconds."""
+    """The optimizer Adam, by torch's fused function; torch's own class imports a compiler, which takes two seconds."""
 
     def __init__(self, network: Network) -> None:
         self._parameters = [parameter.detach() for parameter in network.parameters()]
@@ -137,7 +137,7 @@ class Adam:
         self._steps = [torch.zeros((), device=parameter.device) for parameter in self._parameters]
 
     def step(self, gradients: list[Tensor], rate: float, momentum: float) -> None:
-        """Update the parameters by one step with the learning rate `rate`; `momentum` is β₁."""
+        """Change the parameters by one step with the learning rate `rate` and the momentum (β₁) `momentum`."""
         state = self._parameters, gradients, self._means, self._squares, list[Tensor](), self._steps
         options: dict[str, Any] = {"amsgrad": False, "weight_decay": 0.0, "maximize": False}
         adam(*state, fused=True, beta1=momentum, beta2=0.999, lr=rate, eps=1e-8, **options)
@@ -169,7 +169,7 @@ def schedule(settings: DistillSettings, steps: int) -> Iterator[tuple[float, flo
 
 @contextmanager
 def _exact_float32() -> Iterator[None]:
-    """Disable TF32 and other reduced precisions in torch's matrix products while the block runs."""
+    """Disable TF32 and other reduced precisions in torch's matrix products in the `with` block."""
     precision = torch.get_float32_matmul_precision()
     torch.set_float32_matmul_precision("highest")
     try:
@@ -183,9 +183,9 @@ SHRINKAGE = 10
 
 
 def fit_component_residuals(field: Field, targets: PointTargets) -> Field:
-    """Return `field`, fitted to `targets`, with residuals for each connected component of the surface.
+    """Return `field`, which was fitted to `targets`, with residuals for each connected component of the surface.
 
-    `targets` have the width of the field's features. If the surface has one component, the field is returned unchanged.
+    `targets` have the dimension of `field`. If the surface has one component, `field` is returned unchanged.
     """
     component, boxes = targets.component, targets.boxes
     if component is None or boxes is None:
@@ -198,7 +198,7 @@ def fit_component_residuals(field: Field, targets: PointTargets) -> Field:
 
 
 def widen(field: Field, directions: Float32) -> Field:
-    """Return a field whose features are the features of `field` (width d) times `directions` (d, D).
+    """Return a field whose features are the features of `field` (dimension d) multiplied by `directions` (d, D).
 
     The rows of `directions` are orthonormal, so lengths stay the same. The product is folded into the last layer.
     """

@@ -1,13 +1,13 @@
-"""Map features so that their distances separate parts better, by a metric learned once per encoder.
+"""Map features by a metric that was learned for an encoder, so that feature distances separate parts better.
 
 An encoder's features also vary within a part: with position on the body, curvature and neighboring parts. Pictures do
-not show some differences between parts, such as thickness (`dfd.distillation.thickness`). So a linear map takes
-features and thickness to Fisher's discriminant directions. Each direction is weighted by the ratio of variance between
-parts to variance within parts, on labelled shapes (`python -m bench.training.learn_metric`). Probabilities of kinds of
-parts are appended. The results have unit length and about the same mean distance as the features. So 1 − distance is
-still a useful weight.
+not show thickness, which also distinguishes parts (`dfd.distillation.thickness`). So a linear map projects features and
+thickness to Fisher's discriminant directions, learned from labelled shapes (`python -m bench.training.learn_metric`).
+Each direction is weighted by the variance between parts divided by the variance within parts. The probabilities of
+kinds of parts, such as leg or head, are appended. The results have unit length and about the same mean distance as the
+features, so 1 − distance is still a useful weight.
 
-The map is applied before the fit, so distances between the field's features are those of the metric.
+The map is applied before the fit, so the field's features are mapped features.
 """
 
 from __future__ import annotations
@@ -39,22 +39,21 @@ SHAPES: dict[str, tuple[int | str, ...]] = {
     "kinds_output_bias": ("K",),
 }
 FOLDER = Path(__file__).with_name("metrics")
-# Factor of the mean distance. The metric reduces distances within details of many vertices and little area. Without
-# this factor, a handle would move more vertices than without the metric.
+# Mean distance of mapped features, divided by that of the encoder's features. The metric reduces distances within small
+# details with many vertices. With a factor of 1, a handle would therefore move more vertices than without the metric.
 FARTHER = 1.06
-# Weight of the kinds' squared distances, relative to the mapped features'. A higher weight is worse on birds.
-KINDS_SHARE = 0.2
-_LEAST_STRETCH = 0.02  # least factor about the mean; below 1, because some mapped rows must be contracted
+KINDS_SHARE = 0.2  # weight of squared distances between kinds of parts, relative to those between mapped features
+_LEAST_STRETCH = 0.02  # least factor by which rows are scaled about their mean; some mapped rows must be contracted
 
 
 @dataclass(frozen=True, eq=False)
 class Metric:
-    """The learned map of an encoder's features of width D and thickness to rows of width d; the two maps are added."""
+    """A learned map to rows of d numbers: a linear map of an encoder's features plus one of thickness bands."""
 
     directions: Float32  # (D, d) the map of features
     thickness_directions: Float32  # (BANDS, d) the map of `dfd.distillation.thickness.thickness_bands`
-    encoder_weights: str  # fingerprint of the weights that gave the training features
-    encoder_block: int  # block that gave the training features
+    encoder_weights: str  # fingerprint of the encoder's weights in the training
+    encoder_block: int  # number of the encoder's block in the training
     kinds: Kinds | None = None  # classifier of kinds of parts
 
     def mapped(
@@ -65,10 +64,10 @@ class Metric:
         *,
         mean: Float32 | None = None,
     ) -> Float32:
-        """Return unit rows (N, d), or (N, d + K) with K kinds, for features (N, D) and thickness bands (N, BANDS).
+        """Return mapped `features` (N, D), rows of unit length: (N, d), or (N, d + K) with K kinds of parts.
 
-        The mean distance of the rows is `FARTHER` times that of `features`. `mean` (D,) is the mean feature of the
-        shape; None takes the mean of `features`.
+        `thickness` (N, BANDS) holds the thickness bands of the same points. The mean distance of mapped features is
+        `FARTHER` times that of `features`. `mean` (D,) is the mean feature of the shape; None takes that of `features`.
         """
         one, other = generator.integers(0, len(features), (2, PAIRS))
         rows = np.asarray(features, np.float32)
@@ -82,13 +81,13 @@ class Metric:
         return restore_contrast(both, distance, generator, least=_LEAST_STRETCH)
 
     def of_targets(self, targets: PointTargets, thickness: Float32, seed: int) -> PointTargets:
-        """Return `targets` with `mapped` features; `seed` determines the pairs that estimate mean distances."""
+        """Return `targets` with mapped features; `seed` determines the random pairs that estimate mean distances."""
         rows = self.mapped(targets.features, thickness, np.random.default_rng(seed))
         return PointTargets(targets.points, rows, None, targets.component, targets.boxes, targets.face)
 
     @property
     def content_hash(self) -> str:
-        """Return the SHA-256 of the arrays; it differs for metrics whose features are not comparable."""
+        """Return the SHA-256 of the arrays; features of metrics with different hashes are not comparable."""
         return hash_arrays(*self._arrays().values())
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
@@ -124,7 +123,7 @@ def find_metric(encoder: Encoder) -> Metric | None:
 
 @dataclass(frozen=True, eq=False)
 class Kinds:
-    """A classifier of features of width D into K kinds of parts, with one hidden layer of n ReLU units."""
+    """A classifier of features (dimension D) into K kinds of parts, with one hidden layer of n ReLU units."""
 
     hidden: Float32  # (D, n) weights of the hidden units
     hidden_bias: Float32  # (n,)
@@ -132,7 +131,7 @@ class Kinds:
     output_bias: Float32  # (K,)
 
     def root_probabilities(self, features: Float32, mean: Float32) -> Float32:
-        """Return the square roots (N, K), unit rows, of the kinds' probabilities.
+        """Return the square roots of the probabilities of the kinds, (N, K) rows of unit length.
 
         `features` (N, D) are classified by their difference from the shape's `mean` (D,).
         """

@@ -15,11 +15,11 @@ from dfd.upright.candidates import check_up
 from dfd.views.cameras import Framing
 from dfd.views.render import LARGEST_RESOLUTION, LARGEST_VIEWS, Supervision
 
-LENGTHS = ("steps", "epochs")  # settings for the length of a fit; exactly one of the two is not None
+LENGTHS = ("steps", "epochs")  # settings of the length of a fit, of which exactly one is not None
 
 
 def _setting(default: Any, description: str, *, paper: Any = ..., **bounds: float) -> Any:
-    """Declare a setting with its default, its description, its value in the preset "paper", and its bounds."""
+    """Declare a setting: its default, its description, its value in the preset "paper", and its bounds."""
     extra = {"paper": default if paper is ... else paper, "bounds": dict(bounds)}
     return Field(default, description=description, json_schema_extra=extra)
 
@@ -47,25 +47,23 @@ class DistillSettings(BaseModel):
         maximum=LARGEST_RESOLUTION,
     )
     framing: Framing = _setting(
-        "shape", "shape: the shape fills every picture; paper: cameras at a distance of 2.8.", paper="paper"
+        "shape", "shape: the shape fills every picture; paper: cameras at the paper's distance.", paper="paper"
     )
     simplify_to: int | None = _setting(
         None,
-        "Number of faces of a simplified copy that is rendered; none renders the full mesh, which is as fast below "
-        "half a million faces and faster above.",
+        "Number of faces of a simplified copy that is rendered; none renders the full mesh, which is not slower.",
         paper=50_000,
         minimum=4,
     )
     up: str | tuple[float, float, float] = _setting(
         "auto",
-        "Up direction, which orients the cameras: +y, -z and the like; numbers such as 0,0,1; file, the file's +y; or "
+        "Up direction of the cameras: an axis such as +y or -z; numbers such as 0,0,1; file, for the file's +y; or "
         "auto, found from pictures. Mesh and field keep their coordinates.",
         paper="file",
     )
     supervision: Supervision = _setting(
         "barycentric",
-        "barycentric: fit all covered pixels (Eq. 2); vertex: fit only pixels that contain a vertex, an ablation of "
-        "the paper.",
+        "barycentric: fit all covered pixels (Eq. 2); vertex: fit only visible vertices, an ablation of the paper.",
     )
     mirrored: bool = _setting(
         True,
@@ -77,11 +75,11 @@ class DistillSettings(BaseModel):
         False, "Give the encoder whole pictures, not only the patches that show the shape.", paper=True
     )
     block: int | None = _setting(
-        None, "Block of the encoder whose output is used, from 1; none takes the best block for its weights.", minimum=1
+        None, "Number, from 1, of the encoder's block whose output is used; none takes the default block.", minimum=1
     )
     smoothing: float = _setting(
         0.3,
-        "Distance over which features are smoothed along the surface before the fit, relative to half the longest side "
+        "Distance over which features are smoothed along the surface before the fit, divided by half the longest side "
         "of the upright box; 0 fits the pixels, as in the paper.",
         paper=0.0,
         minimum=0.0,
@@ -90,30 +88,32 @@ class DistillSettings(BaseModel):
     metric: Literal["learned", "none"] = _setting(
         "learned",
         "learned: map features so that distances separate parts better, if a map was learned for the encoder's weights "
-        "and block (else `encoder_lacks` in `field.settings` says so); none: use the encoder's features, as in the "
+        "and block (otherwise `encoder_lacks` in `field.settings` is set); none: use the encoder's features, as in the "
         "paper. Always none without smoothing.",
         paper="none",
     )
     pieces: bool = _setting(
         True,
-        "Correct the features of each connected component, which separates a helmet from the head inside it. Always "
-        "off without smoothing.",
+        "Correct the features of each connected component, so that a helmet and the head inside it differ. Always off "
+        "without smoothing.",
         paper=False,
     )
     octaves: int = _setting(
         5,
-        "Octaves of the positional encoding, an input of the network beside the coordinates; 0 in the paper.",
+        "Octaves of the positional encoding, a further input of the network; 0 in the paper.",
         paper=0,
         minimum=0,
         maximum=MOST_OCTAVES,
     )
     width: int = _setting(256, "Neurons of each hidden layer of the network.", minimum=1, maximum=8192)
     layers: int = _setting(4, "Hidden layers of the network.", minimum=1, maximum=64)
-    steps: int | None = _setting(350, "Length of the fit in batches; or `epochs`.", paper=None, minimum=1)
-    epochs: int | None = _setting(None, "Length of the fit in passes over all points; or `steps`.", paper=15, minimum=1)
+    steps: int | None = _setting(350, "Length of the fit in batches, instead of `epochs`.", paper=None, minimum=1)
+    epochs: int | None = _setting(
+        None, "Length of the fit in passes over all points, instead of `steps`.", paper=15, minimum=1
+    )
     batch: int = _setting(384, "Surface points in each step of the fit.", paper=10_000, minimum=1)
     learning_rate: float = _setting(
-        2e-2, "Adam's learning rate, or its peak over one cycle.", paper=1e-3, minimum=0.0, exclusive=True
+        2e-2, "Learning rate of Adam; with one_cycle, its peak.", paper=1e-3, minimum=0.0, exclusive=True
     )
     schedule: Literal["one_cycle", "constant"] = _setting(
         "one_cycle",
@@ -169,9 +169,9 @@ class DistillSettings(BaseModel):
         if (self.steps is None) == (self.epochs is None):
             found = f"{self.steps} and {self.epochs}"
             raise ValueError(f"distill: exactly one of `steps` and `epochs` must be given, got {found}")
-        if self.supervision == "vertex":  # this ablation has the paper's loss
+        if self.supervision == "vertex":  # the ablation uses the paper's loss, without smoothing
             object.__setattr__(self, "smoothing", 0.0)
-        if self.smoothing == 0:  # metric and pieces need smoothed features
+        if self.smoothing == 0:  # both need smoothed features
             object.__setattr__(self, "metric", "none")
             object.__setattr__(self, "pieces", False)
         return self

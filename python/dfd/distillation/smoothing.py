@@ -1,22 +1,23 @@
-"""Smooth features along the surface, which averages differences between views.
+"""Smooth features along the surface, to average the differences between pictures.
 
-At outlines and gaps, a patch of the encoder covers more than one part. Views differ, and no camera sees some of the
-surface. So tokens are averaged at surface samples and diffused *along* the surface: the targets Z minimize
+A token is the feature that the encoder gives to one patch of a picture. At outlines and gaps, a patch shows more than
+one part. Tokens of the same surface differ between pictures, and no camera sees some of the surface. So tokens are
+averaged at surface samples and diffused *along* the surface: the targets Z minimize
 
     Σ_i c_i ‖Z_i − Ẑ_i‖² + t ∫ ‖∇Z‖²,    t = distance² / 2,
 
-a screened diffusion. Ẑ_i is the mean token of the pixels near sample i, and c_i is the visibility of sample i. Unlike a
-blur in space, diffusion does not mix legs that are close together.
+a screened diffusion. Ẑ_i is the mean token of the pixels near sample i. The visibility c_i grows with the number of
+these pixels. Unlike a blur in space, diffusion does not mix legs that are close together.
 
-Diffusion reduces the distances between features, so weights would be large everywhere. So smooth features are
-scaled about their mean. Their mean distance is then three quarters of that of the pixels' tokens. The remaining quarter
-is due to differences between views, not between parts.
+Diffusion reduces the distances between features, so handle weights would be large everywhere. So smooth features are
+scaled about their mean until their mean distance is three quarters of that of the pixels' tokens. The other quarter is
+due to differences between pictures, not between parts.
 
 An encoder can give different features to a left part and a right part. So weak links, weighted by similarity, connect
 each sample with the samples near its mirror image. The mirror plane is the best of the three middle planes of the box.
 
-Smooth features are low-rank. So only their main directions are smoothed and fitted, and the field's last layer maps
-them to full width. For DINOv2-small, 64 of 384 directions keep all but 1e-4 of the targets' squared length.
+Smooth features are low-rank. So only their principal directions are smoothed and fitted. The field's last layer maps
+them back to features of full dimension.
 """
 
 from __future__ import annotations
@@ -42,35 +43,35 @@ from dfd.views.render import Views, used_vertices
 if TYPE_CHECKING:  # imported in `_factors`, which runs on another thread beside the encoder
     from scipy.sparse.linalg import SuperLU
 
-SURFACE_SAMPLES = 12_000  # number of surface samples, on average 0.02 apart in normalized coordinates
-MAX_PIXELS = 400_000  # number of pixels that are averaged; more do not change results measurably
-NEIGHBORS = 10  # nearest samples of its component to which a sample is linked
+SURFACE_SAMPLES = 12_000  # number of surface samples; their mean spacing is about 0.02 in normalized coordinates
+MAX_PIXELS = 400_000  # largest number of pixels that are averaged; more pixels do not change results measurably
+NEIGHBORS = 10  # number of nearest samples on the same connected component to which a sample is linked
 # Weight of links between components, relative to links within a component. These links give features to components
-# that no camera sees. A lower weight separates the components of a body; a higher one gives armor features of the body.
+# that no camera sees. A higher weight gives armor the features of the body inside it.
 GAP_WEIGHT = 0.008
-GAP_NEIGHBORS = 4  # nearest samples, among which those of other components or near the mirror image are linked
-MIRROR_WEIGHT = 0.02  # weight of mirror links, relative to the median link
+GAP_NEIGHBORS = 4  # number of nearest samples that are candidates for a link between components or a mirror link
+MIRROR_WEIGHT = 0.02  # weight of mirror links, divided by the median weight of links along the surface
 MIRROR_REACH = 0.06  # longest distance from a mirror image to a linked sample, in halves of the box's longest side
-SIMILARITY_SCALE = 0.8  # feature distance, relative to the mean, at which a mirror link's weight is 1/e
-DIRECTIONS = 128  # main directions that are smoothed
-SIMILARITY_DIRECTIONS = 32  # main directions that decide similarity; more do not change results
-COLUMNS_PER_SOLVE = 32
-SATURATED_COVERAGE = 0.3  # pixels per sample, relative to the mean, above which visibility does not increase
-DISTANCE_KEPT = 0.75  # mean distance of smooth features, relative to that of the pixels' tokens
+SIMILARITY_SCALE = 0.8  # feature distance, divided by the mean, at which the weight of a mirror link falls to 1/e
+DIRECTIONS = 128  # number of principal directions that are smoothed
+SIMILARITY_DIRECTIONS = 32  # number of principal directions that decide similarity; more do not change results
+COLUMNS_PER_SOLVE = 32  # directions for which a thread solves the system at a time
+SATURATED_COVERAGE = 0.3  # pixels of a sample, divided by the mean over samples, above which visibility is constant
+DISTANCE_KEPT = 0.75  # mean distance of smooth features, divided by that of the pixels' tokens
 
 
 @dataclass(frozen=True, eq=False)
 class DiffusionProblem:
-    """The part of the diffusion over N surface samples that does not depend on the tokens."""
+    """The data of the diffusion over N surface samples that do not depend on the tokens."""
 
     views: Views
     distance: float  # distance over which features are smoothed, in normalized coordinates
     points: Float64  # (N, 3) the samples, in normalized coordinates
-    centered: Float64  # (N, 3) the samples along the axes of `views.frame`, with the box along these axes in [−1, 1]
+    centered: Float64  # (N, 3) the samples along the axes of `views.frame`, scaled so that their box fits [−1, 1]³
     face: Int64  # (N,) the face of each sample
     area: float  # area of the surface per sample
     component: Int32  # (F,) the connected component of each face of the surface
-    gathered: sparse.csr_matrix  # (N, tokens) the weight of each token in the mean at each sample
+    gathered: sparse.csr_matrix  # (N, tokens) the weight of each token in the mean Ẑ_i of each sample
     confidence: Float64  # (N,) visibility c_i of each sample
     links: sparse.csr_matrix  # (N, N) symmetric weights between neighbors along the surface
     factors: SuperLU  # LU factors of the system without mirror links
@@ -78,14 +79,14 @@ class DiffusionProblem:
 
 
 def build_diffusion(views: Views, grid: TokenGrid, *, smoothing: float, seed: int) -> DiffusionProblem:
-    """Return the part of the diffusion that does not depend on the tokens.
+    """Return the data of the diffusion that do not depend on the tokens.
 
     Parameters
     ----------
     grid
         The positions of the tokens at the surface points of `views`.
     smoothing
-        Diffusion distance relative to half the longest side of the box along the axes of `views.frame`; above 0.
+        Diffusion distance divided by half the longest side of the box along the axes of `views.frame`; above 0.
     seed
         Seed of the surface samples.
     """
@@ -97,13 +98,13 @@ def build_diffusion(views: Views, grid: TokenGrid, *, smoothing: float, seed: in
     chosen = np.arange(len(views.points))
     if len(chosen) > MAX_PIXELS:
         chosen = np.sort(generator.choice(len(chosen), MAX_PIXELS, replace=False))
-    # The sample nearest to each pixel on its connected component.
+    # Finds for each pixel the nearest sample on the same connected component.
     tree = cKDTree(apart(points, component[face]))
     nearest = tree.query(apart(views.points[chosen], component[views.face[chosen]]), workers=-1)[1]
     seen = np.bincount(nearest, minlength=len(points)) / (len(chosen) / len(points))
     confidence = np.minimum(seen, SATURATED_COVERAGE) * area
     links = _surface_links(points, component[face], seen > 0, area)
-    # In contrast to the mesh's axes, the axes of the frame give the same box if the shape is rotated in its file.
+    # The box along the axes of the frame does not change if the shape is rotated in its file.
     corners = used_vertices(views.vertices, faces) @ views.frame.T
     size = float(np.ptp(corners, axis=0).max()) / 2
     centered = (points @ views.frame.T - (corners.min(axis=0) + corners.max(axis=0)) / 2) / size
@@ -118,8 +119,8 @@ def build_diffusion(views: Views, grid: TokenGrid, *, smoothing: float, seed: in
 def smooth_along_surface(pixels: PixelTargets, on: DiffusionProblem, *, stages: Stages) -> PointTargets:
     """Return the tokens of `pixels`, averaged at surface samples and smoothed along the surface.
 
-    The targets are in the main directions of the features. Samples that diffusion does not reach are left out. The call
-    draws random numbers from `on.generator`, so a second call with the same `on` gives another result.
+    The targets are coordinates along the principal directions of the features. Samples that diffusion does not reach
+    are left out. The call draws from `on.generator`, so a second call with the same `on` gives another result.
     """
     with stages.stage("smooth"), one_blas_thread():
         confidence, generator = on.confidence, on.generator
@@ -142,14 +143,14 @@ def smooth_along_surface(pixels: PixelTargets, on: DiffusionProblem, *, stages: 
 
 
 def _factors(confidence: Float64, area: float, distance: float, links: sparse.csr_matrix) -> SuperLU:
-    """Return LU factors of the system that minimizes Σ_i c_i ‖Z_i − Ẑ_i‖² + t Σ_ij w_ij ‖Z_i − Z_j‖².
+    """Return LU factors of the system that minimizes Σ_i c_i ‖Z_i − Ẑ_i‖² + t Σ_i<j w_ij ‖Z_i − Z_j‖².
 
-    `links` (N, N) are the w_ij. A fully visible sample has c_i = `SATURATED_COVERAGE` · area, so t is multiplied by
-    `SATURATED_COVERAGE`.
+    `links` (N, N) are the w_ij. The c_i in `confidence` (N,) are at most `SATURATED_COVERAGE` · area, not area, so t is
+    multiplied by `SATURATED_COVERAGE`.
     """
     from scipy.sparse.linalg import splu
 
-    # The term 1e-6 · area makes the system regular at samples without visibility and links.
+    # The term 1e-6 · area makes the system regular at invisible samples without links.
     system = distance**2 / 2 * SATURATED_COVERAGE * _laplacian(links) + sparse.diags(confidence + 1e-6 * area)
     # The matrix is positive definite, so it needs no pivoting. A symmetric ordering halves the fill-in.
     options = {"SymmetricMode": True}
@@ -157,12 +158,12 @@ def _factors(confidence: Float64, area: float, distance: float, links: sparse.cs
 
 
 def _laplacian(links: sparse.csr_matrix) -> sparse.csr_matrix:
-    """Return L (N, N) with Zᵀ L Z = Σ_ij w_ij ‖Z_i − Z_j‖²; each link w_ij of `links` (N, N) counts once."""
+    """Return L (N, N) with Zᵀ L Z = Σ_i<j w_ij ‖Z_i − Z_j‖², for the weights w_ij in `links` (N, N)."""
     return sparse.csr_matrix(sparse.diags(np.asarray(links.sum(axis=1)).ravel()) - links)
 
 
 def _solve(tokens: Float32, confidence: Float64, factors: SuperLU) -> Float32:
-    """Return the smooth Z (N, D) for `tokens` Ẑ (N, D)."""
+    """Return the smooth features Z (N, D) for the mean `tokens` Ẑ (N, D)."""
     smooth = np.empty(tokens.shape, np.float32)
 
     def solve(begin: int, end: int) -> None:
@@ -173,11 +174,11 @@ def _solve(tokens: Float32, confidence: Float64, factors: SuperLU) -> Float32:
 
 
 def _surface_links(points: Float64, component: Int32, seen: Bool, area: float) -> sparse.csr_matrix:
-    """Return symmetric weights (N, N) between each sample and its k nearest neighbors, so that Zᵀ L Z ≈ ∫ ‖∇Z‖².
+    """Return symmetric weights (N, N) of links between nearby samples, so that Zᵀ L Z ≈ ∫ ‖∇Z‖².
 
-    For a constant gradient g near sample i, the links of i contribute ¼ Σ_j w_ij ‖p_i − p_j‖² g² to Zᵀ L Z. So the
-    weights w_ij = 4 area / (k ‖p_i − p_j‖²) give area · g². `area` is that of each sample. `points` (N, 3),
-    `component` (N,) and `seen` (N,) are position, connected component and visibility of the samples.
+    For a constant gradient g near sample i, its k links contribute ¼ Σ_j w_ij ‖p_i − p_j‖² g² to Zᵀ L Z. So the
+    weights w_ij = 4 area / (k ‖p_i − p_j‖²) give area · g². `area` is the surface area per sample. For each sample,
+    `points` (N, 3) is the position, `component` (N,) the connected component, and `seen` (N,) whether a pixel shows it.
     """
     every = np.arange(len(points))
     hidden = np.bincount(component, seen)[component] == 0  # samples on components that no camera sees
@@ -186,7 +187,7 @@ def _surface_links(points: Float64, component: Int32, seen: Bool, area: float) -
         _links(points, every, every, GAP_NEIGHBORS, lambda i, j: component[i] != component[j], GAP_WEIGHT),
         _links(points, every[hidden], every[~hidden], GAP_NEIGHBORS, lambda i, j: i != j, GAP_WEIGHT),
     ]
-    one, other, weight = (np.concatenate(parts) for parts in zip(*links, strict=True))
+    one, other, weight = (np.concatenate(each) for each in zip(*links, strict=True))
     squared = np.square(points[one] - points[other]).sum(axis=1)
     # The bound prevents infinite weights between coincident samples.
     squared = np.maximum(squared, max(np.median(squared) / 16, 1e-12))
@@ -198,8 +199,8 @@ def _mirror_links(
 ) -> sparse.csr_matrix:
     """Return symmetric weights (N, N) between each of `points` (N, 3) and the points near its mirror image.
 
-    The weights increase with the similarity of the `features` (N, d), unit rows, and are proportional to `weight`, that
-    of a link between neighbors. The mirror plane is perpendicular to the axis that gives the largest sum of weights.
+    The weights increase with the similarity of the `features` (N, d), and are proportional to `weight`, the weight of a
+    link along the surface. The mirror plane is perpendicular to the axis that gives the largest sum of weights.
     """
     tree = cKDTree(points)
     mean = mean_distance(features, features[generator.permutation(len(points))])
@@ -230,9 +231,9 @@ def _links(
     linked: Callable[[Int64, Int64], Bool],
     weight: float,
 ) -> tuple[Int64, Int64, Float64]:
-    """Return the links from each of `ends` to its nearest `others` except itself, if `linked` accepts them.
+    """Return links from each of the samples `ends` to its nearest samples in `others`, except itself.
 
-    The result holds both ends and the weight, `weight` / `neighbors`, of each link.
+    `linked` decides which links are kept. The result holds both ends and the weight, `weight` / `neighbors`, of each.
     """
     wanted = min(neighbors + 1, len(others))
     if len(ends) == 0 or wanted == 0:

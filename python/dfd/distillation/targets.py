@@ -1,4 +1,4 @@
-"""Store the data of the fit: points and their target features, unit rows (paper, Eq. 3)."""
+"""Store the data to which a field is fitted: surface points and their target features (paper, Eq. 3)."""
 
 from __future__ import annotations
 
@@ -18,36 +18,36 @@ from dfd.views.render import Views
 if TYPE_CHECKING:  # torch takes seconds to import, and only the fit needs it
     import torch
 
-PAIRS = 2000  # random pairs of rows that estimate a mean distance
-LARGEST_STRETCH = 5.0  # largest factor about the mean, so that noise of a shape of equal features is not amplified
-_GROUPS_AT_ONCE = 1000  # means in a range of `parallel_ranges`
-_ROWS_AT_ONCE = 2048  # tokens in a range of `parallel_ranges`
-_ROWS_IN_CACHE = 512  # rows that fit a core's cache
+PAIRS = 2000  # number of random pairs of features from which a mean distance is estimated
+LARGEST_STRETCH = 5.0  # largest factor by which features are scaled about their mean, so that noise stays small
+_GROUPS_AT_ONCE = 1000  # means that one task of `parallel_ranges` computes
+_ROWS_AT_ONCE = 2048  # tokens that one task of `parallel_ranges` normalizes
+_ROWS_IN_CACHE = 512  # number of rows that fit into a core's cache
 
 
 class Targets:
-    """Normalized points (N, 3) and their target features, unit rows of width `dimension`."""
+    """Normalized points (N, 3) and their target features, rows of unit length with `dimension` numbers."""
 
     points: Float32
 
     @property
     def dimension(self) -> int:
-        """Return the width of a target."""
+        """Return the dimension of a target."""
         return self.rows(np.zeros(1, np.int64)).shape[1]
 
     def rows(self, chosen: NDArray[np.integer]) -> Float32:
-        """Return unit targets (B, d) of the points with indices `chosen` (B,)."""
+        """Return the targets (B, d) of the points with indices `chosen` (B,)."""
         raise NotImplementedError
 
     def at(self, chosen: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return the points (B, 3) with indices `chosen` (B,), and their unit targets (B, d), on the CPU."""
+        """Return the points (B, 3) with indices `chosen` (B,), and their targets (B, d), on the CPU."""
         import torch
 
         numbers = chosen.numpy()
         return torch.from_numpy(self.points[numbers]), torch.from_numpy(self.rows(numbers))
 
     def draw(self, count: int, generator: torch.Generator) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return `count` random points (B, 3) and their unit targets (B, d), on the CPU."""
+        """Return B = `count` random points (B, 3) and their targets (B, d), on the CPU."""
         import torch
 
         return self.at(torch.randint(len(self.points), (count,), generator=generator))
@@ -58,27 +58,27 @@ class PointTargets(Targets):
     """One target for each surface sample."""
 
     points: Float32  # (N, 3) normalized
-    targets: Float32  # (N, d) unit rows
+    targets: Float32  # (N, d) rows of unit length
     directions: Float32 | None = None  # (d, D) orthonormal rows that map targets to features; None for the identity
     # `component` and `boxes` are None if the surface has one connected component.
     component: Int32 | None = None  # (N,) the component of each point
     boxes: Float64 | None = None  # (P, 6) the lower and upper corners of the components' boxes
-    face: Int64 | None = None  # (N,) the face of each point, if known
+    face: Int64 | None = None  # (N,) the face of the rendered surface with each point, if known
 
     @property
     def features(self) -> Float32:
-        """Return the features (N, D) of the points: the targets times `directions`."""
+        """Return the features (N, D) of the points: the targets multiplied by `directions`."""
         return self.targets if self.directions is None else np.asarray(self.targets @ self.directions, np.float32)
 
     def rows(self, chosen: NDArray[np.integer]) -> Float32:
-        """Return unit targets (B, d) of the chosen points."""
+        """Return the targets (B, d) of the chosen points."""
         return np.asarray(self.targets[chosen])
 
 
 class TokenGrid:
-    """Bilinear interpolation of the (height, width) tokens of each image at the surface points of `views`.
+    """Bilinear interpolation of the `height` × `width` tokens of each picture at the surface points of `views`.
 
-    A token lies at the center of its patch. Tokens are numbered by image, row and column.
+    A token is the encoder's feature of a patch, and lies at its center. Tokens are numbered by picture, row and column.
     """
 
     def __init__(self, views: Views, height: int, width: int) -> None:
@@ -99,9 +99,9 @@ class TokenGrid:
         return indices, weights
 
     def means(self, chosen: NDArray[np.integer], group: NDArray[np.integer], count: int) -> sparse.csr_matrix:
-        """Return a matrix (count, tokens) that averages the tokens at the points `chosen` (B,) by their `group` (B,).
+        """Return a matrix (count, tokens) whose row g averages the interpolated tokens at the points of group g.
 
-        Rows of empty groups are 0.
+        `group` (B,) is the group of each of the points `chosen` (B,). Rows of empty groups are 0.
         """
         indices, weights = self.corners(chosen)
         size = np.bincount(group, minlength=count)
@@ -109,7 +109,7 @@ class TokenGrid:
         return sparse.csr_matrix((weight.ravel(), (np.repeat(group, 4), indices.ravel())), shape=(count, self.size))
 
     def _between(self, pixel: Float32, count: int) -> tuple[Int64, Float32]:
-        """Return the last of `count` tokens before each position in pixels, and the weight of the next token."""
+        """Return the last of `count` tokens before each position `pixel`, and the weight of the token after it."""
         cells = np.float32(count / self._resolution)
         position = ((pixel + np.float32(0.5)) * cells - np.float32(0.5)).clip(0, count - 1)
         before = position.astype(np.int64)
@@ -117,7 +117,7 @@ class TokenGrid:
 
 
 class PixelTargets(Targets):
-    """Targets at the surface points of all pixels (Eq. 3), interpolated on demand from `tokens` (views, h, w, D)."""
+    """Targets at the surface points of all pixels (Eq. 3), interpolated from `tokens` (pictures, h, w, D)."""
 
     directions = None  # these targets are features of the encoder
 
@@ -127,7 +127,7 @@ class PixelTargets(Targets):
         self.points = views.points
 
     def rows(self, chosen: NDArray[np.integer]) -> Float32:
-        """Return unit targets Z/‖Z‖ (B, D) of the chosen points."""
+        """Return the targets Z / ‖Z‖ (B, D) of the chosen points."""
         import torch
 
         indices, weights = (torch.from_numpy(each) for each in self.grid.corners(chosen))
@@ -136,7 +136,7 @@ class PixelTargets(Targets):
         return torch.nn.functional.normalize(blended, dim=1).numpy()
 
     def means_by(self, weights: sparse.csr_matrix) -> Float32:
-        """Return the matrix product (N, D) of `weights` (N, tokens) and the tokens, scaled to unit length."""
+        """Return the product (N, D) of the matrix `weights` (N, tokens) and the tokens, first scaled to unit length."""
         table = np.empty(self._table.shape, np.float32)
 
         def normalize(begin: int, end: int) -> None:
@@ -153,11 +153,11 @@ class PixelTargets(Targets):
 
 
 def side_by_side(by_up: Sequence[PointTargets], shares: Sequence[float] | NDArray[np.floating]) -> PointTargets:
-    """Return targets that concatenate the features of the targets in `by_up`, one for each up direction.
+    """Combine the features of several up directions: return targets whose squared distances are a weighted mean.
 
-    Squared distances are the mean over `by_up`, weighted by `shares`, which sum to 1. All targets have the same points,
-    except for points that diffusion did not reach. The result is projected to the width of the first, because pictures
-    of a shape in two up directions differ little.
+    `by_up` are the targets of each up direction, and `shares` are the weights of the directions, which sum to 1. All
+    targets have the same points, except for points that diffusion did not reach. The concatenated features are
+    projected to the dimension of the first, because the features of two up directions differ little.
     """
     if len(by_up) == 1:
         return by_up[0]
@@ -170,9 +170,9 @@ def side_by_side(by_up: Sequence[PointTargets], shares: Sequence[float] | NDArra
 
 
 def restore_contrast(rows: Float32, distance: float, generator: np.random.Generator, *, least: float = 1.0) -> Float32:
-    """Return unit `rows` (N, D), scaled about their mean so that their mean pairwise distance is `distance`.
+    """Return `rows` (N, D) of unit length, scaled about their mean to the mean pairwise distance `distance`.
 
-    The factor lies in [`least`, `LARGEST_STRETCH`].
+    The factor lies in [`least`, `LARGEST_STRETCH`]. Random pairs estimate the mean distance.
     """
     one, other = generator.integers(0, len(rows), (2, PAIRS))
     mean = rows.mean(axis=0)
@@ -193,7 +193,7 @@ def restore_contrast(rows: Float32, distance: float, generator: np.random.Genera
 
 
 def unit(rows: Float32) -> Float32:
-    """Return `rows` (N, D) at unit length; rows shorter than 1e-6 are divided by 1e-6."""
+    """Return `rows` (N, D), scaled to unit length; rows shorter than 1e-6 are divided by 1e-6."""
     result = np.empty(rows.shape, np.float32)
     for begin in range(0, len(rows), _ROWS_IN_CACHE):
         some = rows[begin : begin + _ROWS_IN_CACHE]

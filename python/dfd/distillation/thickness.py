@@ -1,13 +1,13 @@
 """Measure the thickness of a shape, its shape diameter, at points of its surface.
 
 Pictures do not show thickness: a thigh looks much like the belly above it, but is a third as thick. From each point,
-rays are cast into the shape over a cone about the normal. The lower median of their lengths is the thickness. Rotation
-does not change it, and pose changes it little.
+rays are cast into the shape, in a cone about the normal. The lower median of their lengths is the thickness. Rotating
+the shape does not change its thickness, and posing it changes little.
 
-Files with inverted faces are frequent, so the inside is the side of the surface where more rays hit. The thickness is 0
-if fewer than half of the rays on that side hit, as on a single sheet.
+Many files have inverted faces. So rays are cast to both sides of the surface, and the side on which more rays hit is
+the inside. The thickness is 0 if fewer than half of the rays on that side hit, as on a single sheet.
 
-Thickness is encoded in overlapping bands a third of an octave apart, so that a linear map of the bands can approximate
+Thickness is encoded in overlapping bands, a third of an octave apart, so that a linear map of the bands can approximate
 any function of thickness. The bands are averaged over neighboring points, so a few rays per point are enough.
 
 Source: Shapira, Shamir and Cohen-Or, "Consistent mesh partitioning and skeletonisation using the shape diameter
@@ -24,22 +24,22 @@ from dfd.field.component_residuals import apart
 from dfd.views.raycast import Scene
 from dfd.views.render import Views
 
-RAYS = 6  # rays of a point on each side of the surface
+RAYS = 6  # number of rays from a point to each side of the surface
 CONE = np.radians(60)  # half the opening angle of the cone of rays
 NEIGHBORS = 16  # nearest points, including the point itself, over which bands are averaged
-BANDS = 22  # bands with centers 1/80 … 1.6, relative to the root mean square distance of the points from their mean
+BANDS = 22  # number of bands; their centers are 1/80 … 1.6 times the RMS distance of the points from their mean
 _CENTERS = np.log(1 / 80) + np.log(2) / 3 * np.arange(BANDS)
 _OFF = 1e-4  # normalized distance of ray origins from the surface, so that rays miss the point's own face
 
 
 def thickness_bands(views: Views, targets: PointTargets) -> Float32:
-    """Return the membership (N, BANDS) in [0, 1] of the thickness at each of `targets`, on faces of `views`, by band.
+    """Return how close the thickness at each of `targets` is to each band, (N, BANDS) in [0, 1].
 
-    Thickness is relative to the root mean square distance of the points from their mean, so scale has no effect.
+    The thickness is divided by the RMS distance of the points from their mean, so the size of the shape has no effect.
     """
     assert targets.face is not None, "thickness needs the face of each point"
     points, component = targets.points.astype(np.float64), targets.component
-    # The scene of the views is reused, because its search tree takes a second to build for a million faces.
+    # The scene of the views is reused, because building its search tree takes a second for a million faces.
     scene = views.scene or Scene(views.vertices, views.faces)
     thick = thicknesses(scene, views.vertices[views.faces[targets.face]], points, component)
     size = np.sqrt(np.square(points - points.mean(axis=0)).sum(axis=1).mean())
@@ -54,7 +54,7 @@ def thickness_bands(views: Views, targets: PointTargets) -> Float32:
 def thicknesses(
     scene: Scene, corners: NDArray[np.floating], points: Float64, component: Int32 | None = None
 ) -> Float64:
-    """Return the thickness (N,) of the shape at each point, in the unit of the scene; 0 on a single sheet.
+    """Return the thickness of the shape at each point, (N,) in the unit of the scene; 0 on a single sheet.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def thicknesses(
     edges = corners[:, 1:].astype(np.float64) - corners[:, :1]
     along, normal = unit(edges[:, 0]), unit(np.cross(edges[:, 0], edges[:, 1]))
     across = np.cross(normal, along)
-    # The rays of each point are rotated about the normal by another angle, so that neighbors have different directions.
+    # The rays of each point are rotated about the normal by a different angle, so that rays of neighbors differ.
     turn = np.arange(len(points)) * np.pi * (3 - np.sqrt(5))
     far = np.full((2, len(points), RAYS), np.inf)  # distances behind the face, and in front of it
     for side, sign in enumerate((-1.0, 1.0)):
@@ -81,7 +81,7 @@ def thicknesses(
             hits = scene.cast(origins, outward + sign * cosine * normal)
             far[side, hits.ray, ray] = hits.distance
     met = np.isfinite(far).sum(axis=2)
-    lead = met[0] - met[1]  # more rays hit behind the face than in front of it
+    lead = met[0] - met[1]  # rays that hit behind the face minus rays that hit in front of it
     component = np.zeros(len(points), np.int32) if component is None else component
     behind = np.where(lead == 0, np.bincount(component, lead)[component] >= 0, lead > 0)
     median = np.sort(np.where(behind[:, None], far[0], far[1]), axis=1)[:, (RAYS - 1) // 2]

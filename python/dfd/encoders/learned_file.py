@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def encoder_identity(encoder: Encoder) -> tuple[str, int]:
-    """Return the fingerprint of the weights, and the block; learned data applies only if both are equal."""
+    """Return the fingerprint of the weights, and the block; learned data applies only to encoders with the same two."""
     settings = encoder.settings()
     return str(settings["encoder_weights"]), int(settings["encoder_block"])
 
@@ -39,12 +39,12 @@ def read_learned(
     shapes: Mapping[str, tuple[int | str, ...]],
     optional: Collection[str] = (),
 ) -> tuple[dict[str, NDArray[Any]], tuple[str, int]]:
-    """Return the arrays of a learned file, and the `encoder_identity` of its encoder.
+    """Return the arrays of a learned file, and the `encoder_identity` of the encoder for which they were learned.
 
-    `shapes` maps each array's name to its shape; sizes with the same name are equal in all arrays. The file has all or
-    none of the arrays in `optional`.
+    `shapes` maps the name of each array to its shape. A size in it is a number or a name; equal names stand for equal
+    sizes. The file has all or none of the arrays in `optional`.
 
-    Raises ValueError, with `function` in the message, if the file is no .safetensors file, truncated, or not of `kind`.
+    Raises ValueError, with `function` in the message, if the file is truncated, no .safetensors file, or not of `kind`.
     Raises ValueError if an array has another shape or is not finite. Raises OSError if the file cannot be read.
     """
     name = os.fspath(path)

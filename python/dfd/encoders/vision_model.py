@@ -1,4 +1,4 @@
-"""Define the common interface of vision networks of all families."""
+"""Define the interface that the vision networks of all families have in common."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,7 +14,8 @@ class VisionModel:
 
     `tokens` maps normalized images (n, 3, H, W) to tokens (n, H / patch, W / patch, D). H and W are multiples of `step`
     pixels, or exactly `fixed_size` if it is set. The second argument of `tokens`, bool (n, H / patch, W / patch),
-    selects the patches to encode; other tokens are 0. None encodes all. Without `takes_patches`, it must be None.
+    selects the patches to encode; all other tokens are 0. None encodes all patches. The argument must be None if
+    `takes_patches` is false.
     """
 
     network: nn.Module

@@ -1,4 +1,4 @@
-"""Read the configuration and find the weights of an encoder in a folder that transformers saved."""
+"""Read an encoder's configuration, and find its weights, in a folder that transformers saved."""
 
 import json
 from collections.abc import Iterable, Sequence
@@ -14,7 +14,7 @@ _SINGLE, _INDEX = "model.safetensors", "model.safetensors.index.json"  # a file 
 
 
 class ChannelStats(NamedTuple):
-    """Mean and standard deviation of the channels (red, green, blue) by which images in [0, 1] are normalized."""
+    """Mean and standard deviation of red, green and blue, by which images with values in [0, 1] are normalized."""
 
     mean: tuple[float, ...]
     std: tuple[float, ...]
@@ -25,9 +25,9 @@ IMAGENET = ChannelStats((0.485, 0.456, 0.406), (0.229, 0.224, 0.225))
 
 @dataclass(frozen=True)
 class EncoderWeights:
-    """Weights for a network, in files in `folder` or as `tensors`, arrays by name.
+    """Weights of a network: either `folder` contains their files, or `tensors` holds them as arrays by name.
 
-    `fingerprint` identifies the weights and their settings. `channels` are None if the folder does not contain them.
+    `fingerprint` identifies the weights and their settings. `channels` is None if the folder does not state them.
     """
 
     config: dict[str, Any]
@@ -62,7 +62,7 @@ def folder_weights(folder: Path, *, source: str = "folder", fingerprint: str | N
 
 
 def weight_files(folder: Path) -> list[Path]:
-    """Return the files of the tensors: a single file, or the files in an index. They need not exist."""
+    """Return the files of the tensors: a single file, or all files in an index. The files need not exist."""
     index = {} if (folder / _SINGLE).is_file() else _read_json(folder / _INDEX) or {}
     return [folder / name for name in sorted(set(index.get("weight_map", {}).values())) or [_SINGLE]]
 
@@ -76,7 +76,7 @@ def unreadable(weights: EncoderWeights, error: Exception) -> OSError:
 def check_fit(
     weights: EncoderWeights, wrong: Iterable[tuple[str, Sequence[int], Sequence[int]]], missing: Iterable[str]
 ) -> None:
-    """Raise ValueError if there are tensors of `wrong` shapes (name, found, required), or `missing` tensors."""
+    """Raise ValueError if tensors have `wrong` shapes (name, found, required), or if tensors are `missing`."""
     for name, found, wanted in sorted(wrong):
         raise ArgumentError("encoder", f"must have {name} of shape {tuple(wanted)}, got {tuple(found)}")
     lacking = sorted(missing)

@@ -1,7 +1,7 @@
-"""Define the sizes of a field's network, and the names and shapes of its parameters.
+"""Define the sizes of a field's neural network, and the names and array shapes of its parameters.
 
-The names are those of a torch `Sequential` of linear maps, ReLUs and LayerNorms. Layer k has its linear map at
-`network.{3 k}`; a hidden layer has its LayerNorm at `network.{3 k + 2}`.
+The names are those in a torch `Sequential` of linear maps, ReLUs and LayerNorms. Layer k, counted from 0, has the
+linear map `network.{3 k}`. A hidden layer k also has the LayerNorm `network.{3 k + 2}`.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from numpy.typing import ArrayLike
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 
-MOST_OCTAVES = 16  # with more, float32 cannot represent the angles
+MOST_OCTAVES = 16  # with more octaves, float32 cannot represent the angles of the positional encoding
 
 
 @dataclass(frozen=True)
 class Architecture:
     """The sizes of a field's network."""
 
-    dimension: int  # width D of a feature
-    width: int = 256  # neurons of a hidden layer
+    dimension: int  # dimension D of a feature
+    width: int = 256  # number of neurons of a hidden layer
     layers: int = 4  # number of hidden layers
-    octaves: int = 0  # octaves of the positional encoding: sines and cosines, an input beside the coordinates
+    octaves: int = 0  # octaves of the positional encoding: sines and cosines of the coordinates, as further inputs
 
     def __post_init__(self) -> None:
         """Check the sizes."""
@@ -35,9 +35,9 @@ class Architecture:
 
     @classmethod
     def of(cls, parameters: Mapping[str, ArrayLike], octaves: int) -> Architecture:
-        """Return the architecture to which `parameters` belong.
+        """Return the architecture of a network with these `parameters`.
 
-        Raises ValueError if a parameter is missing, unknown or of wrong shape.
+        Raises ValueError if a parameter is missing or unknown, or has the wrong array shape.
         """
         found = {name: np.shape(values) for name, values in parameters.items()}
         layers = (len(found) - 2) // 4
@@ -55,11 +55,11 @@ class Architecture:
 
     @property
     def inputs(self) -> int:
-        """Return the number of inputs of the first layer."""
+        """Return the number of inputs of the network."""
         return 3 + 6 * self.octaves
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
-        """Return the shape of every parameter, by name: weight and bias of each linear map and of its LayerNorm."""
+        """Return the array shapes of all parameters by name: weight and bias of each linear map and each LayerNorm."""
         shapes: dict[str, tuple[int, ...]] = {}
         for layer in range(self.layers + 1):
             name, entering = f"network.{3 * layer}", self.width if layer else self.inputs

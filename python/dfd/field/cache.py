@@ -1,7 +1,7 @@
-"""Cache distilled fields by the hash of their key.
+"""Cache distilled fields in files; the key of a field holds all values on which the field depends.
 
-An entry is a file, `<hash of the key>-<hash of the file>.safetensors`. Files are written atomically, so several
-processes may use the cache at the same time. A file whose content does not match its name is ignored.
+Each entry is a file with the name `<hash of the key>-<hash of the file>.safetensors`. Files are written atomically, so
+several processes may use the cache at the same time. A file is ignored if its content does not match the second hash.
 """
 
 import contextlib
@@ -18,14 +18,14 @@ from dfd.common.files import cache_directory
 from dfd.field.cache_key import hash_key
 from dfd.field.field import Field
 
-LIMIT = 2 << 30  # bytes of all entries; above it, the least recently used entries are removed
+LIMIT = 2 << 30  # total bytes of the entries, above which the least recently used entries are removed
 _ABANDONED = 3600.0  # seconds after which an unfinished file is removed
 
 
 def find(key: Mapping[str, Any]) -> Field | None:
-    """Return the field stored under `key`, or None if there is no undamaged entry."""
+    """Return the field stored under `key`, or None if the cache has no intact entry for `key`."""
     for path in _entries(hash_key(key)):
-        with contextlib.suppress(OSError, ValueError):  # another process removed the file, or it is damaged
+        with contextlib.suppress(OSError, ValueError):  # another process removed the file, or the file is damaged
             if not _is_intact(path):
                 continue
             found = Field.load(path)
@@ -55,7 +55,7 @@ def store(key: Mapping[str, Any], field: Field) -> None:
 
 
 def _clean(newest: Path) -> None:
-    """Remove damaged copies of the `newest` entry, unfinished files, and the oldest entries beyond `LIMIT`."""
+    """Remove damaged entries with the key of `newest`, unfinished files, and the oldest entries above `LIMIT`."""
     for path in _entries(newest.name.partition("-")[0]):
         with contextlib.suppress(OSError):
             if not _is_intact(path):
@@ -80,9 +80,9 @@ def _folder() -> Path:
     return cache_directory() / "fields"
 
 
-def _entries(key: str = "[!.]*") -> list[Path]:
-    """Return the finished entries of a key's hash, or all entries."""
-    return list(_folder().glob(f"{key}-*.safetensors"))
+def _entries(key_hash: str = "[!.]*") -> list[Path]:
+    """Return the files of the entries with this `key_hash`, or of all entries; unfinished files are left out."""
+    return list(_folder().glob(f"{key_hash}-*.safetensors"))
 
 
 def _is_intact(path: Path) -> bool:

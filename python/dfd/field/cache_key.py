@@ -12,12 +12,12 @@ from dfd.common.files import plain
 from dfd.mesh.mesh import Mesh
 
 # Increase this version with every change that gives another field or file for the same mesh, encoder and settings. The
-# cache ignores fields of other versions. The test of the golden field fails after such a change.
+# cache ignores fields of other versions. The test `test_golden_field.py` fails after such a change.
 FIELD_VERSION = 2
 
 
 def cache_key(mesh: Mesh, **settings: Any) -> dict[str, Any]:
-    """Return all values on which the field of `mesh` for `settings` depends, in types that JSON preserves."""
+    """Return all values on which the field of `mesh` with these `settings` depends, in types that JSON preserves."""
     values = {"field_version": FIELD_VERSION, "mesh": mesh.content_hash, **settings}
     return dict(json.loads(json.dumps(values, default=plain)))
 
@@ -28,7 +28,7 @@ def hash_key(key: Mapping[str, Any]) -> str:
 
 
 def hash_arrays(*arrays: NDArray[Any]) -> str:
-    """Return the SHA-256 of arrays, with their types and shapes, 64 hexadecimal digits."""
+    """Return the SHA-256 of the types, shapes and values of `arrays`, 64 hexadecimal digits."""
     sha256 = hashlib.sha256()
     for array in arrays:
         sha256.update(f"{array.dtype} {array.shape}".encode())

@@ -1,4 +1,4 @@
-"""Check that a field belongs to a mesh, by the box and the surface points that the field stores of its own shape."""
+"""Check that a field belongs to a mesh, by the bounding box and surface samples of the shape that was distilled."""
 
 import warnings
 from typing import Protocol
@@ -9,33 +9,32 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.mesh.mesh import Mesh
 
-# Largest ratio of the longest sides of both shapes. Cut or simplified shapes have smaller ratios. Inch and centimeter,
-# the nearest units that people confuse, have the ratio 2.54.
+# Largest accepted ratio between the longest box sides of the mesh and of the field's shape. Cut or simplified shapes
+# have a smaller ratio. Inch and centimeter, which people often confuse, have the ratio 2.54.
 LARGEST_RATIO = 2.0
-# Largest extent of a mesh from the field's center, in halves of the field's longest side. A slightly posed shape has
-# less. A shape that stands on the ground with another up axis has 2.
-FARTHEST_REACH = 1.5
-POINTS = 512  # surface samples that a field stores
-SAMPLES = 4096  # surface samples of a mesh, which are compared with the field's points
-FAR = 0.02  # distance above which a point is far from a surface, beside the spacing of samples, in diagonals of the box
-# Largest share of a mesh's samples far from the field's points, and of the field's points far from the mesh. Copies of
-# 36 real meshes passed (noise, subdivision, a tenth of the faces, halves), except a boat with faces that simplification
-# tore apart. Of 536 pairs of shapes with equal boxes 4 passed; 3 of them are two files of one body.
+# A warning is given if a coordinate of the mesh, relative to the center of the field's box, exceeds this number of
+# halves of the box's longest side. A tall shape on the ground has the coordinate 2 if its file has another up axis.
+WARNED_COORDINATE = 1.5
+POINTS = 512  # number of surface samples that a field stores
+SAMPLES = 4096  # number of surface samples of a mesh that are compared with the field's points
+FAR = 0.02  # distance above which a point is far from a surface: this fraction of the box diagonal, plus sample spacing
+# Largest accepted shares of the mesh's samples that are far from the field's points, and of these points that are far
+# from the mesh.
 MOST_BEYOND, MOST_MISSING = 0.1, 0.6
 
 
 class KnownShape(Protocol):
     """The data that a `Field` stores about the shape from which it was distilled, in mesh units."""
 
-    center: Float64  # (3,) center of the box
-    scale: float  # 2 over the longest side of the box
+    center: Float64  # (3,) center of the bounding box
+    scale: float  # 2 divided by the longest side of the box
     surface: Float32 | None  # (512, 3) surface samples
 
 
 def surface_points(mesh: Mesh) -> Float32 | None:
-    """Return (512, 3) evenly spaced surface samples of `mesh`, in mesh units; None if no face has an area.
+    """Return evenly spaced surface points of `mesh`, (512, 3) in mesh units, or None if no face has an area.
 
-    Each point is the sample farthest from all previous points (Gonzalez 1985).
+    Each point is the one of 4096 samples that is farthest from all points chosen before (Gonzalez 1985).
     """
     samples, _ = _samples(mesh)
     if samples is None:
@@ -51,23 +50,23 @@ def surface_points(mesh: Mesh) -> Float32 | None:
 def check_compatible(field: KnownShape, mesh: Mesh, *, allowed_by: str = "") -> None:
     """Raise ValueError if a field was distilled from another shape than `mesh`.
 
-    Accepted are other resolutions of the shape, and parts with at least half of its surface. A field without surface
-    samples, such as `VertexField`, is compared by its box alone. The message names `allowed_by`, the argument that
-    accepts all fields.
+    The check accepts other resolutions of the shape, and pieces with at least half of its surface. If a field has no
+    surface samples, such as a `VertexField`, only bounding boxes are compared. The message names `allowed_by`, the
+    public argument that disables this check.
 
-    Raises ValueError if the longest sides differ by more than a factor of 2, or the mesh's box lies outside the cube
-    around the field's shape. Raises ValueError if more than 10 % of the mesh's surface is far from the field's shape,
-    or more than 60 % of the field's shape is far from the mesh. Warns if the mesh extends beyond the cube by more than
-    a quarter of the cube's side, because features there are extrapolated.
+    Raises ValueError if the longest box sides differ by more than a factor of 2, or if the mesh's box lies outside the
+    cube around the field's box. Raises ValueError if more than 10 % of the mesh's surface is far from the field's
+    shape, or more than 60 % of the field's shape is far from the mesh. Warns if the mesh extends beyond the cube by
+    more than a quarter of the cube's side, because features there are extrapolated.
     """
     center, scale = field.center, field.scale
     low, high = (np.asarray(mesh.bounds) - center) * scale  # the field's shape lies in the cube [-1, 1]³
     ratio = float((high - low).max()) / 2.0
-    reach = float(max(-low.min(), high.max()))
+    farthest = float(max(-low.min(), high.max()))
     outside = bool((low > 1).any() or (high < -1).any())
     sizes = (
         f"a shape with a longest side of {2 / scale:.4g} around {_point(center)}, "
-        f"and this mesh has one of {np.max(mesh.extents):.4g} around {_point(np.mean(mesh.bounds, axis=0))}"
+        f"and this mesh has a longest side of {np.max(mesh.extents):.4g} around {_point(np.mean(mesh.bounds, axis=0))}"
     )
     remedy = "give the mesh the units, axes and position of that shape, or distill a field from this mesh"
     override = f"; {allowed_by} accepts it anyway" if allowed_by else ""
@@ -81,17 +80,17 @@ def check_compatible(field: KnownShape, mesh: Mesh, *, allowed_by: str = "") -> 
         )
         reason = f"must belong to this mesh, but was distilled from another shape: {shares}"
         raise ArgumentError("field", f"{reason}: distill a field from this mesh{override}")
-    if reach > FARTHEST_REACH:
+    if farthest > WARNED_COORDINATE:
         message = f"`field` was distilled from {sizes}: weights beyond that shape's box are extrapolated: {remedy}"
         warnings.warn(message, UserWarning, stacklevel=4)
 
 
 def _differences(field: KnownShape, mesh: Mesh) -> tuple[float, float]:
-    """Return the shares of the mesh's surface far from the field's points, and of these points far from the mesh."""
+    """Return two shares: mesh samples far from the field's shape, and points of that shape far from the mesh."""
     samples, spacing = _samples(mesh)
     if field.surface is None or samples is None:
         return 0.0, 0.0
-    from scipy.spatial import cKDTree  # slow to import, and not needed for other fields
+    from scipy.spatial import cKDTree  # slow to import, and not needed by fields without surface samples
 
     far = FAR * float(np.linalg.norm(np.ptp(field.surface, axis=0)))
     known = cKDTree(field.surface)
@@ -102,7 +101,7 @@ def _differences(field: KnownShape, mesh: Mesh) -> tuple[float, float]:
 
 
 def _samples(mesh: Mesh) -> tuple[Float64 | None, float]:
-    """Return evenly spaced surface samples (4096, 3) of `mesh`, and their spacing, in mesh units."""
+    """Return evenly spaced surface samples of `mesh`, (4096, 3), and 1.5 times their mean spacing, in mesh units."""
     from dfd.geometry.topology import even_points, face_areas
 
     areas = face_areas(mesh.vertices, mesh.faces)

@@ -1,8 +1,8 @@
-"""Store feature residuals of the connected components of a surface, because components can overlap in space.
+"""Correct a field's features on each connected component of a surface, because components can overlap in space.
 
-A network of position alone gives a helmet and the head inside it the same features. So the field of a shape with
-several components also stores surface samples, with residuals: their features less those of the network. On a mesh with
-matching components, a vertex gets the network's feature plus the interpolated residual of its component.
+A field's network depends on position alone, so it gives a helmet and the head inside it the same features. If a shape
+has several components, its field also stores surface samples with residuals. A residual is the encoder's feature minus
+the network's feature. A vertex then has the network's feature plus the interpolated residual of its component.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ if TYPE_CHECKING:
 
     from dfd.mesh.mesh import Mesh
 
-NEIGHBORS = 8  # surface samples of its component from which a vertex interpolates
-# Largest distance between corners of the boxes of matching components, normalized. Boxes at other resolutions differ by
-# less.
+NEIGHBORS = 8  # number of nearest samples, on the component of a point, from which its residual is interpolated
+# Components of two meshes match if the coordinates of their boxes differ by at most `SAME`, in normalized coordinates.
+# The boxes of a component at two resolutions differ by less.
 SAME = 0.02
 _APART = 10.0  # offset between components in neighbor searches, more than any distance in [−1, 1]³
-_ROWS_AT_ONCE = 1 << 16  # limits memory
+_ROWS_AT_ONCE = 1 << 16  # features that are computed at a time, which limits memory
 
 
 @dataclass(frozen=True, eq=False)
 class ComponentResiduals:
-    """The components of a surface in normalized coordinates, and the residuals of their features.
+    """The connected components of a surface in normalized coordinates, and residuals of their features.
 
-    Raises ValueError if an array has the wrong shape, a number is not finite, or a component does not exist.
+    Raises ValueError if an array has the wrong shape, a number is not finite, or a component has no box.
     """
 
-    boxes: Float32  # (P, 6) the lower and upper corner of each component's box
+    boxes: Float32  # (P, 6) the lower and upper corner of each component's bounding box
     points: Float32  # (N, 3) surface samples
     component: Int32  # (N,) the component of each point
     differences: NDArray[np.float16]  # (N, D) the residual of each point
@@ -65,7 +65,7 @@ class ComponentResiduals:
 
     @property
     def dimension(self) -> int:
-        """Return the width D of a feature."""
+        """Return the dimension D of a feature."""
         return int(self.differences.shape[1])
 
     def arrays(self) -> dict[str, NDArray[Any]]:
@@ -73,12 +73,12 @@ class ComponentResiduals:
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
     def widened(self, directions: Float32) -> ComponentResiduals:
-        """Return the same components with residuals of width D: multiplied by `directions` (d, D)."""
+        """Return the same components with residuals of dimension D: multiplied by `directions` (d, D)."""
         differences = (self.differences @ directions).astype(np.float16)
         return ComponentResiduals(self.boxes, self.points, self.component, differences)
 
     def known(self, boxes: NDArray[np.floating]) -> Int64:
-        """Return the component (Q,) whose box matches each of `boxes` (Q, 6), or −1."""
+        """Return the component that matches each of `boxes` (Q, 6), as (Q,) indices; −1 if there is none."""
         from scipy.spatial import cKDTree
 
         if len(boxes) == 0 or len(self.boxes) == 0:
@@ -87,10 +87,10 @@ class ComponentResiduals:
         return np.where(distance <= SAME, found, -1)
 
     def add_residuals(self, rows: Float32, points: NDArray[np.floating], component: NDArray[np.integer]) -> Float32:
-        """Return the features `rows` (N, D) of normalized `points` (N, 3) plus residuals, at unit length.
+        """Return the features `rows` (N, D) of normalized `points` (N, 3) plus residuals, scaled to unit length.
 
-        The residual is a weighted mean over the nearest samples of the point's `component` (N,). Weights fall to 0 at
-        the next nearest sample, so the residual is continuous. Component −1 has no residual.
+        A residual is a weighted mean over the `NEIGHBORS` nearest samples on the point's `component` (N,). Weights fall
+        to 0 at the next nearest sample, so the residual is continuous. Points of component −1 have no residual.
         """
         result = rows.copy()
         of_some = np.flatnonzero(component >= 0)
@@ -100,7 +100,7 @@ class ComponentResiduals:
             changed += self._differences_at(points[chosen], component[chosen])
             length = np.sqrt(np.einsum("ij,ij->i", changed, changed))
             changed /= np.maximum(length, np.float32(1e-6))[:, None]
-            vanished = length < 1e-6  # rows without a direction stay unchanged
+            vanished = length < 1e-6  # these sums have no direction, so their features stay unchanged
             changed[vanished] = rows[chosen[vanished]]
             result[chosen] = changed
         return result
@@ -112,9 +112,9 @@ class ComponentResiduals:
         distance, near = self._tree.query(apart(points, component), np.arange(1, wanted + 1), workers=-1)
         own = self.component[near] == component[:, None]
         distance = np.where(own, distance, np.inf)
-        # If a component has too few samples for a next nearest one, all its samples are weighted by distance.
-        reach = np.where(own[:, -1], distance[:, -1], 2 * np.where(own, distance, 0).max(axis=1) + 1e-6)[:, None]
-        share = np.where(own, np.maximum(1 - distance / np.maximum(reach, 1e-12), 0) ** 2 + 1e-9 * own, 0)
+        # If a component has no next nearest sample, weights fall to 0 at twice the distance of its farthest sample.
+        support = np.where(own[:, -1], distance[:, -1], 2 * np.where(own, distance, 0).max(axis=1) + 1e-6)[:, None]
+        share = np.where(own, np.maximum(1 - distance / np.maximum(support, 1e-12), 0) ** 2 + 1e-9 * own, 0)
         share /= np.maximum(share.sum(axis=1, keepdims=True), 1e-30)
         entries = share.ravel().astype(np.float32), near.ravel(), np.arange(0, near.size + 1, wanted)
         gather = sparse.csr_matrix(entries, shape=(len(points), len(self.points)))
@@ -135,9 +135,9 @@ class ComponentResiduals:
 
 
 def components_of_vertices(mesh: Mesh) -> tuple[Int32, Float64]:
-    """Return the component (V,) of each vertex of `mesh`, and the components' boxes (P, 6) in mesh units.
+    """Return the component of each vertex of `mesh`, (V,), and the boxes of the components, (P, 6) in mesh units.
 
-    Vertices at one position are one vertex. Vertices without a face have the component −1.
+    Vertices at one position count as one vertex. Vertices without a face have the component −1.
     """
     place = first_at_place(mesh)
     faces = place[mesh.faces]
@@ -148,14 +148,14 @@ def components_of_vertices(mesh: Mesh) -> tuple[Int32, Float64]:
 
 
 def boxes_of_components(vertices: NDArray[np.floating], faces: NDArray[np.integer], component: Int32) -> Float64:
-    """Return the boxes (P, 6) of the components; `component` (F,) is that of each face."""
+    """Return the boxes of the components, (P, 6); `component` (F,) is the component of each face."""
     of_vertex = np.full(len(vertices), -1, np.int32)
     of_vertex[faces.ravel()] = np.repeat(component, 3)
     return _boxes(vertices, of_vertex)
 
 
 def _boxes(points: NDArray[np.floating], component: Int32) -> Float64:
-    """Return the boxes (P, 6) around the points (N, 3) of each component; `component` (N,) −1 stands for none."""
+    """Return the boxes (P, 6) of the components of `points` (N, 3); points with `component` (N,) −1 are left out."""
     count = int(component.max(initial=-1)) + 1
     some = component >= 0
     boxes = np.concatenate([np.full((count, 3), np.inf), np.full((count, 3), -np.inf)], axis=1)
@@ -165,5 +165,5 @@ def _boxes(points: NDArray[np.floating], component: Int32) -> Float64:
 
 
 def apart(points: NDArray[np.floating], component: NDArray[np.integer]) -> Float64:
-    """Return `points` (N, 3) with a fourth coordinate, which separates components (N,) in neighbor searches."""
+    """Return `points` (N, 3) with a fourth coordinate, which separates each `component` (N,) in neighbor searches."""
     return np.column_stack([np.asarray(points, np.float64), _APART * np.asarray(component, np.float64)])

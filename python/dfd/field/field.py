@@ -1,4 +1,4 @@
-"""Evaluate a neural feature field, a small network that gives a unit feature for any point of space."""
+"""Evaluate a neural feature field: a small network that gives a feature of unit length for any point of space."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ if TYPE_CHECKING:  # torch takes seconds to import, and only tensors need it
 
     from dfd.mesh.mesh import Mesh
 
-# Largest coordinate of points relative to the shape's center, in halves of the longest side of its box. For larger
-# ones, float32 cannot distinguish points.
+# Largest coordinate of a point relative to the center of the shape's box, in halves of the longest side of the box.
+# float32 cannot distinguish points with larger coordinates.
 FARTHEST = 1e6
-RESIDUALS = "residuals."  # prefix of the names of residuals in files
+RESIDUALS = "residuals."  # prefix of the names of residuals in field files
 
 
 @dataclass(frozen=True)
@@ -45,50 +45,50 @@ class FieldSource:
 
     @classmethod
     def of(cls, path: str | os.PathLike[str]) -> FieldSource:
-        """Return the source for the present content of `path`."""
+        """Return the source with the hash of the present content of `path`."""
         return cls(Path(path), sha256_of_files(Path(path)))
 
 
 class Field:
-    """Φ: a map from points in mesh units to unit feature rows.
+    """The map Φ of the paper, from points in mesh units to features, which are vectors of unit length.
 
     The network is the paper's (supplement L). Each hidden layer is a linear map, a ReLU and a LayerNorm. A last linear
-    map gives a vector of D numbers, which is divided by its length. Points are first normalized to
-    (p − `center`) · `scale`. The normalization is that of the distilled mesh, at any resolution.
+    map gives a vector of D numbers, which is divided by its length. A point p is first normalized to
+    (p − `center`) · `scale`. `center` and `scale` are those of the distilled mesh, for all its resolutions.
 
     With `octaves`, the network also gets a positional encoding: sines and cosines of the coordinates. The longest
     wavelength is twice the longest side of the box (Mildenhall et al. 2020, section 5.1). The fit then needs far fewer
     steps to reproduce borders between parts.
 
-    If components of a surface lie beside or inside each other, vertices have the features of their own component: see
+    With `residuals`, the features of a mesh's vertices also depend on their connected components: see
     `dfd.field.component_residuals`.
 
-    A field is immutable. A kernel evaluates it, without torch or a GPU. `source` is the file from which the field was
-    read, or None.
+    A field is immutable. A C++ kernel evaluates it, without torch or a GPU. `source` is the file from which the field
+    was read, or None.
 
     Parameters
     ----------
     parameters
-        Arrays by name, as `dfd.field.architecture` lists them: weight and bias of each linear map and LayerNorm.
+        Arrays by their names in `dfd.field.architecture`: weight and bias of each linear map and each LayerNorm.
     octaves
         The number of wavelengths of sines and cosines, each half of the previous one; 0 is the paper's network.
     center
-        (3,) the point in mesh units that becomes the origin.
+        (3,) the center of the shape's bounding box, in mesh units, which becomes the origin.
     scale
-        Factor per mesh unit: 2 over the longest side of the box.
+        2 divided by the longest side of that box, in mesh units.
     settings
         Settings of the distillation (encoder, views, seed, …) as JSON values; they are saved in the file.
     residuals
-        For surface samples of each component: the encoder's features minus the network's.
+        The encoder's features minus the network's, at surface samples of each connected component; or None.
     surface
-        (512, 3) surface samples of the distilled shape in mesh units, which detect meshes of another shape. With None,
-        only boxes are compared.
+        (512, 3) surface samples of the distilled shape in mesh units. `dfd.field.compatibility.check_compatible`
+        compares them with those of a mesh; with None, it compares only boxes.
 
     Raises
     ------
     ValueError
-        If a parameter is missing, unknown, of wrong shape or not finite, a number is out of its range, or `residuals`
-        have another width.
+        If a parameter is missing or unknown, has the wrong array shape or is not finite. Also if another argument is
+        out of its range, or `residuals` have another dimension than the features.
     """
 
     source: FieldSource | None = None
@@ -116,7 +116,7 @@ class Field:
 
     @property
     def dimension(self) -> int:
-        """Return the width D of a feature."""
+        """Return the dimension D of a feature."""
         return self.architecture.dimension
 
     def __repr__(self) -> str:
@@ -137,7 +137,7 @@ class Field:
 
         Returns
         -------
-        (N, D) float32 unit rows: an array for an array, and a tensor that can be differentiated for a tensor.
+        (N, D) float32 rows of unit length: a differentiable tensor if `points` is a tensor, otherwise an array.
 
         Raises ValueError if `points` is not (N, 3). Raises ValueError if a point in an array is not finite, or one of
         its coordinates, relative to the box's center, exceeds a million times half of the box's longest side.
@@ -159,20 +159,20 @@ class Field:
         return array
 
     def with_settings(self, settings: Mapping[str, Any]) -> Field:
-        """Return the field with other `settings`."""
+        """Return a copy of the field with these `settings`."""
         other = copy.copy(self)
         other.settings = dict(settings)
         other.source = None
         return other
 
     def with_surface(self, mesh: Mesh) -> Field:
-        """Return the field with surface samples of `mesh`, which detect meshes of another shape."""
+        """Return a copy of the field with surface samples of `mesh`, which serve to detect meshes of another shape."""
         other = self.with_settings(self.settings)
         other.surface = surface_points(mesh)
         return other
 
     def with_residuals(self, residuals: ComponentResiduals | None) -> Field:
-        """Return the field with other residuals, or without residuals; ValueError if their width is not D."""
+        """Return a copy of the field with these `residuals`, or with none; ValueError if their dimension is not D."""
         other = self.with_settings(self.settings)
         other.residuals = self._checked_residuals(residuals)
         return other
@@ -183,11 +183,11 @@ class Field:
         return residuals
 
     def on(self, mesh: Mesh) -> FieldOnMesh:
-        """Return the field on `mesh`, which gives the features of chosen vertices."""
+        """Return an object that gives the features of chosen vertices of `mesh`, and of points on the mesh."""
         return FieldOnMesh(self, mesh)
 
     def features(self, mesh: Mesh) -> Float32:
-        """Return the features of all vertices of `mesh` for `dfd.bind`, (V, D) float32 unit rows."""
+        """Return the features of all vertices of `mesh` for `dfd.bind`, (V, D) float32 rows of unit length."""
         return self.on(mesh).rows(slice(None))
 
     def _of_tensor(self, points: torch.Tensor) -> torch.Tensor:
@@ -248,8 +248,8 @@ class Field:
         OSError
             If `path` does not exist or cannot be read.
         ValueError
-            If the file is not a field, is truncated, has another version, lacks tensors in its header, or gives
-            features that are not finite. If the field was distilled from another shape than `mesh`.
+            If the file is not a field, is truncated, has another version, lacks arrays of the network, or gives
+            features that are not finite. Also if the field was distilled from another shape than `mesh`.
         """
         if not Path(path).is_file():
             raise FileNotFoundError(f"Field.load: `path` {os.fspath(path)} does not exist or is not a file")
@@ -278,23 +278,23 @@ class Field:
 
 
 class FieldOnMesh:
-    """Features of the vertices of a mesh and of points on it, which depend on their component and their position."""
+    """The features of a mesh's vertices, and of points on the mesh, with the residuals of the connected components."""
 
     def __init__(self, field: Field, mesh: Mesh) -> None:
         self.field, self.mesh = field, mesh
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Return the number of vertices V and the width D of a feature."""
+        """Return the number of vertices V and the dimension D of a feature."""
         return len(self.mesh.vertices), self.field.dimension
 
     def rows(self, vertices: slice | NDArray[np.integer[Any]]) -> Float32:
-        """Return the features of `vertices`, (N, D) float32 unit rows."""
+        """Return the features of `vertices`, (N, D) float32 rows of unit length."""
         points = self.mesh.vertices[vertices]
         return self._of(points, None if self._component is None else self._component[vertices])
 
     def at(self, points: NDArray[np.floating[Any]]) -> Float32:
-        """Return features (N, D) at `points` (N, 3) in mesh units, by the component of the nearest vertex."""
+        """Return the features (N, D) at `points` (N, 3) in mesh units; a point has the nearest vertex's component."""
         places = np.asarray(points, np.float64)
         return self._of(places, None if self._component is None else self._component[self._nearest.query(places)[1]])
 
@@ -307,7 +307,7 @@ class FieldOnMesh:
 
     @cached_property
     def _component(self) -> Int64 | None:
-        """Return the field's component (V,) of each vertex, or −1; None if the field has no residuals."""
+        """Return the field's component for each vertex, (V,); −1 if no component matches; None without residuals."""
         if self.field.residuals is None:
             return None
         component, boxes = components_of_vertices(self.mesh)
@@ -323,7 +323,7 @@ class FieldOnMesh:
 
 
 def _frozen(name: str, values: ArrayLike, shape: Any = None, dtype: Any = np.float32) -> NDArray[Any]:
-    """Return a read-only copy."""
+    """Return a read-only copy of `values`, after a check of its array shape and of all numbers."""
     array = check.array("Field", name, values, np.shape(values) if shape is None else shape, dtype=dtype).copy()
     array.flags.writeable = False
     return array

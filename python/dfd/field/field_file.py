@@ -49,7 +49,7 @@ def read(path: str | os.PathLike[str]) -> tuple[Architecture, dict[str, NDArray[
 
 
 def with_sorted_header(content: bytes) -> bytes:
-    """Return the content of a safetensors file with a sorted header; safetensors writes metadata in random order."""
+    """Return the `content` of a safetensors file with a sorted header; the library writes metadata in random order."""
     end = 8 + int.from_bytes(content[:8], "little")
     header = json.dumps(json.loads(content[8:end]), sort_keys=True, separators=(",", ":")).encode()
     header += b" " * (-len(header) % 8)

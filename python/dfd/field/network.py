@@ -1,4 +1,4 @@
-"""Evaluate a field's network in torch, for fitting and for gradients; all other evaluations use the kernel."""
+"""Evaluate a field's network in torch, for fits and for gradients; all other evaluations use the C++ kernel."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from dfd.field.architecture import Architecture
 
 
 class Network(nn.Module):
-    """A map from normalized points (N, 3) to unit features (N, D), with the parameters of `dfd.field.architecture`.
+    """A map from normalized points (N, 3) to features (N, D), with the parameters of `dfd.field.architecture`.
 
-    The parameters have no values before `draw`; `of` returns a network with given values.
+    The linear maps have no values before a call of `draw`. `of` returns a network with given values.
     """
 
     def __init__(self, architecture: Architecture) -> None:
@@ -28,7 +28,7 @@ class Network(nn.Module):
         self.network = nn.Sequential(*hidden, _linear(architecture.width, architecture.dimension))
 
     def draw(self, generator: torch.Generator) -> Network:
-        """Set random parameters, uniform in ± 1 / √inputs as in torch, from a CPU `generator`."""
+        """Draw the linear maps' parameters from a CPU `generator`, uniformly in ± 1 / √inputs as torch does."""
         with torch.no_grad():
             for layer in self.network:
                 if isinstance(layer, nn.Linear):
@@ -39,14 +39,14 @@ class Network(nn.Module):
 
     @classmethod
     def of(cls, parameters: Mapping[str, Float32], architecture: Architecture) -> Network:
-        """Return the network with these parameters, without gradients for them."""
+        """Return the network with these parameters; gradients are not computed for them."""
         network = cls(architecture)
         state = {name: torch.tensor(values) for name, values in parameters.items()}
         network.load_state_dict(state, assign=True)
         return network.requires_grad_(False)
 
     def forward(self, points: Tensor) -> Tensor:
-        """Return the features of (N, 3) float32 points, differentiable in the points."""
+        """Return the features (N, D) of `points` (N, 3), float32; they are differentiable in `points`."""
         waves = [points]
         for octave in range(self.architecture.octaves):
             angle = points * (math.pi / 2 * 2**octave)
@@ -59,5 +59,5 @@ class Network(nn.Module):
 
 
 def _linear(entering: int, leaving: int) -> nn.Linear:
-    """Return a linear map without values, because torch would draw them from its global generator."""
+    """Return a linear map without values; `nn.Linear` itself would draw values from torch's global generator."""
     return nn.utils.skip_init(nn.Linear, entering, leaving)  # type: ignore[no-untyped-call]

@@ -16,14 +16,14 @@ from dfd.field.field import Field
 from dfd.mesh.mesh import MeshLike
 from dfd.mesh.normalization import normalization
 
-ROWS_AT_ONCE = 1 << 16  # limits memory
+ROWS_AT_ONCE = 1 << 16  # rows that are scaled at a time, which limits memory
 
 
 class VertexField(Field):
-    """Φ from given features of the vertices of one mesh. Any point has the feature of the nearest vertex.
+    """A field from given features of the vertices of one mesh. Any point has the feature of the nearest vertex.
 
-    There is no network, so weights follow exactly from the given features. Vertices at one position have the feature of
-    the first of them, so that UV seams stay closed.
+    There is no network, so weights follow exactly from the given features. Vertices at one position all have the
+    feature of the first of them, so that UV seams stay closed.
 
     Parameters
     ----------
@@ -32,9 +32,9 @@ class VertexField(Field):
     features
         (V, D), one row per vertex. Rows are scaled to unit length.
     settings
-        A description of the source of the features, JSON values.
+        A description of the source of the features, as JSON values.
 
-    Raises ValueError if `features` has another shape, is not finite, or a row is 0.
+    Raises ValueError if `features` has another array shape, is not finite, or has a row of zeros.
     """
 
     def __init__(self, mesh: MeshLike, features: ArrayLike, *, settings: Mapping[str, Any] | None = None) -> None:
@@ -55,14 +55,14 @@ class VertexField(Field):
 
     @property
     def dimension(self) -> int:
-        """Return the width D of a feature."""
+        """Return the dimension D of a feature."""
         return int(self._rows.shape[1])
 
     def __repr__(self) -> str:
         return f"VertexField({self.dimension} dimensions of {len(self._of_vertex)} vertices)"
 
     def __call__(self, points: Any) -> Any:
-        """Return the features (N, D) of `points` (N, 3) in mesh units, as `Field` does; tensors have no gradient."""
+        """Return the features (N, D) of `points` (N, 3) in mesh units; a tensor of features has no gradient."""
         if tensors.is_tensor(points):
             import torch
 
@@ -81,7 +81,7 @@ class VertexField(Field):
 
 
 def _unit(rows: Float32) -> Float32:
-    """Return `rows` (N, D) at unit length, without overflow; ValueError if a row is 0."""
+    """Return `rows` (N, D), scaled to unit length without overflow; ValueError if a row has only zeros."""
     result = np.empty_like(rows)
     for start in range(0, len(rows), ROWS_AT_ONCE):
         some = rows[start : start + ROWS_AT_ONCE].astype(np.float64)

@@ -1,4 +1,4 @@
-"""Convert numbers to colors: weights to a heat map, features by their main directions, and part numbers."""
+"""Convert weights, features and part numbers to colors."""
 
 from typing import Any
 
@@ -10,13 +10,13 @@ from dfd.common.linear_algebra import Float32, Float64
 from dfd.mesh.appearance import linear, srgb
 from dfd.weights.compact import CompactFeatures
 
-CLAY = (0.85, 0.84, 0.82)  # sRGB of a surface without data, and of weight 0
-# sRGB stops from weight 0 to 1. Lightness decreases, so the map is readable in gray and by color-blind people.
+CLAY = (0.85, 0.84, 0.82)  # sRGB color of a surface without data, and of weight 0
+# sRGB colors of the heat map from weight 0 to 1. Lightness decreases, so color-blind people can read the map.
 HEAT_STOPS = (CLAY, (0.96, 0.78, 0.42), (0.93, 0.50, 0.18), (0.74, 0.20, 0.24), (0.38, 0.05, 0.31))
-LARGEST_SAMPLE = 20_000  # most rows from which main directions are computed; more rows hardly change them
-PERCENTILES = (1.0, 99.0)  # percentiles of the values along a direction that have the lowest and the highest color
+LARGEST_SAMPLE = 20_000  # most features from which principal directions are computed; more hardly change them
+PERCENTILES = (1.0, 99.0)  # percentiles along a principal direction that get the lowest and the highest color value
 
-# Matrices of Oklab (Ottosson 2020): linear sRGB to cone responses, and cube roots of these to lightness and hue axes.
+# Matrices of Oklab (Ottosson 2020): from linear sRGB to cone responses, and from their cube roots to Oklab.
 _TO_CONE = np.array(
     [
         [0.4122214708, 0.5363325363, 0.0514459929],
@@ -36,9 +36,9 @@ _TO_LAB = np.array(
 def weight_colors(weights: ArrayLike) -> Float32:
     """Return the sRGB colors (V, 3), in [0, 1], of `weights` (V,): clay at 0, then amber, red, and dark violet at 1.
 
-    Equal differences of weight look equally large. Weights outside [0, 1] have the color of the nearer bound.
+    Equal differences of weight look equally large. Weights outside [0, 1] have the color of the nearest bound.
 
-    Raises ValueError if `weights` is not a row of finite numbers.
+    Raises ValueError if `weights` is not a one-dimensional array of finite numbers.
     """
     values = check.array("weight_colors", "weights", weights, ("V",), dtype=np.float64)
     position = values.clip(0, 1) * (len(_HEAT) - 1)
@@ -48,10 +48,10 @@ def weight_colors(weights: ArrayLike) -> Float32:
 
 
 def feature_colors(features: ArrayLike | CompactFeatures) -> Float32:
-    """Return sRGB colors (V, 3), in [0, 1], of `features` (V, D): their three main directions as red, green and blue.
+    """Return sRGB colors (V, 3), in [0, 1], of `features` (V, D): their first three principal components.
 
-    The 1st and the 99th percentile along each direction have the lowest and the highest color. The largest component of
-    each direction is positive, so that equal features have equal colors.
+    The components are shown as red, green and blue. The 1st and the 99th percentile of each have the lowest and the
+    highest value. The largest entry of each principal direction is positive, so equal features have equal colors.
 
     Raises ValueError if `features` is not a (V, D) array of finite numbers with at least one row and one column.
     """
@@ -76,9 +76,9 @@ def feature_colors(features: ArrayLike | CompactFeatures) -> Float32:
 
 
 def part_colors(labels: ArrayLike) -> Float32:
-    """Return sRGB colors (V, 3), in [0, 1], of part numbers (V,); hues differ by the golden ratio, so all are distinct.
+    """Return sRGB colors (V, 3), in [0, 1], of the part numbers `labels` (V,); each part has another hue.
 
-    Raises ValueError if `labels` is not a row of numbers of at least 0.
+    Raises ValueError if `labels` is not a one-dimensional array of numbers of at least 0.
     """
     numbers = check.array("part_colors", "labels", labels, ("V",), dtype=np.int64)
     if (numbers < 0).any():
@@ -91,7 +91,7 @@ def part_colors(labels: ArrayLike) -> Float32:
 
 
 def oklab(colors: NDArray[np.floating[Any]]) -> Float64:
-    """Return `colors` (N, 3) in Oklab, lightness and two hue axes, in which equal steps look equally large."""
+    """Convert sRGB `colors` (N, 3) to Oklab: lightness and two hue axes, in which equal steps look equally large."""
     return np.cbrt(linear(colors) @ _TO_CONE.T) @ _TO_LAB.T
 
 
@@ -101,7 +101,7 @@ def _from_oklab(lab: Float64) -> Float64:
 
 
 def _heat_table() -> Float64:
-    """Return sRGB colors (256, 3) along `HEAT_STOPS`, with steps that look equally large."""
+    """Return 256 sRGB colors along `HEAT_STOPS`, (256, 3), with steps that look equally large."""
     stops = oklab(np.array(HEAT_STOPS))
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(stops, axis=0), axis=1))])
     position = np.linspace(0, length[-1], 256)

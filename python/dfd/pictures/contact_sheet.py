@@ -14,15 +14,15 @@ Rows = Sequence[tuple[str, Sequence[tuple[UInt8, str]]]]  # a heading, and pictu
 
 INK, GRAY, RULE = (28, 30, 36), (100, 104, 112), (220, 222, 226)
 SMALLEST_CELL, LARGEST_CELL = 16, 8192
-NARROWEST = 96  # least width of the page for headings, in pixels
+NARROWEST = 96  # least width of the page without margins, in pixels, so that headings fit
 
 
 def contact_sheet(rows: Rows, *, title: str = "", cell: int = 320) -> Image.Image:
     """Return a white page with a `title` and rows of pictures.
 
-    Each of `rows` has a heading and pictures, uint8 arrays of shape (height, width, 3), each with a caption. Title,
-    headings and captions may be empty. Rows without pictures are left out. `cell` is the height of the pictures in
-    pixels; text and margins are in proportion.
+    Each of `rows` has a heading and pictures with captions. A picture is a uint8 array of shape (height, width, 3).
+    Title, headings and captions may be empty. Rows without pictures are left out. Pictures are scaled to the height
+    `cell`, in pixels; text and margins are in proportion.
 
     Raises ValueError if there is no picture, a picture has another type or shape, or `cell` is out of its range.
     """
@@ -87,7 +87,7 @@ def _row(heading: str, pictures: list[tuple[Image.Image, str]], width: int, gap:
 
 
 def _text(text: str, width: int, size: int, ink: tuple[int, int, int], *, centered: bool = False) -> Image.Image:
-    """Return text, `size` pixels high on white, in lines of at most `width` pixels."""
+    """Return an image of `text` on white, with letters `size` pixels high and lines of at most `width` pixels."""
     lines, line = wrapped(text, font(size), width), int(size * 1.35)
     block = Image.new("RGB", (width, line * len(lines)), "white")
     draw = ImageDraw.Draw(block)
@@ -98,7 +98,7 @@ def _text(text: str, width: int, size: int, ink: tuple[int, int, int], *, center
 
 
 def _scaled(picture: UInt8, cell: int) -> Image.Image:
-    """Return a picture, scaled to the height `cell`."""
+    """Return `picture` as an image, scaled to the height `cell` in pixels."""
     values = np.asarray(picture)
     if values.dtype != np.uint8 or values.ndim != 3 or values.shape[2] != 3 or values.size == 0:
         found = f"{values.dtype} of shape {values.shape}"

@@ -28,12 +28,12 @@ def font(size: int) -> ImageFont.FreeTypeFont:
 
 
 def spelled(text: str) -> str:
-    """Return `text` with letters that the typeface lacks replaced by similar letters or a question mark."""
+    """Replace the letters of `text` that the typeface lacks by similar letters, or else by a question mark."""
     return "".join(_letter(letter) for letter in text)
 
 
 def wrapped(text: str, typeface: ImageFont.FreeTypeFont, width: float) -> list[str]:
-    """Return `spelled(text)` in lines of at most `width` pixels, divided at spaces; a wider word has its own line."""
+    """Divide `spelled(text)` at spaces into lines of at most `width` pixels; a wider word gets a line of its own."""
     lines: list[str] = []
     for word in spelled(text).split():
         longer = f"{lines[-1]} {word}" if lines else word
@@ -46,7 +46,7 @@ def wrapped(text: str, typeface: ImageFont.FreeTypeFont, width: float) -> list[s
 
 @lru_cache(maxsize=1024)
 def _letter(letter: str) -> str:
-    """Return a letter, or its replacement if the typeface lacks it."""
+    """Return `letter`, or a replacement if the typeface lacks it."""
     if letter.isspace() or _drawable(letter):
         return letter
     plain = _SPELLED.get(letter) or "".join(
@@ -57,7 +57,7 @@ def _letter(letter: str) -> str:
 
 
 def _drawable(letter: str) -> bool:
-    """Return whether the typeface has the letter; it draws all letters that it lacks as the same box."""
+    """Return whether the typeface has the letter; all letters that a typeface lacks are drawn as the same box."""
     typeface = font(20)
     mask, box = typeface.getmask(letter), typeface.getmask("\uffff")
     return mask.size != box.size or bytes(mask) != bytes(box)
@@ -68,7 +68,7 @@ AXES = (("x", (204, 44, 44)), ("y", (38, 140, 54)), ("z", (36, 84, 200)))
 
 
 def draw_labels(page: Image.Image, camera: Camera, positions: Float64, labels: Sequence[str]) -> None:
-    """Write a label beside each of `positions` (H, 3) in the camera's coordinates."""
+    """Write a label beside each of `positions` (H, 3), which are in the coordinates of `camera`."""
     draw, size = ImageDraw.Draw(page), max(11, page.height // 30)
     for row, column, text in zip(*camera.project(positions, page.height), labels, strict=True):
         top = max(float(row) - 0.7 * size, 0.7 * size)  # the label stays inside the page
@@ -102,14 +102,14 @@ def _write(
 
 
 BLUE, DARK = (0.10, 0.36, 0.86), (0.13, 0.14, 0.17)
-RADIUS, SMALLEST = 0.013, 2.0  # radius of a mark relative to the picture's side, and least radius in pixels
-RIM = 1.4  # radius of the white rim, relative to the radius of the mark
+RADIUS, SMALLEST = 0.013, 2.0  # radius of a mark as a fraction of the picture's side, and least radius in pixels
+RIM = 1.4  # outer radius of the white rim, divided by the radius of the mark
 HIDDEN = 0.3  # opacity of a mark that the shape hides
-INSIDE = 0.02  # least depth, in normalized coordinates, at which a surface hides a mark below it
+INSIDE = 0.02  # a surface hides marks that are deeper by more than this, in normalized coordinates
 
 
 def draw_marks(image: Float32, scene: Scene, camera: Camera, positions: Float64, *, square: bool) -> None:
-    """Draw dots or squares with white rims in `image` (R, R, 3), in place, at `positions` (H, 3) in the scene.
+    """Draw dots or squares with white rims into `image` (R, R, 3), at `positions` (H, 3) in the scene's coordinates.
 
     Hidden marks are faint. Marks behind the camera are left out.
     """

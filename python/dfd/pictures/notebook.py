@@ -13,10 +13,10 @@ from dfd.pictures.sheet import session_views
 
 
 def show(shape: MeshLike | Deformer, **options: Any) -> Image.Image:
-    """Return a picture of a mesh, or of a session's posed shape with a dot at the posed position of each handle.
+    """Return a picture of a mesh, or of the posed shape of a `Deformer` with dots at the posed handles.
 
-    The mesh can be any source that `dfd.load` accepts. `options` are those of `dfd.pictures.picture.picture`. By
-    default, the camera of a session faces its handles. Raises ValueError as `picture` does.
+    A mesh can be any source that `dfd.load` accepts. `options` are those of `dfd.pictures.picture.picture`. By default,
+    the camera faces the handles of the `Deformer`. Raises ValueError as `picture` does.
     """
     if not isinstance(shape, Deformer):
         return Image.fromarray(picture(as_mesh(shape), **options))

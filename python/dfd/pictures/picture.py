@@ -23,22 +23,22 @@ from dfd.pictures.viewpoint import aim
 from dfd.views.cameras import Camera
 from dfd.views.raycast import Hits, Scene
 
-SAMPLES = 2  # samples along each side of a pixel
+SAMPLES = 2  # number of samples along each side of a pixel
 LARGEST_RESOLUTION = 8192
-BAND = 1 << 17  # samples in a band of rows, which is drawn at a time to limit memory
-HALO = 2  # rows of pixels that are drawn on each side of a band and then removed; smoothing of occlusion needs them
-CREASE = 30.0  # angle between the smooth normal and the face's normal above which an edge is sharp, in degrees
+BAND = 1 << 17  # number of samples in a band of rows; bands are drawn one after another to limit memory
+HALO = 2  # rows of pixels beyond each side of a band that are drawn for the smoothing of occlusion, and then removed
+CREASE = 30.0  # largest angle, in degrees, between a smooth normal and a face normal at which shading is smooth
 
 # Light from the sky above, the ground below, and a lamp above and to the left of the camera.
 SKY, GROUND, LAMP = 0.44, 0.28, 0.68
 LAMP_OFFSET = (-0.45, 0.60)  # direction of the lamp: its components right and up; the component to the camera is 1
 SHADE_RAYS = 2  # occlusion rays per sample
-# Ordered dither by which the 4 × 4 samples of a tile cast occlusion rays in different directions.
+# Ordered dither: the 4 × 4 samples of a tile cast occlusion rays in different directions.
 TILE = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]]) / 16
-SHADE_REACH = 0.7  # distance from which a surface does not occlude, normalized
-SHADE_DEPTH = 0.75  # share of the light that full occlusion removes
-MAX_LAYERS = 6  # most transparent surfaces along a ray
-STEP = 1e-4  # distance behind a surface at which a ray continues, normalized
+SHADE_REACH = 0.7  # distance beyond which a surface does not occlude, in normalized coordinates
+SHADE_DEPTH = 0.75  # share of the sky's light that full occlusion removes
+MAX_LAYERS = 6  # largest number of surfaces that are drawn along a ray
+STEP = 1e-4  # distance behind a transparent surface at which a ray continues, in normalized coordinates
 
 
 def picture(
@@ -78,7 +78,7 @@ def picture(
         Direction from the shape to the camera, in degrees. 0, 0 is the front, +z; azimuth 90 is +x, and elevation 90 is
         above.
     zoom
-        Factor by which the shape is larger in the picture.
+        Magnification of the shape in the picture.
     target
         (3,) the center of the picture, in mesh units; None for the center of the shape.
     frame
@@ -143,7 +143,7 @@ def save_png(path: str | os.PathLike[str], image: Image.Image | UInt8) -> None:
 
 
 class _Painter:
-    """Light and color of one shape under one camera, in normalized coordinates."""
+    """Computes the light and color of a shape as one camera shows it, in normalized coordinates."""
 
     def __init__(
         self,
@@ -151,7 +151,7 @@ class _Painter:
         vertices: Float32,  # (V, 3) normalized
         scene: Scene,
         camera: Camera,
-        colors: Float32 | None,  # (V, 3); None for the mesh's own
+        colors: Float32 | None,  # (V, 3); None for the mesh's own colors
         *,
         moved: bool,
     ) -> None:
@@ -178,7 +178,7 @@ class _Painter:
         directions = self._directions(rows, count)
         starts = np.broadcast_to(self._camera.position.astype(np.float32), directions.shape)
         ray = np.arange(len(directions))
-        light = np.ones(len(directions), np.float32)  # remaining transmittance
+        light = np.ones(len(directions), np.float32)  # transmittance of the surfaces in front
         color = np.zeros((len(directions), 3), np.float32)
         for _ in range(MAX_LAYERS):
             hits = self._scene.cast(starts, directions[ray])
@@ -196,20 +196,20 @@ class _Painter:
             ray = ray[onward]
             starts = place[onward] + STEP * directions[ray]
         color += light[:, None]
-        # The mean is that of sRGB values, which gives smoother outlines of dark surfaces on white.
+        # sRGB values are averaged, not linear light, which gives smoother outlines of dark surfaces on white.
         samples = srgb(color).reshape(-1, SAMPLES, resolution, SAMPLES, 3)
         pixels: Float32 = samples.mean(axis=(1, 3))
         return pixels[begin - top : end - top]
 
     def _directions(self, rows: NDArray[np.integer], count: int) -> Float32:
-        """Return the unit directions (S, 3) of the samples in `rows`, in a square picture of `count` rows."""
+        """Return the ray directions (S, 3) of all samples in `rows`, in a picture of `count` × `count` samples."""
         camera = self._camera
         down, across = (((each + 0.5) / count * 2 - 1) * camera.half_width for each in (rows, np.arange(count)))
         directions = across[None, :, None] * camera.right - down[:, None, None] * camera.up - camera.back
         return _unit(directions.reshape(-1, 3))
 
     def _albedo(self, hits: Hits) -> Float32:
-        """Return the linear red, green and blue, and the opacity (K, 4) of each hit."""
+        """Return the linear red, green, blue and opacity of each hit, (K, 4)."""
         rgba = np.ones((len(hits.ray), 4), np.float32)
         if self._colors is not None:
             rgba[:, :3] = blend(self._colors, self._faces.take(hits.face, axis=0), hits.barycentric)
@@ -221,7 +221,7 @@ class _Painter:
         return rgba
 
     def _light(self, normals: Float32, open_sky: Float32) -> Float32:
-        """Return the linear light (K,) on points with unit `normals` (K, 3); each sees the share `open_sky` of sky."""
+        """Return the light (K,) on points with unit `normals` (K, 3) that see the share `open_sky` (K,) of the sky."""
         right, up = self._camera.right.astype(np.float32), self._camera.up.astype(np.float32)
         lamp = _unit(self._camera.back.astype(np.float32) + LAMP_OFFSET[0] * right + LAMP_OFFSET[1] * up)
         sky = GROUND + (SKY - GROUND) * (0.5 + 0.5 * (normals @ up))
@@ -229,7 +229,7 @@ class _Painter:
         return sky * open_sky + direct
 
     def _facing_normals(self, hits: Hits, directions: Float32) -> Float32:
-        """Return unit normals (K, 3) that face the camera: smooth normals, or face normals at creases."""
+        """Return unit normals (K, 3) that face the camera: smooth normals, or face normals near creases."""
         corners = self._faces[hits.face]
         first = self._vertices[corners[:, 0]]
         flat = _unit(np.cross(self._vertices[corners[:, 1]] - first, self._vertices[corners[:, 2]] - first))
@@ -238,15 +238,15 @@ class _Painter:
             own = self._normals[corners[:, corner]]
             sharp = np.einsum("kc,kc->k", own, flat) < np.cos(np.radians(CREASE))
             normals += hits.barycentric[:, corner : corner + 1] * np.where(sharp[:, None], flat, own)
-        # If a face is seen from behind, both normals are reversed. Near an outline, a smooth normal can still point
-        # away from the camera. Then it is made perpendicular to the ray: its reverse would point into the shape.
+        # If a face is seen from behind, its normals are reversed. Near an outline, a smooth normal can still point away
+        # from the camera. It is made perpendicular to the ray, because its reverse would point into the shape.
         turned = np.where(np.einsum("kc,kc->k", flat, directions) > 0, np.float32(-1), np.float32(1))
         normals *= turned[:, None]
         normals -= np.maximum(np.einsum("kc,kc->k", normals, directions), 0)[:, None] * directions
         return _unit(normals)
 
     def _hidden(self, place: Float32, normals: Float32, ray: Int64, count: int) -> Float32:
-        """Return the share (K,) of the sky that the shape hides from each point, in [0, 1]; near surfaces hide more.
+        """Return the share of the sky that the shape hides from each point, (K,) in [0, 1]; near surfaces hide more.
 
         Each sample casts few rays, in directions that depend on its position in the tile.
         """
@@ -270,7 +270,7 @@ class _Painter:
 
 
 def _smoothed(values: Float32, ray: Int64, shape: tuple[int, int]) -> Float32:
-    """Return the means (K,) of `values` (K,) over the covered samples in a tile around each sample."""
+    """Return the means (K,) of `values` (K,) over all samples in the tile around each sample that show the shape."""
     grid = np.zeros((2, shape[0] * shape[1]), np.float32)
     grid[0, ray], grid[1, ray] = values, 1
     total, covered = (uniform_filter(each.reshape(shape), len(TILE), mode="constant").ravel()[ray] for each in grid)
@@ -278,7 +278,7 @@ def _smoothed(values: Float32, ray: Int64, shape: tuple[int, int]) -> Float32:
 
 
 def _positions(name: str, dots: Any, vertices: Float64) -> Float64:
-    """Return the positions (H, 3) of marks that are given as positions or as vertex indices."""
+    """Return the positions (H, 3) of marks; `dots` holds positions or vertex indices."""
     if np.ndim(dots) == 2:
         return check.array("picture", name, dots, ("H", 3), dtype=np.float64)
     return vertices[check.vertex_indices("picture", name, dots, len(vertices))]

@@ -1,4 +1,4 @@
-"""Write PNG files with several views of a shape, or with a shape before and after an edit."""
+"""Write PNG files that show a shape from several sides, or before and after an edit."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -33,10 +33,10 @@ def save_sheet(
 ) -> None:
     """Write pictures of each row from `views` sides; a single picture fills the file, several form a contact sheet.
 
-    Each of `rows` has a title and the keyword arguments of `picture`. `azimuth` is that of the first side, in degrees;
-    by default, the camera faces the row's handles. `elevation`, `zoom`, `resolution` and `options` are as in `picture`.
-    With a `zoom` other than 1, the row's handles are the center. `legend` adds the legend of the heat map. `advance` is
-    called after each picture.
+    Each of `rows` has a title and keyword arguments of `picture`. `azimuth` is that of the first side, in degrees; by
+    default, the camera faces the row's handles. `elevation`, `zoom`, `resolution` and `options` are as in `picture`.
+    If `zoom` is not 1, the center of the picture is the mean position of the row's handles. `legend` adds the legend of
+    the heat map to rows with weights. `advance` is called after each picture.
 
     Raises ValueError as `picture` does. Raises OSError if `path` cannot be written.
     """
@@ -63,10 +63,10 @@ def save_sheet(
 def save_before_after(
     path: Path, deformer: Deformer, *, azimuth: float | None = None, elevation: float = 18.0, zoom: float = 1.0
 ) -> None:
-    """Write pictures of the shape at rest with its handles, the weights, and the posed shape, all with one camera.
+    """Write three pictures with the same camera: the shape at rest with its handles, the weights, and the posed shape.
 
-    `azimuth`, `elevation` and `zoom` are as in `picture`. By default, the camera faces the handles. With a `zoom` other
-    than 1, the handles are the center.
+    `azimuth`, `elevation` and `zoom` are as in `picture`. By default, the camera faces the handles. If `zoom` is not 1,
+    the handles are in the center.
 
     Raises ValueError as `picture` does. Raises OSError if `path` cannot be written.
     """
@@ -80,10 +80,10 @@ def save_before_after(
 
 
 def session_views(deformer: Deformer, azimuth: float | None = None) -> dict[str, dict[str, Any]]:
-    """Return the arguments of `picture` for a session "before" its edit, for its "weights", and "after" the edit.
+    """Return the arguments of `picture` for three pictures of a session: "before", "weights" and "after".
 
-    All three have the same camera. Dots mark the handles, "after" the edit at their posed positions. Without an
-    `azimuth`, the camera faces the handles.
+    "before" shows the shape at rest, and "after" the posed shape. All have the same camera. Dots mark the handles, in
+    "after" at their posed positions. Without an `azimuth`, the camera faces the handles.
     """
     mesh, moved = deformer.mesh, deformer.vertices
     handles = np.array([handle.place.position for handle in deformer.handles]).reshape(-1, 3)
@@ -100,7 +100,7 @@ def session_views(deformer: Deformer, azimuth: float | None = None) -> dict[str,
 
 
 def parts_view(mesh: Mesh, found: Sequence[Part]) -> dict[str, Any]:
-    """Return the arguments of `picture` for a shape's parts: a color and a number, from 1, for each part."""
+    """Return the arguments of `picture` that show each part of a shape by a color and by its number, from 1."""
     return {
         "colors": part_colors(np.argmax([part.mask for part in found], axis=0)),
         "handles": mesh.vertices[[part.vertex for part in found]],

@@ -1,4 +1,4 @@
-"""Choose the camera of a picture."""
+"""Choose the camera of a picture from azimuth, elevation and zoom."""
 
 from collections.abc import Sequence
 
@@ -12,11 +12,11 @@ from dfd.mesh.normalization import Normalization, box_normalization
 from dfd.views.cameras import Camera, camera_towards
 
 FIELD_OF_VIEW = 30.0  # field of view at zoom 1, in degrees
-ASIDE = 25.0  # angle of the camera from the direction of the points, in degrees, which shows the depth of the shape
+ASIDE = 25.0  # angle, in degrees, by which the camera looks at the points from the side, to show the shape's depth
 
 
 def azimuth_towards(mesh: Mesh, points: ArrayLike) -> float:
-    """Return the azimuth, in degrees, of a camera that faces `points` (N, 3) of `mesh`, or the front without points."""
+    """Return the azimuth, in degrees, of a camera that faces `points` (N, 3) of `mesh`; without points, the front."""
     outwards = np.reshape(points, (-1, 3)).sum(axis=0) - len(np.reshape(points, (-1, 3))) * mesh.bounds.mean(axis=0)
     return float(np.degrees(np.arctan2(outwards[0], outwards[2]))) + ASIDE
 
@@ -30,9 +30,9 @@ def aim(
     target: ArrayLike | None,
     frame: Sequence[ArrayLike],
 ) -> tuple[Normalization, Camera]:
-    """Return the normalization of all points in the picture, and the camera in normalized coordinates.
+    """Return the normalization of all points that the picture must contain, and the camera in normalized coordinates.
 
-    `drawn` (V, 3) are the positions of the mesh's vertices in the picture, in mesh units.
+    `drawn` (V, 3) are the vertex positions that are drawn, in mesh units. The other arguments are those of `picture`.
     """
     turn = np.radians(check.number("picture", "azimuth", azimuth))
     tilt = np.radians(check.number("picture", "elevation", elevation, minimum=-90, maximum=90))

@@ -1,4 +1,4 @@
-"""The network whose pictures the tests of distillation go by."""
+"""The encoder that the tests of distillation share."""
 
 from __future__ import annotations
 

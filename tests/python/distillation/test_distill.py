@@ -1,4 +1,4 @@
-"""The whole way with the real encoder: from a mesh file to moved vertices, on weights that mean something."""
+"""Test `distill` with the default encoder, from a mesh file to moved vertices."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ import pytest
 import dfd
 from dfd.samples import Sample
 
-# A small but real setting: enough for parts to be told apart, quick enough for every run of the tests.
+# Small settings with which the features still separate parts.
 SMALL = {"views": 12, "resolution": 280, "steps": 150, "batch": 1024, "progress": False, "cache": False}
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _weights_of_the_wheel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """The wheel's weights and a cache of the tests' own: no hub, nothing of the user."""
+def _isolated(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Disable the hub, and use an empty cache instead of the user's."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HF_HUB_OFFLINE", "1")
         patch.setenv("DFD_CACHE", str(tmp_path_factory.mktemp("cache")))
@@ -30,7 +30,7 @@ def _weights_of_the_wheel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[
 def shape(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[Sample, dfd.Mesh, dfd.Field]:
-    """A sample, the mesh that its file gives, and the field distilled from that."""
+    """Return a sample, the mesh loaded from its file, and the field distilled from this mesh."""
     sample: Sample = getattr(dfd.samples, request.param)(6000)
     path = tmp_path_factory.mktemp("mesh") / f"{request.param}.glb"
     sample.mesh.save(path)
@@ -44,7 +44,7 @@ def lowest(sample: Sample, part: str, instance: int) -> int:
     return int(among[np.argmin(sample.mesh.vertices[among, 1])])
 
 
-def test_a_foot_takes_the_other_feet_along(shape: tuple[Sample, dfd.Mesh, dfd.Field]) -> None:
+def test_a_handle_on_a_foot_moves_the_other_feet(shape: tuple[Sample, dfd.Mesh, dfd.Field]) -> None:
     sample, mesh, field = shape
     leg = "hoof" if "hoof" in sample.parts else "leg"
     foot = lowest(sample, leg, 0)
@@ -54,7 +54,7 @@ def test_a_foot_takes_the_other_feet_along(shape: tuple[Sample, dfd.Mesh, dfd.Fi
     rest = np.setdiff1d(np.arange(len(weights)), np.concatenate([sample.vertices_of(part) for part in legs]))
     assert weights[others].mean() > 1.5 * weights[rest].mean()
     assert weights[foot] == 1
-    # Pulled down, all four feet go down, and further than the rest of the body.
+    # A pull on one foot moves all four feet down, farther than the rest of the body.
     session = dfd.Deformer(mesh, field)
     session.add(foot, translation=(0, -0.3, 0))
     moved = mesh.vertices[:, 1] - session.vertices[:, 1]
@@ -62,7 +62,7 @@ def test_a_foot_takes_the_other_feet_along(shape: tuple[Sample, dfd.Mesh, dfd.Fi
     assert moved[feet].min() > 1.5 * moved[rest].mean()
 
 
-def test_the_true_mirror_plane_and_no_other_is_found(shape: tuple[Sample, dfd.Mesh, dfd.Field]) -> None:
+def test_only_the_true_mirror_plane_is_found(shape: tuple[Sample, dfd.Mesh, dfd.Field]) -> None:
     _, mesh, field = shape
     (plane,) = dfd.symmetry_planes(field, mesh)
     assert np.abs(plane.normal).tolist() == [1, 0, 0]
@@ -90,14 +90,14 @@ def test_a_bad_setting_is_refused_before_anything_is_loaded(
     monkeypatch: pytest.MonkeyPatch, setting: dict[str, object]
 ) -> None:
     def loaded(*_: object, **__: object) -> None:
-        raise AssertionError("too late")
+        raise AssertionError("the encoder was loaded")
 
     monkeypatch.setattr("dfd.encoders.encode.load_encoder", loaded)
     with pytest.raises(ValueError, match=f"distill: `{next(iter(setting))}` must be"):
         dfd.distill(dfd.samples.chair(4000).mesh, **{**SMALL, **setting})
 
 
-def test_no_other_settings_are_taken_and_its_own_arguments_are_explained() -> None:
+def test_unknown_settings_are_refused_and_all_arguments_are_documented() -> None:
     own = inspect.signature(dfd.distill).parameters
     explained = re.findall(r"^    ([a-z_]+(?:, [a-z_]+)*)$", dfd.distill.__doc__ or "", re.MULTILINE)
     assert {*own} == {name for line in explained for name in line.split(", ")}

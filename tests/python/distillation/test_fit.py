@@ -1,4 +1,4 @@
-"""The fit: it reaches its targets, draws by its seed alone on every device, and leaves torch as it was."""
+"""Test the fit: its accuracy, its random numbers on each device, and its optimizer."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_the_same_field_on_the_cpu_and_on_cuda() -> None:
     assert torch.equal(torch.cuda.get_rng_state(), before)
 
 
-def test_the_seed_decides_and_the_callers_random_numbers_stay() -> None:
+def test_the_seed_decides_the_field_and_torchs_generator_stays_unchanged() -> None:
     state = torch.random.get_rng_state()
     first, again, other = (fitted(DistillSettings(steps=3, batch=8, seed=seed))[0] for seed in (1, 1, 2))
     assert torch.equal(torch.random.get_rng_state(), state)
@@ -53,7 +53,7 @@ def test_the_seed_decides_and_the_callers_random_numbers_stay() -> None:
     assert first.settings != other.settings
 
 
-def test_a_rate_that_explodes_is_refused() -> None:
+def test_a_learning_rate_that_diverges_is_refused() -> None:
     with pytest.raises(ValueError, match=r"`learning_rate` 1e\+30 is too high: the fit diverged"):
         fitted(DistillSettings(steps=20, batch=8, learning_rate=1e30))
 

@@ -1,4 +1,4 @@
-"""The learned metric: what it does to targets, its files, and the field that comes of it."""
+"""Test the learned metric: mapped targets, files, and the fields that are distilled with it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SMALL = {"views": 4, "resolution": 64, "steps": 20, "cache": False, "progress": 
 
 @pytest.fixture
 def metric(encoder: Encoder) -> Metric:
-    """The first three of sixteen numbers, the third counted four times."""
+    """Return a metric that keeps the first three of sixteen numbers, and multiplies the third by four."""
     settings = encoder.settings()
     directions = np.eye(16, 3, dtype=np.float32) * np.array([1, 1, 4], np.float32)
     return Metric(directions, NO_THICKNESS, str(settings["encoder_weights"]), int(settings["encoder_block"]))
@@ -58,7 +58,7 @@ def test_mapped_rows_are_unit_and_about_as_far_apart_as_before(metric: Metric, f
     np.testing.assert_array_equal(features, before)
 
 
-def test_targets_in_main_directions_are_mapped_as_features(metric: Metric, features: np.ndarray) -> None:
+def test_targets_in_principal_directions_are_mapped_as_features(metric: Metric, features: np.ndarray) -> None:
     turned = np.linalg.qr(np.random.default_rng(2).normal(size=(16, 16)))[0].astype(np.float32)
     points = np.zeros((500, 3), np.float32)
     face = np.arange(500)
@@ -71,7 +71,7 @@ def test_targets_in_main_directions_are_mapped_as_features(metric: Metric, featu
     assert direct.face is face
 
 
-def test_thickness_sets_rows_apart_that_look_alike(metric: Metric, features: np.ndarray) -> None:
+def test_thickness_separates_equal_features(metric: Metric, features: np.ndarray) -> None:
     thick, twice = np.zeros((1000, BANDS), np.float32), np.concatenate([features, features])
     thick[:500, 4], thick[500:, 15] = 1, 1
     told = NO_THICKNESS.copy()
@@ -84,7 +84,7 @@ def test_thickness_sets_rows_apart_that_look_alike(metric: Metric, features: np.
     assert mean_distance(after[:500], after[500:]) > distance(after)
 
 
-def test_kinds_are_what_the_twin_says(kinds: Kinds, features: np.ndarray) -> None:
+def test_kinds_equal_those_of_the_slow_reference(kinds: Kinds, features: np.ndarray) -> None:
     before = features.copy()
     rows = kinds.root_probabilities(features, features.mean(axis=0))
     arrays = (kinds.hidden, kinds.hidden_bias, kinds.output, kinds.output_bias)
@@ -94,13 +94,13 @@ def test_kinds_are_what_the_twin_says(kinds: Kinds, features: np.ndarray) -> Non
     np.testing.assert_array_equal(features, before)
 
 
-def test_rows_that_are_all_alike_stay_finite(metric: Metric, kinds: Kinds) -> None:
+def test_equal_rows_stay_finite(metric: Metric, kinds: Kinds) -> None:
     for some in (metric, replace(metric, kinds=kinds)):
         rows = some.mapped(np.full((4, 16), 0.25, np.float32), BANDS_OF_500[:4], np.random.default_rng(0))
         assert np.isfinite(rows).all()
 
 
-def test_kinds_come_back_with_their_metric(metric: Metric, kinds: Kinds, features: np.ndarray, tmp_path: Path) -> None:
+def test_a_file_keeps_the_kinds(metric: Metric, kinds: Kinds, features: np.ndarray, tmp_path: Path) -> None:
     both = replace(metric, kinds=kinds)
     both.save(tmp_path / "metric.safetensors")
     again = Metric.load(tmp_path / "metric.safetensors")
@@ -134,7 +134,7 @@ def test_damaged_metrics_are_refused(metric: Metric, tmp_path: Path) -> None:
         Metric.load(tmp_path / "none.safetensors")
 
 
-def test_the_packages_own_metrics_are_whole() -> None:
+def test_the_packages_metrics_have_at_most_64_numbers() -> None:
     found = [Metric.load(path) for path in sorted(FOLDER.glob("*.safetensors"))]
     assert found
     for each in found:
@@ -142,7 +142,7 @@ def test_the_packages_own_metrics_are_whole() -> None:
         assert each.directions.shape[1] + kinds <= 64
 
 
-def test_fields_are_of_the_metric_where_there_is_one(
+def test_distill_uses_the_metric_of_the_encoder(
     metric: Metric, encoder: Encoder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     mesh = dfd.samples.chair(4000).mesh

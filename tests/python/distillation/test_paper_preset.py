@@ -1,4 +1,4 @@
-"""The paper by one word: `preset="paper"` is all in the field, and what was done is what it says."""
+"""Test `preset="paper"`: the distillation follows the paper, and the field records its settings."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def encoder(tmp_path: Path) -> Path:
     return save_tiny_encoder(tmp_path / "tiny")
 
 
-def test_the_paper_is_what_its_field_says(encoder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_distillation_follows_the_settings_of_the_paper(encoder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: dict[str, Any] = {"drawn": [], "rates": []}
     render, encode, at, step = algorithm.render, Encoder.encode, PixelTargets.at, Adam.step
 
@@ -52,8 +52,8 @@ def test_the_paper_is_what_its_field_says(encoder: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(Encoder, "encode", encoding)
     monkeypatch.setattr(PixelTargets, "at", choosing)
     monkeypatch.setattr(Adam, "step", stepping)
-    mesh = dfd.samples.robot(60_000).mesh  # of several pieces, and with more faces than the paper renders
-    # Pictures of 32² pixels instead of 512²: the rest is the paper's, and all that was said.
+    mesh = dfd.samples.robot(60_000).mesh  # with several components, and with more faces than the paper renders
+    # All settings except the resolution and the batch are the paper's.
     field = dfd.distill(
         mesh, encoder, preset="paper", resolution=32, batch=1000, device="cpu", progress=False, cache=False
     )
@@ -67,7 +67,7 @@ def test_the_paper_is_what_its_field_says(encoder: Path, monkeypatch: pytest.Mon
     assert len(views.images) == 24
     assert len(views.faces) <= 50_000 < len(mesh.faces)
     np.testing.assert_allclose([np.linalg.norm(camera.position) for camera in views.cameras], 2.8, rtol=1e-6)
-    assert len({tuple(np.round(np.abs(camera.position), 4)) for camera in views.cameras}) == 24  # none mirrors another
+    assert len({tuple(np.round(np.abs(camera.position), 4)) for camera in views.cameras}) == 24  # no mirror images
     assert len(views.points) == np.count_nonzero(views.covered)
     assert not seen["foreground_only"]
     assert field.settings["up_source"] == "said"
@@ -85,7 +85,7 @@ def test_the_paper_is_what_its_field_says(encoder: Path, monkeypatch: pytest.Mon
     np.testing.assert_allclose(field(points), reference.field(field, points), atol=1e-5)
 
 
-def test_an_encoder_that_was_loaded_otherwise_is_refused(encoder: Path) -> None:
+def test_a_loaded_encoder_that_contradicts_the_settings_is_refused(encoder: Path) -> None:
     mesh, how = dfd.samples.chair(4000).mesh, {"progress": False, "cache": False, "device": "cpu"}
     loaded = load_encoder(encoder, device="cpu")
     with pytest.raises(ValueError, match="`background` must be False for this loaded encoder"):
@@ -94,7 +94,7 @@ def test_an_encoder_that_was_loaded_otherwise_is_refused(encoder: Path) -> None:
         dfd.distill(mesh, loaded, block=2, **how)
 
 
-def test_the_block_is_the_one_that_was_asked_for(encoder: Path) -> None:
+def test_the_given_block_is_used(encoder: Path) -> None:
     mesh, how = dfd.samples.chair(4000).mesh, {"progress": False, "cache": False, "device": "cpu"}
     field = dfd.distill(mesh, encoder, block=2, steps=2, batch=8, views=2, resolution=32, smoothing=0, **how)
     assert (field.settings["block"], field.settings["encoder_block"], field.settings["background"]) == (2, 2, False)

@@ -1,4 +1,4 @@
-"""The settings of a distillation: one frozen object that checks itself."""
+"""Test the settings of a distillation and their checks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Features spread along the surface: an energy that is the integral, pieces that do not mix, and none left out."""
+"""Test the smoothing of features: its energy, components close together, hidden components and mirror links."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def views_of(mesh: Mesh) -> Views:
 
 
 def colored(views: Views, color: NDArray[np.floating]) -> PixelTargets:
-    """Targets that are a color of each surface point, (P, D), as if every pixel were a patch."""
+    """Return targets that are the `color` (P, D) of each surface point, as if every pixel were a patch."""
     count, size = views.images.shape[:2]
     tokens = np.ones((count, size, size, color.shape[1]), np.float32)
     tokens[views.view, views.row.astype(int), views.column.astype(int)] = color
@@ -36,7 +36,7 @@ def smooth(views: Views, pixels: PixelTargets, **how: Any) -> PointTargets:
 
 
 def spread(views: Views, pixels: PixelTargets, **how: Any) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Points, and their targets as features (N, D)."""
+    """Return the points and their smooth features (N, D)."""
     targets = smooth(views, pixels, **how)
     return targets.points, targets.features
 
@@ -50,7 +50,7 @@ def two_sheets(gap: float) -> Mesh:
 
 @pytest.mark.parametrize("gradient", [(1.0, 0.0, 0.0), (0.3, -0.5, 0.8)])
 def test_the_energy_is_the_integral_of_the_squared_gradient(gradient: tuple[float, float, float]) -> None:
-    # On the unit sphere the coordinate along a direction has ∫ ‖∇f‖² = 8π/3 times its squared length.
+    # On the unit sphere, the function f(p) = g · p has ∫ ‖∇f‖² = 8π/3 · ‖g‖².
     sphere = trimesh.creation.icosphere(subdivisions=4)
     points, _ = sample_surface(sphere.vertices, sphere.faces.astype(np.int32), 8000, np.random.default_rng(0))
     area = face_areas(sphere.vertices, sphere.faces).sum() / len(points)
@@ -61,7 +61,7 @@ def test_the_energy_is_the_integral_of_the_squared_gradient(gradient: tuple[floa
     assert abs(laplacian @ np.ones(len(points))).max() < 1e-9
 
 
-def test_sheets_that_lie_close_do_not_mix() -> None:
+def test_sheets_close_together_do_not_mix() -> None:
     views = views_of(two_sheets(0.04))
     upper = views.points[:, 1] > 0
     color = np.stack([upper, ~upper], axis=1)
@@ -71,7 +71,7 @@ def test_sheets_that_lie_close_do_not_mix() -> None:
     assert share[points[:, 1] < 0].mean() < 0.1
 
 
-def test_what_no_camera_sees_takes_after_what_is_near() -> None:
+def test_hidden_components_get_the_features_of_near_components() -> None:
     shell, core = trimesh.creation.icosphere(radius=1.0), trimesh.creation.icosphere(radius=0.9)
     both = trimesh.util.concatenate([shell, core])
     views = views_of(Mesh(both.vertices, both.faces))
@@ -93,7 +93,7 @@ def test_targets_are_unit_and_the_same_twice() -> None:
     np.testing.assert_array_equal(targets, again[1])
 
 
-def test_more_smoothing_leaves_neighbors_more_alike_and_all_as_far_apart() -> None:
+def test_smoothing_makes_neighbors_similar_and_keeps_the_mean_distance() -> None:
     views = views_of(two_sheets(0.5))
     noise = np.random.default_rng(0).random((len(views.points), 4))
     pixels = colored(views, noise)
@@ -105,12 +105,12 @@ def test_more_smoothing_leaves_neighbors_more_alike_and_all_as_far_apart() -> No
         _, near = cKDTree(points).query(points, 2)
         unlike.append(np.linalg.norm(targets[near[:, 1]] - targets, axis=1).mean())
         some = np.random.default_rng(1).permutation(len(targets))
-        if width < 0.1:  # noise that is smoothed further would have to be magnified beyond sense
+        if width < 0.1:  # more smoothing of noise needs a larger factor than `LARGEST_STRETCH`
             assert np.linalg.norm(targets[some] - targets, axis=1).mean() == pytest.approx(0.75 * wanted, rel=0.05)
     assert unlike[0] > 1.5 * unlike[1] > 2 * unlike[2]
 
 
-def test_targets_know_their_piece_where_there_are_several() -> None:
+def test_targets_have_components_if_there_are_several() -> None:
     gap = 0.4
     views = views_of(two_sheets(gap))
     targets = smooth(views, colored(views, np.ones((len(views.points), 1))), smoothing=0.3, seed=0)
@@ -125,11 +125,11 @@ def test_targets_know_their_piece_where_there_are_several() -> None:
     assert alone.boxes is None
 
 
-def test_two_sides_that_views_show_differently_come_to_agree() -> None:
+def test_mirror_links_reduce_differences_between_sides() -> None:
     views = views_of(two_sheets(0.5))
     right = views.points[:, 0] > 0
     base = np.column_stack([np.ones(len(right)), views.points[:, 1] > 0, np.zeros(len(right))]).astype(float)
-    base[right, 2] = 0.3  # as if a light stood on one side
+    base[right, 2] = 0.3  # as if a lamp lit one side
     pixels = colored(views, base)
     points, targets = spread(views, pixels, smoothing=0.3, seed=0)
     left = points[:, 0] < -0.5

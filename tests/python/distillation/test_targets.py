@@ -1,4 +1,4 @@
-"""Targets of the fit: tokens read between their places, unit rows, means over groups."""
+"""Test the targets of the fit: interpolation of tokens, unit length, and means over groups."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dfd.views.render import Views
 
 @pytest.fixture
 def views() -> Views:
-    """Four points in two pictures of 8 × 8 pixels, over grids of 2 × 2 tokens."""
+    """Return four points in two pictures of 8 × 8 pixels; each picture has a grid of 2 × 2 tokens."""
     return Views(
         images=np.zeros((2, 8, 8, 3), np.uint8),
         covered=np.ones((2, 8, 8), bool),
@@ -34,15 +34,15 @@ def tokens() -> np.ndarray:
     return np.random.default_rng(0).normal(size=(2, 2, 2, 5)).astype(np.float32)
 
 
-def test_tokens_stand_at_patch_centres_and_blend_between(views: Views, tokens: np.ndarray) -> None:
+def test_tokens_lie_at_patch_centers_and_are_interpolated_between(views: Views, tokens: np.ndarray) -> None:
     targets = PixelTargets(views, tokens).rows(np.arange(4))
 
     def unit(row: np.ndarray) -> np.ndarray:
         return row / np.linalg.norm(row)
 
-    np.testing.assert_allclose(targets[0], unit(tokens[0, 0, 0]), atol=1e-6)  # pixel 1.5 of 8 is patch center 0 of 2
+    np.testing.assert_allclose(targets[0], unit(tokens[0, 0, 0]), atol=1e-6)  # position 1.5 is the center of patch 0
     np.testing.assert_allclose(targets[1], unit(tokens[0].mean(axis=(0, 1))), atol=1e-6)  # the picture's middle
-    np.testing.assert_allclose(targets[2], unit(tokens[1, 0, 1]), atol=1e-6)  # above the first center: held, not led on
+    np.testing.assert_allclose(targets[2], unit(tokens[1, 0, 1]), atol=1e-6)  # tokens are not extrapolated
     np.testing.assert_allclose(targets[3], unit(tokens[1, 1, 1]), atol=1e-6)
 
 
@@ -70,7 +70,7 @@ def test_means_are_the_same_on_any_number_of_threads(views: Views) -> None:
     np.testing.assert_array_equal(means[0], means[2])
 
 
-def test_squared_distances_side_by_side_are_means_by_share() -> None:
+def test_squared_distances_side_by_side_are_weighted_means() -> None:
     generator = np.random.default_rng(0)
     points = generator.normal(size=(50, 3)).astype(np.float32)
     angle = generator.normal(size=(2, 50))

@@ -1,4 +1,4 @@
-"""How thick a shape is: chords that are known, whatever way round its faces are, and nothing on open sheets."""
+"""Test thickness: known chords, bands on transformed copies, and numbers of threads."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from dfd.distillation.thickness import BANDS, RAYS, thickness_bands, thicknesses
 from dfd.geometry.topology import face_components, sample_surface
 from dfd.views.raycast import Scene
 
-# Of the rays about a normal, even by solid angle, from the middle one outwards.
+# Cosines between the rays of a point and its normal, from the middle of the cone outwards.
 COSINES = 1 - (np.arange(RAYS) + 0.5) / RAYS * (1 - np.cos(thickness.CONE))
 MEDIAN = (RAYS - 1) // 2
 
 
 def drawn(mesh: trimesh.Trimesh, count: int = 500) -> tuple[NDArray[np.float64], NDArray[np.int32], Any, Any]:
-    """Vertices, faces, and points with the face of each."""
+    """Return vertices and faces of `mesh`, and random points with the face of each."""
     vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int32)
     points, face = sample_surface(vertices, faces, count, np.random.default_rng(0))
     return vertices, faces, points, face
@@ -38,7 +38,7 @@ def thick(vertices: Any, faces: Any, points: Any, face: Any, piece: Any = None) 
 
 
 def targets_of(mesh: dfd.Mesh, count: int = 3000) -> tuple[Any, PointTargets]:
-    """What `thickness_bands` reads of the pictures of a mesh, and points on it, drawn alike on every copy."""
+    """Return the arguments of `thickness_bands`; transformed copies of a mesh have the same points."""
     low, high = mesh.bounds
     vertices = ((mesh.vertices - (low + high) / 2) / (np.max(high - low) / 2)).astype(np.float32)
     points, face = sample_surface(vertices.astype(np.float64), mesh.faces, count, np.random.default_rng(0))
@@ -50,17 +50,17 @@ def targets_of(mesh: dfd.Mesh, count: int = 3000) -> tuple[Any, PointTargets]:
 
 def test_a_sphere_is_as_thick_as_its_chords() -> None:
     found = thick(*drawn(trimesh.creation.icosphere(subdivisions=5, radius=0.5)))
-    np.testing.assert_allclose(found, np.sort(COSINES)[MEDIAN], rtol=0.03)  # the chord at an angle is 2 r cos
+    np.testing.assert_allclose(found, np.sort(COSINES)[MEDIAN], rtol=0.03)  # a chord has the length 2 r cos(angle)
 
 
-def test_a_slab_is_as_thick_as_the_slanted_ways_through_it() -> None:
+def test_a_slab_is_as_thick_as_its_median_ray() -> None:
     vertices, faces, points, face = drawn(trimesh.creation.box((1.8, 0.1, 1.8)), 2000)
     found = thick(vertices, faces, points, face)
     middle = np.abs(points[:, [0, 2]]).max(axis=1) < 0.6
     np.testing.assert_allclose(found[middle], 0.1 / np.sort(COSINES)[::-1][MEDIAN], rtol=0.01)
 
 
-def test_bands_go_up_with_thickness_and_are_the_same_on_a_turned_and_larger_copy() -> None:
+def test_bands_increase_with_thickness_and_do_not_change_with_rotation_and_scale() -> None:
     sample = dfd.samples.quadruped(4000)
     views, targets = targets_of(sample.mesh)
     before = targets.points.copy()
@@ -75,12 +75,12 @@ def test_bands_go_up_with_thickness_and_are_the_same_on_a_turned_and_larger_copy
     assert band["ear"] < band["body"]
     turn = Rotation.from_euler("xyz", (0.7, -0.4, 1.9)).as_matrix()
     copy = thickness_bands(*targets_of(dfd.Mesh(7 * sample.mesh.vertices @ turn.T + 3, sample.mesh.faces)))
-    # A ray that grazes an edge may fall on its other side.
+    # A ray that grazes an edge can pass it on either side.
     assert np.abs(copy - bands).mean() < 2e-3
     assert np.quantile(np.abs(copy - bands), 0.99) < 0.05
 
 
-def test_one_thread_gives_what_many_give() -> None:
+def test_the_number_of_threads_does_not_change_bands() -> None:
     views, targets = targets_of(dfd.samples.chair(4000).mesh)
     found = []
     for count in (1, 3):

@@ -35,7 +35,7 @@ def test_a_field_of_another_shape_is_refused(mesh, field, features, stranger):
     other = stranger(mesh)
     message = (
         "Deformer: `field` must belong to this mesh, but it was distilled from a shape with a longest side of 0.9897 "
-        f"around (0, 0.526, -0.007948), and this mesh has one of {max(other.extents):.4g} around "
+        f"around (0, 0.526, -0.007948), and this mesh has a longest side of {max(other.extents):.4g} around "
     )
     remedy = r"\(.*\): give the mesh the units, axes and position.*; other_shape=True accepts it anyway$"
     with pytest.raises(ValueError, match=re.escape(message) + remedy):

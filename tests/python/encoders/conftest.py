@@ -1,4 +1,4 @@
-"""What the tests of encoders set up alike."""
+"""Fixtures that the tests of encoders share."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from tiny_families import CASES, Saved
 
 
 @pytest.fixture(autouse=True)
-def _nothing_of_the_user(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """No network, and no caches but the test's own."""
+def _isolated(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Disable the network, and give each test empty caches."""
     monkeypatch.setenv("DFD_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(constants, "HF_HUB_CACHE", str(tmp_path / "hub"))
     monkeypatch.setattr(constants, "HF_HUB_OFFLINE", True)
@@ -24,20 +24,20 @@ def _nothing_of_the_user(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Non
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A tiny DINOv2 with random weights, as transformers saves it."""
+    """Return the folder of a tiny DINOv2 with random weights, which transformers saved."""
     return save_tiny_encoder(tmp_path / "tiny", seed=3)
 
 
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Saved]:
-    """A tiny model of each family, random weights, saved as transformers saves it."""
+    """Return a function that gives a tiny model of a family with random weights, saved by transformers."""
     made: dict[str, Saved] = {}
 
     def get(name: str) -> Saved:
         if name not in made:
             torch.manual_seed(7)
             model = CASES[name].make().eval()
-            with torch.no_grad():  # biases, norms and position tables start at 0 or 1, where mistakes would not show
+            with torch.no_grad():  # biases, norms and position tables start at 0 or 1, which would hide errors
                 for parameter in model.parameters():
                     parameter.add_(torch.randn_like(parameter) * 0.05)
             folder = tmp_path_factory.mktemp(name)

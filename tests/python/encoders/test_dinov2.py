@@ -1,4 +1,4 @@
-"""DINOv2 in plain torch gives what transformers' own model gives, and needs no transformers."""
+"""Test that DINOv2 in plain torch gives the tokens of the model in transformers, without importing transformers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from dfd.encoders.sources import find_weights
 pytestmark = pytest.mark.usefixtures("one_thread")
 
 
-@pytest.mark.parametrize("size", [(32, 32), (48, 24), (16, 16)])  # the one of its positions, and others
+@pytest.mark.parametrize("size", [(32, 32), (48, 24), (16, 16)])  # the size of its position table, and two others
 def test_its_tokens_are_those_of_transformers(dinov2: Saved, size: tuple[int, int]) -> None:
     images = torch.randn(2, 3, *size, generator=torch.Generator().manual_seed(1))
     with torch.no_grad():

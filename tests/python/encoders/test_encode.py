@@ -1,4 +1,4 @@
-"""From pictures to tokens: what is taken, what is refused, and what is found again."""
+"""Test the encoding of images: accepted and refused arguments, and the settings of an encoder."""
 
 from __future__ import annotations
 

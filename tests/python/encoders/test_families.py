@@ -1,4 +1,4 @@
-"""Encoders of every family, through the real loading code, on tiny networks with random weights."""
+"""Test encoders of every family, loaded from tiny networks with random weights."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The background takes no part, where a network can do without."""
+"""Test that encoders skip the background if their network can."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 def square(count: int, size: int) -> np.ndarray:
-    """The pixels of a shape that covers 3 × 2 patches of 8 pixels in the middle of the left, one pixel over."""
+    """Return which pixels a rectangle at the left covers: 3 × 2 patches of 8 pixels, and one more row of pixels."""
     covered = np.zeros((count, size, size), bool)
     covered[:, 16:41, 0:16] = True
     return covered
 
 
 @pytest.mark.parametrize("name", ["dinov2"])
-def test_the_background_takes_no_part(name: str, saved: Callable[[str], Saved]) -> None:
+def test_the_background_does_not_change_tokens(name: str, saved: Callable[[str], Saved]) -> None:
     encoder = load_encoder(saved(name).folder, device="cpu", precision="float32")
     images = pictures(2, 64)
     tokens = encoder.encode(images, covered=square(2, 64))
     kept = np.zeros((8, 8), bool)
-    kept[1:7, 0:3] = True  # with the patches beside it, and beside the one that a single row of pixels reaches
+    kept[1:7, 0:3] = True  # the patches with covered pixels, 4 × 2 of them, and their neighbors
     assert (tokens[:, ~kept] == 0).all()
-    # The modules of transformers, on the sequence without those patches.
+    # The expected tokens are those of transformers for the sequence without the skipped patches.
     network = saved(name).model
     with torch.no_grad():
         sequence = network.embeddings(normalized(encoder, images))
@@ -54,11 +54,11 @@ def test_every_picture_has_its_own_foreground(dinov2: Saved) -> None:
     for one in range(2):
         alone = encoder.encode(images[one : one + 1], covered=covered[one : one + 1])
         np.testing.assert_allclose(tokens[one], alone[0], atol=1e-5)
-    assert (tokens[2] == 0).all()  # nothing to see
+    assert (tokens[2] == 0).all()  # no pixel shows the shape
 
 
 @pytest.mark.parametrize("name", ["dinov3", "clip", "sam"])
-def test_networks_that_cannot_do_without_see_the_background(name: str, saved: Callable[[str], Saved]) -> None:
+def test_networks_that_cannot_skip_the_background_encode_it(name: str, saved: Callable[[str], Saved]) -> None:
     one = saved(name)
     encoder = load_encoder(one.folder, device="cpu", precision="float32")
     images = pictures(1, one.case.size)
@@ -69,7 +69,7 @@ def test_networks_that_cannot_do_without_see_the_background(name: str, saved: Ca
 
 
 @pytest.mark.parametrize("width", [768, 776])
-def test_large_networks_see_the_background(width: int) -> None:
+def test_wide_networks_encode_the_background(width: int) -> None:
     sizes = {"hidden_size": width, "num_hidden_layers": 1, "num_attention_heads": 8, "image_size": 32, "patch_size": 8}
     config = {**sizes, "model_type": "dinov2"}
     names = Dinov2(_checked(config), 1).state_dict()

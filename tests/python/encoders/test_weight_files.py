@@ -1,4 +1,4 @@
-"""Weights in a folder: what is read, and what is refused."""
+"""Test which weights in a folder are accepted and refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pieces of a surface that share a place: each keeps its own features on its own mesh, and nothing else changes."""
+"""Test component residuals: overlapping components have different features, and other meshes have no residuals."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ WIDTH = 12
 
 
 def shells(detail: int = 12) -> Mesh:
-    """Two open tubes around one axis, one just inside the other: a sleeve and an arm."""
+    """Return two open tubes around one axis, one just inside the other, like a sleeve and an arm."""
     turn = np.linspace(0, 2 * np.pi, detail, endpoint=False)
     height = np.linspace(-1, 1, detail)
     vertices, faces = [], []
@@ -36,7 +36,7 @@ def shells(detail: int = 12) -> Mesh:
 
 
 def kept(mesh: Mesh) -> tuple[dfd.Field, NDArray[np.float32]]:
-    """A field that was told what each tube looks like, and the features that were meant: a direction a tube."""
+    """Return a field with residuals, and its target features: each tube has a unit vector of its own."""
     component, boxes = components_of_vertices(mesh)
     wanted = np.eye(WIDTH, dtype=np.float32)[component]
     field = made_field(dimension=WIDTH, width=16, layers=2, octaves=2, scale=1.0)
@@ -44,18 +44,18 @@ def kept(mesh: Mesh) -> tuple[dfd.Field, NDArray[np.float32]]:
     return fit_component_residuals(field, targets), wanted
 
 
-def test_each_piece_has_its_own_features_where_they_share_a_place() -> None:
+def test_overlapping_components_have_different_features() -> None:
     mesh = shells()
     field, wanted = kept(mesh)
     network = field(mesh.vertices)
     features = field.features(mesh)
     np.testing.assert_allclose(np.linalg.norm(features, axis=1), 1, atol=1e-5)
     assert (features * wanted).sum(axis=1).min() > 0.95
-    assert (network * wanted).sum(axis=1).max() < 0.9  # a position alone cannot tell them apart
+    assert (network * wanted).sum(axis=1).max() < 0.9  # the network alone does not separate the tubes
     assert field.with_residuals(None).features(mesh).tobytes() == network.tobytes()
 
 
-def test_a_handle_moves_its_own_piece_alone_and_itself_by_exactly_1() -> None:
+def test_a_handle_moves_only_its_own_component() -> None:
     mesh = shells()
     field, _ = kept(mesh)
     half = len(mesh.vertices) // 2
@@ -66,7 +66,7 @@ def test_a_handle_moves_its_own_piece_alone_and_itself_by_exactly_1() -> None:
     assert session.weights[half:].max() < 0.2
 
 
-def test_another_resolution_knows_its_pieces_and_another_shape_has_none() -> None:
+def test_residuals_apply_to_other_resolutions_and_not_to_other_shapes() -> None:
     field, _ = kept(shells())
     finer = shells(31)
     component, _ = components_of_vertices(finer)
@@ -75,7 +75,7 @@ def test_another_resolution_knows_its_pieces_and_another_shape_has_none() -> Non
     assert field.features(moved).tobytes() == field(moved.vertices).tobytes()
 
 
-def test_features_change_nowhere_at_once() -> None:
+def test_residuals_are_continuous() -> None:
     random = np.random.default_rng(0)
     points = random.uniform(-1, 1, (300, 3)).astype(np.float32)
     differences = random.normal(size=(300, WIDTH)).astype(np.float16)
@@ -85,11 +85,11 @@ def test_features_change_nowhere_at_once() -> None:
     rows = np.tile(np.eye(WIDTH, dtype=np.float32)[0] * 1, (steps, 1))
     told = pieces.add_residuals(rows, line, np.zeros(steps, np.int64))
     assert np.linalg.norm(np.diff(told, axis=0), axis=1).max() < 0.02
-    np.testing.assert_array_equal(rows, np.tile(np.eye(WIDTH)[0], (steps, 1)))  # nothing changes its inputs
+    np.testing.assert_array_equal(rows, np.tile(np.eye(WIDTH)[0], (steps, 1)))  # the inputs stay unchanged
     assert pieces.add_residuals(rows, line, np.full(steps, -1)).tobytes() == rows.tobytes()
 
 
-def test_pieces_of_vertices_take_seams_together_and_leave_loose_vertices_out() -> None:
+def test_components_join_seams_and_leave_out_vertices_without_faces() -> None:
     vertices = [
         [0, 0, 0],
         [1, 0, 0],
@@ -107,7 +107,7 @@ def test_pieces_of_vertices_take_seams_together_and_leave_loose_vertices_out() -
     np.testing.assert_array_equal(boxes, [[0, 0, 0, 1, 1, 0], [5, 5, 5, 6, 6, 5]])
 
 
-def test_a_file_keeps_pieces_and_equal_fields_are_equal_files(tmp_path: Path) -> None:
+def test_a_file_keeps_residuals_and_equal_fields_give_equal_files(tmp_path: Path) -> None:
     mesh = shells()
     field, _ = kept(mesh)
     field.save(tmp_path / "one.safetensors")
@@ -131,7 +131,7 @@ def test_a_file_keeps_pieces_and_equal_fields_are_equal_files(tmp_path: Path) ->
         ("residuals.boxes", lambda array: None, "'boxes'"),
     ],
 )
-def test_damaged_pieces_are_refused(tmp_path: Path, name: str, change: object, said: str) -> None:
+def test_damaged_residuals_are_refused(tmp_path: Path, name: str, change: object, said: str) -> None:
     from safetensors import safe_open
 
     field, _ = kept(shells())

@@ -1,4 +1,4 @@
-"""The field: unit rows at any point, the mesh's units inside, and a file that is whole or refused."""
+"""Test fields: features of unit length, mesh units, gradients, and files."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_center_and_scale_undo_the_units_of_the_mesh(field: Field) -> None:
 
 @pytest.mark.parametrize("octaves", [0, 1, 5, 16])
 @pytest.mark.parametrize(("dimension", "width", "layers"), [(1, 1, 1), (3, 7, 2), (384, 256, 4), (33, 50, 3)])
-def test_features_are_those_of_the_slow_twin(octaves: int, dimension: int, width: int, layers: int) -> None:
+def test_features_equal_those_of_the_slow_reference(octaves: int, dimension: int, width: int, layers: int) -> None:
     field = made_field(dimension, width=width, layers=layers, octaves=octaves, center=(0.1, 0.2, -0.3), scale=0.7)
     some = points(101) / 3
     np.testing.assert_allclose(field(some), reference.field(field, some), atol=2e-5)
@@ -145,7 +145,7 @@ def test_file_gives_the_field_back(field: Field, tmp_path: Path) -> None:
     np.testing.assert_array_equal(loaded(points()), field(points()))
     assert list(tmp_path.iterdir()) == [path]
     content = path.read_bytes()
-    for _ in range(5):  # equal fields are equal files
+    for _ in range(5):  # equal fields give equal files
         loaded.save(path)
         assert path.read_bytes() == content
 
@@ -154,7 +154,7 @@ def rewrite(field: Field, path: Path, metadata: dict | None = None, tensors: dic
     field.save(path)
     with safe_open(path, framework="np") as file:
         old = {**file.metadata(), **(metadata or {})}
-        arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118  # no mapping
+        arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118  # `file` is no mapping
     save_file({**arrays, **(tensors or {})}, path, old)
 
 

@@ -1,4 +1,4 @@
-"""`dfd.VertexField`: features of the vertices as they are given, in place of a field."""
+"""Test `dfd.VertexField`, a field from given features of vertices."""
 
 import pickle
 

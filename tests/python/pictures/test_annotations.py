@@ -16,13 +16,13 @@ SIDE = {"azimuth": 30.0, "elevation": 20.0}
 
 
 def projected(*, zoom: float = 1.0, target: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Return row and column of vertex 7 in a picture of 200² pixels."""
+    """Return the row and the column of vertex 7 in a picture of 200 × 200 pixels."""
     frame, camera = aim(MESH, MESH.vertices, **SIDE, zoom=zoom, target=target, frame=())
     return camera.project(frame.apply(MESH.vertices[[7]]), 200)
 
 
 def changed(one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows and columns of the pixels in which two pictures differ."""
+    """Return the rows and the columns of all pixels in which two pictures differ."""
     rows, columns = np.nonzero(np.abs(one.astype(int) - other).max(axis=2) > 30)
     return rows, columns
 

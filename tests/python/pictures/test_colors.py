@@ -1,4 +1,4 @@
-"""Test colors that show numbers."""
+"""Test the colors of weights and features."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ def test_heat_darkens_in_even_steps() -> None:
     assert (np.diff(lab[:, 0]) < 0).all()
     steps = np.linalg.norm(np.diff(lab, axis=0), axis=1)
     assert steps.max() < 1.1 * np.median(steps)
-    assert steps.min() > 0.75 * np.median(steps)  # a step across a stop is shorter than the path
+    assert steps.min() > 0.75 * np.median(steps)  # a step across a color stop cuts the corner, so it is shorter
 
 
-def test_like_features_get_like_colors_and_others_do_not() -> None:
+def test_similar_features_get_similar_colors() -> None:
     random = np.random.default_rng(1)
     centers = np.eye(8)[:4] * 4
     features = np.repeat(centers, 50, axis=0) + random.normal(scale=0.02, size=(200, 8))
@@ -28,7 +28,7 @@ def test_like_features_get_like_colors_and_others_do_not() -> None:
     assert colors.max() <= 1
 
 
-def test_feature_colors_do_not_depend_on_scale_place_or_order() -> None:
+def test_feature_colors_do_not_depend_on_scale_offset_or_order() -> None:
     features = np.random.default_rng(2).normal(size=(300, 12))
     colors = feature_colors(features)
     np.testing.assert_allclose(feature_colors(features * 1000 + 5), colors, atol=2e-3)

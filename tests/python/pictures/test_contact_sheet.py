@@ -14,7 +14,7 @@ def filled(height: int, width: int, color: tuple[int, int, int]) -> np.ndarray:
     return np.full((height, width, 3), color, np.uint8)
 
 
-def test_pictures_of_the_right_size_stand_on_the_page_unchanged() -> None:
+def test_pictures_of_the_right_size_are_unchanged_on_the_page() -> None:
     random = np.random.default_rng(0)
     pictures = [random.integers(0, 256, (64, 64, 3), dtype=np.uint8) for _ in range(2)]
     page = np.array(contact_sheet([("", [(picture, "") for picture in pictures])], cell=64))

@@ -15,7 +15,7 @@ FRONT = {"azimuth": 0.0, "elevation": 0.0}
 
 
 def box(center: tuple[float, float, float] = (0, 0, 0), half: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-    """Return a cube: eight corners, x slowest, and twelve outward faces."""
+    """Return the eight corners of a cube, of which the first four have the lower x, and its twelve faces."""
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     faces = [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))]
@@ -51,7 +51,7 @@ def test_a_square_from_the_front_fills_the_frame() -> None:
 @pytest.mark.parametrize(
     ("angles", "axis"), [((90, 0), 0), ((-90, 0), 0), ((0, 90), 1), ((0, -90), 1), ((0, 0), 2), ((180, 0), 2)]
 )
-def test_angles_lead_where_they_say(angles: tuple[float, float], axis: int) -> None:
+def test_azimuth_and_elevation_choose_the_visible_side(angles: tuple[float, float], axis: int) -> None:
     vertices, faces = box()
     sign = -1 if min(angles) < 0 or max(angles) == 180 else 1
     towards = np.flatnonzero(vertices[:, axis] * sign > 0)
@@ -73,7 +73,7 @@ def test_weights_are_drawn_as_heat_and_none_as_clay() -> None:
     )
 
 
-def test_a_box_keeps_its_edges_and_hollows_are_darker() -> None:
+def test_edges_are_sharp_and_concave_corners_are_darker() -> None:
     # The floor is darker near the box than far from it, and the front of the box is evenly lit.
     floor = np.array([[-6, -1, -6], [6, -1, -6], [6, -1, 6], [-6, -1, 6]], float), np.array([[0, 2, 1], [0, 3, 2]])
     mesh = Mesh(*joined(floor, box()))
@@ -114,7 +114,7 @@ def two_sheets(material: Material) -> Mesh:
     return Mesh(vertices, faces, appearance=appearance)
 
 
-def test_what_lies_behind_a_clear_surface_shows() -> None:
+def test_surfaces_behind_a_transparent_surface_are_visible() -> None:
     solid, half, cut = (
         picture(two_sheets(Material(color=(0.9, 0.1, 0.1, alpha), alpha_mode=mode)), **FRONT, resolution=48)[24, 24]
         for alpha, mode in ((0.3, "OPAQUE"), (0.5, "BLEND"), (0.3, "MASK"))
@@ -138,8 +138,8 @@ def test_handles_are_blue_dots_and_fixed_points_dark_squares() -> None:
     dark = (marked.max(axis=-1) < 60).nonzero()
     assert np.ptp(dark[0]) == np.ptp(dark[1])
     assert len(dark[0]) == (np.ptp(dark[0]) + 1) ** 2  # a square with filled corners
-    assert dark[0].mean() < 60  # up
-    assert dark[1].mean() > 140  # and to the right
+    assert dark[0].mean() < 60  # above the center
+    assert dark[1].mean() > 140  # right of the center
 
 
 def test_vertices_and_their_positions_mark_the_same_place() -> None:
@@ -160,7 +160,7 @@ def test_a_hidden_mark_is_faint() -> None:
     assert np.abs(seen - plain).sum() > 2 * np.abs(hidden - plain).sum() > 20
 
 
-def test_size_and_place_do_not_matter() -> None:
+def test_size_and_position_of_the_shape_do_not_matter() -> None:
     vertices, faces = box()
     here = picture(Mesh(vertices, faces), resolution=64).astype(int)
     for factor, offset in ((1e-9, 0.0), (1e12, 0.0), (1.0, 1e6)):
