@@ -19,9 +19,11 @@ class PosedShape:
     frame then costs only what those few handles cost.
     """
 
-    def __init__(self, mesh: Mesh, weights: HandleWeights) -> None:
+    def __init__(self, mesh: Mesh, weights: HandleWeights, bands_of: Edit | None = None) -> None:
+        """Pose `mesh` with `weights`; `bands_of` is as in `HandleWeights.columns`."""
         self._mesh = mesh
         self._weights = weights
+        self._bands_of = bands_of
         self._edit = Edit()
         self._vertices = mesh.vertices
         self._drag: Drag | None = None
@@ -37,13 +39,16 @@ class PosedShape:
 
     def _posed(self, edit: Edit) -> Float64:
         moved = _moved(self._edit, edit)
+        if moved and self._bands_of is None:
+            bands = [[self._weights.grips.band(each.handles[i]) for i in moved] for each in (self._edit, edit)]
+            moved = moved if bands[0] == bands[1] else None
         if moved == []:
             return self._vertices
         if moved is None or 2 * len(moved) > len(edit.handles):
             self._drag = None
             return self._vertices if _acting(self._edit) == _acting(edit) else self._whole(edit)
         if self._drag is None or not self._moving.keys() >= set(moved):
-            weights, columns = self._weights.columns(edit)
+            weights, columns = self._weights.columns(edit, self._bands_of)
             moving = [i for i, column in enumerate(columns) if column.handle in moved]
             self._drag = Drag(self._weights.bent(edit), weights, moving=moving, **self._arguments(edit, columns))
             self._moving = {handle: [column for column in columns if column.handle == handle] for handle in moved}
@@ -55,7 +60,7 @@ class PosedShape:
         bent = self._weights.bent(edit)
         if edit.default is None and all(np.array_equal(handle.matrix, IDENTITY) for handle in edit.handles):
             return bent  # only bends and twists, as in most drags of a tip
-        weights, columns = self._weights.columns(edit)
+        weights, columns = self._weights.columns(edit, self._bands_of)
         return pose(bent, weights, **self._arguments(edit, columns))
 
     def _arguments(self, edit: Edit, columns: tuple[Column, ...]) -> dict[str, Any]:

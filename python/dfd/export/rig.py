@@ -1,7 +1,7 @@
 """A session as a rig: joints, and the weights with which vertices follow them (Eq. 1 and 8)."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,7 +32,7 @@ class Rig:
     origin: Float64  # (3,) origin of vertices in a file: 0, except for shapes that 32-bit floats store too coarsely
     default: int  # the joint that receives 1 minus the sum of the weights: the root, or D₀
     poses: tuple[KeyPose, ...]  # key poses, ordered by time
-    _session: Deformer
+    _posed: PosedShape
     _weights: Float32  # (V, C)
     _column: Int64  # (J − first,) the column of each joint of a handle
     _mirrored: Bool  # (J − first,) whether the joint acts on the side of the plane opposite to its handle
@@ -64,7 +64,7 @@ class Rig:
 
     def posed(self, edit: Edit) -> Float64:
         """Return the result (V, 3) of `dfd.pose` for `edit`, which differs from the rig's edit only in transforms."""
-        return PosedShape(self.mesh, self._session.bound).of(edit)
+        return self._posed.of(edit)
 
     def transforms(self, edit: Edit) -> list[Transform]:
         """Return the transform of each joint's handle in `edit`, J in all."""
@@ -83,7 +83,14 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
     image.
     """
     edit = session.edit
-    weights, columns = session.bound.columns(edit)
+    moves = {
+        handle.id: [handle.transform, *(pose.transforms[handle.id] for pose in poses if handle.id in pose.transforms)]
+        for handle in edit.handles
+    }
+    # All key poses share the weights, so the blend bands are the widest that any pose needs.
+    every = [[replace(handle, transform=each) for each in moves[handle.id]] for handle in edit.handles]
+    widest = replace(edit, handles=tuple(max(each, key=session.bound.grips.band) for each in every))
+    weights, columns = session.bound.columns(edit, widest)
     names, center, far = UniqueNames(), box_center(session.mesh), far_origin(session.mesh.vertices)
     origin = np.zeros(3) if far is None else far
     joints = [Joint(names.unique("root"), None, center, origin, np.eye(3), np.eye(4))]
@@ -92,10 +99,6 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
         joints.append(Joint(names.unique("default"), None, center, pivot, _frame([edit.default]), np.eye(4)))
     default = len(joints) - 1
     plane, of_column, mirrored = edit.symmetry, list[int](), list[bool]()
-    moves = {
-        handle.id: [handle.transform, *(pose.transforms[handle.id] for pose in poses if handle.id in pose.transforms)]
-        for handle in edit.handles
-    }
     for number, column in enumerate(columns):
         handle = edit.handles[column.handle]
         name, pivot = handle.name or f"handle {handle.id}", np.asarray(handle.pivot)
@@ -109,7 +112,8 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
             of_column.append(number)
             mirrored.append(mirror ^ below)
     of, sides = np.array(of_column, int), np.array(mirrored, bool)
-    return Rig(session.mesh, edit, tuple(joints), origin, default, tuple(poses), session, weights, of, sides)
+    posed = PosedShape(session.mesh, session.bound, widest)
+    return Rig(session.mesh, edit, tuple(joints), origin, default, tuple(poses), posed, weights, of, sides)
 
 
 def _frame(transforms: Sequence[Transform]) -> Float64:

@@ -7,8 +7,9 @@ import dfd
 from dfd.editing.controls import Controls
 from dfd.editing.influence import grips, handle_weights
 from dfd.editing.influence.counterparts import Counterpart, Held
+from dfd.export.rig import rig_of
 from dfd.geometry.coarse import Share
-from dfd.posing.transforms import rotation_matrix
+from dfd.posing.transforms import Transform, rotation_matrix
 
 
 @pytest.fixture(scope="module")
@@ -227,3 +228,28 @@ def test_the_four_legs_of_a_chair_are_found(mesh, field, sample, foot):
         assert np.linalg.norm(session.vertices[lowest] - mesh.vertices[lowest]) < 0.02
     session.change(1, counterparts="shared_pivot")
     assert np.abs(session.vertices - mesh.vertices).max() > 0.2
+
+
+def test_the_blend_band_widens_with_the_motion_of_the_border(mesh, field, sample, foot):
+    features = np.eye(16, dtype=np.float32)[sample.labels]
+    session = dfd.Deformer(mesh, field, features=features)
+    held = session.add(foot)
+    rest = session.weights[:, 0].copy()
+    widths, up = [], 0.3 * mesh.diagonal
+    for share in (0.001, 0.1, 1.0):
+        session.move(held, translation=(0, share * up, 0))
+        weights = session.weights[:, 0]
+        widths.append(((weights > 0.01) & (weights < 0.99)).sum())
+        assert weights[foot] == 1
+        assert session.vertices[foot] == pytest.approx(mesh.vertices[foot] + (0, share * up, 0))
+        if share < 0.01:
+            np.testing.assert_array_equal(weights, rest)
+    assert widths[0] < widths[-1]
+    # A small rotation about the base moves the border little.
+    session.move(held, translation=(0, 0, 0), rotation=(0, 0.5, 0), pivot="base")
+    np.testing.assert_array_equal(session.weights[:, 0], rest)
+    poses = [dfd.KeyPose(1.0, {held: Transform(translation=(0, up, 0))})]
+    rig = rig_of(session, poses)
+    session.move(held, translation=(0, up, 0), rotation=(0, 0, 0), pivot="point")
+    *_, (_, edit) = rig.moments()
+    np.testing.assert_allclose(rig.posed(edit), session.vertices, atol=1e-6)

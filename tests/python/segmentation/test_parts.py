@@ -154,11 +154,11 @@ def test_a_crease_that_only_looks_different_is_no_part():
 
 
 def test_a_handle_on_the_seam_weighs_1(chair, chair_parts):
-    held = chair_parts.grip(foot_of(chair)).weights
+    held = chair_parts.grip(foot_of(chair), 1.0).weights
     on_seam = np.flatnonzero((held > 0.3) & (held < 0.9) & (chair.labels == chair.parts.index("leg")))
     assert len(on_seam)
     for vertex in on_seam[::7]:
-        own = chair_parts.grip(vertex).weights
+        own = chair_parts.grip(vertex, 1.0).weights
         assert own[vertex] == 1
         assert own.max() == 1
 

@@ -15,6 +15,7 @@ from dfd.editing.points import Place
 from dfd.editing.presets import LARGEST, PARTLESS_REACH
 from dfd.geometry.geodesics import Geodesics
 from dfd.mesh.mesh import Mesh
+from dfd.segmentation.parts import BANDS
 from dfd.weights.bind import bind
 
 # Weights are divided by the weight that fixed points leave at the handle. Below this value only noise would be scaled.
@@ -28,6 +29,7 @@ class Key(NamedTuple):
     """Cache key: everything that changes a column of weights."""
 
     place: Place
+    band: float  # the width of the blend band, relative to the largest one
     controls: Controls  # the controls that change the column
     sources: tuple[int, ...]  # the vertices where geodesic distances start; empty without locality
     exact: bool  # whether these distances are exact
@@ -38,7 +40,7 @@ class Key(NamedTuple):
 class FeatureWeights:
     """Bind the handles of edits of one mesh.
 
-    A handle that only moves keeps its column. A new handle costs one column, new fixed points cost all columns.
+    A handle that moves keeps its column, unless its blend band changes. New fixed points change all columns.
     """
 
     def __init__(self, mesh: Mesh, rows: HandleFeatures, grips: Grips) -> None:
@@ -50,9 +52,13 @@ class FeatureWeights:
         self._distances: dict[tuple[bool, int], Float32] = {}  # rows (V,) by their source, while a handle needs them
         self._reaches: dict[Place, float] = {}
 
-    def of(self, edit: Edit) -> tuple[Float32, tuple[Key, ...]]:
-        """Return (V, H) weights of the handles of `edit`, read-only, and the key of each column."""
-        keys = [self._key(handle, edit) for handle in edit.handles]
+    def of(self, edit: Edit, bands_of: Edit | None = None) -> tuple[Float32, tuple[Key, ...]]:
+        """Return (V, H) weights of the handles of `edit`, read-only, and the key of each column.
+
+        The handles' transforms in `bands_of`, or in `edit` if it is None, set the widths of the blend bands.
+        """
+        bands = [self._grips.band(handle) for handle in (bands_of or edit).handles]
+        keys = [self._key(handle, edit, band) for handle, band in zip(edit.handles, bands, strict=True)]
         if keys != self._keys:
             row_of = {key: row for row, key in enumerate(self._keys)}
             columns = np.empty((len(keys), len(self._mesh.vertices)), np.float32)
@@ -98,7 +104,7 @@ class FeatureWeights:
 
     def near(self, edit: Edit, handle: Handle, vertices: Int64) -> Float64:
         """Return (N,) the falloff (1 − G)^λ of a handle at vertices (N,), see Eq. 7."""
-        distances, power = self._falloff(self._key(handle, edit))
+        distances, power = self._falloff(self._key(handle, edit, BANDS[0]))
         if distances is None:
             return np.ones(len(vertices))
         return (1.0 - distances[0, vertices].astype(np.float64)) ** power
@@ -127,7 +133,7 @@ class FeatureWeights:
             held = max(held, each.strength * (1.0 - float(apart.min(axis=1).max())))
         return 1.0 - held
 
-    def _key(self, handle: Handle, edit: Edit) -> Key:
+    def _key(self, handle: Handle, edit: Edit, band: float) -> Key:
         place, controls, exact = handle.place, handle.controls.of_column, edit.rules.exact_distances
         sources: list[int] = []
         if controls.locality > 0 or controls.radius is not None:
@@ -137,7 +143,7 @@ class FeatureWeights:
                 points = [place.position] if place.region is None else self._mesh.vertices[own]
                 sources += [self._rows.nearest((x, y, z)) for x, y, z in edit.symmetry.reflect(points).tolist()]
         starts = tuple(dict.fromkeys(sources))
-        return Key(place, controls, starts, exact and bool(starts), edit.fixed, edit.rules.reach_targets)
+        return Key(place, band, controls, starts, exact and bool(starts), edit.fixed, edit.rules.reach_targets)
 
     def _falloff(self, key: Key) -> tuple[Float32 | None, float]:
         """Return distances G (1, V) in [0, 1] and λ of the falloff (1 − G)^λ of Eq. 7; (None, 0) without one.
@@ -165,7 +171,7 @@ class FeatureWeights:
     def _bind(self, key: Key, column: Float32) -> None:
         """Write the weights (V,) of a handle to `column` (Eq. 4 to 7)."""
         place, controls, fixed = key.place, key.controls, key.fixed
-        part = self._grips.part(place) if controls.reach == "part" else None
+        part = self._grips.part(place, key.band) if controls.reach == "part" else None
         # Inside a part all weights are 1. A reach of 6, where they fall with the feature distance, loses 0.011 of the
         # soft IoU on 17 rigs and 0.014 on 13 labelled meshes.
         of_part = PARTLESS_REACH if part is None else LARGEST

@@ -3,7 +3,10 @@
 from collections.abc import Sequence
 from functools import cached_property
 
+import numpy as np
+
 from dfd.common.linear_algebra import Float32
+from dfd.editing.edit import Handle
 from dfd.editing.influence.counterparts import Held, find_counterparts
 from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.influence.recent import Recent
@@ -11,7 +14,7 @@ from dfd.editing.points import Place
 from dfd.field.field import Field
 from dfd.geometry.coarse import nodes_of
 from dfd.mesh.mesh import Mesh
-from dfd.segmentation.parts import Grip, Parts
+from dfd.segmentation.parts import BANDS, Border, Grip, Parts
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.symmetry.search import symmetry_planes
 from dfd.weights.bind import bind
@@ -24,6 +27,7 @@ class Grips:
         self._mesh, self._field, self._rows = mesh, field, rows
         self._parts: Recent[Grip | None] = Recent(32)  # hovering asks for many
         self._held: Recent[Held] = Recent(16)
+        self._borders: Recent[Border | None] = Recent(1024)
 
     def prepare(self, planes: Sequence[SymmetryPlane], parts: Parts | None = None) -> Parts:
         """Compute and return all data that does not depend on a place. It takes seconds for a million faces.
@@ -47,26 +51,37 @@ class Grips:
     def _planes(self) -> list[SymmetryPlane]:
         return symmetry_planes(self._field, self._mesh)
 
-    def grip(self, place: Place) -> Grip | None:
-        """Return the part at a place with its counterparts; None if there is none, as on a ball."""
-        return self._parts.get(place, lambda: self.parts.grip(self._rows.anchor(place)))
+    def grip(self, place: Place, band: float = BANDS[0]) -> Grip | None:
+        """Return the part at a place with its counterparts; None if there is none, as on a ball.
 
-    def held(self, place: Place, *, everywhere: bool = False, plane: SymmetryPlane | None = None) -> Held:
+        `band` is the width of the blend band, relative to the largest one.
+        """
+        return self._parts.get((place, band), lambda: self.parts.grip(self._rows.anchor(place), band))
+
+    def band(self, handle: Handle) -> float:
+        """Return the width of a handle's blend band, relative to the largest one; the least one if it needs none."""
+        if handle.controls.reach != "part" or np.array_equal(handle.matrix, np.eye(3, 4)):
+            return BANDS[0]
+        place = handle.place
+        border = self._borders.get(place, lambda: None if (grip := self.grip(place)) is None else grip.border)
+        return BANDS[0] if border is None else border.band(handle.matrix)
+
+    def held(self, place: Place, band: float, *, everywhere: bool = False, plane: SymmetryPlane | None = None) -> Held:
         """Return the part at a place and its counterparts.
 
         Counterparts are mirrored across `plane`, or across the shape's own planes if it is None. With `everywhere`,
-        they share the whole surface; otherwise they share the part.
+        they share the whole surface; otherwise they share the part. `band` is as in `grip`.
         """
 
         def find() -> Held:
-            rows, grip = self._rows, self.grip(place)
+            rows, grip = self._rows, self.grip(place, band)
             looks: Float32 = bind(rows.features, rows.points([place]))[:, 0]
             planes = [] if grip is None else self._planes if plane is None else [plane]
             anchor = rows.anchor(place)
             return find_counterparts(self._mesh, looks, anchor, place.position, grip, planes, everywhere=everywhere)
 
-        return self._held.get((place, everywhere, plane), find)
+        return self._held.get((place, band, everywhere, plane), find)
 
-    def part(self, place: Place) -> Float32 | None:
+    def part(self, place: Place, band: float) -> Float32 | None:
         """Return (V,) the weights of the part at a place; None if there is none."""
-        return None if self.grip(place) is None else self.held(place).part
+        return None if self.grip(place, band) is None else self.held(place, band).part

@@ -45,20 +45,23 @@ class HandleWeights:
         self._held_parts: Recent[list[HeldPart]] = Recent(64)
         self._made: Recent[tuple[Float32, tuple[Column, ...]]] = Recent(1)
 
-    def columns(self, edit: Edit) -> tuple[Float32, tuple[Column, ...]]:
-        """Return (V, C) weights, one or more columns per handle, and the handle and counterpart of each column."""
-        weights, keys = self.by_features.of(edit)
+    def columns(self, edit: Edit, bands_of: Edit | None = None) -> tuple[Float32, tuple[Column, ...]]:
+        """Return (V, C) weights, one or more columns per handle, and the handle and counterpart of each column.
+
+        `bands_of` is as in `FeatureWeights.of`.
+        """
+        weights, keys = self.by_features.of(edit, bands_of)
         if not any(_told_apart(handle, edit) for handle in edit.handles):
             return weights, tuple(Column(i, self._own(handle)) for i, handle in enumerate(edit.handles))
         controls = tuple(handle.controls for handle in edit.handles)
         key = (keys, controls, edit.preset, edit.symmetry, self.allocating(edit))
-        return self._made.get(key, lambda: self._columns(edit, weights))
+        return self._made.get(key, lambda: self._columns(edit, weights, [each.band for each in keys]))
 
-    def _columns(self, edit: Edit, weights: Float32) -> tuple[Float32, tuple[Column, ...]]:
+    def _columns(self, edit: Edit, weights: Float32, bands: Sequence[float]) -> tuple[Float32, tuple[Column, ...]]:
         portions: list[Share] = []
         columns: list[Column] = []
         for i, handle in enumerate(edit.handles):
-            found = self._portions(edit, handle, weights[:, i])
+            found = self._portions(edit, handle, weights[:, i], bands[i])
             if _apart(handle):
                 columns += [Column(i, one) for one, _ in found]
                 portions += [portion for _, portion in found]
@@ -96,14 +99,16 @@ class HandleWeights:
         bending = {i: self.held_parts(edit, handle) for i, handle in enumerate(edit.handles) if handle.transform.bends}
         return bent(self.mesh, edit, bending) if bending else self.mesh.vertices
 
-    def counterparts(self, edit: Edit, handle: Handle) -> list[tuple[Counterpart, bool]]:
+    def counterparts(self, edit: Edit, handle: Handle, band: float | None = None) -> list[tuple[Counterpart, bool]]:
         """Return the counterparts of a handle, its own first, and whether each moves with the handle.
 
         Those at the places of `excluded_counterparts` do not move. A counterpart is at a place where it has the largest
-        share, or where none has one, if it is the nearest. The handle's own always moves.
+        share, or where none has one, if it is the nearest. The handle's own always moves. If left out, `band`, the
+        relative width of the blend band, is that of the handle's transform.
         """
         everywhere = handle.controls.reach != "part"
-        found = self.grips.held(handle.place, everywhere=everywhere, plane=edit.symmetry).counterparts
+        band = self.grips.band(handle) if band is None else band
+        found = self.grips.held(handle.place, band, everywhere=everywhere, plane=edit.symmetry).counterparts
         on = [True] * len(found)
         for place in handle.controls.excluded_counterparts:
             here = self.rows.anchor(place)
@@ -156,11 +161,11 @@ class HandleWeights:
         place = handle.place
         return self._owned.get(place, lambda: Counterpart(self.rows.anchor(place), place.position, np.eye(3)))
 
-    def _portions(self, edit: Edit, handle: Handle, weights: Float32) -> list[tuple[Counterpart, Share]]:
+    def _portions(self, edit: Edit, handle: Handle, weights: Float32, band: float) -> list[tuple[Counterpart, Share]]:
         """Return the counterparts of a handle that move, and the portion of its weights (V,) that each has."""
         if not _told_apart(handle, edit):
             return [(self._own(handle), _portion(None, weights))]
-        found = self.counterparts(edit, handle)
+        found = self.counterparts(edit, handle, band)
         counterparts = [one for one, _ in found]
         if handle.controls.counterparts == "only":
             return [(counterparts[0], _portion(counterparts[0].share, weights))]
