@@ -121,7 +121,7 @@ def test_what_auto_looks_at_can_be_said(run, monkeypatch):
     auto = (*DEFORM, "--handle", 40, "--save-edit", "edit.json", "--symmetry", "auto")
     for words in ((), ("--symmetry-candidates", "axes", "--symmetry-threshold", 0.2), ("--preset", "paper"),
                   ("--preset", "paper", "--symmetry-threshold", "relative")):  # fmt: skip
-        assert failed(run(*auto, *words), "the shape looks alike across no plane")
+        assert failed(run(*auto, *words), "no plane has two sides that look alike")
     assert [(how["candidates"], how["threshold"]) for how in asked] == [
         ("any", "relative"), ("axes", 0.2), ("axes", 0.1), ("axes", "relative")
     ]  # fmt: skip

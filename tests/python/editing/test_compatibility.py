@@ -88,7 +88,7 @@ def test_an_edit_of_another_shape_is_taken_where_it_is_wanted(mesh, field, tmp_p
     other = moved(mesh, 3)
     with pytest.raises(ValueError, match="one of another shape; .* other_shape=True accepts it anyway"):
         dfd.Deformer.load(tmp_path / "edit.json", other, made_field(16, center=other.bounds.mean(0), scale=0.7))
-    with pytest.warns(UserWarning, match="1 of its vertices or sets of vertices are found by position"):
+    with pytest.warns(UserWarning, match="1 of the edit's vertices or sets of vertices are found by position"):
         taken = dfd.Deformer.load(tmp_path / "edit.json", other, field, other_shape=True)
     np.testing.assert_array_equal(taken.handles[0].place.position, mesh.vertices[5])
 

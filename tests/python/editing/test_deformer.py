@@ -117,7 +117,7 @@ def test_auto_takes_the_plane_that_looks_most_alike(deformer, mesh, field):
     assert deformer.symmetry == replace(planes[0], band=0.03 * max(mesh.extents))
     with (
         mock.patch("dfd.editing.edit.symmetry_planes", return_value=[]),
-        pytest.raises(ValueError, match="looks alike across no plane"),
+        pytest.raises(ValueError, match="no plane has two sides that look alike"),
     ):
         deformer.set_symmetry("auto")
 
@@ -184,7 +184,7 @@ def test_a_handle_can_sit_elsewhere_and_its_pivot_comes_along(deformer, mesh):
         (lambda d: d.move(1, translation=(0, math.inf, 0)), r"Deformer.move: `translation` must be finite"),
         (lambda d: d.move(1, rotation=(0, 0)), r"Deformer.move: `rotation` must be a rotation vector"),
         (lambda d: d.move(1, pivot="center"), r"Deformer.move: `pivot` must be auto, base, middle, point"),
-        (lambda d: d.move(1, towards="up"), r"Deformer.move: `bend` must be given: it is what `towards` is for"),
+        (lambda d: d.move(1, towards="up"), r"Deformer.move: `bend` must be given with `towards`"),
         (lambda d: d.move(1, bend=(1, 2)), r"Deformer.move: `bend` must be 3 numbers"),
         (
             lambda d: d.move(1, bend=(1, 0, 0), towards="up"),

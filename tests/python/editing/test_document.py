@@ -94,7 +94,7 @@ def test_the_file_is_json_that_people_can_read(edit, mesh, tmp_path):
 
 def test_the_example_of_the_documentation_is_read(mesh):
     example = re.search(r"^    \{.*?^    \}", edit_file.__doc__, re.DOTALL | re.MULTILINE)[0]
-    with pytest.warns(UserWarning, match="3 of its vertices or sets of vertices are found by position"):
+    with pytest.warns(UserWarning, match="3 of the edit's vertices or sets of vertices are found by position"):
         edit = from_document(json.loads(example), mesh)
     assert edit.handles[0].name == "left horn"
     assert edit.handles[0].transform == Transform((0.0, 0.2, 0.0), (0.0, 0.0, 30.0))
@@ -150,7 +150,7 @@ def test_the_schema_says_what_is_read_and_what_is_written(document):
 
 def test_on_another_resolution_handles_stay_where_they_were(edit, mesh, document):
     finer = grid(33)
-    with pytest.warns(UserWarning, match="made on a mesh of 81 vertices, and this one has 1089: 4 of its vertices"):
+    with pytest.warns(UserWarning, match="made on a mesh of 81 vertices, and this one has 1089: 4 of the edit's vertices"):
         moved = from_document(document, finer)
     for old, new in zip(edit.handles[:2], moved.handles[:2], strict=True):
         assert new == replace(old, place=Place(old.place.position))
@@ -186,7 +186,7 @@ def test_the_same_number_of_vertices_in_another_order_is_noticed(mesh, document)
     order = np.arange(len(mesh.vertices))[::-1]
     backwards = Mesh(mesh.vertices[order], order.argsort()[mesh.faces])
     # The middle vertex of 81 keeps its place, the one in a corner does not.
-    with pytest.warns(UserWarning, match="3 of its vertices or sets of vertices are found by position"):
+    with pytest.warns(UserWarning, match="3 of the edit's vertices or sets of vertices are found by position"):
         moved = from_document(document, backwards)
     assert moved.fixed[0].vertex is None
     assert moved.handles[0].place.vertex == 40

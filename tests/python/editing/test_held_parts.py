@@ -236,7 +236,7 @@ def test_what_opens_turns_about_the_border_away_from_the_rest(one):
 
 
 def test_a_default_transform_has_no_part(one):
-    with pytest.raises(TypeError, match="'bend' is for what a handle holds"):
+    with pytest.raises(TypeError, match="'bend' needs the part that a handle holds"):
         one.set_default(bend=30)
 
 

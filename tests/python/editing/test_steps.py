@@ -133,7 +133,7 @@ def test_an_edit_holds_on_another_resolution(deformer, rules, mesh, field, tmp_p
     corners = mesh.faces + count
     fans = [np.column_stack([corners[:, i], corners[:, i - 2], np.arange(count)]) for i in range(3)]
     finer = dfd.Mesh(np.concatenate([centers, mesh.vertices]), np.concatenate(fans))
-    with pytest.warns(UserWarning, match="3 of its vertices or sets of vertices are found by position"):
+    with pytest.warns(UserWarning, match="3 of the edit's vertices or sets of vertices are found by position"):
         moved = dfd.Deformer.load(tmp_path / "edit.json", finer, field)
     assert [handle.place.vertex for handle in moved.handles] == [None, None]
     np.testing.assert_allclose(moved.vertices[count:], deformer.vertices, atol=1e-3 * mesh.diagonal)
