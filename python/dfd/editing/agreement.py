@@ -6,7 +6,7 @@ from dfd.common.linear_algebra import Float64
 from dfd.editing.deformer import Deformer
 from dfd.geometry.topology import vertex_areas
 
-HELD = 0.5  # a handle moves the vertices with at least this fraction of its largest weight
+HELD = 0.5  # vertices with at least this fraction of a handle's largest weight count as moved by it
 # A logistic regression gives the log-odds that two parts correspond: INTERCEPT − AREA_SLOPE · a − DISTANCE_SLOPE · d.
 # `differences` returns a and d. `python -m bench.training.learn_agreement` computes the constants from 1,892 handles
 # that were transferred between rigs.
@@ -16,8 +16,7 @@ INTERCEPT, AREA_SLOPE, DISTANCE_SLOPE = 2.97, 2.76, 18.3
 def agreements(before: Deformer, after: Deformer) -> tuple[float, ...]:
     """Return for each of H handles the probability that it moves corresponding parts in both sessions.
 
-    `before` is the session in which the edit was made. `after` is a session of the other shape, with the transferred
-    edit: its handles correspond to those of `before`, in the same order.
+    `before` is the session in which the edit was made, `after` a session of the other shape with the transferred edit.
     """
     log_odds = INTERCEPT - differences(before, after) @ (AREA_SLOPE, DISTANCE_SLOPE)
     return tuple((1.0 / (1.0 + np.exp(-log_odds))).tolist())
@@ -35,11 +34,7 @@ def differences(before: Deformer, after: Deformer) -> Float64:
 
 
 def _moved_surface(session: Deformer) -> tuple[Float64, Float64]:
-    """Return the area (H,) and the center (H, 3) of the surface that each handle moves.
-
-    Areas are fractions of the shape's area. Centers are relative to the center of the bounding box, and fractions of
-    its diagonal.
-    """
+    """Return the moved fraction of the area (H,) for each handle, and its center (H, 3) relative to the bounding box."""
     mesh, weights = session.mesh, session.following
     area = vertex_areas(mesh.vertices, mesh.faces)
     held = area[:, None] * ((weights >= HELD * weights.max(axis=0)) & (weights > 0))

@@ -128,9 +128,7 @@ class Controls(Brief):
         return Controls(**{name: getattr(self, name) for name, said in CONTROLS.items() if said.affects == "weights"})
 
     def changed(self, **given: Any) -> Controls:
-        """Return the controls with the `given` values. None keeps the present value.
-
-        A given `radius` sets `locality` to 0, and a given `locality` sets `radius` to None.
+        """Return the controls with those `given` values that are not None. `radius` and `locality` reset each other.
 
         Raises ValueError as `Controls` does.
         """

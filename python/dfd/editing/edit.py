@@ -33,7 +33,7 @@ MOST_LINEAR = 30.0  # largest rotation of a handle, in degrees, that is blended 
 
 @dataclass(frozen=True, repr=False)
 class Handle(Brief):
-    """A place on the shape, its transform, and the controls, which say which vertices follow it.
+    """A place on the shape, its transform, and the controls of its weights.
 
     Raises ValueError if `id` is below 1, `name` is no text, or the numbers are so large that the matrix is not finite.
     """
@@ -94,7 +94,7 @@ class Edit(Brief):
     # handles, fixed: in the order in which they were added
     handles: tuple[Handle, ...] = ()
     fixed: tuple[Fixed, ...] = ()
-    # symmetry: the plane of symmetry, or None. In a file, "x", "y" or "z" is the plane across that axis.
+    # symmetry: the plane of symmetry, or None. In a file, "x", "y" or "z" is perpendicular to that axis.
     symmetry: Annotated[SymmetryPlane | None, Written(SymmetryPlane | Literal["x", "y", "z"] | None)] = None
     default: Transform | None = None  # D₀ of Eq. 1, the transform of vertices without weights; None is the identity
     preset: Annotated[Preset, About("Defaults of new handles, and rules that combine handles.")] = "default"
@@ -125,7 +125,7 @@ class Edit(Brief):
 
     @property
     def blending(self) -> Blend:
-        """Return `blend` for `dfd.pose`. Dual quaternions keep the thickness of a part under large rotations."""
+        """Return the `blend` for `dfd.pose`. Dual quaternions keep the thickness of parts under large rotations."""
         angles = (np.linalg.norm(handle.transform.rotation) for handle in self.handles)
         large = self.rules.blend == "auto" and max(angles, default=0.0) > MOST_LINEAR
         return "dual_quaternion" if large else "linear"
@@ -158,8 +158,8 @@ class Edit(Brief):
 def edit_on(mesh: Mesh, edit: Edit, place: Callable[[str, Place], Place] | None = None) -> Edit:
     """Return `edit` with its places converted to places on `mesh`, and check its regions.
 
-    `place` is the function that converts. It gets the path of a place in the document, and the place; the default is
-    `place_on`. Raises ValueError if `mesh` lacks a vertex or a region.
+    `place` is a function that converts one place; the default is `place_on`. Its arguments are the path of the place in
+    the document, and the place. Raises ValueError if `mesh` lacks a vertex or a region.
     """
 
     def on_mesh(path: str, said: Place) -> Place:
@@ -249,5 +249,5 @@ def symmetry_on(
 
 
 def box_center(mesh: Mesh) -> Vector:
-    """Return the center (3,) of the bounding box, mesh units: the pivot of a default transform without a pivot."""
+    """Return the center (3,) of the bounding box, mesh units. It is the default pivot of the default transform."""
     return vector("mesh", np.asarray(mesh.bounds, np.float64).mean(axis=0))

@@ -113,7 +113,7 @@ def find(mesh: Mesh, text: str) -> Found:
     `back` are the vertices farthest in these directions (up is +y, front is +z, right is +x). `part:NAME` is a part of
     the mesh's scene. `group:NAME` contains the faces after a `g`, `o` or `usemtl` line of an OBJ file. `material:NAME`
     is all surface of one material. `x>0.5` and `y<0` are sides of a plane. `ball:x,y,z,radius` is a ball, and
-    `box:x,y,z,x,y,z` is a box with these two corners. `component@812` is the connected component with a place.
+    `box:x,y,z,x,y,z` is a box with these two corners. `component@812` is the connected component at vertex 812.
 
     Raises ValueError if `text` names no place of the mesh; the message gives the expected forms.
     """

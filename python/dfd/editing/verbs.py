@@ -85,7 +85,7 @@ def _controls(weights: HandleWeights, place: Place, given: Mapping[str, Any]) ->
 
 
 def _part_named(weights: HandleWeights, at: Any, own: Place | None = None) -> Any:
-    """Return `at`, or the part for a text: "part@812", "piece@812" without counterparts, or "part" for that at `own`."""
+    """Return `at`, or the part for a text: "part@812", "piece@812" without counterparts, "part" for that at `own`."""
     if not isinstance(at, str):
         return at
     if at == "part" and own is not None:

@@ -82,7 +82,7 @@ def test_shapes_that_do_not_fit_or_cannot_be_read_are_left_out_and_named(shapes,
         (("*.ply", "--edit", "edit.json", "-o", "none/out"), "the folder none does not exist"),
         (("*.ply", "--edit", "edit.json", "-o", "out", "--field", "first.ply"), "`--field` must be a folder"),
         (("*.ply", "--edit", "none.json", "-o", "out"), "none.json"),
-        (("*.ply", "first.obj", "--edit", "edit.json", "-o", "out"), "would have one name in out"),
+        (("*.ply", "first.obj", "--edit", "edit.json", "-o", "out"), "would have the same name in out"),
         (("large.ply", "second.ply", "--edit", "old.json", "-o", "out"), "`--made-on` must name the mesh"),
     ],
 )

@@ -150,7 +150,7 @@ def test_the_schema_says_what_is_read_and_what_is_written(document):
 
 def test_on_another_resolution_handles_stay_where_they_were(edit, mesh, document):
     finer = grid(33)
-    with pytest.warns(UserWarning, match="made on a mesh of 81 vertices, and this one has 1089: 4 of the edit's vertices"):
+    with pytest.warns(UserWarning, match="on a mesh of 81 vertices, and this one has 1089: 4 of the edit's vertices"):
         moved = from_document(document, finer)
     for old, new in zip(edit.handles[:2], moved.handles[:2], strict=True):
         assert new == replace(old, place=Place(old.place.position))
