@@ -58,13 +58,13 @@ def batch(
     ] = None,
     threads: Annotated[int, Option(min=1, help="Threads for each shape.")] = 1,
     gpus: Annotated[float, Option(min=0.0, help="GPUs for each shape; with 0.25, four shapes share one GPU.")] = 0.0,
-    timeout: Annotated[float | None, Option(metavar="SECONDS", help="Stop a shape that takes longer.")] = None,
+    timeout: Annotated[float | None, Option(metavar="SECONDS", help="Stop a shape after this time.")] = None,
     address: Annotated[
         str | None, Option(metavar="ADDRESS", help="Run on the Ray cluster at auto, HOST:PORT or ray://HOST:PORT.")
     ] = None,
-    retry: Annotated[bool, Option("--retry", help="Process shapes again that failed before.")] = False,
+    retry: Annotated[bool, Option("--retry", help="Also process shapes that failed before.")] = False,
 ) -> None:
-    """Process a folder or a list of shapes in parallel, on Ray; the same command resumes after an interruption.
+    """Process many shapes in parallel with Ray. The same command resumes after an interruption.
 
     Each shape gets a folder of its own; shapes.jsonl and index.html list all shapes.
     """

@@ -44,11 +44,11 @@ def deform(
     fix: options.Fix = None,
     symmetry: Annotated[
         str | None,
-        Option(metavar="auto|x|x=0.1|NX,NY,NZ,OFFSET", help="Mirror handles on the other side of this plane."),
+        Option(metavar="auto|x|x=0.1|NX,NY,NZ,OFFSET", help="Plane of symmetry: handles also act mirrored."),
     ] = None,
     band: Annotated[
         float | None,
-        Option(metavar="WIDTH", help="Half width of the band that blends both sides, mesh units; 0 is a cut."),
+        Option(metavar="WIDTH", help="Half width of the band that blends both sides, mesh units; 0: hard cut."),
     ] = None,
     symmetry_candidates: Annotated[
         str | None, Option(metavar="any|axes", help="Planes that --symmetry auto considers; axes: as in the paper.")
@@ -62,7 +62,7 @@ def deform(
     ] = None,
     edit: Annotated[Path | None, Option(metavar="JSON", help="An edit file to start from.")] = None,
     made_on: Annotated[
-        Path | None, Option(metavar="MESH", help="The shape on which --edit was made, if it is not among the MESHes.")
+        Path | None, Option(metavar="MESH", help="The shape on which --edit was made, if it is none of the meshes.")
     ] = None,
     threshold: options.Threshold = None,
     force: Annotated[

@@ -17,7 +17,7 @@ PLACE = "VERTEX|X,Y,Z|top|part:NAME|group:NAME|part@X,Y,Z|component@X,Y,Z|…"
 Mesh = Annotated[Path, Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file.")]
 Field = Annotated[Path, Option(metavar="FIELD", help="The shape's field, as `dfd distill` wrote it.")]
 MadeField = Annotated[
-    Path | None, Option(metavar="FIELD", help="The shape's field; by default it is cached or distilled.")
+    Path | None, Option(metavar="FIELD", help="The shape's field; by default from the cache, else distilled.")
 ]
 Force = Annotated[bool, Option("--force", help="Accept a field or an edit of another shape.")]
 Preset = Annotated[

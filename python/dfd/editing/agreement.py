@@ -34,7 +34,7 @@ def differences(before: Deformer, after: Deformer) -> Float64:
 
 
 def _moved_surface(session: Deformer) -> tuple[Float64, Float64]:
-    """Return the moved fraction of the area (H,) for each handle, and its center (H, 3) relative to the bounding box."""
+    """Return the fraction (H,) of the area that each handle moves, and its center (H, 3) relative to the box."""
     mesh, weights = session.mesh, session.following
     area = vertex_areas(mesh.vertices, mesh.faces)
     held = area[:, None] * ((weights >= HELD * weights.max(axis=0)) & (weights > 0))
