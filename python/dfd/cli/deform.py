@@ -43,8 +43,7 @@ def deform(
     name: Annotated[str | None, Option(metavar="TEXT", help="The name of the handle in the edit.")] = None,
     fix: options.Fix = None,
     symmetry: Annotated[
-        str | None,
-        Option(metavar="auto|x|x=0.1|NX,NY,NZ,OFFSET", help="Plane of symmetry: handles also act mirrored."),
+        str | None, Option(metavar="auto|x|x=0.1|NX,NY,NZ,OFFSET", help="Plane of symmetry: handles also act mirrored.")
     ] = None,
     band: Annotated[
         float | None,

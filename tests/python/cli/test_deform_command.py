@@ -1,4 +1,4 @@
-"""`dfd deform`: what it writes."""
+"""Test the output of `dfd deform`."""
 
 import re
 from pathlib import Path
@@ -86,7 +86,7 @@ def test_the_paper_is_one_word_beside_which_anything_can_be_said(run, chair):
     assert one == controls_of("paper")
     assert (two.reach, two.falloff) == (0.6, "linear")
     assert (edit.preset, edit.symmetry.band) == ("paper", 0)
-    # An edit keeps its own, unless another is asked for.
+    # An edit keeps its preset unless `--preset` gives another one.
     for preset, options in (("paper", ()), ("default", ("--preset", "default"))):
         assert worked(run(*DEFORM, "--edit", "edit.json", *options, "--save-edit", "again.json"))
         assert read_edit("again.json", chair).preset == preset

@@ -1,4 +1,4 @@
-"""`dfd deform` of several shapes."""
+"""Test `dfd deform` with several shapes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def save(mesh: dfd.Mesh, name: str, seed: int = 1) -> None:
 
 @pytest.fixture
 def shapes(run, chair):
-    """first.ply with an edit of its own, its twin of three times the size, and their fields."""
+    """Write first.ply with an edit, large.ply, the same shape three times as large, and both fields; return `run`."""
     save(chair, "first")
     save(dfd.Mesh(3 * chair.vertices, chair.faces), "large")
     deform = ("deform", "first.ply", "--field", "first.field.safetensors", "--handle", 40)

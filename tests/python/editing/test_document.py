@@ -1,4 +1,4 @@
-"""Edits as JSON documents: what survives a file, and what a file must not hold."""
+"""Test that edits are equal after they are written and read, and the errors of invalid files."""
 
 import copy
 import json
@@ -99,7 +99,7 @@ def test_the_example_of_the_documentation_is_read(mesh):
     assert edit.handles[0].name == "left horn"
     assert edit.handles[0].transform == Transform((0.0, 0.2, 0.0), (0.0, 0.0, 30.0))
     assert edit.symmetry == SymmetryPlane((1.0, 0.0, 0.0), 0.0, band=0.05)
-    # Every key of the example is written; the generated reference lists all keys.
+    # All keys of the example are keys of written documents.
     assert to_document(edit, mesh).keys() == json.loads(example).keys()
     written, said = to_document(edit, mesh)["handles"][0], json.loads(example)["handles"][0]
     assert said.keys() <= written.keys()
@@ -185,7 +185,7 @@ def test_a_vertex_that_still_lies_there_stays_a_vertex(edit, mesh, document):
 def test_the_same_number_of_vertices_in_another_order_is_noticed(mesh, document):
     order = np.arange(len(mesh.vertices))[::-1]
     backwards = Mesh(mesh.vertices[order], order.argsort()[mesh.faces])
-    # The middle vertex of 81 keeps its place, the one in a corner does not.
+    # In reverse order, vertex 40 of 81 has the same position, and vertices in the corners have others.
     with pytest.warns(UserWarning, match="3 of the edit's vertices or sets of vertices are found by position"):
         moved = from_document(document, backwards)
     assert moved.fixed[0].vertex is None
@@ -193,7 +193,7 @@ def test_the_same_number_of_vertices_in_another_order_is_noticed(mesh, document)
     np.testing.assert_array_equal(np.flatnonzero(moved.handles[2].place.region.inside(backwards)), [75, 76, 77])
 
 
-# --- what is refused
+# --- invalid documents
 
 
 MISSING = object()
@@ -260,7 +260,7 @@ def test_an_index_out_of_range_is_named(mesh):
         from_document(document, mesh)
 
 
-# --- files that are odd
+# --- invalid files
 
 
 @pytest.mark.parametrize(

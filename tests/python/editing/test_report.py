@@ -1,4 +1,4 @@
-"""What a session says of itself."""
+"""Test the report of an edit."""
 
 import numpy as np
 import pytest
@@ -101,5 +101,5 @@ def test_a_negative_scale_is_told_to_mirror(deformer):
     assert str(deformer.report()).endswith(
         "handle 1 mirrors the held part, so its faces look inward: a factor of scale is negative"
     )
-    deformer.move(1, scale=(-1, -1, 1))  # half a turn
+    deformer.move(1, scale=(-1, -1, 1))  # two negative factors are a rotation by 180°
     assert deformer.report().advice is None
