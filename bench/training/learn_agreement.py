@@ -50,7 +50,7 @@ def carried(shapes: list[tuple[RiggedShape, dfd.Deformer]]) -> Iterator[tuple[st
 
 
 def fitted(rows: Float64, right: Bool, weight: Float64) -> Float64:
-    """Return EQUAL, BY_SHARE and BY_PLACE (3,), which maximize the likelihood of `right` (N,), given `rows` (N, 2)."""
+    """Return the three constants of `agreement` that maximize the likelihood of `right` (N,) for `rows` (N, 2)."""
     sign = np.where(right, -1.0, 1.0)
 
     def loss(constants: Float64) -> float:

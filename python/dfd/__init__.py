@@ -35,7 +35,7 @@ if _typing.TYPE_CHECKING:
     from dfd.symmetry.plane import SymmetryPlane
     from dfd.symmetry.search import symmetry_planes
 
-# Stable: they change with a new major version alone.
+# Stable names: they change only with a new major version.
 __all__ = [
     "CompactFeatures",
     "Deformer",
@@ -55,12 +55,12 @@ __all__ = [
     "set_num_threads",
     "symmetry_planes",
 ]
-# Experimental: they may change with any version.
+# Experimental names: they may change with any version.
 __all__ += ["Drag", "KeyPose", "Parts", "VertexField", "export_rig", "export_weights", "parts", "show"]
 
-# Names whose modules pull in torch, trimesh or scipy: imported when they are first asked for, so that `import dfd`
-# and `dfd --help` answer at once.
-_LATER = {
+# Modules of names that are imported when the name is first used, because they import torch, trimesh or SciPy. So
+# `import dfd` and `dfd --help` are fast.
+_LAZY = {
     "Deformer": "dfd.editing.deformer",
     "DistillSettings": "dfd.distillation.settings",
     "Field": "dfd.field.field",
@@ -84,9 +84,9 @@ _LATER = {
 def __getattr__(name: str) -> _typing.Any:
     if name == "samples":
         return _importlib.import_module(f"dfd.{name}")
-    if name in _LATER:
-        value = getattr(_importlib.import_module(_LATER[name]), name)
-        if name == "Deformer":  # no package below the app imports it
+    if name in _LAZY:
+        value = getattr(_importlib.import_module(_LAZY[name]), name)
+        if name == "Deformer":  # `dfd.editing` must not import the app, so the function is set here
             value.page = lambda session, **how: _importlib.import_module("dfd.app").show(session, **how)
         globals()[name] = value
         return value

@@ -1,4 +1,4 @@
-"""`python -m dfd` is the command line."""
+"""Run the command line by `python -m dfd`."""
 
 from dfd.cli import main
 

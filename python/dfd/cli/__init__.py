@@ -1,6 +1,6 @@
-"""The command line: one file per command, which calls the functions of the Python interface.
+"""The command line. Each command has a file of its own, which calls the functions of the Python interface.
 
-Slow modules (torch, trimesh) are imported inside the commands, so `dfd --help` answers at once.
+Commands import slow modules, such as torch and trimesh, when they run. So `dfd --help` starts quickly.
 """
 
 import atexit
@@ -42,7 +42,7 @@ def _print_version(wanted: bool) -> None:
 @app.callback()
 def root(
     version: Annotated[  # only its callback is used
-        bool, Option("--version", callback=_print_version, is_eager=True, help="Print the version and leave.")
+        bool, Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
     """Deep Feature Deformation: grab a point of a mesh, and everything that looks alike follows."""
@@ -55,8 +55,8 @@ for command in (demo, distill, deform, show, inspect, parts, export, batch, app_
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line with `arguments`, by default those of the process, and exit.
 
-    Exit codes: 0 success; 1 some of several shapes failed, or the edit moved nothing; 2 an argument is wrong, with one
-    line on standard error; 130 interrupted.
+    The exit code is 0 for success, 1 if some of several shapes failed or the edit moved nothing, 2 if an argument or a
+    file is invalid, and 130 after Ctrl-C.
     """
-    atexit.register(gc.freeze)  # without it, a last garbage collection of a million objects would delay the exit
+    atexit.register(gc.freeze)  # skips the garbage collection at exit, which is slow with a million objects
     app(args=None if arguments is None else list(arguments), prog_name="dfd")

@@ -1,4 +1,4 @@
-"""`dfd app`."""
+"""The command `dfd app`: edit a mesh in a browser."""
 
 from functools import partial
 from pathlib import Path
@@ -13,10 +13,10 @@ from dfd.encoders.known import DEFAULT_ENCODER
 
 def app(
     mesh: Annotated[
-        Path | None, Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file; none is the start page.")
+        Path | None, Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file; by default a start page.")
     ] = None,
     field: options.MadeField = None,
-    edit: Annotated[Path | None, Option(metavar="JSON", help="Begin with this edit.")] = None,
+    edit: Annotated[Path | None, Option(metavar="JSON", help="Start with this edit.")] = None,
     sample: Annotated[str | None, Option(metavar="NAME", help="Open a sample: quadruped, chair or robot.")] = None,
     preset: options.Preset = None,
     encoder: options.Encoder = DEFAULT_ENCODER,
@@ -24,18 +24,18 @@ def app(
         int | None, Option(min=0, max=65535, help="The port of the server; by default 8765, or a free one.")
     ] = None,
     host: Annotated[
-        str, Option(help="The address of the server; with others than the default, other machines can connect.")
+        str, Option(help="The address of the server; other machines can connect unless it is the default.")
     ] = "127.0.0.1",
     browser: Annotated[bool, Option("--browser/--no-browser", help="Open a browser.")] = True,
 ) -> None:
-    """Open MESH in a browser: grab it anywhere, and everything alike follows."""
+    """Edit MESH in a browser: drag a point of it, and all similar parts follow."""
     for option, path in (("MESH", mesh), ("--field", field), ("--edit", edit)):
         if path is not None and not path.is_file():
             raise FileNotFoundError(f"`{option}`: {path} does not exist or is no file")
     if mesh is not None and sample is not None:
-        raise ValueError("`--sample` must not be given beside MESH: a tab shows one shape")
+        raise ValueError("`--sample` must not be given with MESH: the app opens one shape")
     if mesh is None and sample is None and (field or edit):
-        raise ValueError(f"MESH must be given: it is what `{'--field' if field else '--edit'}` is for")
+        raise ValueError(f"MESH must be given with `{'--field' if field else '--edit'}`")
     try:
         from dfd.app.options import OpenedFile, SessionOptions, check_sample
         from dfd.app.web.launch import serve
@@ -53,7 +53,7 @@ def app(
     )
     if not loopback(host):
         say(
-            f"dfd: {host} lets other machines in, without encryption: who sees the address can open and change "
-            "everything in the app; an SSH tunnel to the default is safer"
+            f"dfd: with the host {host}, other machines can connect without encryption: anybody with the address can "
+            "open and change everything in the app; an SSH tunnel to the default host is safer"
         )
     serve(start, host=host, port=port, browser=browser, tell=partial(say, result=True))

@@ -1,4 +1,4 @@
-"""`dfd batch`."""
+"""The command `dfd batch`: process many shapes in parallel."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SOME_FAILED = 1  # exit code
 
 
 def batch(
-    inputs: Annotated[list[str], Argument(metavar="MESH…", help="Meshes, 'globs', or one CSV manifest.")],
+    inputs: Annotated[list[str], Argument(metavar="MESH…", help="Mesh files, patterns ('*.glb') or a CSV manifest.")],
     output: Annotated[Path, Option("--output", "-o", metavar="FOLDER", help="The folder to write.")],
     step: Annotated[
         list[str],
@@ -33,7 +33,7 @@ def batch(
         ),
     ] = ["inspect", "distill", "pictures"],  # noqa: B006  # Typer copies it
     encoder: options.Encoder = DEFAULT_ENCODER,
-    preset: Annotated[str | None, Option(metavar="default|paper", help="How fields are distilled, not edits.")] = None,
+    preset: Annotated[str | None, Option(metavar="default|paper", help="The preset of the step distill.")] = None,
     distill: Annotated[
         list[str] | None, Option(metavar="NAME=VALUE", help="A setting of `dfd distill`, such as views=12; repeatable.")
     ] = None,
@@ -42,8 +42,8 @@ def batch(
         list[Path] | None,
         Option(
             metavar="MESH",
-            help="The mesh of each --edit, with its field NAME.field.safetensors beside it; by default what the edits"
-            " name.",
+            help="The mesh of each --edit, with its field NAME.field.safetensors in the same folder; by default the"
+            " files that the edits name.",
         ),
     ] = None,
     threshold: options.Threshold = None,
@@ -54,19 +54,19 @@ def batch(
         ),
     ] = None,
     workers: Annotated[
-        int | None, Option(min=1, help="Number of parallel shapes; by default as many as processors and memory allow.")
+        int | None, Option(min=1, help="Shapes processed at a time; by default as many as processors and memory allow.")
     ] = None,
-    threads: Annotated[int, Option(min=1, help="Threads of each shape.")] = 1,
-    gpus: Annotated[float, Option(min=0.0, help="GPUs of each shape; with 0.25, four shapes share one GPU.")] = 0.0,
-    timeout: Annotated[float | None, Option(metavar="SECONDS", help="Stop a shape that takes longer.")] = None,
+    threads: Annotated[int, Option(min=1, help="Threads for each shape.")] = 1,
+    gpus: Annotated[float, Option(min=0.0, help="GPUs for each shape; with 0.25, four shapes share one GPU.")] = 0.0,
+    timeout: Annotated[float | None, Option(metavar="SECONDS", help="Stop a shape after this time.")] = None,
     address: Annotated[
-        str | None, Option(metavar="ADDRESS", help="Run on the Ray cluster there: auto, HOST:PORT or ray://HOST:PORT.")
+        str | None, Option(metavar="ADDRESS", help="Run on the Ray cluster at auto, HOST:PORT or ray://HOST:PORT.")
     ] = None,
-    retry: Annotated[bool, Option("--retry", help="Repeat shapes that failed before.")] = False,
+    retry: Annotated[bool, Option("--retry", help="Also process shapes that failed before.")] = False,
 ) -> None:
-    """Process a folder or a list of shapes in parallel, on Ray; the same command resumes after an interruption.
+    """Process many shapes in parallel with Ray. The same command resumes after an interruption.
 
-    Each shape gets its own folder; shapes.jsonl and index.html list all shapes.
+    Each shape gets a folder of its own; shapes.jsonl and index.html list all shapes.
     """
     if made_on and len(edit or ()) != len(made_on):
         raise ValueError("`--edit` and `--made-on` must be given equally often: each edit was made on a mesh")
@@ -100,7 +100,7 @@ def batch(
     except ValidationError as error:
         first = error.errors()[0]
         raise ValueError(f"{first.get('ctx', {}).get('error', first['msg'])}") from None
-    import_ray()  # before anything is written
+    import_ray()  # raises an error before anything is written
     begin_folder(output, settings)
     stages, resources = Stages(), Resources(address, workers, threads, gpus, timeout)
     try:
@@ -120,9 +120,9 @@ def batch(
 
 
 def _edit_sources(edits: list[Path], made_on: list[Path]) -> tuple[EditSource, ...]:
-    """Return the edits, after checking each with its mesh and its field.
+    """Return the sources of the edits, and check each edit with its mesh and its field.
 
-    Raises ValueError if an edit does not belong to its mesh, or two edits have one name. Raises OSError if a file
+    Raises ValueError if an edit does not belong to its mesh, or two edits have the same name. Raises OSError if a file
     cannot be read.
     """
     from dfd.batch.one_edit import find_files
@@ -136,14 +136,14 @@ def _edit_sources(edits: list[Path], made_on: list[Path]) -> tuple[EditSource, .
 
 
 def _listed(texts: list[str]) -> list[str]:
-    """Return the values of an option that may be repeated, and may contain several values with commas."""
+    """Return all values of an option that is repeated or has several values, separated by commas."""
     return [part.strip() for text in texts for part in text.split(",") if part.strip()]
 
 
 def _distill_settings(texts: list[str], wanted: bool) -> dict[str, Any]:
-    """Return all settings of the step distill, from texts such as views=12.
+    """Return all settings of the step distill. Each text, such as views=12, changes one setting.
 
-    Raises ValueError if a setting is unknown or out of its range.
+    Raises ValueError if a setting is unknown or out of its range, or if there are texts without that step.
     """
     from dfd.distillation.settings import DistillSettings
 

@@ -1,4 +1,4 @@
-"""`dfd deform`."""
+"""The command `dfd deform`: deform one shape by handles, or several shapes by one edit."""
 
 import re
 from pathlib import Path
@@ -17,7 +17,7 @@ from dfd.editing.controls import CONTROLS
 from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.posing.transforms import MOTIONS
 
-OF_SEVERAL = ("meshes", "field", "edit", "made_on", "threshold", "force", "encoder", "preset", "output", "picture")
+FOR_SEVERAL = ("meshes", "field", "edit", "made_on", "threshold", "force", "encoder", "preset", "output", "picture")
 NOTHING_MOVED = 1  # exit code
 
 
@@ -32,7 +32,7 @@ def deform(
         Option(
             metavar="FIELD",
             help="The shape's field, as `dfd distill` wrote it; for several shapes a folder with NAME.field.safetensors"
-            " (by default their own). What is not there is found or made.",
+            " (by default that of each shape). Missing fields are read from the cache or distilled.",
         ),
     ] = None,
     preset: options.Preset = None,
@@ -43,15 +43,14 @@ def deform(
     name: Annotated[str | None, Option(metavar="TEXT", help="The name of the handle in the edit.")] = None,
     fix: options.Fix = None,
     symmetry: Annotated[
-        str | None,
-        Option(metavar="auto|x|x=0.1|NX,NY,NZ,OFFSET", help="Mirror handles on the other side of this plane."),
+        str | None, Option(metavar="auto|x|x=0.1|NX,NY,NZ,OFFSET", help="Plane of symmetry: handles also act mirrored.")
     ] = None,
     band: Annotated[
         float | None,
-        Option(metavar="WIDTH", help="Half width of the blend band at the plane, mesh units; 0 is a hard cut."),
+        Option(metavar="WIDTH", help="Half width of the band that blends both sides, mesh units; 0: hard cut."),
     ] = None,
     symmetry_candidates: Annotated[
-        str | None, Option(metavar="any|axes", help="Which planes --symmetry auto considers: axes is the paper's.")
+        str | None, Option(metavar="any|axes", help="Planes that --symmetry auto considers; axes: as in the paper.")
     ] = None,
     symmetry_threshold: Annotated[
         str | None,
@@ -60,9 +59,9 @@ def deform(
             help="Largest score of planes of --symmetry auto; by default relative to the spread of the features.",
         ),
     ] = None,
-    edit: Annotated[Path | None, Option(metavar="JSON", help="Start from an edit with any number of handles.")] = None,
+    edit: Annotated[Path | None, Option(metavar="JSON", help="An edit file to start from.")] = None,
     made_on: Annotated[
-        Path | None, Option(metavar="MESH", help="The shape on which --edit was made, if it is not among the MESHes.")
+        Path | None, Option(metavar="MESH", help="The shape on which --edit was made, if it is none of the meshes.")
     ] = None,
     threshold: options.Threshold = None,
     force: Annotated[
@@ -78,20 +77,20 @@ def deform(
         Path | None,
         Option("--output", "-o", metavar="MESH|FOLDER", help="The mesh to write; for several shapes a folder."),
     ] = None,
-    picture: Annotated[Path | None, Option(metavar="PNG", help="Draw before and after; several on one sheet.")] = None,
+    picture: Annotated[Path | None, Option(metavar="PNG", help="A picture of each shape before and after.")] = None,
     azimuth: options.Azimuth = None,
     elevation: options.Elevation = 18.0,
     zoom: options.Zoom = 1.0,
-    save_edit: Annotated[Path | None, Option(metavar="JSON", help="Write the edit, for --edit.")] = None,
+    save_edit: Annotated[Path | None, Option(metavar="JSON", help="Write the edit, to use it with --edit.")] = None,
     **described: Any,
 ) -> None:
     """Deform MESH by handles from options, an edit, or both; or deform several shapes by one edit.
 
-    On several shapes, each handle moves to the most similar place. Shapes without a similar place are left out.
+    On several shapes, each handle moves to the most similar place. Shapes without similar places are left out.
     """
     held = handles(context)
     if len(meshes) > 1 or made_on is not None or has_magic(meshes[0]):
-        given = (each for each in context.command.params if each.name and each.name not in OF_SEVERAL)
+        given = (each for each in context.command.params if each.name and each.name not in FOR_SEVERAL)
         others = [
             each.opts[0] for each in given if str(context.get_parameter_source(each.name)).endswith("COMMANDLINE")
         ]
@@ -107,7 +106,7 @@ def deform(
         raise ValueError("`--handle` or `--edit` must be given: without them nothing moves")
     auto = {"band": band, "candidates": symmetry_candidates, "threshold": symmetry_threshold}
     if symmetry is None and any(value is not None for value in auto.values()):
-        raise ValueError("`--symmetry` must be given: it is what `--band` and `--symmetry-…` are for")
+        raise ValueError("`--symmetry` must be given with `--band` and `--symmetry-…`")
     if output is None and picture is None and save_edit is None:
         raise ValueError("`--output`, `--picture` or `--save-edit` must be given: otherwise nothing is kept")
     output = None if output is None else file_in(output, mesh)

@@ -1,4 +1,4 @@
-"""`dfd deform` of several shapes: one edit, transferred to each."""
+"""The command `dfd deform` for several shapes: transfer one edit to each shape."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-    FieldOf = Callable[[Path, Mesh], Field]  # finds or makes the field of a file's shape
+    FieldOf = Callable[[Path, Mesh], Field]  # returns the field of the mesh of a file
 
-CELL = 280  # pixels along a picture of the sheet
-BESIDE, SHAPES_ON_A_SHEET = 6, 60  # pictures in a row, two of each shape
+CELL = 280  # width and height of a picture on the sheet, pixels
+PICTURES_IN_A_ROW, SHAPES_ON_A_SHEET = 6, 60  # each shape has two pictures
 SOME_LEFT_OUT = 1  # exit code
 
 
@@ -42,10 +42,9 @@ def deform_many(
     sheet: Path | None,
     **how: Any,
 ) -> None:
-    """Transfer the edit to every shape, and write the shapes that it fits; exit with code 1 if some were left out.
+    """Transfer the edit to every shape, and write the deformed shapes. Exit with code 1 if some shapes are left out.
 
-    `fields` is a folder. `preset` replaces the preset of the edit, and is the preset of distilled fields. `how` are
-    keywords of `open_field`.
+    `fields` is a folder. `preset` applies to the edit and to distilled fields. `how` are arguments of `open_field`.
     """
     files = list(dict.fromkeys(path for pattern in meshes for path in matches(pattern)))
     _check(files, output, fields, sheet)
@@ -58,7 +57,7 @@ def deform_many(
     from dfd.pictures.sheet import session_views
 
     def field_of(file: Path, shape: Mesh) -> Field:
-        """Return the field from a file beside the shape or in `--field`, or from the cache; else distill it."""
+        """Return the field from the folder `--field` or that of the mesh, or from the cache, or distill it."""
         path = field_path(file, fields)
         return open_field(shape, path if path.is_file() else None, preset=preset, force=force, **how)
 
@@ -66,7 +65,7 @@ def deform_many(
     if preset is not None:
         original = replace(original, edit=with_preset(original.edit, preset, original.mesh))
     output.mkdir(exist_ok=True)
-    cells: list[tuple[Any, str]] = []  # two of each shape: pictures and captions
+    cells: list[tuple[Any, str]] = []  # pictures with captions, two of each shape
     left_out = 0
     for file in files:
         shape = None
@@ -94,7 +93,7 @@ def deform_many(
     told = f"{len(files) - left_out} of {len(files)} shapes{f', {left_out} left out' if left_out else ''}"
     if cells:
         sheet = sheet or output / "sheet.png"
-        rows = [("", cells[start : start + BESIDE]) for start in range(0, len(cells), BESIDE)]
+        rows = [("", cells[i : i + PICTURES_IN_A_ROW]) for i in range(0, len(cells), PICTURES_IN_A_ROW)]
         save_png(sheet, contact_sheet(rows, title=edit.name, cell=CELL))
         told += f"; {sheet}{f' shows {len(cells) // 2} of them' if len(files) > SHAPES_ON_A_SHEET else ''}"
     say(told)
@@ -103,14 +102,14 @@ def deform_many(
 
 
 def _check(files: Sequence[Path], output: Path, fields: Path | None, sheet: Path | None) -> None:
-    """Check before the work that all files can be written after it."""
+    """Check, before slow work begins, the names of all files, and that they can be written."""
     taken: dict[str, Path] = {}
     for file in files:
         if file.suffix.lower() not in MESH_ENDINGS:
             raise ValueError(f"`MESH` must end in {', '.join(MESH_ENDINGS)}, got {file}")
         before = taken.setdefault(file.stem.lower(), file)
         if before is not file:
-            raise ValueError(f"`MESH`: {before} and {file} would have one name in {output}")
+            raise ValueError(f"`MESH`: {before} and {file} would have the same name in {output}")
         file_in(output, file)
     if output.exists() and not output.is_dir():
         raise NotADirectoryError(f"`--output` must be a folder for several shapes, got {output}")
@@ -123,14 +122,14 @@ def _check(files: Sequence[Path], output: Path, fields: Path | None, sheet: Path
 
 
 def _original(edit: Path, files: Sequence[Path], made_on: Path | None, field_of: FieldOf) -> Original:
-    """Return the edit with its shape: `made_on`, the file with the recorded hash, or the file that the edit names."""
+    """Return the edit with its mesh: `made_on`, the file with the hash in the edit, or the file that the edit names."""
     import dfd
     from dfd.batch.one_edit import Original, find_files
 
     if made_on is not None:
         shape = dfd.load(made_on)
         return Original.read(edit, shape, field_of(made_on, shape))
-    with suppress(KeyError, TypeError, ValueError):  # an edit without the hash of its mesh; `find_files` refuses others
+    with suppress(KeyError, TypeError, ValueError):  # the edit has no hash, or is invalid, which `find_files` reports
         recorded = json.loads(edit.read_text("utf-8-sig"))["mesh"]["hash"]
         for file in files:
             with suppress(ValueError, OSError):  # a file that cannot be read is reported later

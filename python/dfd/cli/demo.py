@@ -1,4 +1,4 @@
-"""`dfd demo`: two sample shapes, their features, a few edits of each, and one sheet of pictures."""
+"""The command `dfd demo`: distill and edit two sample shapes, and draw them on one sheet of pictures."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     Picture = tuple[UInt8, str]
 
-ASIDE, BEHIND = 35.0, 215.0  # azimuths, degrees
+ASIDE, BEHIND = 35.0, 215.0  # azimuths of the camera, degrees
 FACES = 20_000
 FOOT = {"at": "bottom", "translation": (0.0, -0.35, 0.0), "name": "foot"}
 HOOF = {"at": "bottom", "translation": (0.0, -0.3, 0.0), "name": "hoof"}
@@ -32,8 +32,8 @@ EDITS: dict[str, tuple[tuple[str, str, dict[str, Any]], ...]] = {
     ),
     "quadruped": (
         ("One hoof is pulled down: all four legs grow", "quadruped_legs", HOOF),
-        ("One horn is bent: what looks alike follows", "quadruped_horn", HORN),
-        ("The same with locality 6: it stays near", "quadruped_horn_local", {**HORN, "locality": 6.0}),
+        ("One horn is rotated: all similar surface follows", "quadruped_horn", HORN),
+        ("The same with locality 6: only near surface follows", "quadruped_horn_local", {**HORN, "locality": 6.0}),
     ),
 }
 
@@ -83,7 +83,7 @@ def demo(
                 deformer.save(output / f"{file}.json")
                 rows.append((title, _drawn(deformer)))
         say(f"{name}: {stages}", result=True)
-    save_png(output / "story.png", contact_sheet(rows, title="Deep feature deformation: grab one, move all alike"))
+    save_png(output / "story.png", contact_sheet(rows, title="Deep feature deformation: all similar parts move"))
     say(f"Picture: {output / 'story.png'}\nMeshes, fields and edits: {output}", result=True)
 
 

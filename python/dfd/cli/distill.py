@@ -1,4 +1,4 @@
-"""`dfd distill`."""
+"""The command `dfd distill`: distill the features of an image encoder into a field of a mesh."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin
@@ -27,7 +27,7 @@ def distill(
     check_output("--output", output, (".safetensors",))
 
     given = {name: value for name, value in settings_given.items() if value is not None}
-    DistillSettings(**given)  # checked before the mesh is read
+    DistillSettings(**given)  # raises an error before the mesh is read
     stages = Stages()
     with stages.stage("read"):
         shape = dfd.load(mesh)
@@ -40,7 +40,7 @@ def distill(
 
 
 def _option(name: str) -> Any:
-    """Return the annotation of a setting: its type, its description and its default values."""
+    """Return the annotation of the option for a setting: its type, its description and its default values."""
     field = DistillSettings.model_fields[name]
     kinds = [kind for kind in get_args(field.annotation) or (field.annotation,) if kind is not type(None)]
     kind = kinds[0] if kinds[0] in (bool, int, float) else str

@@ -1,4 +1,4 @@
-"""Errors of the command line: one line on standard error and an exit code, without a traceback for wrong input."""
+"""Report wrong input to the command line as one line on standard error and an exit code, without a traceback."""
 
 import os
 import re
@@ -17,7 +17,7 @@ INTERRUPTED = 130
 
 
 def say(text: str, *, result: bool = False) -> None:
-    """Print a line for people on standard error, or a `result` on standard output.
+    """Print `text` on standard error, or on standard output if it is a `result`.
 
     Control characters, which a terminal would interpret, and characters that are not UTF-8 are escaped.
     """
@@ -39,7 +39,7 @@ class CommandGroup(TyperGroup):
                 code = _fail(": ".join(["interrupted", *stop.args]), INTERRUPTED)
             except MemoryError as error:
                 code = _fail(": ".join(["out of memory", *filter(None, [str(error)])]), BAD_INPUT)
-            except BrokenPipeError:  # the reader of the output has closed it
+            except BrokenPipeError:  # the program that reads the output has closed the pipe
                 os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
                 code = 1
             except OSError as error:
@@ -48,7 +48,7 @@ class CommandGroup(TyperGroup):
             except ValueError as error:
                 code = _fail(str(error), BAD_INPUT)
             except Exception as error:
-                # Typer's own usage errors. Their class moved between its versions, their method did not.
+                # Usage errors of Typer have this method. Their class has another name in each version of Typer.
                 if not hasattr(error, "format_message"):
                     raise
                 usage = one_line(error.format_message()).replace("Value error, ", "")
@@ -72,11 +72,11 @@ class CommandGroup(TyperGroup):
             raise _Interrupted(*stop.args) from None
 
 
-# The parameters of commands for arguments and remedies of Python that have another name there.
+# Parameters of commands, by the names of the Python arguments that they set, if both names differ.
 PARAMETERS = {"path": "output", "features": "field", "plane": "symmetry"}
-PATHS = {"load": "MESH", "Field.load": "--field"}  # the command-line name of the path that a function reads
-CALLED = re.compile(r"(load|load_encoder|distill|Field\.load): (.*)", re.DOTALL)  # functions that raise plain errors
-PHRASES = {"dfd.editing.transfer": "`dfd deform --made-on`", "other_shape=True": "`--force`"}
+PATHS = {"load": "MESH", "Field.load": "--field"}  # what the command line calls the argument `path` of a function
+CALLED = re.compile(r"(load|load_encoder|distill|Field\.load): (.*)", re.DOTALL)  # messages with a function
+REMEDIES = {"dfd.editing.transfer": "`dfd deform --made-on`", "other_shape=True": "`--force`"}  # in Python, here
 
 
 def _in_options(function: str | None, said: str, parameters: Sequence[Any]) -> str:
@@ -91,12 +91,12 @@ def _in_options(function: str | None, said: str, parameters: Sequence[Any]) -> s
         return str(known.get(PARAMETERS.get(name, name)) or known.get(name) or name)
 
     said = re.sub(r"`(\w+)", lambda found: f"`{option(found[1])}", said)
-    for theirs, ours in PHRASES.items():
+    for theirs, ours in REMEDIES.items():
         said = said.replace(theirs, ours)
     return said
 
 
-class _Interrupted(Exception):  # noqa: N818  # no error: somebody pressed Ctrl-C
+class _Interrupted(Exception):  # noqa: N818  # not an error: the user pressed Ctrl-C
     pass
 
 

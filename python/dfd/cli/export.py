@@ -1,4 +1,4 @@
-"""`dfd export`."""
+"""The command `dfd export`: write a mesh with the handles of an edit as joints."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -16,22 +16,23 @@ def export(
     edit: Annotated[Path, Option(metavar="JSON", help="The edit whose handles become joints.")],
     output: Annotated[
         Path | None,
-        Option("--output", "-o", metavar="FILE", help="A .glb or .gltf file; baked also .obj, .ply, .stl or .off."),
+        Option("--output", "-o", metavar="FILE", help="A .glb or .gltf file, or .obj, .ply, .stl or .off for baked."),
     ] = None,
     form: Annotated[
         Literal["skin", "morph", "baked"] | None,
         Option(
             "--as",
             metavar="FORM",
-            help="skin: joints; morph: targets; baked: the moved shape. By default skin, unless MESH has one already.",
+            help="skin: handles as joints; morph: handles as morph targets; baked: the moved shape only. The default is"
+            " skin, or morph if MESH already has a skin.",
         ),
     ] = None,
     influences: Annotated[
-        str | None, Option(metavar="N|all", help="Joints that a vertex follows; 4 if left out.")
+        str | None, Option(metavar="N|all", help="Largest number of joints that a vertex follows; 4 if left out.")
     ] = None,
-    poses: Annotated[Path | None, Option(metavar="JSON", help="Key poses, which become an animation.")] = None,
+    poses: Annotated[Path | None, Option(metavar="JSON", help="A file of key poses, written as an animation.")] = None,
     weights: Annotated[
-        Path | None, Option(metavar="FILE", help="Write the weights as arrays, to an .npz or .safetensors file.")
+        Path | None, Option(metavar="FILE", help="An .npz or .safetensors file for the weights as arrays.")
     ] = None,
     preset: options.Preset = None,
     force: options.Force = False,

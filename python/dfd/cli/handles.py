@@ -1,4 +1,4 @@
-"""Several handles on one command line. Each begins with `--handle`, and the options after it belong to it."""
+"""Parse several handles on one command line: the options after each `--handle` belong to that handle."""
 
 from typing import Any
 
@@ -10,14 +10,14 @@ from dfd.editing.controls import CONTROLS
 from dfd.posing.transforms import MOTIONS
 
 OF_A_HANDLE = ("handle", "name", *MOTIONS, *CONTROLS)
-HANDLES = "dfd.handles"  # key of the context: the options of each handle, by parameter names
+HANDLES = "dfd.handles"  # key in the context of a command, for the options of each handle by parameter name
 
 
 class HandlesCommand(TyperCommand):
-    """A command with repeated `--handle`, each with its own options, whose values may be several numbers."""
+    """A command with several handles, each with options of its own. The value of an option may be several numbers."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Store the options of each handle, and parse the others. Options before the first `--handle` belong to it.
+        """Store the options of each handle, and parse all others. The first handle also has the options before it.
 
         Raises ValueError if an option of a handle has the wrong number of values.
         """
@@ -43,7 +43,7 @@ class HandlesCommand(TyperCommand):
 
 
 def handles(context: Any) -> list[tuple[str, dict[str, Any]]]:
-    """Return the place of every handle of a command line, and the arguments of `Deformer.add` for it.
+    """Return for each handle on a command line the text of its place, and its other arguments of `Deformer.add`.
 
     Raises ValueError if an option of a handle is given without a handle, or a factor of `--scale` is 0.
     """
@@ -61,7 +61,7 @@ def handles(context: Any) -> list[tuple[str, dict[str, Any]]]:
 
 
 def value_of(value: Any) -> Any:
-    """Return the number or the numbers in a text, or any other value unchanged."""
+    """Return the numbers of a text such as 1 or 1,2,3. Any other value is returned unchanged."""
     parts = value.split(",") if isinstance(value, str) else []
     if not parts or not all(map(is_number, parts)):
         return value
@@ -71,7 +71,7 @@ def value_of(value: Any) -> Any:
 
 def _value(flag: str, metavar: str, rest: list[str]) -> str:
     """Remove the value of an option from the beginning of `rest`; several numbers become one text such as 1,2,3."""
-    counts = {len(each.split()) for each in metavar.split("|") if each.isupper()}  # words are in lower case
+    counts = {len(each.split()) for each in metavar.split("|") if each.isupper()}  # numbers have upper-case names
     numbers = next((i for i, word in enumerate(rest) if not is_number(word)), len(rest)) if 3 in counts else 0
     is_text = numbers == 0 and bool(rest) and not (3 in counts and rest[0].startswith("-"))
     if numbers not in counts and not is_text:

@@ -1,4 +1,4 @@
-"""`dfd inspect` and `dfd parts`: describe a mesh and its parts."""
+"""The commands `dfd inspect` and `dfd parts`: describe a mesh and its parts."""
 
 import json
 from dataclasses import asdict
@@ -14,7 +14,7 @@ from dfd.cli.errors import say
 
 def inspect(
     mesh: options.Mesh,
-    field: Annotated[Path | None, Option(metavar="FIELD", help="Also say how it was made, and find symmetry.")] = None,
+    field: Annotated[Path | None, Option(metavar="FIELD", help="Also describe this field and find symmetry.")] = None,
     up: Annotated[
         str, Option(metavar="DIRECTION", help="Which way is up: auto, file, +y, -z, …, or numbers such as 0,0,1.")
     ] = "auto",
@@ -37,7 +37,7 @@ def inspect(
     counts, said = topology.inspect(shape), check_up(up)
     try:
         found = find_up(shape, load_encoder(DEFAULT_ENCODER)) if said == "auto" else explicit_up(shape, said)
-    except OSError:  # without the encoder's weights, the rest is still reported
+    except OSError:  # the encoder's weights are missing: report everything else
         found = Up()
     odd = findings(shape, counts)
     report: dict[str, Any] = {
@@ -62,7 +62,7 @@ def inspect(
         made = "".join(f", {settings[name]}" for name in ("encoder", "preset") if name in settings)
         lines.append(f"field: {field}, {opened.dimension} dimensions{made}")
         scores = [
-            f"{plane_text(each)} (score {each.score:.3f}, {each.relative_score:.0%} of chance)" for each in planes
+            f"{plane_text(each)} (score {each.score:.3f}, {each.relative_score:.0%} of random pairs)" for each in planes
         ]
         lines.append(f"symmetry planes: {', '.join(scores) or 'none'}")
     say(json.dumps(report, indent=2, default=plain) if as_json else "\n".join(lines), result=True)

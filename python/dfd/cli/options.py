@@ -1,4 +1,4 @@
-"""Options of several commands, and options from the tables of controls, motions and settings."""
+"""Options that several commands share, and options for the controls, motions and settings of tables."""
 
 from collections.abc import Callable, Mapping
 from inspect import Parameter, signature
@@ -11,44 +11,44 @@ from dfd.common.described import About
 from dfd.common.preset import Preset as PresetName
 from dfd.editing.presets import PRESETS
 
-# The place of a handle or a fixed point.
+# Placeholder, in the help, of the place of a handle.
 PLACE = "VERTEX|X,Y,Z|top|part:NAME|group:NAME|part@X,Y,Z|component@X,Y,Z|…"
 
 Mesh = Annotated[Path, Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file.")]
 Field = Annotated[Path, Option(metavar="FIELD", help="The shape's field, as `dfd distill` wrote it.")]
 MadeField = Annotated[
-    Path | None, Option(metavar="FIELD", help="The shape's field; by default from the cache, or distilled.")
+    Path | None, Option(metavar="FIELD", help="The shape's field; by default from the cache, else distilled.")
 ]
 Force = Annotated[bool, Option("--force", help="Accept a field or an edit of another shape.")]
 Preset = Annotated[
     PresetName | None,
     Option(
         metavar="default|paper",
-        help="Defaults of all other settings: dfd's own, or the paper's equations; by default those of --edit.",
+        help="Defaults of all other settings: dfd's own, or those of the paper; by default the preset of --edit.",
     ),
 ]
 Fix = Annotated[
     list[str] | None,
-    Option(metavar="PLACE[:S]", help="Fix this place and its counterparts, with a strength S in 0 to 1; repeatable."),
+    Option(metavar="PLACE[:S]", help="Fix this place and its counterparts, with a strength S from 0 to 1; repeatable."),
 ]
 Encoder = Annotated[
-    str, Option(metavar="NAME", help="The encoder: a known name, a folder with weights, or a hub name.")
+    str, Option(metavar="NAME", help="The encoder: a known name, a folder with weights, or a name on the hub.")
 ]
 Threshold = Annotated[
     float | None, Option(min=0.0, max=1.0, help="Smallest confidence of a transferred edit; 0.5 if left out.")
 ]
 Azimuth = Annotated[
     float | None,
-    Option(help="First direction of view, degrees from the front (+z) to +x; by default the handles are visible."),
+    Option(help="Azimuth of the first view, degrees from +z to +x; by default the camera faces the handles."),
 ]
-Elevation = Annotated[float, Option(min=-90.0, max=90.0, help="Degrees above the horizon.")]
-Zoom = Annotated[float, Option(min=0.01, help="Above 1 is nearer to the handles.")]
-Views = Annotated[int, Option(min=1, max=36, help="Number of directions of view around the shape.")]
-Resolution = Annotated[int, Option(min=16, max=8192, help="Pixels along the side of each picture.")]
+Elevation = Annotated[float, Option(min=-90.0, max=90.0, help="Elevation of the camera, degrees.")]
+Zoom = Annotated[float, Option(min=0.01, help="Magnification; above 1 it is centered at the handles.")]
+Views = Annotated[int, Option(min=1, max=36, help="Number of views around the shape.")]
+Resolution = Annotated[int, Option(min=16, max=8192, help="Width and height of each picture, pixels.")]
 
 
 def add_options(command: Callable[..., None], annotations: Mapping[str, Any], after: str) -> None:
-    """Add options to `command`, which takes `**` keywords, after its parameter `after`; None means not given."""
+    """Replace the `**` keywords of `command` by options with the default None, after its parameter `after`."""
     own = [each for each in signature(command, eval_str=True).parameters.values() if each.kind is not each.VAR_KEYWORD]
     index = 1 + [each.name for each in own].index(after)
     own[index:index] = [
@@ -60,7 +60,7 @@ def add_options(command: Callable[..., None], annotations: Mapping[str, Any], af
 
 
 def from_table(table: Mapping[str, About]) -> dict[str, Any]:
-    """Return the annotation of an option for each row of a table, with the default of each preset."""
+    """Return the annotation of an option for each field in `table`. The help shows the default of each preset."""
     return {name: _row(name, about) for name, about in table.items()}
 
 
@@ -77,7 +77,7 @@ def _row(name: str, about: About) -> Any:
 
 
 def by_preset(default: Any, *paper: Any) -> str:
-    """Return the text of an option's defaults in the help: the value of each preset."""
+    """Return the text for an option's default in the help, such as "0.5; paper: 0", from the values of both presets."""
     return "; paper: ".join(map(_shown, dict.fromkeys((default, *paper))))
 
 

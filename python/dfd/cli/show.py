@@ -1,4 +1,4 @@
-"""`dfd show`."""
+"""The command `dfd show`: draw a mesh, its features, or the weights of handles."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,7 +16,7 @@ def show(
     mesh: options.Mesh,
     output: Annotated[Path, Option("--output", "-o", metavar="PNG", help="The picture to write.")],
     field: Annotated[
-        Path | None, Option(metavar="FIELD", help="The shape's field: similar places get similar colors.")
+        Path | None, Option(metavar="FIELD", help="The shape's field; similar features get similar colors.")
     ] = None,
     preset: options.Preset = None,
     handle: Annotated[

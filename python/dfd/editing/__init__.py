@@ -1,1 +1,1 @@
-"""What an editing session is made of: handles and their transforms, weights kept by column, undo, the JSON document."""
+"""Editing sessions: handles with transforms and controls, undo, edit files, and transfer to other shapes."""

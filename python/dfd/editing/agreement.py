@@ -1,4 +1,4 @@
-"""The probability that a transferred edit moves the corresponding parts, from the vertices that follow its handles."""
+"""Estimate the probability that the handles of a transferred edit move the same parts as the original handles."""
 
 import numpy as np
 
@@ -6,36 +6,35 @@ from dfd.common.linear_algebra import Float64
 from dfd.editing.deformer import Deformer
 from dfd.geometry.topology import vertex_areas
 
-HELD = 0.5  # a vertex is moved if its weight is at least this share of the handle's largest weight
-# The log-odds that both parts correspond are EQUAL − BY_SHARE · d − BY_PLACE · c. Here d is the difference between the
-# logarithms of their shares of the surface, and c the distance between their centers in diagonals. The numbers are
-# learned by `python -m bench.training.learn_agreement` from 1,892 handles that were transferred between rigs. On
-# families that were left out, 92 % of the handles with a probability of at least 0.8 are right. With the cosine of the
-# features in place of the probability, it is 69 %.
-EQUAL, BY_SHARE, BY_PLACE = 2.97, 2.76, 18.3
+HELD = 0.5  # vertices with at least this fraction of a handle's largest weight count as moved by it
+# A logistic regression gives the log-odds that two parts correspond: INTERCEPT − AREA_SLOPE · a − DISTANCE_SLOPE · d.
+# `differences` returns a and d. `python -m bench.training.learn_agreement` computes the constants from 1,892 handles
+# that were transferred between rigs.
+INTERCEPT, AREA_SLOPE, DISTANCE_SLOPE = 2.97, 2.76, 18.3
 
 
 def agreements(before: Deformer, after: Deformer) -> tuple[float, ...]:
-    """Return the probability (H,) that each handle of `after` moves the part that corresponds to that of `before`.
+    """Return for each of H handles the probability that it moves corresponding parts in both sessions.
 
-    `before` is a session of the shape on which the edit was made, `after` a session of the other shape.
+    `before` is the session in which the edit was made, `after` a session of the other shape with the transferred edit.
     """
-    odds = EQUAL - differences(before, after) @ (BY_SHARE, BY_PLACE)
-    return tuple((1.0 / (1.0 + np.exp(-odds))).tolist())
+    log_odds = INTERCEPT - differences(before, after) @ (AREA_SLOPE, DISTANCE_SLOPE)
+    return tuple((1.0 / (1.0 + np.exp(-log_odds))).tolist())
 
 
 def differences(before: Deformer, after: Deformer) -> Float64:
-    """Return (H, 2) the logarithm of the ratio between shares of the surface, and the distance between centers.
+    """Return two differences (H, 2) between the surfaces that each handle moves in both sessions, both at least 0.
 
-    Distances are in diagonals of the boxes. Absolute coordinates are compared, so a left part equals a right one.
+    Column 0 is the difference between the logarithms of their fractions of the shape's area. Column 1 is the distance
+    between their centers. It ignores the signs of the coordinates, so a left part equals its mirror image on the right.
     """
-    (share, center), (other_share, other_center) = map(_followed, (before, after))
-    ratio = np.abs(np.log(np.maximum(share, 1e-9)) - np.log(np.maximum(other_share, 1e-9)))
+    (area, center), (other_area, other_center) = map(_moved_surface, (before, after))
+    ratio = np.abs(np.log(np.maximum(area, 1e-9)) - np.log(np.maximum(other_area, 1e-9)))
     return np.column_stack([ratio, np.linalg.norm(np.abs(center) - np.abs(other_center), axis=1)])
 
 
-def _followed(session: Deformer) -> tuple[Float64, Float64]:
-    """Return the share (H,) of the surface that follows each handle, and its center (H, 3) in the box."""
+def _moved_surface(session: Deformer) -> tuple[Float64, Float64]:
+    """Return the fraction (H,) of the area that each handle moves, and its center (H, 3) relative to the box."""
     mesh, weights = session.mesh, session.following
     area = vertex_areas(mesh.vertices, mesh.faces)
     held = area[:, None] * ((weights >= HELD * weights.max(axis=0)) & (weights > 0))

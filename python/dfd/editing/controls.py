@@ -26,16 +26,16 @@ DEFAULTS = PRESETS["default"]
 class Controls(Brief):
     """The controls of a handle.
 
-    The preset "default" gives the values that are left out. Lengths are in mesh units. Only one of `radius` and
-    `locality` may be given.
+    Values that are left out are those of the preset "default". Lengths are in mesh units. `radius` and `locality` must
+    not be given together.
 
-    Raises ValueError if a number is out of its bounds, a name is unknown, or a place or a region is invalid.
+    Raises ValueError if a number is out of its bounds, a word is unknown, or a place or a region is invalid.
     """
 
     reach: Annotated[
         Reach,
         About(
-            'Feature distance at which the weight is 0: 1 is Eq. 5; "part" ends with the part.',
+            'Feature distance at which the weight is 0 (1 in Eq. 5); with "part", the weight ends with the part.',
             0.0,
             LARGEST,
             exclusive=True,
@@ -54,7 +54,7 @@ class Controls(Brief):
     locality: Annotated[
         float,
         About(
-            "λ of Eq. 7: 0 reaches all that looks alike, more stays nearer.",
+            "λ of Eq. 7: a higher value lowers the weights of distant surface more; 0 ignores the distance.",
             0.0,
             LARGEST,
             metavar="λ",
@@ -64,8 +64,8 @@ class Controls(Brief):
     radius: Annotated[
         float | None,
         About(
-            "In place of locality: distance along the surface where the weight is smoothly 0, mesh units or % of the "
-            "box.",
+            "Replaces locality: the distance along the surface at which the weight smoothly reaches 0, in mesh units "
+            "or % of the box's diagonal.",
             0.0,
             exclusive=True,
             metavar="R|P%",
@@ -74,13 +74,13 @@ class Controls(Brief):
         ),
     ] = None
     strength: Annotated[
-        float, About("From 0 to 1: a factor for what follows.", 0.0, 1.0, metavar="S", slider=(0.0, 1.0, 0.05))
+        float, About("Factor from 0 to 1 for the handle's weights.", 0.0, 1.0, metavar="S", slider=(0.0, 1.0, 0.05))
     ] = 1.0
     counterparts: Annotated[
         Counterparts,
         About(
-            "Counterparts move about their own pivots, about the handle's (shared_pivot, the paper), or not at "
-            "all (only).",
+            "Counterparts move about their own pivots, about the handle's pivot (shared_pivot, as in the paper), or "
+            "not at all (only).",
             metavar="own_pivot|shared_pivot|only",
             affects="pose",
             label="Counterparts",
@@ -88,20 +88,20 @@ class Controls(Brief):
     ] = DEFAULTS.counterparts
     excluded_counterparts: Annotated[
         tuple[Place, ...],
-        About("A place on a counterpart that does not move along.", metavar="PLACE", repeated=True, affects="pose"),
+        About("Place on a counterpart that does not follow.", metavar="PLACE", repeated=True, affects="pose"),
     ] = ()
     mask: Annotated[
         Annotated[Region, Tagged("kind")] | None,
         About(
-            "Nothing follows beyond: part (the handle's), part:NAME, group:NAME, 'x>0', ball:x,y,z,r or "
-            "box:x,y,z,x,y,z.",
+            "Region outside which nothing follows: part (the handle's part), part:NAME, group:NAME, 'x>0', "
+            "ball:x,y,z,r or box:x,y,z,x,y,z.",
             metavar="REGION",
         ),
     ] = None
     mask_feather: Annotated[
         float,
         About(
-            "How far beyond that region the weight fades to 0, mesh units or % of the box.",
+            "Width over which the weight fades to 0 outside the mask, in mesh units or % of the box's diagonal.",
             0.0,
             LARGEST,
             metavar="W|P%",
@@ -124,11 +124,11 @@ class Controls(Brief):
 
     @cached_property
     def of_column(self) -> Controls:
-        """Return the controls that shape the column of weights, with defaults in place of all others."""
+        """Return the controls that change the weights of the handle. All other controls have their defaults."""
         return Controls(**{name: getattr(self, name) for name, said in CONTROLS.items() if said.affects == "weights"})
 
     def changed(self, **given: Any) -> Controls:
-        """Return changed controls. None keeps a value; of `radius` and `locality`, giving one resets the other.
+        """Return the controls with those `given` values that are not None. `radius` and `locality` reset each other.
 
         Raises ValueError as `Controls` does.
         """
@@ -137,27 +137,27 @@ class Controls(Brief):
             parts["locality"] = 0.0
         elif "locality" in parts and "radius" not in parts:
             parts["radius"] = None
-        if isinstance(parts.get("mask"), str):  # "everywhere"
+        if isinstance(parts.get("mask"), str):  # the text "everywhere" removes the mask
             parts["mask"] = None
         return replace(self, **parts) if parts else self
 
 
-# The descriptions of all controls. The module imports no SciPy or pydantic, because the command line's help reads them.
+# The help of the command line needs these descriptions, so this module must not import SciPy or pydantic (slow).
 CONTROLS = {name: said for name, (_, said) in about(Controls).items() if said is not None}
 
 
 def controls_of(preset: Preset) -> Controls:
-    """Return the controls of a new handle."""
+    """Return the controls that a new handle has in a preset."""
     return Controls(**PRESETS[preset].handle)
 
 
 def controls_on(mesh: Mesh, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the controls in `given` for `Controls.changed`, without those that are None.
+    """Convert the controls that a caller gave to arguments of `Controls.changed`; controls that are None are left out.
 
-    Lengths become mesh units; regions and places become those of `mesh`.
+    Lengths are converted to mesh units, `mask` to a region, and `excluded_counterparts` to places on `mesh`.
 
     Raises ValueError if a length is neither a number nor a percentage, or `excluded_counterparts` is no list of points.
-    Raises ValueError if `mask` is no region or holds no vertex. Raises TypeError if a control is unknown.
+    Raises ValueError if `mask` is no region or contains no vertex. Raises TypeError if a control is unknown.
     """
     found = {name: value for name, value in dict(given).items() if value is not None}
     check.keywords(found, CONTROLS, "control of a handle")
@@ -175,7 +175,7 @@ def controls_on(mesh: Mesh, given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _points_on(mesh: Mesh, places: Any) -> tuple[Place, ...]:
-    """Return the places of a list, without duplicates."""
+    """Return the places (`Place`) for a list of vertices or points, without duplicates."""
     if isinstance(places, str) or not isinstance(places, Iterable) or getattr(places, "ndim", 1) == 0:
         raise ArgumentError("excluded_counterparts", f"must be a list of vertices or points, got {places!r}")
     found = tuple(dict.fromkeys(place_on(mesh, at) for at in places))
@@ -185,9 +185,11 @@ def _points_on(mesh: Mesh, places: Any) -> tuple[Place, ...]:
 
 
 def length_on(mesh: Mesh, name: str, value: Any) -> float:
-    """Return a length in mesh units, from a number or a text such as "20%" of the diagonal of the mesh's box.
+    """Return the length `value` of the control `name` in mesh units.
 
-    Raises ValueError if `value` is neither, or out of the bounds of the control `name`.
+    `value` is a number in mesh units, or a text such as "20%", a percentage of the diagonal of the mesh's box.
+
+    Raises ValueError if `value` is neither a number nor such a text, or is out of the control's bounds.
     """
     length, unit = value, 1.0
     if isinstance(value, str):

@@ -28,21 +28,21 @@ from dfd.posing.transforms import Transform, Vector, vector
 from dfd.symmetry.plane import SymmetryPlane, plane_from_text
 from dfd.symmetry.search import symmetry_planes
 
-MOST_LINEAR = 30.0  # degrees: for larger rotations a linear blend is thinner by more than 3 % halfway
+MOST_LINEAR = 30.0  # largest rotation of a handle, in degrees, that is blended linearly; it thins a part by 3 %
 
 
 @dataclass(frozen=True, repr=False)
 class Handle(Brief):
-    """A place on the shape, the transform of that place, and the controls of what follows it.
+    """A place on the shape, its transform, and the controls of its weights.
 
     Raises ValueError if `id` is below 1, `name` is no text, or the numbers are so large that the matrix is not finite.
     """
 
-    # id: never changes, and is never given to another handle
-    id: Annotated[int, About("Once each; given in order where it is missing.", 1.0)]
-    place: Place  # its place on the resting shape
-    transform: Transform = field(default_factory=Transform)  # its transform, about its own pivot
-    controls: Controls = field(default_factory=Controls)  # controls of what follows it
+    # id: never changes, and no other handle gets it, even after this handle is removed
+    id: Annotated[int, About("Number of the handle. If it is missing, the handle gets the smallest free number.", 1.0)]
+    place: Place  # on the resting shape
+    transform: Transform = field(default_factory=Transform)
+    controls: Controls = field(default_factory=Controls)
     name: str | None = None  # name for display, or None
 
     def __post_init__(self) -> None:
@@ -65,10 +65,10 @@ class Handle(Brief):
 
 @dataclass(frozen=True, repr=False)
 class Fixed(Brief):
-    """A point or a region that stays in place with all its counterparts (Eq. 6)."""
+    """A fixed point or region: it stays in place, and so does all surface that looks like it (Eq. 6)."""
 
     place: Place
-    strength: Annotated[float, About("How much of the weight there it takes away; 1 is Eq. 6.", 0.0, 1.0)] = 1.0
+    strength: Annotated[float, About("Factor of the weight that it subtracts; 1 is Eq. 6.", 0.0, 1.0)] = 1.0
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -86,19 +86,18 @@ class Fixed(Brief):
 
 @dataclass(frozen=True, repr=False)
 class Edit(Brief):
-    """All changes that a session made to a shape.
+    """The state of a session: handles, fixed points, plane of symmetry, default transform and preset.
 
-    Raises ValueError if two handles share an id, two handles or fixed points share a place, or a name is unknown.
+    Raises ValueError if two handles share an id, two handles or fixed points share a place, or the preset is unknown.
     """
 
     # handles, fixed: in the order in which they were added
     handles: tuple[Handle, ...] = ()
     fixed: tuple[Fixed, ...] = ()
-    # symmetry: the plane across which handles act on both sides, or None; in a file also a letter
+    # symmetry: the plane of symmetry, or None. In a file, "x", "y" or "z" is perpendicular to that axis.
     symmetry: Annotated[SymmetryPlane | None, Written(SymmetryPlane | Literal["x", "y", "z"] | None)] = None
-    default: Transform | None = None  # D₀ of Eq. 1, the transform of all that no handle holds; None is the identity
-    # preset: defaults of new handles, and rules that combine handles
-    preset: Annotated[Preset, About("The paper's equations to the letter, or dfd's own way.")] = "default"
+    default: Transform | None = None  # D₀ of Eq. 1, the transform of vertices without weights; None is the identity
+    preset: Annotated[Preset, About("Defaults of new handles, and rules that combine handles.")] = "default"
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -126,13 +125,13 @@ class Edit(Brief):
 
     @property
     def blending(self) -> Blend:
-        """Return how `dfd.pose` blends transforms: dual quaternions preserve the volume under large rotations."""
-        turns = (np.linalg.norm(handle.transform.rotation) for handle in self.handles)
-        far = self.rules.blend == "auto" and max(turns, default=0.0) > MOST_LINEAR
-        return "dual_quaternion" if far else "linear"
+        """Return the `blend` for `dfd.pose`. Dual quaternions keep the thickness of parts under large rotations."""
+        angles = (np.linalg.norm(handle.transform.rotation) for handle in self.handles)
+        large = self.rules.blend == "auto" and max(angles, default=0.0) > MOST_LINEAR
+        return "dual_quaternion" if large else "linear"
 
     def handle(self, id: int) -> Handle:  # noqa: A002  # same name as in `Handle`
-        """Return the handle with an id; ValueError if there is none."""
+        """Return the handle with an id. Raises ValueError if there is none."""
         for handle in self.handles:
             if handle.id == id:
                 return handle
@@ -140,16 +139,16 @@ class Edit(Brief):
         raise ArgumentError("handle", f"must be the id of a handle ({known}), got {id!r}", "Edit")
 
     def released(self, place: Place) -> Edit:
-        """Return the edit without the fixed point or region at `place`; ValueError if there is none."""
+        """Return the edit without the fixed point or region at `place`. Raises ValueError if there is none."""
         kept = tuple(fixed for fixed in self.fixed if fixed.place.key != place.key)
         if len(kept) == len(self.fixed):
             raise ArgumentError("at", f"must be a fixed point, got {place}", "Edit")
         return replace(self, fixed=kept)
 
     def removed(self, handle: int) -> Edit:
-        """Return the edit without the handle with an id; ValueError if there is none."""
-        held = self.handle(handle)
-        return replace(self, handles=tuple(other for other in self.handles if other is not held))
+        """Return the edit without the handle whose id is `handle`. Raises ValueError if there is none."""
+        removed = self.handle(handle)
+        return replace(self, handles=tuple(other for other in self.handles if other is not removed))
 
     def replaced(self, changed: Handle) -> Edit:
         """Return the edit with `changed` in place of the handle with the same id."""
@@ -157,9 +156,10 @@ class Edit(Brief):
 
 
 def edit_on(mesh: Mesh, edit: Edit, place: Callable[[str, Place], Place] | None = None) -> Edit:
-    """Return `edit` with its vertices and regions placed on `mesh`; `place` maps a key and a place to the new place.
+    """Return `edit` with its places converted to places on `mesh`, and check its regions.
 
-    Raises ValueError if `mesh` lacks one of them.
+    `place` is a function that converts one place; the default is `place_on`. Its arguments are the path of the place in
+    the document, and the place. Raises ValueError if `mesh` lacks a vertex or a region.
     """
 
     def on_mesh(path: str, said: Place) -> Place:
@@ -183,18 +183,18 @@ def edit_on(mesh: Mesh, edit: Edit, place: Callable[[str, Place], Place] | None 
 
 
 def with_preset(edit: Edit, preset: Preset, mesh: Mesh) -> Edit:
-    """Return `edit` with another preset, whose defaults replace every handle's controls and the plane's band.
+    """Return `edit` with another preset, and with its reach, falloff and counterparts in every handle.
 
-    Raises ValueError if there is no such preset.
+    The plane of symmetry gets the preset's band. Raises ValueError if the preset is unknown.
     """
-    said = PRESETS[check.choice("Edit", "preset", preset, Preset)].handle
-    handles = (replace(handle, controls=replace(handle.controls, **said)) for handle in edit.handles)
+    controls = PRESETS[check.choice("Edit", "preset", preset, Preset)].handle
+    handles = (replace(handle, controls=replace(handle.controls, **controls)) for handle in edit.handles)
     plane = edit.symmetry and replace(edit.symmetry, band=band_on(mesh, preset))
     return replace(edit, preset=preset, handles=tuple(handles), symmetry=plane)
 
 
 def band_on(mesh: Mesh, preset: Preset) -> float:
-    """Return the half width of the blend band at a mirror plane, mesh units."""
+    """Return the preset's half width, in mesh units, of the band in which both sides of a mirror plane are blended."""
     return PRESETS[preset].band * float(np.max(mesh.extents))
 
 
@@ -208,14 +208,14 @@ def symmetry_on(
     candidates: SymmetryCandidates | None = None,
     threshold: float | Literal["relative"] | None = None,
 ) -> SymmetryPlane:
-    """Return the plane for a `SymmetryPlane` or a text that `dfd.symmetry.plane.plane_from_text` reads.
+    """Return `plane` itself, or the plane for a text that `dfd.symmetry.plane.plane_from_text` reads.
 
-    With a `field`, "auto" is the plane with the most similar sides. `candidates` and `threshold` are those of
-    `symmetry_planes`; the preset's if left out. `band`, in mesh units, replaces the plane's own band; the band of a
-    plane from a text is the preset's.
+    With a `field`, the text "auto" gives the plane with the most similar sides. `candidates` and `threshold` are
+    arguments of `symmetry_planes`; if left out, they are those of the preset. `band`, in mesh units, replaces the
+    plane's own band. Without it, a plane from a text has the preset's band.
 
-    Raises ValueError if `plane` is neither, "auto" finds none, or the plane does not cut the shape. Raises ValueError
-    if `band` is negative or not finite.
+    Raises ValueError if `plane` is neither a plane nor such a text, "auto" finds none, or the plane does not cut the
+    shape. Raises ValueError if `band` is negative or not finite.
     """
     defaults = PRESETS[preset]
     if plane != "auto" and not (candidates is None and threshold is None):
@@ -226,7 +226,7 @@ def symmetry_on(
         threshold = defaults.threshold if threshold is None else threshold
         found = symmetry_planes(field, mesh, candidates=candidates or defaults.candidates, threshold=threshold)
         if not found:
-            raise ArgumentError("plane", "cannot be 'auto': the shape looks alike across no plane")
+            raise ArgumentError("plane", "cannot be 'auto': no plane has two sides that look alike")
         plane = found[0]
     elif isinstance(plane, str):
         try:
@@ -243,11 +243,11 @@ def symmetry_on(
     low, high = float(heights.min()), float(heights.max())
     if low > plane.band or high < -plane.band:
         raise ArgumentError(
-            "plane", f"must pass through the shape, which lies from {low:.3g} to {high:.3g} of it, along its normal"
+            "plane", f"must pass through the shape, whose signed distances from it are {low:.3g} to {high:.3g}"
         )
     return plane
 
 
 def box_center(mesh: Mesh) -> Vector:
-    """Return the center (3,) of the bounding box, mesh units: the pivot of a default transform without a pivot."""
+    """Return the center (3,) of the bounding box, mesh units. It is the default pivot of the default transform."""
     return vector("mesh", np.asarray(mesh.bounds, np.float64).mean(axis=0))

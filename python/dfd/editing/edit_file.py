@@ -1,4 +1,4 @@
-"""Edits in files: an `Edit` as a JSON document, written and read, on the same mesh or on another one.
+"""Write an `Edit` to a JSON document, and read it on the same mesh or on another one.
 
     {
       "format": "dfd-edit",
@@ -43,9 +43,9 @@ Required keys: `format`, `version`, and for every handle and fixed point a `vert
 document's `preset` gives the values of all other keys that are left out (`dfd.editing.presets`). Unknown keys, repeated
 keys, and numbers that are not finite raise an error, so a misspelt key never becomes a default.
 
-A vertex is used if it lies at `position`, or if there is no `position` and `mesh` fits. On another resolution it may
-lie elsewhere; the position is then used, as a point in space. A handle has the keys of its place, its transform and its
-controls on one level. Otherwise pydantic defines the document from the fields of `Edit`.
+`vertex` is used if that vertex lies at `position`, or if there is no `position` and `mesh` describes the same mesh. On
+another resolution, the vertex may lie elsewhere; `position` is then used, as a point in space. The keys of a handle's
+place, transform and controls lie in the handle itself. pydantic derives the rest of the document from `Edit`.
 """
 
 import json
@@ -77,13 +77,13 @@ from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform, Vector
 from dfd.symmetry.plane import AXES
 
-# Two resolutions of one shape have boxes whose corners differ by less than this fraction of the diagonal.
+# Largest distance, as a fraction of the diagonal, between equal corners of the boxes of two resolutions of one shape.
 SAME_BOX = 0.05
 
 
 @dataclass(frozen=True)
 class Units:
-    """The units of lengths and angles; a file cannot have others."""
+    """The units of lengths and angles. No other units are accepted."""
 
     length: Literal["mesh"] = "mesh"
     angle: Literal["degree"] = "degree"
@@ -91,12 +91,12 @@ class Units:
 
 @dataclass(frozen=True)
 class MadeFor:
-    """Describes the shape that the edit was made on, to which its vertex indices refer."""
+    """The mesh to which the vertex indices of the edit refer."""
 
-    vertices: Annotated[int, About("How many vertices it has.", 1.0)]
-    hash: Annotated[str | None, About("Its `Mesh.content_hash`.")] = None
+    vertices: Annotated[int, About("Number of vertices.", 1.0)]
+    hash: Annotated[str | None, About("`Mesh.content_hash` of the mesh.")] = None
     bounds: Annotated[
-        tuple[Vector, Vector] | None, About("The smallest and largest coordinates of its box, mesh units.")
+        tuple[Vector, Vector] | None, About("Smallest and largest coordinates of the bounding box, mesh units.")
     ] = None
 
     def __post_init__(self) -> None:
@@ -105,7 +105,7 @@ class MadeFor:
 
 @dataclass(frozen=True)
 class MadeOn:
-    """Names the files that the edit was made on: relative paths if they are in its folder, else absolute."""
+    """The files of the mesh and its field. Paths are relative for files in the folder of the edit, else absolute."""
 
     mesh: Annotated[str, StringConstraints(min_length=1)] | None = None
     field: Annotated[str, StringConstraints(min_length=1)] | None = None
@@ -114,7 +114,7 @@ class MadeOn:
 
 @dataclass(frozen=True)
 class EditFile(Edit):
-    """An edit of a shape with the other keys of a file."""
+    """An edit, with the format, version and units of the file, and the mesh on which the edit was made."""
 
     format: Literal["dfd-edit"] = "dfd-edit"
     version: Literal[1] = 1
@@ -134,12 +134,12 @@ def _keys(owner: type) -> tuple[str, ...]:
     return tuple(each.name for each in fields(owner) if each.init)
 
 
-# In a file, the keys of these values are on the same level as the other keys of a handle or a fixed point.
+# Fields whose keys, in a file, lie in the object of the handle or fixed point itself, not in an object of their own.
 SPREAD: dict[str, type] = {"place": Place, "transform": Transform, "controls": Controls}
 # Keys of a handle's transform that the default transform lacks.
 OF_HELD_PARTS = tuple(name for name, (_, said) in about(Transform).items() if said is not None and said.of_part)
 FIRST = ("format", "version", "preset", "units", "mesh", "made_on")  # first keys of a file, for readability
-# Keys that are not written; excluded counterparts are points.
+# Keys that are not written. Excluded counterparts are points without a region; the default transform moves no part.
 UNWRITTEN: dict[str, Any] = {
     "handles": {"__all__": {"controls": {"excluded_counterparts": {"__all__": {"region"}}}}},
     "default": set(OF_HELD_PARTS),
@@ -153,8 +153,8 @@ def edit_schema() -> dict[str, Any]:
     for owner in ("Handle", "Fixed"):
         own = definitions[owner]
         properties = own.pop("properties")
-        for part in [each for each in SPREAD if properties.pop(each, None)]:
-            properties |= definitions[part.capitalize()]["properties"]
+        for name in [each for each in SPREAD if properties.pop(each, None)]:
+            properties |= definitions[name.capitalize()]["properties"]
         own["properties"] = properties
         del own["required"]
     for key in OF_HELD_PARTS:
@@ -164,17 +164,17 @@ def edit_schema() -> dict[str, Any]:
 
 
 def write_edit(path: str | os.PathLike[str], edit: Edit, mesh: Mesh, field: Field | None = None) -> None:
-    """Write `edit` of `mesh` to `path`, whole or not at all. If `field` has a file, also write the paths of both files.
+    """Write `edit`, made on `mesh`, to `path`. If `field` was read from a file, also write the paths of both files.
 
-    Raises OSError if `path` cannot be written; an existing file stays unchanged.
+    Raises OSError if `path` cannot be written; an existing file then stays unchanged.
     """
     document, source = to_document(edit, mesh), None if field is None else field.source
     if source is not None:
         folder = Path(path).resolve().parent
-        files = {"mesh": _from(folder, mesh.source), "field": _from(folder, source.path)}
+        files = {"mesh": _path_for(folder, mesh.source), "field": _path_for(folder, source.path)}
         document["made_on"] = files | {"field_sha256": source.sha256}
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    # Each list of numbers goes on one line, for readability. JSON texts contain no raw line break, so this is safe.
+    # Put each list of numbers on one line. Texts are unchanged, because texts in JSON contain no raw line break.
     text = re.sub(r"\[\n[-+.\de,\s]+\]", lambda numbers: "[" + " ".join(numbers[0][1:-1].split()) + "]", text)
     write_file(path, text)
 
@@ -182,19 +182,19 @@ def write_edit(path: str | os.PathLike[str], edit: Edit, mesh: Mesh, field: Fiel
 def read_edit(path: str | os.PathLike[str], mesh: Mesh, *, other_shape: bool = False) -> Edit:
     """Read an edit of `mesh`, or of another resolution of the same shape, from `path`.
 
-    `other_shape` accepts an edit of another shape as well, and finds its places by their positions.
+    A vertex of the edit may have another position on `mesh`. The stored position is then used, as a point in space,
+    with a warning if the file names another mesh. `other_shape` also accepts an edit of another shape.
 
     Raises OSError if `path` cannot be read. Raises ValueError if it is no such document, or an edit of another shape;
-    the message names the key and the value found there. Warns if a vertex of the edit is no longer at its position; the
-    position is then a point in space.
+    the message names the key and the value found there.
     """
     return from_document(_parsed(path), mesh, name=os.fspath(path), other_shape=other_shape)
 
 
 def read_made_on(path: str | os.PathLike[str]) -> tuple[Path | None, Path | None, str | None]:
-    """Return the mesh and the field that the edit in `path` was made on, and the SHA-256 of the field's file.
+    """Return the files of the mesh and the field on which the edit in `path` was made, and the field's SHA-256.
 
-    Raises the errors of `read_edit` about a document. The files need not exist.
+    Each is None if the document lacks it. The files need not exist. Raises OSError or ValueError as `read_edit` does.
     """
     made_on = _validated(_parsed(path), os.fspath(path)).made_on or MadeOn()
     mesh, field = (None if each is None else Path(path).parent / each for each in (made_on.mesh, made_on.field))
@@ -228,25 +228,25 @@ def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return result
 
 
-def _from(folder: Path, file: Path | None) -> str | None:
-    """Return a relative path for a file inside `folder`, so that both can be moved together, else an absolute path.
+def _path_for(folder: Path, file: Path | None) -> str | None:
+    """Return the path of `file` that an edit in `folder` stores: relative if the file is in `folder`, else absolute.
 
-    Return None for a name that is not UTF-8, because a JSON file cannot hold it.
+    Return None if the path cannot be written in UTF-8, as JSON requires.
     """
-    whole = file and file.resolve()
-    named = whole and (whole.relative_to(folder) if whole.is_relative_to(folder) else whole).as_posix()
-    return named if named and named.encode("utf-8", "replace").decode() == named else None
+    absolute = file and file.resolve()
+    path = absolute and (absolute.relative_to(folder) if absolute.is_relative_to(folder) else absolute).as_posix()
+    return path if path and path.encode("utf-8", "replace").decode() == path else None
 
 
 def to_document(edit: Edit, mesh: Mesh) -> dict[str, Any]:
-    """Return `edit` of `mesh` as a JSON document."""
+    """Return `edit`, made on `mesh`, as a JSON document."""
     low, high = mesh.bounds.tolist()
     made_for = MadeFor(len(mesh.vertices), mesh.content_hash, (tuple(low), tuple(high)))
     written = _model().dump_python(EditFile(**_values(edit), mesh=made_for), mode="json", exclude=UNWRITTEN)
     document: dict[str, Any] = {key: written.pop(key) for key in FIRST} | written
     for key in ("handles", "fixed"):
         document[key] = [_spread(entry) for entry in document[key]]
-    for key in ("score", "relative_score"):  # they describe a plane of a field, and not of an edit
+    for key in ("score", "relative_score"):  # the search for planes computes them; an edit has no use for them
         (document["symmetry"] or {}).pop(key, None)
     return document
 
@@ -256,13 +256,13 @@ def _values(edit: Edit) -> dict[str, Any]:
 
 
 def _spread(entry: dict[str, Any]) -> dict[str, Any]:
-    """Return an entry with the keys of its place, transform and controls on its own level."""
+    """Return a handle or fixed point with the keys of its place, transform and controls in the entry itself."""
     named = {key: entry.pop(key) for key in ("id", "name") if key in entry}
-    return named | {key: value for part in SPREAD for key, value in entry.pop(part, {}).items()} | entry
+    return named | {key: value for group in SPREAD for key, value in entry.pop(group, {}).items()} | entry
 
 
 def from_document(document: Any, mesh: Mesh, *, name: str = "edit", other_shape: bool = False) -> Edit:
-    """Return the edit in a parsed JSON document, as `read_edit` does; `name` begins the messages."""
+    """Return the edit in a parsed JSON document, as `read_edit` does. Messages begin with `name`."""
     said = _validated(document, name, mesh)
     made = said.mesh
     with called(name):
@@ -276,7 +276,7 @@ def from_document(document: Any, mesh: Mesh, *, name: str = "edit", other_shape:
     if lost and made is not None and made.hash != mesh.content_hash:
         check.warn(
             f"{name}: the edit was made on a mesh of {made.vertices} vertices, and this one has {len(mesh.vertices)}: "
-            f"{lost} of its vertices or sets of vertices are found by position",
+            f"{lost} of the edit's vertices or sets of vertices are found by position",
             UserWarning,
         )
     return edit
@@ -289,7 +289,7 @@ def _places(edit: Edit) -> Iterator[Place]:
 
 
 def _moved(mesh: Mesh, said: Place) -> bool:
-    """Return whether the vertices of a place have other positions on the mesh than in the file."""
+    """Return whether the vertices of the place `said` have other positions on the mesh than in the file."""
     if said.region is not None:
         return isinstance(said.region, VertexSet) and not said.region.lies_on(mesh)
     if said.vertex is None or not said.known:
@@ -299,7 +299,7 @@ def _moved(mesh: Mesh, said: Place) -> bool:
 
 
 def _placed(mesh: Mesh, made: MadeFor | None, path: str, said: Place) -> Place:
-    """Return the place on the mesh, from the place at `path` in an edit that was made for another mesh."""
+    """Return the place on `mesh` for the place `said` at the key `path` of a document; `made` describes its mesh."""
     if said.region is not None:
         with within(f"{path}.region"):
             return place_on(mesh, said.region)
@@ -311,7 +311,7 @@ def _placed(mesh: Mesh, made: MadeFor | None, path: str, said: Place) -> Place:
     if made is not None and not said.known:
         if made.vertices != size:
             raise ArgumentError(
-                path, f"must have a position: the edit counts {made.vertices} vertices, the mesh {size}"
+                path, f"must have a position: the edit was made on {made.vertices} vertices, the mesh has {size}"
             )
         if made.hash not in (None, mesh.content_hash):
             raise ArgumentError(path, "must have a position: the edit was made on another mesh")
@@ -321,7 +321,7 @@ def _placed(mesh: Mesh, made: MadeFor | None, path: str, said: Place) -> Place:
 
 
 def _check_shape(mesh: Mesh, made: MadeFor) -> None:
-    """Raise ValueError if the edit is of another shape."""
+    """Raise ValueError if the mesh on which the edit was made has another bounding box than `mesh`."""
     if made.bounds is None or made.hash == mesh.content_hash:
         return
     was, now = np.asarray(made.bounds), np.asarray(mesh.bounds)
@@ -335,7 +335,7 @@ def _check_shape(mesh: Mesh, made: MadeFor) -> None:
 
 
 def _validated(document: Any, name: str, mesh: Mesh | None = None) -> EditFile:
-    """Return the edit in a document, with its places as the document has them."""
+    """Check a document, and return its edit. The places are those of the document, not yet places on `mesh`."""
     if not isinstance(document, dict):
         raise ArgumentError("document", f"must be an edit, got {_shown(document)}", name)
     for key, value in (("format", EditFile.format), ("version", EditFile.version)):
@@ -345,12 +345,12 @@ def _validated(document: Any, name: str, mesh: Mesh | None = None) -> EditFile:
     try:
         return _model().validate_json(json.dumps(_completed(document, mesh)))
     except ValidationError as error:
-        argument, reason = _complaint(error)
+        argument, reason = _reported(error)
         raise ArgumentError(argument, reason, name) from None
 
 
 def _completed(document: dict[str, Any], mesh: Mesh | None) -> dict[str, Any]:
-    """Return a document for pydantic, with defaults, and with the keys of places, transforms and controls grouped."""
+    """Return the document with defaults, and with an object for each place, transform and controls, for pydantic."""
     known: Preset = document["preset"] if document.get("preset") in tuple(PRESETS) else "default"
     whole = dict(document)
     handles, fixed, plane = (whole.get(key) for key in ("handles", "fixed", "symmetry"))
@@ -368,20 +368,20 @@ def _completed(document: dict[str, Any], mesh: Mesh | None) -> dict[str, Any]:
     return whole
 
 
-def _grouped(entry: Any, parts: Iterable[str], meant: Mapping[str, Any], free: Iterator[int] | None = None) -> Any:
-    """Return an entry with the keys of `parts` grouped, the defaults `meant`, and a `free` id if it has none."""
+def _grouped(entry: Any, groups: Iterable[str], defaults: Mapping[str, Any], free: Iterator[int] | None = None) -> Any:
+    """Return a handle or fixed point with `defaults`, an id of `free` if it has none, and an object for each group."""
     if not isinstance(entry, dict):
         return entry
-    given = {**meant, **entry}
+    given = {**defaults, **entry}
     if free is not None and given.get("id") is None:
         given["id"] = next(free)
-    grouped = {part: {key: given.pop(key) for key in _keys(SPREAD[part]) if key in given} for part in parts}
+    grouped = {group: {key: given.pop(key) for key in _keys(SPREAD[group]) if key in given} for group in groups}
     return given | grouped
 
 
-# Entries that pydantic adds to the path of a value: the tried member of a union, and the groups of `SPREAD`.
+# Steps of pydantic's path to a value that are no keys of a document: members of unions, and the groups of `SPREAD`.
 TAGS = {"float", "str", *SPREAD, *(each.kind for each in get_args(Region)), "SymmetryPlane"}
-PHRASES = {
+PHRASES = {  # patterns in pydantic's messages, and the words that replace them
     "be a dictionary or a counterpart of .*": "be an object",
     "be an? valid (tuple|list|array)": "be a list",
     "valid number": "finite number",
@@ -390,17 +390,17 @@ PHRASES = {
 }
 
 
-def _complaint(error: ValidationError) -> tuple[str, str]:
+def _reported(error: ValidationError) -> tuple[str, str]:
     """Return the key and the reason of the first error, in this package's terms."""
     errors = error.errors(include_url=False)
-    # For a union, report the member that matched deepest. For a text where words are allowed, report the words.
+    # A union has an error for each member: report the longest path, and for a text the error that lists the words.
     owner = _path(errors[0]["loc"])
     first = max(
         (each for each in errors if _path(each["loc"]).startswith(owner)),
         key=lambda each: (len(each["loc"]), each["type"] == "literal_error" and isinstance(each["input"], str)),
     )
     steps, kind, shown = first["loc"], first["type"], _shown(first["input"])
-    if kind == "json_invalid":  # the text is no Unicode, or lists are nested too deep
+    if kind == "json_invalid":  # the text is not Unicode, or lists are nested too deeply
         return "document", f"cannot be read: {first['msg'].removeprefix('Invalid JSON: ')}"
     said = first.get("ctx", {}).get("error")
     if isinstance(said, ArgumentError):
@@ -424,7 +424,7 @@ def _complaint(error: ValidationError) -> tuple[str, str]:
 def _path(steps: Iterable[int | str]) -> str:
     path, before = "", ""
     for step in steps:
-        # Tags follow the key of a union and are left out. `mesh.vertices` is a document's own key and stays.
+        # Tags are left out. "vertices" is the tag of a set of vertices, but a key of the document in `mesh.vertices`.
         tag = step in TAGS or (isinstance(step, str) and "[" in step)
         if not (tag and path) or (step == "vertices" and before == "mesh"):
             path += f"[{step}]" if isinstance(step, int) else f".{step}" if path else step

@@ -1,4 +1,4 @@
-"""Undo without limit: the states of an edit, which are small and share all unchanged values."""
+"""Undo and redo without limit: all states of an edit are kept. They are small, because they share unchanged values."""
 
 from collections.abc import Hashable, Iterator
 from contextlib import contextmanager
@@ -7,14 +7,14 @@ from dfd.editing.edit import Edit
 
 
 class History:
-    """The states of an edit, one of which is the present one."""
+    """All states of an edit, and the index of the present one."""
 
     __slots__ = ("_floor", "_now", "_states", "_topic")
 
     def __init__(self, start: Edit) -> None:
         self._states = [start]
         self._now = 0
-        self._floor = 0  # lowest state that `undo` reaches while a `step` is open
+        self._floor = 0  # index of the oldest state that `undo` reaches while a `step` is open
         self._topic: Hashable = None  # topic of the newest step, for later steps with the same topic
 
     @property
@@ -60,9 +60,9 @@ class History:
 
     @contextmanager
     def step(self, topic: Hashable = None, *, merge: bool = False) -> Iterator[None]:
-        """Make one step of all changes inside `with deformer.step():`; if one of them fails, none takes effect.
+        """Record all changes in the block `with deformer.step():` as one step. If one of them fails, undo them all.
 
-        With `merge`, the step joins the previous step if that step has the same `topic`, any value but None.
+        With `merge`, the step joins the previous step if that step has the same `topic`, which must not be None.
         """
         start, floor, before, about = self._now, self._floor, list(self._states), self._topic
         self._floor, self._topic = start, None

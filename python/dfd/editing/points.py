@@ -21,23 +21,23 @@ from dfd.posing.transforms import Vector, vector
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-# The side of the box for each word: y is up, the front looks along +z, and left is the side on the left of a viewer in
+# The axis (x, y, z are 0, 1, 2) and the sign of the direction of each word. Left is the side on the left of a viewer in
 # front of the shape.
 EXTREMES = {"top": (1, 1), "bottom": (1, -1), "right": (0, 1), "left": (0, -1), "front": (2, 1), "back": (2, -1)}
 SIDE = re.compile(r"([xyz])\s*([<>])\s*(.+)")
 
-NOWHERE: Vector = (math.nan, math.nan, math.nan)
+NOWHERE: Vector = (math.nan, math.nan, math.nan)  # position of a place whose position is unknown
 
 
 @dataclass(frozen=True, repr=False)
 class Place(Brief):
     """The place of a handle or a fixed point on the resting shape: a vertex, a region, or a point in space.
 
-    Raises ValueError if it has no content, or a number is out of its bounds.
+    Raises ValueError if it has no vertex, position or region, or a number is out of its bounds.
     """
 
-    # position: (3,) in mesh units; for a region, the center of its bounding box. NaN if it is unknown until `place_on`
-    # finds it on a mesh.
+    # position: (3,) in mesh units; for a region, the center of its bounding box. A file may leave it out; it is then
+    # `NOWHERE` until `place_on` finds it on a mesh.
     position: Annotated[Vector, Written(Vector | None)] = NOWHERE
     vertex: int | None = None  # index of the vertex at the position, or None
     # region: the set of vertices, or None for a single point
@@ -61,11 +61,11 @@ class Place(Brief):
 
     @property
     def key(self) -> Hashable:
-        """Return the identity of the place: a vertex and a point at the same position are equal."""
+        """Return a key for comparisons: a vertex and a point at the same position have equal keys."""
         return (self.position, self.region) if self.known else self
 
     def __str__(self) -> str:
-        """Return the name for messages; a point is written in the form of a command-line option."""
+        """Return the name of the place for messages. A point is written as "x,y,z", as on the command line."""
         if self.region is not None:
             return str(self.region)
         return ",".join(f"{x:g}" for x in self.position) if self.vertex is None else str(self.vertex)
@@ -75,18 +75,17 @@ class Found(NamedTuple):
     """The place that a text names on a mesh."""
 
     place: Place
-    note: str  # one line for display: the vertex and its distance, or the number of vertices
+    note: str  # one line for users: the vertex and its distance, or the number of vertices
 
 
 def place_on(mesh: Mesh, at: Any) -> Place:
     """Return the place that `at` names on a mesh.
 
-    `at` is a vertex index; three coordinates in mesh units, which stay unchanged, on the surface or off it; an array of
-    vertex indices or a mask of (V,) truth values; a region; a text, see `find`; or a `Place`, whose vertex and region
-    refer to this mesh.
+    `at` is a vertex index, a point (3,) in mesh units on or off the surface, an array of vertex indices, a mask (V,)
+    of bool, a region, a text (see `find`), or a `Place`. The vertex and the region of a `Place` refer to this mesh.
 
-    Raises ValueError if `at` is none of these, or a region is empty. Raises ValueError if a point lies farther from the
-    shape than the diagonal of its box.
+    Raises ValueError if `at` is none of these, or a region contains no vertex. Raises ValueError if a point lies
+    farther from the shape than the diagonal of its box.
     """
     if isinstance(at, Place):
         said = at.vertex if at.region is None else at.region
@@ -111,12 +110,12 @@ def find(mesh: Mesh, text: str) -> Found:
     """Return the place that `text` names on `mesh`, with a line that describes it.
 
     `812` is a vertex. `0.1,0.2,0.3` is the vertex nearest to that point. `top`, `bottom`, `left`, `right`, `front` and
-    `back` are the outermost vertices (y is up, the front looks along +z). `part:NAME` is a part of the scene.
-    `group:NAME` is what a `g`, `o` or `usemtl` line of an OBJ file names. `material:NAME` is all surface of one
-    material. `x>0.5` and `y<0` are sides of a plane. `ball:x,y,z,radius` is a ball, and `box:x,y,z,x,y,z` is a box.
-    `component@812` is everything that faces connect with a place.
+    `back` are the vertices farthest in these directions (up is +y, front is +z, right is +x). `part:NAME` is a part of
+    the mesh's scene. `group:NAME` contains the faces after a `g`, `o` or `usemtl` line of an OBJ file. `material:NAME`
+    is all surface of one material. `x>0.5` and `y<0` are sides of a plane. `ball:x,y,z,radius` is a ball, and
+    `box:x,y,z,x,y,z` is a box with these two corners. `component@812` is the connected component at vertex 812.
 
-    Raises ValueError if `text` names nothing of the mesh; the message gives the expected forms.
+    Raises ValueError if `text` names no place of the mesh; the message gives the expected forms.
     """
     said = text.strip()
     try:
@@ -149,11 +148,11 @@ def find(mesh: Mesh, text: str) -> Found:
 
 
 def _region_in(mesh: Mesh, said: str) -> Region | None:
-    """Return the region that a text names; None if it names none. Raises ValueError if its numbers are no numbers."""
+    """Return the region that a text names, or None. Raises ValueError if a number of the region cannot be read."""
     if said.startswith("component@"):
         at = find(mesh, said.removeprefix("component@")).place
         vertex = nearest_vertex(mesh, at.position)[0] if at.vertex is None else at.vertex
-        from dfd.geometry.coarse import nodes_of  # imports SciPy, which the help of the command line does not need
+        from dfd.geometry.coarse import nodes_of  # slow to import, and not needed for the help of the command line
 
         nodes = nodes_of(mesh)
         component = nodes.component[nodes.of_vertex]

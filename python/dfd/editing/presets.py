@@ -1,6 +1,6 @@
-"""The defaults of each preset, for every interface.
+"""The defaults of each preset, for sessions, the command line, the app, Blender and edit files.
 
-Sessions, the command line, the app, Blender and edit files read them here. The module imports no SciPy or pydantic.
+The help of the command line needs them, so this module must import fast: it imports neither SciPy nor pydantic.
 """
 
 from dataclasses import dataclass
@@ -10,8 +10,8 @@ from dfd.common.preset import Preset
 from dfd.symmetry.plane import DEFAULT_BAND
 from dfd.weights.bind import Falloff
 
-LARGEST = 1e38  # bound of numbers, because the kernels compute with 32-bit floats
-PARTLESS_REACH = 0.7  # stands for the reach "part" on a shape without parts that end, such as a ball
+LARGEST = 1e38  # largest coordinate or control, because the kernels compute with 32-bit floats
+PARTLESS_REACH = 0.7  # the feature distance that replaces the reach "part" on a shape without parts, such as a ball
 
 Counterparts = Literal["own_pivot", "shared_pivot", "only"]
 Reach = float | Literal["part"]
@@ -20,26 +20,27 @@ SymmetryCandidates = Literal["any", "axes"]
 
 @dataclass(frozen=True)
 class Rules:
-    """Everything that differs between the presets, with the values of the preset "default"."""
+    """The settings in which the presets differ. The defaults of the fields are the preset "default"."""
 
-    # reach, falloff, counterparts: controls of a new handle. In pictures and labels of people, any one number for reach
-    # is too wide for an ear and too narrow for a leg. A linear falloff pulls the surface into a point.
+    # reach, falloff, counterparts: controls of a new handle. A single number for reach would be too wide for an ear or
+    # too narrow for a leg. A linear falloff would pull the surface into a sharp tip.
     reach: Reach = "part"
     falloff: Falloff = "smooth"
     counterparts: Counterparts = "own_pivot"
-    # pivot: the pivot of a handle if none is given: as in `Deformer.add`, or the held point
+    # pivot: the pivot of a handle if none is given. "auto" is explained in `Deformer.add`, "point" is the handle.
     pivot: Literal["auto", "point"] = "auto"
-    # equalize: whether counterparts follow as much as the held component; otherwise as much as they resemble it
+    # equalize: whether the weights of less similar counterparts are raised to those of the handle's own component
     equalize: bool = True
-    # overlap, blend: how overlapping weights and transforms combine; "auto" is linear up to rotations of `MOST_LINEAR`
+    # overlap, blend: arguments of `dfd.pose`; the blend "auto" is linear up to rotations by 30° (`Edit.blending`)
     overlap: Literal["add", "paper"] = "add"
     blend: Literal["auto", "linear"] = "auto"
-    # reach_targets: whether handles get back the weight that fixed points take from them at their own places (Eq. 6)
+    # reach_targets: whether a handle gets back the weight that fixed points subtract at the handle itself (Eq. 6)
     reach_targets: bool = True
-    # exact_distances: whether distances of Eq. 7 start only at the handle, stay on its component and use all vertices.
-    # Otherwise they also start at the handle's mirror image, cross small gaps, and use 6,000 samples.
+    # exact_distances: whether the distances along the surface (Eq. 7) start only at the handle, stay on its connected
+    # component and use all vertices. Otherwise, they also start at its mirror image, cross small gaps and use samples.
     exact_distances: bool = False
-    # band: half width of the blend band at a mirror plane, relative to the longest side of the box (Eq. 8)
+    # band: half width of the band in which both sides of a mirror plane are blended, as a fraction of the longest side
+    # of the bounding box. Eq. 8 has 0.
     band: float = DEFAULT_BAND
     # candidates, threshold: candidates of symmetry "auto", as in `dfd.symmetry_planes`
     candidates: SymmetryCandidates = "any"
@@ -53,7 +54,7 @@ class Rules:
 
 PRESETS: dict[Preset, Rules] = {
     "default": Rules(),
-    # Eq. 1 and 4 to 8 to the letter, and the planes of section 3.3.3 with its ε.
+    # Exactly Eq. 1 and Eq. 4 to 8. The candidate planes and their threshold ε are those of section 3.3.3.
     "paper": Rules(
         reach=1.0,
         falloff="linear",

@@ -1,4 +1,4 @@
-"""A report of the effect of an edit on a shape, in numbers and in one sentence."""
+"""Report the effect of an edit on a shape, in numbers and in one sentence."""
 
 from dataclasses import dataclass
 
@@ -10,9 +10,9 @@ from dfd.editing.influence.handle_weights import HandleWeights
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Vector, vector
 
-# Fraction of the diagonal of the box: a vertex that moves less counts as unmoved, and a handle that misses its target
-# by less counts as arrived.
-UNSEEN = 1e-3
+# Smallest visible distance, as a fraction of the bounding-box diagonal. A vertex that moves by less counts as unmoved.
+# A handle that is nearer to its target counts as arrived.
+VISIBLE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -21,19 +21,19 @@ class HandleReport:
 
     id: int
     name: str | None
-    vertex: int  # the vertex that is measured: the handle's own, or the one nearest to it
+    vertex: int  # the vertex whose motion is measured: the handle's own, or the one nearest to it
     target: Vector  # (3,) position of that vertex under the handle's transform, mesh units
     landed: Vector  # (3,) posed position of that vertex, mesh units
-    missing: float  # the distance between the two positions, mesh units
-    arrived: bool  # whether `missing` is below 0.1 % of the diagonal of the box, too small to see
-    mirrored: Vector | None  # (3,) mirrored position where the handle also acts, or None
-    counterparts: int  # number of counterparts that move about their own pivots; 1 if all move together
-    along_with: tuple[int, ...] = ()  # ids of handles that also move it, because its part lies in theirs
+    missing: float  # the distance between `target` and `landed`, mesh units
+    arrived: bool  # whether `missing` is below 0.1 % of the bounding-box diagonal, which is too small to see
+    mirrored: Vector | None  # (3,) mirror image of the handle, at which the handle also acts, or None
+    counterparts: int  # number of counterparts that move about their own pivots; 1 if all share one pivot
+    along_with: tuple[int, ...] = ()  # ids of other handles that also move it, because its part lies in theirs
 
     def __str__(self) -> str:
         """Return the result in a few words."""
         named = f"handle {self.id}" + (f" ({self.name})" if self.name else "")
-        words = f"{named} arrived" if self.arrived else f"{named} is {self.missing:.3g} from where it was sent"
+        words = f"{named} arrived" if self.arrived else f"{named} is {self.missing:.3g} from its target"
         if self.counterparts > 1:
             words += f", each of {self.counterparts} counterparts about its own pivot"
         if self.along_with:
@@ -50,8 +50,8 @@ class Report:
     moved: float  # fraction of vertices that moved by more than 0.1 % of the diagonal of the box
     farthest: float  # largest distance that a vertex moved, mesh units
     handles: tuple[HandleReport, ...]  # result of each handle
-    warning: str | None  # reason if nothing moved, else None
-    advice: str | None = None  # sentence about scales that flatten or mirror; None without any
+    warning: str | None  # the reason if nothing moved, else None
+    advice: str | None = None  # sentence about handles whose scale flattens or mirrors; None if there are none
 
     def __repr__(self) -> str:
         """Return the sentence."""
@@ -73,21 +73,21 @@ class Report:
 
 
 def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: Float64) -> Report:
-    """Return the report of `edit` on `mesh`, whose vertices (V, 3) are at `posed`."""
+    """Return the report of `edit` on `mesh`. `posed` (V, 3) are the vertices after the edit."""
     distances = np.linalg.norm(posed - mesh.vertices, axis=1)
-    unseen = UNSEEN * mesh.diagonal
-    moved = float(np.mean(distances > unseen))
+    visible = VISIBLE * mesh.diagonal
+    moved = float(np.mean(distances > visible))
     counts = weights.counterpart_counts(edit)
     following, columns = weights.columns(edit)
-    own = {column.handle: column for column in reversed(columns)}  # a handle's own counterpart is its first
+    own = {column.handle: column for column in reversed(columns)}  # the first column of each handle
     bent = weights.bent(edit)
     handles = []
     for i, handle in enumerate(edit.handles):
         vertex = weights.rows.anchor(handle.place)
         rest = bent[vertex]
-        target = _sent(own[i].matrix(edit), rest)
+        target = _transformed(own[i].matrix(edit), rest)
         for number in own[i].carriers:
-            target += following[vertex, number] * (_sent(columns[number].matrix(edit), rest) - rest)
+            target += following[vertex, number] * (_transformed(columns[number].matrix(edit), rest) - rest)
         missing = float(np.linalg.norm(posed[vertex] - target))
         place = handle.place.position
         image = place if edit.symmetry is None else vector("mirrored", edit.symmetry.reflect([place])[0])
@@ -99,8 +99,8 @@ def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: Float64) -> Re
                 target=vector("target", target),
                 landed=vector("landed", posed[vertex]),
                 missing=missing,
-                arrived=missing <= unseen,
-                mirrored=image if np.linalg.norm(np.subtract(image, place)) > unseen else None,
+                arrived=missing <= visible,
+                mirrored=image if np.linalg.norm(np.subtract(image, place)) > visible else None,
                 counterparts=counts[i],
                 along_with=tuple(sorted({edit.handles[columns[number].handle].id for number in own[i].carriers})),
             )
@@ -108,31 +108,31 @@ def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: Float64) -> Re
     return Report(moved, float(distances.max()), tuple(handles), None if moved else _warning(edit), _advice(edit))
 
 
-def _sent(matrix: Float64, point: Float64) -> Float64:
+def _transformed(matrix: Float64, point: Float64) -> Float64:
     """Return the image of a point (3,) under an affine `matrix` (3, 4)."""
     return np.asarray(matrix[:, :3] @ point + matrix[:, 3])
 
 
 def _advice(edit: Edit) -> str | None:
-    """Return a sentence about scales that flatten or mirror the shape; None without any."""
+    """Return a sentence about handles whose scale flattens or mirrors; None if there are none."""
     scales = {f"handle {handle.id}": handle.transform.scale for handle in edit.handles}
     flat = [name for name, scale in scales.items() if 0.0 in scale]
     mirrored = [name for name, scale in scales.items() if np.prod(scale) < 0]
     for names, verb, result in (
         (flat, "flatten", ": a factor of scale is 0"),
-        (mirrored, "mirror", ", whose faces then look inward: a factor of scale is negative"),
+        (mirrored, "mirror", ", so its faces look inward: a factor of scale is negative"),
     ):
         if names:
-            return f"{' and '.join(names)} {verb}{'s' if len(names) == 1 else ''} what follows{result}"
+            return f"{' and '.join(names)} {verb}{'s' if len(names) == 1 else ''} the held part{result}"
     return None
 
 
 def _warning(edit: Edit) -> str:
     """Return the reason why nothing moved."""
     if not edit.handles and edit.default is None:
-        return "nothing moved: nothing is held"
+        return "nothing moved: there is no handle"
     if all(handle.transform.rests for handle in edit.handles):
         return "nothing moved: no handle is moved, turned or scaled"
     if all(handle.controls.strength == 0 for handle in edit.handles):
         return "nothing moved: the strength of every handle is 0"
-    return "nothing moved: no weight is left, or the moves are too small to see"
+    return "nothing moved: all weights are 0, or the motions are too small to see"

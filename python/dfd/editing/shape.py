@@ -1,4 +1,4 @@
-"""The posed shape of an edit. During a drag, only the handles that move are computed."""
+"""Pose the vertices of an edit. During a drag, only the handles that move are computed."""
 
 from typing import Any
 
@@ -13,10 +13,10 @@ from dfd.posing.pose import IDENTITY, Drag, pose
 
 
 class PosedShape:
-    """Computes the posed vertices of an edit, and keeps those of the last one.
+    """Compute the posed vertices of an edit, and cache those of the latest edit.
 
-    While edits differ only in the transforms of a few handles, one base (`dfd.Drag`) holds the sum of all others. A
-    frame then costs only what those few handles cost.
+    If successive edits differ only in the transforms of some handles, at most half of all, a `dfd.Drag` stores the sum
+    over all other handles. Then only the handles that move are computed.
     """
 
     def __init__(self, mesh: Mesh, weights: HandleWeights, bands_of: Edit | None = None) -> None:
@@ -27,10 +27,10 @@ class PosedShape:
         self._edit = Edit()
         self._vertices = mesh.vertices
         self._drag: Drag | None = None
-        self._moving: dict[int, list[Column]] = {}  # the columns that `_drag` can move, by handle
+        self._moving: dict[int, list[Column]] = {}  # by handle: its columns, which `_drag` can move
 
     def of(self, edit: Edit) -> Float64:
-        """Return (V, 3) the posed vertices of `edit` in mesh units, read-only."""
+        """Return the posed vertices (V, 3) of `edit` in mesh units, read-only."""
         if edit is not self._edit:
             vertices = self._posed(edit)
             vertices.flags.writeable = False
@@ -46,7 +46,7 @@ class PosedShape:
             return self._vertices
         if moved is None or 2 * len(moved) > len(edit.handles):
             self._drag = None
-            return self._vertices if _acting(self._edit) == _acting(edit) else self._whole(edit)
+            return self._vertices if _pose_key(self._edit) == _pose_key(edit) else self._whole(edit)
         if self._drag is None or not self._moving.keys() >= set(moved):
             weights, columns = self._weights.columns(edit, self._bands_of)
             moving = [i for i, column in enumerate(columns) if column.handle in moved]
@@ -55,16 +55,16 @@ class PosedShape:
         return self._drag.pose([column.matrix(edit) for columns in self._moving.values() for column in columns])
 
     def _whole(self, edit: Edit) -> Float64:
-        if _acting(edit) == _acting(Edit()):
-            return self._mesh.vertices  # nothing moves, whatever the weights
+        if _pose_key(edit) == _pose_key(Edit()):
+            return self._mesh.vertices  # nothing moves, so the weights are not needed
         bent = self._weights.bent(edit)
         if edit.default is None and all(np.array_equal(handle.matrix, IDENTITY) for handle in edit.handles):
-            return bent  # only bends and twists, as in most drags of a tip
+            return bent  # handles only bend and twist their parts
         weights, columns = self._weights.columns(edit, self._bands_of)
         return pose(bent, weights, **self._arguments(edit, columns))
 
     def _arguments(self, edit: Edit, columns: tuple[Column, ...]) -> dict[str, Any]:
-        """Return the arguments of `pose` and `Drag` for `edit`, besides vertices and weights."""
+        """Return the arguments of `pose` and `Drag` for `edit`, except vertices and weights."""
         return {
             "transforms": np.reshape([column.matrix(edit) for column in columns], (-1, 3, 4)),
             "default": None if edit.default is None else edit.default.matrix(box_center(self._mesh)),
@@ -77,10 +77,10 @@ class PosedShape:
 
 def _moved(before: Edit, after: Edit) -> list[int] | None:
     """Return the indices of handles whose transforms differ; None if the edits differ in anything else."""
-    if len(before.handles) != len(after.handles) or _whole_shape(before) != _whole_shape(after):
+    if len(before.handles) != len(after.handles) or _without_handles(before) != _without_handles(after):
         return None
     if HandleWeights.allocating(before) != HandleWeights.allocating(after):
-        return None  # a component changed the handle that moves it
+        return None  # a component may now follow another handle
     moved = []
     for i, (old, new) in enumerate(zip(before.handles, after.handles, strict=True)):
         if (old.place, old.controls, _bend(old)) != (new.place, new.controls, _bend(new)):
@@ -91,19 +91,19 @@ def _moved(before: Edit, after: Edit) -> list[int] | None:
 
 
 def _bend(handle: Handle) -> tuple[Any, ...] | None:
-    """Return bend, twist and joint, which move vertices before all transforms do; None without any."""
+    """Return the values that bend and twist the held part before handles are blended; None if they do nothing."""
     transform = handle.transform
     return (transform.bend, transform.twist, transform.joint) if transform.bends else None
 
 
-def _whole_shape(edit: Edit) -> tuple[Any, ...]:
+def _without_handles(edit: Edit) -> tuple[Any, ...]:
     return edit.fixed, edit.symmetry, edit.default, edit.blending, edit.preset
 
 
-def _acting(edit: Edit) -> tuple[Any, ...]:
-    """Return a cache key of everything that changes the posed vertices.
+def _pose_key(edit: Edit) -> tuple[Any, ...]:
+    """Return a cache key: everything in `edit` that changes the posed vertices.
 
-    If displacements add, handles at rest change nothing, unless they hold a place against D₀.
+    If displacements add linearly and there is no D₀, handles at rest change no vertex, so the key leaves them out.
     """
     inert = edit.default is None and edit.rules.overlap == "add" and edit.blending == "linear"
     handles = [
@@ -111,4 +111,4 @@ def _acting(edit: Edit) -> tuple[Any, ...]:
         for handle in edit.handles
         if not (inert and handle.transform.rests)
     ]
-    return handles, _whole_shape(edit) if handles else edit.default
+    return handles, _without_handles(edit) if handles else edit.default

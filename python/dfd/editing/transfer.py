@@ -22,21 +22,21 @@ from dfd.posing.transforms import Transform, Vector, vector
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.bind import bind
 
-# Vertices are equally similar if their feature distances exceed the least one by at most this. Of these, the vertex at
-# the most similar position is chosen, because features hardly distinguish a left leg from a right one.
-AS_NEAR = 0.1
-MOST_POSITIONS = 2048  # largest number of vertices that are transferred from a set, at even strides
-SAMPLE = 4096  # number of surface samples; their mean feature is within 1 % of the surface's
-# The settings of a field that determine whether features of two fields are comparable.
+# All vertices whose feature distance exceeds the smallest one by at most this number are candidates. The candidate at
+# the most similar position is chosen, because features hardly distinguish a left leg from a right leg.
+CANDIDATE_MARGIN = 0.1
+MOST_POSITIONS = 2048  # at most this many vertices of a set are transferred, chosen at even strides
+SAMPLE = 4096  # number of surface samples from which the mean feature of a shape is computed
+# The settings in which two fields must agree, so that their features can be compared.
 OF_FEATURES = ("encoder_family", "encoder_weights", "encoder_block", "metric_hash")
-TOO_SHORT = 1e-4  # distance of a feature from the mean below which it counts as the mean
+TOO_SHORT = 1e-4  # a feature that is nearer to the mean feature than this distance counts as equal to the mean
 
 Scaled = TypeVar("Scaled", bound="Controls | Transform | Region")
 
 
 @dataclass(frozen=True)
 class Transferred:
-    """An edit on another shape, and the similarity of its places.
+    """An edit on another shape, and how similar its places are to the places on the first shape.
 
     A similarity, in [0, 1], is the cosine between two features after subtraction of each shape's mean feature.
     """
@@ -51,15 +51,15 @@ def transfer(edit: Edit, mesh_from: Mesh, field_from: Field, mesh_to: Mesh, fiel
     """Transfer `edit` from one shape to another shape of its class.
 
     A handle moves to the vertex with the most similar feature. Among vertices of nearly equal similarity, it moves to
-    the most similar position in the box. The mean feature of each shape is subtracted first, because it describes the
-    style of the whole shape. Lengths (translations, pivots, radii) are scaled by the ratio of the longest sides;
-    rotations and scales stay. Balls, boxes and half spaces are scaled and translated as the boxes of the shapes are. A
-    set of vertices is transferred vertex by vertex (at most 2,048, evenly chosen). Parts and groups are found by name.
+    the vertex with the most similar position in the box. The mean feature of each shape is subtracted first, because it
+    describes the style of the whole shape. Lengths, such as translations and radii, are multiplied by the ratio of the
+    longest sides. Rotations and scales do not change. Balls, boxes and half spaces are scaled and translated with the
+    bounding box. Of a vertex set, at most 2,048 vertices are transferred one by one. Parts and groups keep their names.
 
     `edit` was made on `mesh_from`. Both fields must be distilled with the same encoder.
 
-    Raises ValueError if the fields have different encoders, two handles move to one vertex, or a region is empty on
-    `mesh_to`.
+    Raises ValueError if the fields have different encoders, two handles move to the same vertex, or a region contains
+    no vertex of `mesh_to`.
     """
     if field_from.dimension != field_to.dimension:
         raise ArgumentError(
@@ -127,19 +127,19 @@ class EditTransfer:
         return self.scaled(region, self.point)
 
     def handle(self, handle: Handle, place: Place) -> Handle:
-        """Return the handle at its new place. Its pivot's offset is scaled by the ratio of sizes."""
+        """Return `handle` on the other shape, at `place`. The distance to its pivot is scaled by the ratio of sizes."""
 
-        def beside(pivot: Vector) -> Vector:
+        def moved_pivot(pivot: Vector) -> Vector:
             offset = np.subtract(pivot, handle.place.position)
             return vector("pivot", np.asarray(place.position) + self.ratio * offset)
 
         mask = handle.controls.mask and self.region(handle.controls.mask)
-        # Excluded counterparts are reset: they are places of the first shape.
-        controls = replace(self.scaled(handle.controls, beside), excluded_counterparts=(), mask=mask)
-        return replace(handle, place=place, transform=self.scaled(handle.transform, beside), controls=controls)
+        # Excluded counterparts are removed, because they are places of the first shape.
+        controls = replace(self.scaled(handle.controls, moved_pivot), excluded_counterparts=(), mask=mask)
+        return replace(handle, place=place, transform=self.scaled(handle.transform, moved_pivot), controls=controls)
 
     def scaled(self, value: Scaled, move: Callable[[Vector], Vector]) -> Scaled:
-        """Return `value` with its lengths in units of the other shape, and its positions moved by `move`."""
+        """Return `value` with its lengths multiplied by the ratio of sizes, and its positions mapped by `move`."""
         found: dict[str, Any] = {}
         owner: type = type(value)
         for name, (_, said) in about(owner).items():
@@ -151,12 +151,12 @@ class EditTransfer:
         return replace(value, **found)
 
     def offset(self, plane: SymmetryPlane | HalfSpace) -> float:
-        """Return the offset of the corresponding plane in the other shape's box."""
+        """Return the offset of the plane of the other shape that corresponds to `plane`."""
         on_plane = self.point(vector("normal", plane.offset * np.asarray(plane.normal)))
         return float(np.dot(on_plane, plane.normal))
 
     def nearest(self, positions: Float64) -> tuple[Int64, Float64]:
-        """Return the vertices (N,) most similar to points of the first shape, and the cosines (N,) between both."""
+        """Return the vertices (N,) most similar to at most `MOST_POSITIONS` of `positions`, and the cosines (N,)."""
         chosen = positions[:: -(-len(positions) // MOST_POSITIONS)]
         wanted = unit(self.field_from(chosen) - self.mean_from, least=TOO_SHORT)
         meant = self.center_to + self.ratio * (chosen - self.center_from)
@@ -165,14 +165,14 @@ class EditTransfer:
         for i, row in enumerate(wanted):
             found = (self.products(row) - float(offset @ row)) / length
             apart = np.sqrt(np.maximum(2.0 - 2.0 * found, 0.0))
-            alike = np.flatnonzero(apart <= apart.min() + AS_NEAR)
+            alike = np.flatnonzero(apart <= apart.min() + CANDIDATE_MARGIN)
             vertices[i] = alike[np.linalg.norm(self.mesh.vertices[alike] - meant[i], axis=1).argmin()]
             cosines[i] = found[vertices[i]]
         return vertices, cosines
 
     @cached_property
     def lengths(self) -> Float64:
-        """Return the distance (V,) of each vertex's feature from the mean of the shape; infinity in place of 0."""
+        """Return the distances (V,) of the vertices' features from the mean feature; infinity if one is too short."""
         offset = self.mean_to
         long = float(np.linalg.norm(offset))
         along = long * self.products(offset / long) if long > 0 else 0.0
@@ -180,8 +180,8 @@ class EditTransfer:
         return np.where(squares > TOO_SHORT**2, np.sqrt(np.maximum(squares, 0.0)), np.inf)
 
     def products(self, row: Float64) -> Float64:
-        """Return the products (V,) of the vertices' features with a unit row, from the distances of `bind`."""
-        # A reach of 2 is the largest distance between unit features.
+        """Return the dot products (V,) of the vertices' features with a unit vector `row` (D,)."""
+        # The reach is the largest distance between unit features, so that each weight determines its distance.
         distances = 2.0 * (1.0 - bind(self.rows.features, row[None].astype(np.float32), reach=2.0)[:, 0])
         return 1.0 - np.square(distances, dtype=np.float64) / 2.0
 

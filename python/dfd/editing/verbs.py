@@ -1,6 +1,6 @@
-"""The changes of a session: each function returns the edit that follows from an edit and the caller's arguments.
+"""Change an edit: each function takes an edit and the arguments of a method of `Deformer`, and returns a new edit.
 
-`weights` are those of the session. They hold the mesh, its parts, and the orientation of its surface.
+`weights` are those of the session. They also give the mesh, its parts and the parts that handles hold.
 """
 
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ from dfd.segmentation.parts import Level
 
 
 def add(edit: Edit, weights: HandleWeights, handle: int, at: Any, *, name: str | None, **given: Any) -> Edit:
-    """Return `edit` with a new handle of id `handle` at the end."""
+    """Return `edit` with one more handle, whose id is `handle`."""
     check.keywords(given, (*MOTIONS, *CONTROLS), "motion or control of a handle")
     place = place_of(weights, at)
     parts: Any = {part: value for part, value in given.items() if part in MOTIONS}
@@ -34,7 +34,7 @@ def add(edit: Edit, weights: HandleWeights, handle: int, at: Any, *, name: str |
 
 
 def move(edit: Edit, weights: HandleWeights, handle: int, given: Mapping[str, Any]) -> Edit:
-    """Return `edit` with other values in a handle's transform."""
+    """Return `edit` with the `given` values in the transform of a handle."""
     check.keywords(given, MOTIONS, "motion of a handle")
     held = edit.handle(handle)
     moved = edit.replaced(replace(held, transform=_transform(held.transform, weights, held.place, given)))
@@ -44,7 +44,7 @@ def move(edit: Edit, weights: HandleWeights, handle: int, given: Mapping[str, An
 def change(
     edit: Edit, weights: HandleWeights, handle: int, at: Any, name: str | None, controls: Mapping[str, Any]
 ) -> Edit:
-    """Return `edit` with another place, other controls or another name of a handle."""
+    """Return `edit` with another place, other controls or another name for a handle."""
     held = edit.handle(handle)
     place = held.place if at is None else place_of(weights, at)
     shaped = held.controls.changed(**_controls(weights, place, controls))
@@ -53,39 +53,39 @@ def change(
     if pivot_at is None or (place, shaped) == (held.place, held.controls):
         return changed
     if not weights.held_parts(changed, new):
-        return changed  # the part that it holds now has no axis, so the pivot stays unchanged
+        return changed  # the handle now holds no part with an axis, so its pivot does not change
     return _on_part(changed, weights, handle, {"pivot": pivot_at}, held.transform)
 
 
 def set_default(edit: Edit, weights: HandleWeights, given: Mapping[str, Any]) -> Edit:
-    """Return `edit` with the given default transform D₀, or None as default if it moves nothing."""
+    """Return `edit` with the `given` values as default transform D₀, or with None if they move nothing."""
     check.keywords(given, MOTIONS, "motion")
     if unknown := given.keys() - {name for name, said in MOTIONS.items() if not said.of_part}:
-        raise TypeError(f"{unknown.pop()!r} is for what a handle holds, and the default transform has no handle")
+        raise TypeError(f"{unknown.pop()!r} needs the part that a handle holds, but the default transform has none")
     transform = Transform().changed(**given)
     transform.matrix(box_center(weights.mesh))
     return replace(edit, default=None if transform == Transform() else transform)
 
 
 def part_at(weights: HandleWeights, at: Any, level: Level = "part", *, alike: bool = True) -> VertexSet:
-    """Return the part of the shape at a place, as `dfd.Parts.part` finds it."""
+    """Return the vertices of the part at a place. `level` and `alike` are those of `dfd.Parts.part`."""
     vertex = weights.rows.anchor(place_on(weights.mesh, at))
     return VertexSet.of(weights.mesh, weights.grips.parts.part(vertex, level, alike=alike).mask)
 
 
 def place_of(weights: HandleWeights, at: Any) -> Place:
-    """Return the place for a vertex, point, region or text; a text may name a part."""
+    """Return the place for a vertex, a point, a region or a text. A text may name a part, such as "part@812"."""
     return place_on(weights.mesh, _part_named(weights, at))
 
 
 def _controls(weights: HandleWeights, place: Place, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the controls of a handle at `place`, as `Controls.changed` takes them."""
+    """Convert the `given` controls of a handle at `place` to arguments of `Controls.changed`."""
     mask = _part_named(weights, given.get("mask"), place)
     return controls_on(weights.mesh, {**given, "mask": mask})
 
 
 def _part_named(weights: HandleWeights, at: Any, own: Place | None = None) -> Any:
-    """Return `at`, or the part that it names: "part@1,2,3", "piece@812" without counterparts, "part" at `own`."""
+    """Return `at`, or the part for a text: "part@812", "piece@812" without counterparts, "part" for that at `own`."""
     if not isinstance(at, str):
         return at
     if at == "part" and own is not None:
@@ -95,7 +95,7 @@ def _part_named(weights: HandleWeights, at: Any, own: Place | None = None) -> An
 
 
 def _transform(transform: Transform, weights: HandleWeights, place: Place, given: Mapping[str, Any]) -> Transform:
-    """Return `transform` with the `given` values and `axes` as numbers, but without values that `_on_part` finds."""
+    """Return `transform` with the `given` values, except those that `_on_part` computes; `axes` become numbers."""
     values: dict[str, Any] = {name: value for name, value in given.items() if not _of_part(name, value)}
     axes = values.get("axes")
     if isinstance(axes, str) and axes != "auto":
@@ -109,16 +109,16 @@ def _transform(transform: Transform, weights: HandleWeights, place: Place, given
 
 
 def _of_part(name: str, value: Any) -> bool:
-    """Return whether a given value of a transform depends on the part of the shape that the handle holds."""
+    """Return whether the `value` for `name`, a motion of a handle, depends on the part that the handle holds."""
     if name in ("pivot", "joint"):
         return isinstance(value, str) and (name, value) not in (("pivot", "auto"), ("joint", "spread"))
     return name in ("towards", "open") or (name == "bend" and np.ndim(value) == 0)
 
 
 def _on_part(edit: Edit, weights: HandleWeights, handle: int, given: Mapping[str, Any], before: Transform) -> Edit:
-    """Return `edit` with the values of a handle's transform that depend on the held part, and with its pivot.
+    """Return `edit` with those values of a handle's transform that depend on the part that the handle holds.
 
-    If no pivot is given, one is found when the handle starts to rotate or scale and did not do so `before`.
+    The default pivot is chosen when the handle begins to rotate or scale: its transform `before` did neither.
     """
     found: dict[str, Any] = {key: value for key, value in given.items() if value is not None and _of_part(key, value)}
     held = edit.handle(handle)
@@ -135,13 +135,13 @@ def _on_part(edit: Edit, weights: HandleWeights, handle: int, given: Mapping[str
         raise ArgumentError("joint", f"must be spread, auto, here or a number from 0 to 1, got {joint!r}")
     if "towards" in found and "bend" not in found:
         missing = given.get("bend") is None
-        must = "given: it is what `towards` is for" if missing else "one angle, and not a vector, beside `towards`"
+        must = "given with `towards`" if missing else "one angle, and not a vector, beside `towards`"
         raise ArgumentError("bend", f"must be {must}")
     parts = weights.held_parts(edit, held)
     if not parts:
         if not found:
             return edit
-        raise ArgumentError(next(iter(found)), "needs a part with an axis, and nothing that the handle holds has one")
+        raise ArgumentError(next(iter(found)), "needs a part with an axis, and the handle holds none")
     own = parts[0]
     part: dict[str, Any] = {}
     if "open" in found:

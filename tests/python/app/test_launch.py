@@ -37,7 +37,7 @@ def run(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> tuple[int, 
         (["nothing.glb"], "nothing.glb does not exist"),
         (["--field", "nothing"], "nothing does not exist"),
         (["--field", __file__], "MESH must be given"),
-        ([__file__, "--sample", "chair"], "`--sample` must not be given beside MESH"),
+        ([__file__, "--sample", "chair"], "`--sample` must not be given with MESH"),
         (["--sample", "sofa"], "no sample 'sofa'"),
         ([], "npm ci && npm run build"),
     ],
@@ -162,5 +162,5 @@ def test_other_machines_are_let_in_with_a_warning(
     monkeypatch.setattr(launch, "serve", lambda options, *, host, **_: served.append(host))
     code, said = run(["--no-browser", "--host", "0.0.0.0"], capsys)
     assert (code, served) == (0, ["0.0.0.0"])
-    assert "lets other machines in" in said
+    assert "other machines can connect" in said
     assert run(["--no-browser"], capsys) == (0, "")

@@ -11,7 +11,7 @@ from bench.training import learn_agreement, learn_metric, learn_up
 from bench.training.vertex_features import vertex_features
 from dfd.distillation.metric import Metric
 from dfd.distillation.thickness import BANDS, thickness_bands
-from dfd.editing.agreement import BY_PLACE, BY_SHARE, EQUAL
+from dfd.editing.agreement import AREA_SLOPE, DISTANCE_SLOPE, INTERCEPT
 from dfd.encoders.encode import load_encoder
 from dfd.encoders.learned_file import encoder_identity
 
@@ -52,10 +52,10 @@ def test_the_command_learns_judges_and_writes(tmp_path, tiny_encoder, monkeypatc
 def test_the_constants_of_agreement_are_those_that_odds_were_drawn_by():
     generator = np.random.default_rng(0)
     rows = np.abs(generator.normal(size=(20_000, 2))) * (1.0, 0.2)
-    odds = EQUAL - rows @ (BY_SHARE, BY_PLACE)
+    odds = INTERCEPT - rows @ (AREA_SLOPE, DISTANCE_SLOPE)
     right = generator.random(len(rows)) < 1 / (1 + np.exp(-odds))
     found = learn_agreement.fitted(rows, right, np.ones(len(rows)))
-    np.testing.assert_allclose(found, (EQUAL, BY_SHARE, BY_PLACE), rtol=0.1)
+    np.testing.assert_allclose(found, (INTERCEPT, AREA_SLOPE, DISTANCE_SLOPE), rtol=0.1)
 
 
 def test_an_edit_that_is_carried_to_a_twin_is_right():

@@ -1,4 +1,4 @@
-"""A chair, a field that has learnt nothing, and a folder to run commands in."""
+"""A chair, an untrained field, and a function that runs commands."""
 
 import pytest
 from made_field import field_of
@@ -10,7 +10,7 @@ from dfd.cli import app
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory, chair_mesh):
-    """A folder with chair.obj and chair.field.safetensors, a field that has learnt nothing."""
+    """A folder with chair.obj and chair.field.safetensors, an untrained field."""
     path = tmp_path_factory.mktemp("cli")
     chair_mesh.save(path / "chair.obj")
     field = field_of(chair_mesh)
@@ -26,7 +26,7 @@ def chair(folder):
 
 @pytest.fixture
 def run(folder, tmp_path, monkeypatch):
-    """Run dfd in an empty folder with an empty cache; MESH and FIELD stand for the chair's files."""
+    """Return a function that runs `dfd` in an empty folder; MESH and FIELD stand for the chair's files."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("DFD_CACHE", str(tmp_path / "cache"))
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")

@@ -1,4 +1,4 @@
-"""`dfd batch`: what it refuses before anything is written, and what it says."""
+"""Test `dfd batch`: its errors before it writes a file, and its messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`dfd` itself: help, errors, exit codes, Ctrl-C."""
+"""Test `dfd` without a specific command: help, errors, exit codes, Ctrl-C."""
 
 import os
 import signal
@@ -109,7 +109,7 @@ def test_help_and_version_need_nothing_heavy():
 
 
 def test_control_c_is_one_line_and_code_130(folder, tmp_path):
-    # A pipe that nothing is written to: the command waits for it, in the middle of its work, until it is interrupted.
+    # The edit is a pipe to which nothing is written, so that the command waits until it is interrupted.
     pipe = tmp_path / "endless.json"
     os.mkfifo(pipe)
     files = (folder / "chair.obj", "--field", folder / "chair.field.safetensors")
@@ -129,13 +129,13 @@ def test_control_c_is_one_line_and_code_130(folder, tmp_path):
 
 
 def _writer(pipe, process, seconds=120):
-    """The end of a pipe to write to, once the process has opened the other one."""
+    """Wait until the process has opened the pipe for reading, and return the end for writing."""
     until = time.monotonic() + seconds
     while True:
         assert process.poll() is None, process.stderr.read()
         assert time.monotonic() < until, "it never opened the pipe"
         try:
-            return os.open(pipe, os.O_WRONLY | os.O_NONBLOCK)  # refused until the command has opened it
+            return os.open(pipe, os.O_WRONLY | os.O_NONBLOCK)  # fails until the command has opened the pipe
         except OSError:
             time.sleep(0.05)
 

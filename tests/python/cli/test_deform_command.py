@@ -1,4 +1,4 @@
-"""`dfd deform`: what it writes."""
+"""Test the output of `dfd deform`."""
 
 import re
 from pathlib import Path
@@ -86,7 +86,7 @@ def test_the_paper_is_one_word_beside_which_anything_can_be_said(run, chair):
     assert one == controls_of("paper")
     assert (two.reach, two.falloff) == (0.6, "linear")
     assert (edit.preset, edit.symmetry.band) == ("paper", 0)
-    # An edit keeps its own, unless another is asked for.
+    # An edit keeps its preset unless `--preset` gives another one.
     for preset, options in (("paper", ()), ("default", ("--preset", "default"))):
         assert worked(run(*DEFORM, "--edit", "edit.json", *options, "--save-edit", "again.json"))
         assert read_edit("again.json", chair).preset == preset
@@ -121,7 +121,7 @@ def test_what_auto_looks_at_can_be_said(run, monkeypatch):
     auto = (*DEFORM, "--handle", 40, "--save-edit", "edit.json", "--symmetry", "auto")
     for words in ((), ("--symmetry-candidates", "axes", "--symmetry-threshold", 0.2), ("--preset", "paper"),
                   ("--preset", "paper", "--symmetry-threshold", "relative")):  # fmt: skip
-        assert failed(run(*auto, *words), "the shape looks alike across no plane")
+        assert failed(run(*auto, *words), "no plane has two sides that look alike")
     assert [(how["candidates"], how["threshold"]) for how in asked] == [
         ("any", "relative"), ("axes", 0.2), ("axes", 0.1), ("axes", "relative")
     ]  # fmt: skip

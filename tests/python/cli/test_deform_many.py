@@ -1,4 +1,4 @@
-"""`dfd deform` of several shapes."""
+"""Test `dfd deform` with several shapes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def save(mesh: dfd.Mesh, name: str, seed: int = 1) -> None:
 
 @pytest.fixture
 def shapes(run, chair):
-    """first.ply with an edit of its own, its twin of three times the size, and their fields."""
+    """Write first.ply with an edit, large.ply, the same shape three times as large, and both fields; return `run`."""
     save(chair, "first")
     save(dfd.Mesh(3 * chair.vertices, chair.faces), "large")
     deform = ("deform", "first.ply", "--field", "first.field.safetensors", "--handle", 40)
@@ -82,7 +82,7 @@ def test_shapes_that_do_not_fit_or_cannot_be_read_are_left_out_and_named(shapes,
         (("*.ply", "--edit", "edit.json", "-o", "none/out"), "the folder none does not exist"),
         (("*.ply", "--edit", "edit.json", "-o", "out", "--field", "first.ply"), "`--field` must be a folder"),
         (("*.ply", "--edit", "none.json", "-o", "out"), "none.json"),
-        (("*.ply", "first.obj", "--edit", "edit.json", "-o", "out"), "would have one name in out"),
+        (("*.ply", "first.obj", "--edit", "edit.json", "-o", "out"), "would have the same name in out"),
         (("large.ply", "second.ply", "--edit", "old.json", "-o", "out"), "`--made-on` must name the mesh"),
     ],
 )

@@ -1,4 +1,4 @@
-"""`dfd deform`: how it fails, and what it leaves alone."""
+"""Test errors of `dfd deform`, and that it then writes nothing."""
 
 from pathlib import Path
 
@@ -60,7 +60,7 @@ def test_deform_wants_something_to_write(run):
 )
 def test_outputs_are_checked_before_the_work(run, option, path, message, tmp_path):
     (tmp_path / "folder.obj").mkdir()
-    # Neither mesh nor field exist: were they read first, the message would be about them.
+    # The mesh and the field do not exist. The message names the output, so the output is checked first.
     result = run("deform", "none.obj", "--field", "none", "--handle", 1, option, path)
     assert failed(result, message)
 

@@ -1,4 +1,4 @@
-"""`dfd distill`."""
+"""Test `dfd distill`."""
 
 from unittest import mock
 

@@ -1,4 +1,4 @@
-"""`dfd export`."""
+"""Test `dfd export`."""
 
 import json
 from pathlib import Path

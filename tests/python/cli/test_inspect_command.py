@@ -1,4 +1,4 @@
-"""`dfd inspect`."""
+"""Test `dfd inspect`."""
 
 import json
 from unittest import mock
@@ -24,9 +24,7 @@ def test_inspect_prints_four_lines(run, folder):
 
 @pytest.mark.slow
 def test_inspect_prints_json_with_the_planes_of_a_field(run, folder):
-    with mock.patch(
-        "dfd.symmetry.search.RELATIVE_THRESHOLD", 10.0
-    ):  # every plane will do for a field that learnt nothing
+    with mock.patch("dfd.symmetry.search.RELATIVE_THRESHOLD", 10.0):  # accept any plane, because the field is untrained
         result = run("inspect", "MESH", "--field", "FIELD", "--json")
         table = run("inspect", "MESH", "--field", "FIELD")
     assert worked(result)

@@ -1,4 +1,4 @@
-"""`dfd parts`, and parts as places of other commands."""
+"""Test `dfd parts`, and parts as places in other commands."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""`dfd show`."""
+"""Test `dfd show`."""
 
 import numpy as np
 import pytest

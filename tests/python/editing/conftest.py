@@ -1,4 +1,4 @@
-"""A session on a made chair, and what notes what the session asks for."""
+"""A session on a generated chair, and fixtures that record its calls of `bind`, `pose` and `Drag`."""
 
 from dataclasses import replace
 from unittest import mock
@@ -19,7 +19,7 @@ def deformer(mesh, field, features):
 
 @pytest.fixture
 def rules(monkeypatch):
-    """Change rules of the default preset."""
+    """Return a function that changes rules of the default preset during a test."""
 
     def change(**changes):
         monkeypatch.setitem(PRESETS, "default", replace(PRESETS["default"], **changes))
@@ -29,7 +29,7 @@ def rules(monkeypatch):
 
 @pytest.fixture
 def paper_handles(rules):
-    """New handles reach and fall off as the paper's; counterparts have own pivots and follow as they look alike."""
+    """Give new handles the paper's reach and falloff. Counterparts keep own pivots; more similar ones follow more."""
     rules(reach=1.0, falloff="linear", equalize=False)
 
 
@@ -42,7 +42,7 @@ def geodesics(deformer, mesh):
 
 @pytest.fixture
 def bound():
-    """How many handles each call of `bind` was for."""
+    """Record the number of handles of each call of `bind`."""
     counts = []
 
     def counted(features, handles, **options):
@@ -55,7 +55,7 @@ def bound():
 
 @pytest.fixture
 def folds():
-    """How many handles each `Drag` was made to move, and -1 for each whole pose."""
+    """Record the number of moving handles of each `Drag`, and -1 for each call of `pose`."""
     counts = []
 
     def whole(*arguments, **options):
@@ -72,5 +72,5 @@ def folds():
 
 @pytest.fixture
 def about_one_pivot(rules):
-    """New handles as the paper has them: all that look alike moves about one pivot."""
+    """Give new handles the controls of the preset "paper": all counterparts move about one pivot."""
     rules(**PRESETS["paper"].handle, equalize=False)

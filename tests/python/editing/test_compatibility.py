@@ -1,4 +1,4 @@
-"""Whether a field and a mesh belong together."""
+"""Test which meshes a session accepts for a field."""
 
 import re
 import warnings
@@ -16,7 +16,7 @@ from dfd.field.compatibility import surface_points
 
 
 def moved(mesh, factor=1.0, shift=(0.0, 0.0, 0.0)):
-    """The mesh in other units and at another place; a shift of 1 is its longest side."""
+    """Return the mesh scaled and shifted; `shift` is a multiple of its longest side."""
     return dfd.Mesh(factor * mesh.vertices + np.array(shift) * max(mesh.extents), mesh.faces)
 
 
@@ -41,7 +41,7 @@ def test_a_field_of_another_shape_is_refused(mesh, field, features, stranger):
     with pytest.raises(ValueError, match=re.escape(message) + remedy):
         dfd.Deformer(other, field)
     dfd.Deformer(other, field, other_shape=True)
-    dfd.Deformer(other, field, features=features)  # given features are not compared
+    dfd.Deformer(other, field, features=features)  # with given features, the shapes are not compared
 
 
 @pytest.mark.parametrize(
@@ -88,7 +88,7 @@ def test_an_edit_of_another_shape_is_taken_where_it_is_wanted(mesh, field, tmp_p
     other = moved(mesh, 3)
     with pytest.raises(ValueError, match="one of another shape; .* other_shape=True accepts it anyway"):
         dfd.Deformer.load(tmp_path / "edit.json", other, made_field(16, center=other.bounds.mean(0), scale=0.7))
-    with pytest.warns(UserWarning, match="1 of its vertices or sets of vertices are found by position"):
+    with pytest.warns(UserWarning, match="1 of the edit's vertices or sets of vertices are found by position"):
         taken = dfd.Deformer.load(tmp_path / "edit.json", other, field, other_shape=True)
     np.testing.assert_array_equal(taken.handles[0].place.position, mesh.vertices[5])
 
@@ -100,7 +100,7 @@ def half(mesh, axis):
 
 @pytest.fixture(scope="module")
 def known(mesh):
-    """A field that knows the surface of the chair."""
+    """A field with stored samples of the chair's surface."""
     return made_field(16, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents)).with_surface(mesh)
 
 

@@ -1,4 +1,4 @@
-"""Every control of a handle and of a session: what it does to weights and shape, and that it is undone."""
+"""Test the effect of each control on weights and vertices, and undo."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def chair():
 
 @pytest.fixture(scope="module")
 def labeled(chair, mesh):
-    """Features that know a leg from a seat and a little of where on it: (V, 16) unit rows."""
+    """Return (V, 16) unit features that depend on the label of a vertex, and a little on its position."""
     rows = np.zeros((len(mesh.vertices), 16), np.float32)
     rows[np.arange(len(rows)), chair.labels] = 1.0
     rows[:, 8:11] = 0.4 * np.abs(mesh.vertices)
@@ -36,7 +36,7 @@ def foot(chair, mesh):
     return int(legs[mesh.vertices[legs, 1].argmin()])
 
 
-# --- what shapes a column
+# --- controls of weights
 
 
 @pytest.mark.usefixtures("about_one_pivot")
@@ -171,7 +171,7 @@ def test_nothing_left_of_a_handle_is_said_at_once(session, foot):
     session.fix(Ball(session.mesh.vertices[foot], 0.05), strength=0.5)
 
 
-# --- how handles are put together
+# --- several handles
 
 
 def test_scale_along_the_normal_makes_thicker_and_not_longer(session, foot, mesh):
@@ -192,7 +192,7 @@ def test_a_point_of_space_has_the_normal_of_the_nearest_vertex(session, mesh):
     np.testing.assert_allclose(session.handle(handle).transform.axes[2], mesh.normals[vertex], atol=1e-9)
 
 
-# --- what is refused
+# --- errors
 
 
 @pytest.mark.parametrize(

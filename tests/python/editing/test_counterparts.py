@@ -1,4 +1,4 @@
-"""Counterparts: what looks like the handle moves about its own counterpart of the pivot."""
+"""Test how counterparts are found, their frames, and their shares of the weights."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from dfd.geometry.coarse import nodes_of
 from dfd.posing.transforms import Transform
 from dfd.segmentation.parts import Grip
 
-SIDE = 41  # vertices along a side of the sheet
+SIDE = 41  # number of vertices along one side of a sheet
 
 
 def sheet(copies: int = 1) -> Mesh:
-    """Flat sheets of side 2 around the origin, the second one 100 beside it."""
+    """Return flat square sheets with sides of length 2. The first is centered at the origin, the second at x = 100."""
     line = np.linspace(-1, 1, SIDE)
     x, z = np.meshgrid(line, line, indexing="ij")
     one = np.column_stack([x.ravel(), np.zeros(SIDE * SIDE), z.ravel()])
@@ -41,13 +41,13 @@ def vertex_at(mesh: Mesh, x: float, z: float) -> int:
 
 
 def part(component: np.ndarray) -> Grip:
-    """A part of the components (V,) that are numbered from 0; −1 is outside."""
+    """Return a part from the component (V,) of each vertex; −1 is outside the part."""
     inside = (component >= 0).astype(np.float32)
     return Grip(inside, inside, component)
 
 
 def around(mesh: Mesh, *places: tuple[float, float]) -> np.ndarray:
-    """The component of each vertex: the discs of radius 0.25 around places."""
+    """Return the component (V,) of each vertex: the number of its disc, with radius 0.25 around a place, or −1."""
     found = np.full(len(mesh.vertices), -1)
     for number, (x, z) in enumerate(places):
         found[np.linalg.norm(mesh.vertices - (x, 0, z), axis=1) < 0.25] = number
@@ -105,12 +105,12 @@ def test_counterparts_stand_where_their_components_look_most_alike():
 
 
 def test_what_stands_inside_a_component_of_the_part_joins_it():
-    """A hub within a wheel turns with it; beside the wheel, or on the same surface, it is another component."""
+    """A hub inside a wheel belongs to the wheel's component. A hub beside the wheel is a component of its own."""
     wheel, hub = sheet(), sheet()
     both = np.concatenate([wheel.faces, hub.faces + len(wheel.vertices)])
 
     def counted(x: float) -> int:
-        # Far enough above that no bridge joins them.
+        # The distance in y is so large that no bridge joins both sheets.
         tire = wheel.vertices + 0.3 * np.cos(4 * wheel.vertices[:, :1]) * (0, 1, 0)
         mesh = Mesh(np.concatenate([tire, 0.2 * hub.vertices + (x, 0.1, 0)]), both)
         component = (np.arange(len(mesh.vertices)) >= len(wheel.vertices)).astype(np.int64)
@@ -159,7 +159,7 @@ def test_shares_pass_smoothly_from_one_counterpart_to_the_next():
 
 
 def test_what_is_far_away_does_not_swing_on_a_long_lever():
-    """A twelfth of a turn at the handle, and a component at the other end of the sheet."""
+    """The handle rotates by 30°. A component at the other end of the sheet must rotate about its own pivot."""
     mesh = sheet()
     weights = hill(mesh, -0.8, 0, 1) + hill(mesh, 0.8, 0, 0.1)
     own, other = find(mesh, weights, vertex_at(mesh, -0.8, 0), around(mesh, (-0.8, 0), (0.8, 0)))
@@ -174,9 +174,9 @@ def test_what_is_far_away_does_not_swing_on_a_long_lever():
 def test_across_a_plane_of_symmetry_the_frame_is_mirrored():
     mesh = sheet()
     plane = SymmetryPlane((1.0, 0.0, 0.0), 0.0)
-    # The second hill's top is a little off the mirror image, as a field's own roughness would have it.
+    # The maximum on the other side is not exactly at the mirror image, as with the noise of a real field.
     weights = np.maximum(hill(mesh, -0.5, 0.2, 1), hill(mesh, 0.55, 0.2, 0.95))
-    # Components of other shapes are no mirror images: the plane itself relates them.
+    # One component is cut, so they are no mirror images of each other, and the given plane relates them.
     component = around(mesh, (-0.5, 0.2), (0.5, 0.2))
     component[(component == 1) & (mesh.vertices[:, 2] > 0.25)] = -1
     own, other = find(mesh, weights, vertex_at(mesh, -0.5, 0.2), component, plane)

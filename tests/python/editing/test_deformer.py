@@ -1,4 +1,4 @@
-"""The editing session: what each change does to the shape, and what is refused."""
+"""Test the effect of each change of a session on the shape, and its errors."""
 
 import math
 import re
@@ -14,7 +14,7 @@ from dfd.editing.points import Place
 from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
 
-# --- the shape follows
+# --- posed vertices
 
 
 def test_without_handles_the_shape_rests(deformer, mesh):
@@ -96,7 +96,7 @@ def test_fixed_points_stay_and_can_be_released(deformer, mesh):
 
 
 def test_a_symmetric_edit_of_a_symmetric_shape_is_symmetric(mesh, field):
-    # Features that do not tell left from right.
+    # These features are equal on the left and on the right.
     folded = field(np.abs(mesh.vertices) * [1, 0, 0] + mesh.vertices * [0, 1, 1])
     deformer = dfd.Deformer(mesh, field, features=folded)
     deformer.add(int(mesh.vertices[:, 0].argmax()), translation=(0.1, 0.2, 0.0), rotation=(0, 20, 0), reach=0.7)
@@ -117,7 +117,7 @@ def test_auto_takes_the_plane_that_looks_most_alike(deformer, mesh, field):
     assert deformer.symmetry == replace(planes[0], band=0.03 * max(mesh.extents))
     with (
         mock.patch("dfd.editing.edit.symmetry_planes", return_value=[]),
-        pytest.raises(ValueError, match="looks alike across no plane"),
+        pytest.raises(ValueError, match="no plane has two sides that look alike"),
     ):
         deformer.set_symmetry("auto")
 
@@ -131,7 +131,7 @@ def test_results_are_read_only_and_the_mesh_stays(deformer, mesh):
     np.testing.assert_array_equal(mesh.vertices, before)
 
 
-# --- live handles
+# --- changes of handles
 
 
 def test_ids_are_stable_and_never_given_twice(deformer):
@@ -162,7 +162,7 @@ def test_a_handle_can_sit_elsewhere_and_its_pivot_comes_along(deformer, mesh):
     assert deformer.handle(handle).name == "seat"
 
 
-# --- what is refused
+# --- errors
 
 
 @pytest.mark.parametrize(
@@ -184,7 +184,7 @@ def test_a_handle_can_sit_elsewhere_and_its_pivot_comes_along(deformer, mesh):
         (lambda d: d.move(1, translation=(0, math.inf, 0)), r"Deformer.move: `translation` must be finite"),
         (lambda d: d.move(1, rotation=(0, 0)), r"Deformer.move: `rotation` must be a rotation vector"),
         (lambda d: d.move(1, pivot="center"), r"Deformer.move: `pivot` must be auto, base, middle, point"),
-        (lambda d: d.move(1, towards="up"), r"Deformer.move: `bend` must be given: it is what `towards` is for"),
+        (lambda d: d.move(1, towards="up"), r"Deformer.move: `bend` must be given with `towards`"),
         (lambda d: d.move(1, bend=(1, 2)), r"Deformer.move: `bend` must be 3 numbers"),
         (
             lambda d: d.move(1, bend=(1, 0, 0), towards="up"),

@@ -1,4 +1,4 @@
-"""Edits as JSON documents: what survives a file, and what a file must not hold."""
+"""Test that edits are equal after they are written and read, and the errors of invalid files."""
 
 import copy
 import json
@@ -94,12 +94,12 @@ def test_the_file_is_json_that_people_can_read(edit, mesh, tmp_path):
 
 def test_the_example_of_the_documentation_is_read(mesh):
     example = re.search(r"^    \{.*?^    \}", edit_file.__doc__, re.DOTALL | re.MULTILINE)[0]
-    with pytest.warns(UserWarning, match="3 of its vertices or sets of vertices are found by position"):
+    with pytest.warns(UserWarning, match="3 of the edit's vertices or sets of vertices are found by position"):
         edit = from_document(json.loads(example), mesh)
     assert edit.handles[0].name == "left horn"
     assert edit.handles[0].transform == Transform((0.0, 0.2, 0.0), (0.0, 0.0, 30.0))
     assert edit.symmetry == SymmetryPlane((1.0, 0.0, 0.0), 0.0, band=0.05)
-    # Every key of the example is written; the generated reference lists all keys.
+    # All keys of the example are keys of written documents.
     assert to_document(edit, mesh).keys() == json.loads(example).keys()
     written, said = to_document(edit, mesh)["handles"][0], json.loads(example)["handles"][0]
     assert said.keys() <= written.keys()
@@ -150,7 +150,7 @@ def test_the_schema_says_what_is_read_and_what_is_written(document):
 
 def test_on_another_resolution_handles_stay_where_they_were(edit, mesh, document):
     finer = grid(33)
-    with pytest.warns(UserWarning, match="made on a mesh of 81 vertices, and this one has 1089: 4 of its vertices"):
+    with pytest.warns(UserWarning, match="on a mesh of 81 vertices, and this one has 1089: 4 of the edit's vertices"):
         moved = from_document(document, finer)
     for old, new in zip(edit.handles[:2], moved.handles[:2], strict=True):
         assert new == replace(old, place=Place(old.place.position))
@@ -185,15 +185,15 @@ def test_a_vertex_that_still_lies_there_stays_a_vertex(edit, mesh, document):
 def test_the_same_number_of_vertices_in_another_order_is_noticed(mesh, document):
     order = np.arange(len(mesh.vertices))[::-1]
     backwards = Mesh(mesh.vertices[order], order.argsort()[mesh.faces])
-    # The middle vertex of 81 keeps its place, the one in a corner does not.
-    with pytest.warns(UserWarning, match="3 of its vertices or sets of vertices are found by position"):
+    # In reverse order, vertex 40 of 81 has the same position, and vertices in the corners have others.
+    with pytest.warns(UserWarning, match="3 of the edit's vertices or sets of vertices are found by position"):
         moved = from_document(document, backwards)
     assert moved.fixed[0].vertex is None
     assert moved.handles[0].place.vertex == 40
     np.testing.assert_array_equal(np.flatnonzero(moved.handles[2].place.region.inside(backwards)), [75, 76, 77])
 
 
-# --- what is refused
+# --- invalid documents
 
 
 MISSING = object()
@@ -260,7 +260,7 @@ def test_an_index_out_of_range_is_named(mesh):
         from_document(document, mesh)
 
 
-# --- files that are odd
+# --- invalid files
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""An edit in a file of version 1, with every key, poses the shape as it did when the file was written."""
+"""Test that an edit file of version 1, with every key, still gives the vertices that were stored with it."""
 
 import json
 from pathlib import Path
@@ -12,7 +12,7 @@ GOLDEN = Path(__file__).parent / "golden"
 
 
 def figure() -> dfd.Mesh:
-    """An egg with a longer side, (266, 3) vertices: rings of 24 from pole to pole."""
+    """Return an ellipsoid with 266 vertices: two poles, and 11 rings of 24 vertices."""
     polar, around = np.meshgrid(np.linspace(0, np.pi, 13)[1:-1], np.arange(24) * np.pi / 12, indexing="ij")
     rings = np.stack([np.sin(polar) * np.cos(around), np.cos(polar), np.sin(polar) * np.sin(around)], axis=2)
     vertices = np.concatenate([[[0, 1, 0]], rings.reshape(-1, 3), [[0, -1, 0]]]) * (1.0, 1.5, 0.7)

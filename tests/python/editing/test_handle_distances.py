@@ -1,4 +1,4 @@
-"""What a session asks geodesics for."""
+"""Test which geodesic distances a session computes."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Weights of a session: what binds them, what they cost, and where they lie."""
+"""Test the weights of a session: when handles are bound again, their values, and compact features."""
 
 from unittest import mock
 
@@ -14,7 +14,7 @@ from dfd.editing.edit import Edit
 from dfd.editing.influence import handle_features
 from dfd.field.field import Field
 
-# --- what it costs
+# --- calls of bind and pose
 
 
 @pytest.mark.usefixtures("paper_handles")
@@ -152,7 +152,7 @@ FEW = made_field(4, seed=0, width=8, layers=1, center=SMALL.bounds.mean(0), scal
 
 @pytest.fixture
 def compacted():
-    """Every shape is one of many vertices."""
+    """Compact the features of every mesh, as for meshes with many vertices."""
     with (
         mock.patch.object(handle_features, "MOST_EXACT", 100),
         mock.patch.object(Field, "features", side_effect=AssertionError),
@@ -178,7 +178,7 @@ def test_many_vertices_bind_from_compact_features(compacted, rules, mesh, field,
             (0.1, 0.2, 0.3): np.concatenate([features[[600]], field(np.array([(0.1, 0.2, 0.3)]))]),
         }[fixed]
         exact = dfd.bind(features, places, fixed=rows)
-        assert 0 < np.abs(deformer.weights - exact).max() <= (0.01 if fixed is None else 0.02)  # W less W of the fixed
+        assert 0 < np.abs(deformer.weights - exact).max() <= (0.01 if fixed is None else 0.02)  # two weights
     assert isinstance(deformer.features, dfd.CompactFeatures)
     assert deformer.features.error <= 0.01
     np.testing.assert_array_equal(deformer.weights[600], 0)

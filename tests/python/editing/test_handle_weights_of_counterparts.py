@@ -1,4 +1,4 @@
-"""Handles that move several counterparts, each about its own pivot."""
+"""Test handles that move several counterparts, each about its own pivot."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def sample():
 
 @pytest.fixture
 def asked(sample, mesh, monkeypatch):
-    """Counterparts that are the legs of a chair, by its labels: the calls of the finder are kept."""
+    """Make the labeled legs of a chair counterparts, and record the calls that find counterparts."""
     calls = []
 
     def labelled(mesh, weights, vertex, position, grip, planes=(), *, everywhere=False):
@@ -119,7 +119,7 @@ def test_level_makes_up_for_looks_and_not_for_distance(session, sample, asked, f
 
 
 def test_level_leaves_what_is_hardly_alike_where_it_is(session, sample, mesh, asked, foot, monkeypatch):
-    monkeypatch.setattr(handle_weights, "LEAST_ALIKE", 0.8)  # the back legs follow by half
+    monkeypatch.setattr(handle_weights, "LEAST_ALIKE", 0.8)  # the weights of the back legs are about 0.5
     session.add(foot, translation=(0, -0.2, 0), reach=0.7)
     front, back = leg(sample, 1), leg(sample, 2)
     np.testing.assert_allclose(session.vertices[front], mesh.vertices[front] - (0, 0.2, 0), atol=1e-6)
@@ -136,7 +136,7 @@ def test_counterparts_beyond_the_reach_are_not_told_of(session, asked, foot):
 
 
 def test_level_lets_no_vertex_follow_more_than_the_handle(mesh, field, asked, foot, session, monkeypatch):
-    """Between two counterparts both have a share, and both are brought to full weight."""
+    """Each vertex belongs half to each of two counterparts, and the weights of both are raised to 1."""
 
     def halves(mesh, weights, vertex, position, grip, planes=(), *, everywhere=False):
         half = Share(np.arange(len(mesh.vertices)), np.full(len(mesh.vertices), 0.5, np.float32))
@@ -164,7 +164,7 @@ def test_single_counterparts_can_be_switched_off(session, sample, mesh, asked, f
         members = leg(sample, number)
         wanted = before[members] if moves else mesh.vertices[members]
         np.testing.assert_allclose(session.vertices[members], wanted, atol=1e-9)
-    # any vertex of a counterpart stands for it, and so does one of a text
+    # Any vertex of a counterpart excludes it, also if a text gives the vertex.
     session.change(handle, excluded_counterparts=[str(on_leg[5])])
     assert [on for _, on in session.counterparts(handle)] == [True, False, True, True]
     session.change(handle, name="foot")
@@ -198,7 +198,7 @@ def test_a_second_handle_takes_its_leg_over(session, sample, mesh, asked):
         np.testing.assert_allclose(session.vertices[members], mesh.vertices[members] - (0, down, 0), atol=1e-6)
     assert all(handle.arrived for handle in session.report().handles)
     assert session.bound.columns(session.edit)[0].sum(axis=1).max() <= 1 + 1e-6
-    session.move(2, translation=(0, 0, 0))  # a handle at rest takes nothing
+    session.move(2, translation=(0, 0, 0))  # a handle at rest takes no counterpart
     members = leg(sample, 2)
     np.testing.assert_allclose(session.vertices[members], mesh.vertices[members] - (0, 0.2, 0), atol=1e-6)
 

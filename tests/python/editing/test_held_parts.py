@@ -1,4 +1,4 @@
-"""What a handle does to the part that it holds: pivots on it, bends and twists along it, and a hinge."""
+"""Test pivots, bends, twists and hinges of the part that a handle holds."""
 
 import numpy as np
 import pytest
@@ -11,11 +11,11 @@ import dfd
 from dfd.posing.transforms import rotation_matrix
 from dfd.symmetry.plane import SymmetryPlane
 
-HEIGHT = 0.6  # from here up, a stalk is one
+HEIGHT = 0.6  # height of the post; the stalk is above it
 
 
 def stalk(turn=0.0):
-    """A stout post with a thin stalk on it that leans by `turn` radians about z, and its ring of vertices."""
+    """Return centers and radii of rings: a thick post, and a thin stalk on it that leans by `turn` radians about z."""
     low = np.linspace(0.0, HEIGHT, 13)
     high = np.linspace(0.0, 2.0, 41)[1:]
     points = np.concatenate(
@@ -36,21 +36,21 @@ def joined(*meshes):
 
 
 def session_of(mesh, labels, **how):
-    """A session whose features tell vertices by their labels and by nothing else."""
+    """Return a session in which the features of a vertex depend only on its label."""
     features = np.eye(16, dtype=np.float32)[labels]
     return dfd.Deformer(mesh, field_of(mesh), features=features, **how)
 
 
 @pytest.fixture
 def one():
-    """One stalk; its tip is the last vertex."""
+    """A session with one stalk, whose tip is the last vertex."""
     mesh = tube(*stalk())
     return session_of(mesh, (mesh.vertices[:, 1] > HEIGHT + 0.01).astype(int))
 
 
 @pytest.fixture
 def pair():
-    """A stalk that leans to the left and its mirror image, on posts that a bar joins."""
+    """A session with a stalk that leans to the left, its mirror image, and a bar between their posts."""
     left = tube(*stalk(0.5))
     left = dfd.Mesh(left.vertices - (1.5, 0, 0), left.faces)
     right = dfd.Mesh(left.vertices * (-1, 1, 1), left.faces[:, ::-1])
@@ -65,7 +65,7 @@ def rings(points):
     return points[: 53 * AROUND].reshape(-1, AROUND, 3)
 
 
-def girths(points):
+def circumferences(points):
     closed = np.concatenate([rings(points), rings(points)[:, :1]], axis=1)
     return np.linalg.norm(np.diff(closed, axis=1), axis=2).sum(axis=1)
 
@@ -123,7 +123,7 @@ def test_pivots_by_their_words(one):
     one.move(handle, pivot="plane")
     np.testing.assert_allclose(one.handle(handle).pivot, held * (1, 1, 0), atol=1e-9)
     one.move(handle, pivot="auto")
-    assert one.handle(handle).pivot[2] == 0  # the stalk lies across the plane
+    assert one.handle(handle).pivot[2] == 0  # the stalk lies on both sides of the plane
 
 
 def test_a_chosen_pivot_goes_with_the_place(pair):
@@ -149,7 +149,7 @@ def test_a_bend_keeps_girths_and_moves_nothing_beyond_the_part(one, at):
     handle = one.add(at)
     one.bend(handle, 80, towards="right")
     moved, rest = one.vertices, one.mesh.vertices
-    np.testing.assert_allclose(girths(moved)[14:], girths(rest)[14:], rtol=0.03)
+    np.testing.assert_allclose(circumferences(moved)[14:], circumferences(rest)[14:], rtol=0.03)
     beyond = rest[:, 1] <= HEIGHT + 1e-9
     np.testing.assert_array_equal(moved[beyond], rest[beyond])
     assert moved[:, 0].max() > 0.8
@@ -214,7 +214,7 @@ def test_towards_the_axis_is_refused(one):
         one.bend(handle, 30, towards="up")
     with pytest.raises(ValueError, match="`towards` must be up, down, right, left, front, back or 3 numbers"):
         one.bend(handle, 30, towards="north")
-    one.bend(handle, 30)  # upright: to the front
+    one.bend(handle, 30)  # an upright part bends to the front
     assert one.vertices[-1, 2] > 0.2
 
 
@@ -236,7 +236,7 @@ def test_what_opens_turns_about_the_border_away_from_the_rest(one):
 
 
 def test_a_default_transform_has_no_part(one):
-    with pytest.raises(TypeError, match="'bend' is for what a handle holds"):
+    with pytest.raises(TypeError, match="'bend' needs the part that a handle holds"):
         one.set_default(bend=30)
 
 
@@ -248,7 +248,7 @@ def test_what_turns_far_keeps_its_girth_where_the_blend_is_chosen_by_the_turn(on
 
 
 def test_counterparts_are_mirror_images_by_a_plane_of_their_own(pair):
-    """The pair stands turned and beside another shape: no plane of the whole shape maps one onto the other."""
+    """The pair is rotated and joined to another shape, so that the whole shape has no plane of symmetry."""
     session, count = pair
     turn = rotation_matrix((10, 35, 20))
     rest = session.mesh.vertices
@@ -273,7 +273,7 @@ def test_counterparts_are_mirror_images_by_a_plane_of_their_own(pair):
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=8, deadline=None)
 def test_every_one_of_several_handles_arrives(seed):
-    """Handles on counterparts, on nested parts and on neighbors, in any order."""
+    """Handles lie on counterparts, on nested parts and on neighboring parts, in any order."""
     random = np.random.default_rng(seed)
     session = dfd.Deformer(CHAIR.mesh, field_of(CHAIR.mesh), features=CHAIR_FEATURES)
     first = session.add(int(random.integers(len(CHAIR_FEATURES))), translation=random.normal(size=3) * 0.05)

@@ -1,4 +1,4 @@
-"""Undo without limit."""
+"""Test undo, redo, merged changes and steps."""
 
 from contextlib import suppress
 
@@ -34,7 +34,7 @@ def test_a_merge_joins_only_an_unbroken_run(between):
     elif between == "undo and redo":
         history.undo()
         history.redo()
-    elif between == "a plain repetition":  # the start of a new drag, before the pointer moved
+    elif between == "a plain repetition":  # a new drag starts, and the pointer has not moved
         history._record(second, topic=1)
     else:
         with history.step():

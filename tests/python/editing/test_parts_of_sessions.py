@@ -1,4 +1,4 @@
-"""Parts in a session: as handles, as limits, and as what a handle reaches."""
+"""Test parts as places of handles, as masks, and as the reach of a handle."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def test_a_part_is_a_region_that_holds_the_place(mesh, field):
 
 
 def component_of(mesh: dfd.Mesh, vertex: int) -> np.ndarray:
-    """(V,) which vertices faces connect with a vertex, grown from it face by face."""
+    """Return which vertices (V,) are in the connected component of a vertex."""
     inside = mesh.representative == mesh.representative[vertex]
     while True:
         beside = np.isin(mesh.faces, np.flatnonzero(inside)).any(axis=1)
@@ -51,7 +51,7 @@ def test_what_is_said_of_parts_is_held_and_limits(mesh, field):
 
 def test_a_reach_by_the_part_holds_it_with_a_seam_and_nothing_beyond(mesh, field, tmp_path):
     session = dfd.Deformer(mesh, field)
-    at = int(mesh.vertices[:, 1].argmin())  # nothing hangs on its part
+    at = int(mesh.vertices[:, 1].argmin())  # its part connects no other region to the rest
     session.add(at, reach="part", counterparts="shared_pivot")
     weights = session.weights[:, 0]
     inside = np.isin(np.arange(len(weights)), session.part(at).indices)

@@ -1,4 +1,4 @@
-"""What people say and what it holds: regions, texts, points near and far."""
+"""Test the vertices of regions, the texts that name places, and points near to and far from the shape."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def mesh():
 
 @pytest.fixture(scope="module")
 def truck(tmp_path_factory):
-    """A scene of two parts, one of which is shown twice."""
+    """A scene of two meshes, one of which occurs twice."""
     import trimesh
 
     scene = trimesh.Scene()
@@ -34,7 +34,7 @@ def truck(tmp_path_factory):
 
 @pytest.fixture
 def grouped(tmp_path):
-    """A square of two faces, in groups, with materials that nobody describes."""
+    """A square of two faces in two groups, without a material."""
     path = tmp_path / "square.obj"
     faces = "g floor\nf 1 2 3\ng ceiling tiles\nf 2 4 3\n"
     path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\n" + faces)
@@ -112,7 +112,7 @@ def test_parts_of_a_scene_are_known_by_name(truck):
     place, note = find(truck, "part:front")
     assert place.region == Part("front")
     assert note == "part:front is 42 vertices"
-    assert find(truck, "material:front").place == place  # of a scene, materials are named as parts are
+    assert find(truck, "material:front").place == place  # without face groups, the name is that of a part
     np.testing.assert_allclose(place.position, (1.5, -1, 0), atol=1e-6)
 
 

@@ -1,4 +1,4 @@
-"""One set of defaults for each preset, for every interface; "paper" is Eq. 1 and 4 to 8 by the slow reference."""
+"""Test that all interfaces use the same presets, and that "paper" agrees with the slow reference of the equations."""
 
 import importlib.util
 import json
@@ -110,7 +110,7 @@ def test_every_interface_has_the_same_controls():
     assert set(names) <= set(deform.__annotations__)
 
 
-# --- what the paper's does
+# --- the preset "paper"
 
 
 @pytest.mark.parametrize("symmetry", [None, "x"])

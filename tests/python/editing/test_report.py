@@ -1,4 +1,4 @@
-"""What a session says of itself."""
+"""Test the report of an edit."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def test_it_says_how_far_a_handle_is_from_where_it_was_sent(deformer, rules):
     left = float(deformer.weights[5, 0])
     assert not handle.arrived
     assert handle.missing == pytest.approx(0.4 * (1 - left), rel=1e-5)
-    assert f"handle 1 is {handle.missing:.3g} from where it was sent" in str(deformer.report())
+    assert f"handle 1 is {handle.missing:.3g} from its target" in str(deformer.report())
 
 
 @pytest.mark.usefixtures("paper_handles")
@@ -74,10 +74,10 @@ def test_a_region_and_a_point_are_judged_by_a_vertex(deformer, mesh):
 @pytest.mark.parametrize(
     ("change", "warning"),
     [
-        (lambda d: None, "nothing moved: nothing is held"),
+        (lambda d: None, "nothing moved: there is no handle"),
         (lambda d: d.add(5), "nothing moved: no handle is moved, turned or scaled"),
         (lambda d: d.add(5, translation=(1, 0, 0), strength=0), "nothing moved: the strength of every handle is 0"),
-        (lambda d: d.add(5, translation=(1e-9, 0, 0)), "nothing moved: no weight is left, or the moves are too small"),
+        (lambda d: d.add(5, translation=(1e-9, 0, 0)), "nothing moved: all weights are 0, or the motions"),
     ],
 )
 def test_where_nothing_moves_it_says_why(deformer, change, warning):
@@ -99,7 +99,7 @@ def test_little_is_not_nothing(mesh, field):
 def test_a_negative_scale_is_told_to_mirror(deformer):
     deformer.add(5, scale=(1, -1, 1))
     assert str(deformer.report()).endswith(
-        "handle 1 mirrors what follows, whose faces then look inward: a factor of scale is negative"
+        "handle 1 mirrors the held part, so its faces look inward: a factor of scale is negative"
     )
-    deformer.move(1, scale=(-1, -1, 1))  # half a turn
+    deformer.move(1, scale=(-1, -1, 1))  # two negative factors are a rotation by 180°
     assert deformer.report().advice is None

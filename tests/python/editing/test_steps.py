@@ -1,4 +1,4 @@
-"""Steps of a session: undo, redo, and files to go on from."""
+"""Test steps of a session: undo, redo, and sessions that start from a file."""
 
 import numpy as np
 import pytest
@@ -127,13 +127,13 @@ def test_an_edit_holds_on_another_resolution(deformer, rules, mesh, field, tmp_p
     deformer.add(900, rotation=(0, 20, 0), reach=0.7)
     deformer.fix(1500)
     deformer.save(tmp_path / "edit.json")
-    # Every face in three, the new vertices first.
+    # Divide each face into three; the new vertices come first.
     centers = mesh.vertices[mesh.faces].mean(axis=1)
     count = len(centers)
     corners = mesh.faces + count
     fans = [np.column_stack([corners[:, i], corners[:, i - 2], np.arange(count)]) for i in range(3)]
     finer = dfd.Mesh(np.concatenate([centers, mesh.vertices]), np.concatenate(fans))
-    with pytest.warns(UserWarning, match="3 of its vertices or sets of vertices are found by position"):
+    with pytest.warns(UserWarning, match="3 of the edit's vertices or sets of vertices are found by position"):
         moved = dfd.Deformer.load(tmp_path / "edit.json", finer, field)
     assert [handle.place.vertex for handle in moved.handles] == [None, None]
     np.testing.assert_allclose(moved.vertices[count:], deformer.vertices, atol=1e-3 * mesh.diagonal)

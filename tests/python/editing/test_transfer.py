@@ -1,4 +1,4 @@
-"""Edits carried from one shape to another of its class."""
+"""Test the transfer of edits from one shape to another shape of its class."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from dfd.editing.transfer import transfer
 
 
 class Known:
-    """A field that knows what it was distilled from: what a point was before its shape was stretched and moved."""
+    """A field of a scaled and shifted shape. Its features are those of the original shape at the original points."""
 
     dimension = 16
     residuals = None
@@ -32,7 +32,7 @@ class Known:
 
 @pytest.fixture(scope="module")
 def moved(mesh):
-    """The chair, three times as large, elsewhere, and its vertices in another order."""
+    """Return the chair three times as large, shifted, and with shuffled vertices, and the new index of each vertex."""
     order = np.random.default_rng(0).permutation(len(mesh.vertices))
     return dfd.Mesh(3.0 * mesh.vertices[order] + (5, 0, 0), order.argsort()[mesh.faces]), order.argsort()
 
@@ -114,7 +114,7 @@ def test_a_region_that_is_not_there_is_refused(mesh, moved, fields):
 
 
 def test_the_style_of_a_shape_does_not_count(mesh, moved, fields):
-    """All its features lie another way, as those of a wooden chair do beside a white one's."""
+    """One vector is added to all features of the other shape, as if it had another material."""
     other, number = moved
 
     class Styled(Known):
