@@ -11,7 +11,7 @@ from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.obj.text import ObjText, decoded, parse
 from dfd.mesh.file.polygons import distinct_rows, long_faces, ranges, triangulate
 from dfd.mesh.file.primitives import Geometry, MeshInstance
-from dfd.mesh.weld import by_appearance
+from dfd.mesh.weld import first_occurrences
 
 _PICTURES = ("map_", "bump", "disp", "decal", "refl", "norm")  # prefixes of MTL keywords that name an image
 _OPTIONS = re.compile(r"-(?:imfchan\s+\w+|\w+(?:\s+(?:on|off|[-+]?[\d.]+(?:[eE][-+]?\d+)?))+)\s+")
@@ -33,7 +33,7 @@ def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInsta
     faces = np.flatnonzero(long_faces(path, text.sizes, text.face_lines))
     order = faces
     if len(faces) and ((material != material[0]).any() or (part != part[0]).any()):
-        order = faces[np.lexsort((by_appearance(material)[1][faces], by_appearance(part)[1][faces]))]
+        order = faces[np.lexsort((first_occurrences(material)[1][faces], first_occurrences(part)[1][faces]))]
     begins = np.flatnonzero(np.diff(part[order] * (len(material_names) + 1) + material[order], prepend=-2))
     counts = np.diff(begins, append=len(order))  # faces of each primitive: of one part and one material
     sizes = text.sizes[order]
