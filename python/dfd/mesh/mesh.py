@@ -121,7 +121,7 @@ class Mesh:
     def part_vertices(self, name: str) -> Int64:
         """Return the vertices (N,), ascending, that the faces of the part `name` use.
 
-        `name` may also be the name of a geometry or of a material, unless a part has this name. It selects all its faces.
+        If no part has this name, `name` may be that of a geometry or of a material, which selects all its faces.
 
         Raises ValueError if the scene has nothing of that name; the message lists the names of the parts.
         """
