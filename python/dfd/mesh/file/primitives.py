@@ -44,7 +44,7 @@ class MeshInstance:
     part: str  # name of the part; consecutive instances with equal names form one part
     name: str  # name of the geometry
     geometry: Geometry
-    transform: Float64 = field(default_factory=lambda: IDENTITY)  # (4, 4), local to scene; (N, 4, 4), of each vertex
+    transform: Float64 = field(default_factory=lambda: IDENTITY)  # (4, 4), from local to scene, or (N, 4, 4) per vertex
     source: tuple[int, int, int] = (0, 0, 0)  # node, mesh and primitive of a glTF file
 
 
@@ -116,7 +116,7 @@ def place(instances: Sequence[MeshInstance]) -> tuple[tuple[Primitive, ...], Flo
                 between = f"must have faces between vertices 0 … {last} of {shortened(each.name)}"
                 raise ArgumentError("path", f"{between}, got {low if low < 0 else high}")
         if each.transform is not IDENTITY and not np.isfinite(each.transform).all():
-            raise ArgumentError("path", f"must have finite transforms, got another of part {shortened(each.part)}")
+            raise ArgumentError("path", f"places part {shortened(each.part)} by a transform that is not finite")
         rows = slice(row_count, row_count + len(geometry.vertices))
         faces = slice(face_count, face_count + size)
         row_count, face_count = rows.stop, faces.stop

@@ -35,7 +35,7 @@ def write(
     target = Path(path)
     ending = check.ending("Mesh.save", "path", target, ENDINGS)
     if ending in (".glb", ".gltf", ".stl") and np.abs(vertices).max() > np.finfo(np.float32).max:
-        raise ValueError(f"Mesh.save: `vertices` must fit in 32-bit floats for a {ending} file; save .obj or .off")
+        raise ValueError(f"Mesh.save: `vertices` must fit in 32-bit floats for a {ending} file; use .obj or .off")
     if scene is not None:
         vertices = vertices[scene.representative]  # all vertices at one position move with the first vertex there
     moved = moved_primitives(vertices, scene)
@@ -95,7 +95,7 @@ def as_gltf(
 
 
 def _write(target: Path, files: dict[str, bytes]) -> None:
-    """Write all files under temporary names, then rename them; `target` is last, so that all files in it exist."""
+    """Write all files under temporary names, then rename them; `target` is last, so the files that it names exist."""
     names = sorted(files, key=lambda name: name != target.name)  # the file entered first is renamed last
     try:
         with ExitStack() as stack:
@@ -175,8 +175,8 @@ def moved_normals(vertices: Float64, before: Float64, scene: SceneFile) -> list[
 
     The vertices move from `before` (V, 3) to `vertices` (V, 3). Rows, which are vertices of primitives, belong to one
     smooth surface if they have equal positions and equal normals, even on both sides of a texture seam. They get one
-    new normal: the area-weighted mean of the normals of their faces. Rows with equal positions and different normals lie
-    on different sides of a sharp edge. Rows whose faces have not moved keep the bits of the file's normals.
+    new normal: the area-weighted mean of the normals of their faces. Rows with equal positions and different normals
+    lie on different sides of a sharp edge. Rows whose faces have not moved keep the bits of the file's normals.
     """
     own = [each.normals for each in scene.primitives]
     changed = (vertices != before).any(axis=1)
