@@ -1,8 +1,8 @@
 """Set the number of threads of the C++ kernels, and run Python functions on the same number of threads.
 
 `dfd` imports this module before its kernels, so that the kernels and torch use the same OpenMP runtime. The runtime's
-threads do not survive a fork, so a forked process computes on one thread. Processes started with the method "spawn" use
-all threads.
+threads do not survive a fork, so a forked process computes on one thread. Processes that the method "spawn" starts
+use all threads.
 """
 
 import os

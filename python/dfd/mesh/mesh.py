@@ -34,8 +34,8 @@ class MeshPart:
     """A named object of a file: a node of a glTF file, an object or group of an OBJ file, or a solid of an STL file."""
 
     name: str  # unique among the parts of the mesh
-    faces: slice  # its faces, which are consecutive faces of the mesh
-    vertices: Int64  # (N,) the vertices that its faces use, ascending; parts that touch can share vertices
+    faces: slice  # the part's faces, which are consecutive in the mesh
+    vertices: Int64  # (N,) the vertices that these faces use, ascending; parts that touch can share vertices
 
 
 class Mesh:
@@ -224,7 +224,7 @@ class Mesh:
     def vertex_colors(self) -> Float32:
         """Return the display-referred RGBA (V, 4) in [0, 1] of the surface at each vertex.
 
-        A vertex on a seam takes the color of one side of the seam. A vertex without faces or known color is white.
+        A vertex on a seam takes the color of one side of the seam. A vertex without a face or a known color is white.
         """
         if self.appearance is None:
             return np.ones((len(self.vertices), 4), np.float32)
@@ -284,7 +284,7 @@ def load(
 
 
 def as_mesh(source: MeshLike) -> Mesh:
-    """Return a `Mesh` as it is, and `load` any other source."""
+    """Return `source` if it is a `Mesh`, else the mesh that `load` makes of it."""
     return source if isinstance(source, Mesh) else load(source)
 
 
@@ -307,7 +307,7 @@ def _listed(names: tuple[str, ...]) -> str:
 
 
 def _frozen(values: NDArray[Any]) -> NDArray[Any]:
-    """Return a read-only copy."""
+    """Return a read-only copy of an array."""
     values = values.copy()
     values.flags.writeable = False
     return values

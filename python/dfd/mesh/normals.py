@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Float32, Float64, Int32
 
-_FACES_AT_ONCE = 1 << 20  # largest number of faces in a block; blocks limit the memory
+_FACES_AT_ONCE = 1 << 20  # largest number of faces that are processed together, which limits the memory
 
 
 def face_normals(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> Float64:

@@ -9,10 +9,10 @@ from dfd.common.linear_algebra import Float64, Int32, Int64
 
 
 def weld(positions: Float64) -> tuple[Int64, Int32]:
-    """Return the first row (V,) with each distinct position of `positions` (N, 3), and the vertex (N,) of each row.
+    """Return the first row (V,) of each distinct position in `positions` (N, 3), and the vertex (N,) of each row.
 
-    Vertices have the order in which their positions first occur. Positions must be finite. Two positions are equal if
-    their bits are equal; -0.0 and 0.0 are also equal. There is no tolerance.
+    Each distinct position is a vertex. Vertices have the order of their first rows. Positions must be finite. They are
+    equal if their bits are equal; -0.0 and 0.0 are also equal. There is no tolerance.
     """
     rows = np.ascontiguousarray(positions + 0.0)  # turns -0.0 into 0.0
     key = np.zeros(len(rows), np.uint64)  # a hash of the bits of each row
@@ -29,9 +29,9 @@ def weld(positions: Float64) -> tuple[Int64, Int32]:
 
 
 def first_occurrences(values: NDArray[Any]) -> tuple[Int64, Int32]:
-    """Return the index of the first occurrence of each distinct value or row, (V,), ascending.
+    """Return the index (V,) of the first occurrence of each distinct value, ascending; a value can also be a row.
 
-    Also return for each of `values` the number of its distinct value, (N,), counted in the order of first occurrence.
+    Also return for each of the N values which of the V distinct values it is, (N,).
     """
     group = np.unique(values, axis=0, return_inverse=True)[1].ravel()
     first = np.full(group.max(initial=-1) + 1, len(values))

@@ -1,4 +1,4 @@
-"""Replacement of bytes in a file, and conversion of numbers to text."""
+"""Replacement of bytes in a file, conversion of numbers to text, and rounding to 32-bit floats."""
 
 from collections.abc import Iterable, Sequence
 
@@ -19,7 +19,7 @@ class Edits:
         self._new: list[bytes] = []
 
     def replace(self, spans: Int64 | Sequence[tuple[int, int]], new: Iterable[bytes]) -> None:
-        """Replace the bytes of each of `spans` (L, 2), from its start to before its end, with one of `new`."""
+        """Replace the bytes from start to end (exclusive) of each of `spans` (L, 2) by the matching entry of `new`."""
         self._spans.append(np.asarray(spans, np.int64).reshape(-1, 2))
         self._new += new
 

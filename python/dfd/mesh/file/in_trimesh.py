@@ -38,7 +38,7 @@ def _geometry(mesh: trimesh.Trimesh) -> Geometry:
     uv = getattr(visual, "uv", None)
     if visual.kind == "vertex":
         colors = visual.vertex_colors
-    else:  # beside a texture, vertex colors are an attribute
+    else:  # trimesh stores the vertex colors of a textured mesh as an attribute
         colors = getattr(visual, "vertex_attributes", {}).get("color", mesh.vertex_attributes.get("color"))
     if colors is not None and (np.ndim(colors) != 2 or len(colors) != count):
         colors = None
@@ -61,7 +61,7 @@ def _geometry(mesh: trimesh.Trimesh) -> Geometry:
 
 
 def _is_default_material(material: Any) -> bool:
-    """Return whether this is trimesh's material for a mesh without one; it has a generated image of 2 × 2 texels."""
+    """Return whether trimesh made `material`, with an image of 2 × 2 texels, for a mesh without a material."""
     image = getattr(material, "image", None)
     return isinstance(material, SimpleMaterial) and image is not None and image.size == (2, 2) and image.format is None
 

@@ -14,9 +14,9 @@ _REFLEX = 1e-6  # a corner is reflex if its edges turn back by more than this fr
 
 
 def long_faces(path: Path, sizes: Int64, lines: Int64 | None = None) -> Bool:
-    """Return a mask (P,) of the faces whose `sizes` (P,) are at least three corners, and warn about all other faces.
+    """Return a mask (P,) of the faces with at least three corners, by their `sizes` (P,); warn about all other faces.
 
-    The warning names the first of them by its line, if `lines` (P,) are given, or by its number.
+    The warning states the line of the first such face, from the `lines` (P,) of all faces, or its number.
     """
     long: Bool = sizes >= 3
     if not long.all():
@@ -30,7 +30,7 @@ def long_faces(path: Path, sizes: Int64, lines: Int64 | None = None) -> Bool:
 
 
 def check_corners(corners: Int64, count: int) -> None:
-    """Raise ValueError unless every corner is an index of a vertex, from 0 to `count` − 1."""
+    """Raise ValueError unless all corners are vertex indices from 0 to `count` − 1."""
     wrong = corners[(corners < 0) | (corners >= count)]
     if len(wrong):
         raise ValueError(f"a face names vertex {wrong[0]}, but there are {count} vertices")
@@ -91,9 +91,9 @@ def _concave(positions: Float64, corners: Int64, sizes: Int64, first: Int64) -> 
         edges = points[following] - points
         turns = np.empty_like(edges)
         turns[following] = np.cross(edges, edges[following])
-        around = np.cross(points - points[begins][polygon], edges)  # Newell's normal; its length is twice the area
+        around = np.cross(points - points[begins][polygon], edges)  # sums to Newell's normal
         normals = np.add.reduceat(around, begins, axis=0)
-        size = np.linalg.norm(normals, axis=1)
+        size = np.linalg.norm(normals, axis=1)  # twice the area of each polygon
         unit = normals / np.where(size > 0, size, 1)[:, None]
         back = np.einsum("nc,nc->n", turns, unit[polygon]) < -_REFLEX * size[polygon]
     return large[np.unique(polygon[back])]

@@ -36,7 +36,7 @@ def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
     try:
         scene = _scene(path, data, assets, at_rest=at_rest)
     except MemoryError as error:
-        raise OSError(errno.ENOMEM, f"load: `path` {path} needs more memory than there is") from error
+        raise OSError(errno.ENOMEM, f"load: `path` {path} needs more memory than is available") from error
     except ArgumentError as error:  # the file is well-formed, but its content is no valid mesh
         raise ArgumentError("path", f"{path} {error.reason}", "load") from error
     except UserWarning:
@@ -49,9 +49,7 @@ def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
     if assets.unreadable:
         names = ", ".join(each[:100] for each in sorted(assets.unreadable)[:_MOST_NAMED])
         names += ", …" if len(assets.unreadable) > _MOST_NAMED else ""
-        check.warn(
-            f"load: `path` {path} names {names}, which could not be read; faces that use it are gray", UserWarning
-        )
+        check.warn(f"load: `path` {path} names {names}, which could not be read; affected faces are gray", UserWarning)
     return scene
 
 

@@ -31,7 +31,7 @@ class FileSource:
 
 @dataclass(frozen=True)
 class SceneFile:
-    """The scene of a file, or of a trimesh object, from which a mesh gets its colors and is saved.
+    """The scene of a file or of a trimesh object; a mesh has its colors from this scene, and is saved with it.
 
     *Rows* are the concatenated vertices of all primitives. Along seams of texture or normals, a vertex of the file has
     several rows. All rows at one position belong to the first mesh vertex at this position.
@@ -39,7 +39,7 @@ class SceneFile:
 
     path: Path | None
     primitives: tuple[Primitive, ...]
-    corner_faces: Int32  # (F, 3) corners as row numbers
+    corner_faces: Int32  # (F, 3) row of each face corner
     vertices: Float64  # (V, 3) positions of the mesh vertices in the scene
     representative: Int32  # (V,) for each vertex, the first vertex at its position
     vertex: Int32  # (R,) mesh vertex of each row; −1 at positions that no face uses

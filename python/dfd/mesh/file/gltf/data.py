@@ -58,7 +58,7 @@ class GltfData:
             else:
                 raise ValueError(f"buffer {index} has no data")
             if len(data) < length:
-                raise ValueError(f"buffer {index} should have {length} bytes, but {len(data)} are there")
+                raise ValueError(f"buffer {index} should have {length} bytes, but has {len(data)}")
             if data is self._embedded:
                 self._embedded = None
             self._buffers[index] = np.frombuffer(data, np.uint8)[:length]
@@ -94,14 +94,14 @@ class GltfData:
         if isinstance(uri, str):
             return self._linked(uri)
         if item(self.header, "bufferViews", image.get("bufferView")) is None:
-            raise ValueError("a picture names no data")
+            raise ValueError("an image has no data")
         return bytes(self.view(image["bufferView"]))
 
     def accessor(self, index: object) -> NDArray[Any]:
         """Return the items (count, components) of an accessor; normalized integers are converted to floats."""
         accessor = item(self.header, "accessors", index)
         if accessor is None:
-            raise ValueError(f"accessor {shortened(index)} is not there")
+            raise ValueError(f"accessor {shortened(index)} does not exist")
         values = self._stored(accessor)
         if "sparse" in accessor:
             values = self._replaced(values.copy(), accessor["sparse"], f"accessor {index}")
@@ -129,7 +129,7 @@ class GltfData:
         return self.accessor(index).ravel()
 
     def draco(self, primitive: Header) -> dict[str, NDArray[Any]] | None:
-        """Return the attributes of a primitive compressed with Draco by name, and its faces as `indices`.
+        """Return the attributes, by name, of a primitive that is compressed with Draco, and its faces as `indices`.
 
         Return None if the primitive is not compressed.
         """
@@ -138,7 +138,7 @@ class GltfData:
             return None
         names, view = packed.get("attributes"), packed.get("bufferView")
         if not isinstance(names, dict) or item(self.header, "bufferViews", view) is None:
-            raise ValueError(f"its {DRACO} does not say where the data is")
+            raise ValueError(f"its {DRACO} has no attributes or no data")
         by_id, faces = self._draco_mesh(cast(int, view))
         found: dict[str, NDArray[Any]] = {}
         for name, number in names.items():
@@ -227,13 +227,13 @@ class GltfData:
             start = whole(part, "byteOffset", what, default=0)
             data = self.view(reference(self.header, part, "bufferView", what))
             if start + count * width * dtype.itemsize > len(data):
-                raise ValueError(f"{what} has {count} sparse items beyond byte {len(data)}")
+                raise ValueError(f"{what} has {count} sparse items, which end after byte {len(data)}")
             return np.frombuffer(data, dtype, count * width, start).reshape(count, width)
 
         where = stored(parts[0], np.dtype(COMPONENT_TYPES[kind]), 1).ravel()
         changed = stored(parts[1], values.dtype, values.shape[1])
         if count and int(where.max()) >= len(values):
-            raise ValueError(f"{what} has a sparse item {int(where.max())} of {len(values)}")
+            raise ValueError(f"{what} has the sparse index {int(where.max())}, but only {len(values)} items")
         values[where] = changed
         return values
 

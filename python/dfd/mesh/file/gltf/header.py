@@ -71,7 +71,7 @@ def split_glb(data: bytes) -> tuple[bytes, bytes | None]:
     if version != 2:
         raise ValueError(f"it has version {version} of the format, and only 2 can be read")
     if total != len(data):
-        raise ValueError(f"it should have {total} bytes, but {len(data)} are there")
+        raise ValueError(f"it should have {total} bytes, but has {len(data)}")
     kind, text, end = _chunk(data, 12)
     if kind != _JSON_CHUNK:
         raise ValueError("its first chunk is not JSON")
@@ -96,7 +96,7 @@ def _chunk(data: bytes, start: int) -> tuple[int, bytes, int]:
     length, kind = struct.unpack("<II", data[start : start + 8])
     end = start + 8 + length
     if end > len(data):
-        raise ValueError(f"one of its chunks should have {length} bytes, but {len(data) - start - 8} are there")
+        raise ValueError(f"one of its chunks should have {length} bytes, but has {len(data) - start - 8}")
     return kind, data[start + 8 : end], end
 
 
@@ -122,7 +122,7 @@ def extension(owner: Header, name: str) -> Header | None:
 
 
 def parents(header: Header) -> dict[int, int]:
-    """Return a dict from each node that has a parent to its parent."""
+    """Return the parent of each child node, by the index of the child."""
     nodes = enumerate(objects(header, "nodes"))
     return {child: index for index, node in nodes for child in node.get("children", [])}
 
@@ -179,7 +179,7 @@ def _check_views(header: Header, glb: bool) -> None:
                 reference(header, packed, "buffer", f"bufferView {i}")
         end = whole(view, "byteOffset", f"bufferView {i}", default=0) + length
         if end > size:
-            raise ValueError(f"bufferView {i} ends at byte {end} of a buffer of {size}")
+            raise ValueError(f"bufferView {i} ends at byte {end}, but its buffer has {size} bytes")
         total += length
     if total > max(_MOST_OVERLAP * sum(lengths), _SMALL):
         raise ValueError(f"its bufferViews cover {total} bytes in total, but its buffers have {sum(lengths)}")
@@ -211,7 +211,8 @@ def _check_accessors(header: Header) -> None:
         end = whole(accessor, "byteOffset", f"accessor {i}", default=0)
         end += (count - 1) * stride + size if count else 0
         if end > views[view]["byteLength"]:
-            raise ValueError(f"accessor {i} has {count} items up to byte {end} of {views[view]['byteLength']}")
+            size = views[view]["byteLength"]
+            raise ValueError(f"accessor {i} has {count} items up to byte {end}, but its bufferView has {size} bytes")
         total, longest = total + count * size, max(longest, count)
     stored = sum(view["byteLength"] for view in views)
     if total > max(_MOST_OVERLAP * stored, _SMALL):

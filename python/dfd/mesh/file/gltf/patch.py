@@ -71,7 +71,7 @@ class GltfPatch(GltfBuilder):
         self.source = source
         self._take_buffers()
         self._take_pictures()
-        # By node, attribute and accessor. If primitives of a node share an accessor, rows move for all of them.
+        # Key: node, attribute, accessor. If primitives of a node share an accessor, its rows move for all of them.
         self._moved: dict[tuple[int, str, int], tuple[Float64, list[Header]]] = {}
 
     def _take_buffers(self) -> None:

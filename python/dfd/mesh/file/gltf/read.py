@@ -96,7 +96,7 @@ def _geometry(
     vertices = positions.astype(np.float64)
 
     def values(name: str, *widths: int) -> NDArray[Any] | None:
-        """Return the attribute `name`; None if it is missing, or has other `widths` or another number of rows."""
+        """Return the attribute `name`; None if it is missing, or has another number of rows or none of the `widths`."""
         found = data.attribute(primitive, name)
         fits = found is not None and len(found) == len(vertices) and (not widths or found.shape[1] in widths)
         return found if fits else None

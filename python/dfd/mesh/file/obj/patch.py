@@ -1,7 +1,7 @@
 """Rewrite vertex positions and normals in the text of an OBJ file, with everything else unchanged.
 
 Only coordinates in `v` and `vn` lines change. If face corners can no longer share a normal, new `vn` lines are added,
-and the normal numbers of faces change. Order, polygons, groups, smoothing, curves, comments and materials stay.
+and the normal indices of faces change. Order, polygons, groups, smoothing, curves, comments and materials stay.
 """
 
 from pathlib import Path, PurePosixPath

@@ -20,10 +20,11 @@ _GROUP_KEYWORDS = ("g", "o", "usemtl")  # in order of precedence for equal names
 
 
 def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInstance], Int64, Int32]:
-    """Return the instances, the file's vertex (R,) of each row, and the row (C,) of each face corner, −1 if skipped.
+    """Return the mesh instances, the file's vertex (R,) of each row, and the row (C,) of each face corner.
 
     A row is a vertex of an instance. Parts are the objects (`o`) of the file, or its groups (`g`) if it has at most one
     object. Within a part, faces are sorted by material. Faces with fewer than three corners are skipped with a warning.
+    Their corners have the row −1.
     """
     materials = {name: _material(name, lines, assets) for name, lines in used_materials(text, assets)[0].items()}
     part_names, part = _parts(text, path.stem)
@@ -71,7 +72,7 @@ def _parts(text: ObjText, default: str) -> tuple[list[str], Int64]:
     """Return the names of the parts, and the index (P,) of each face's part."""
     none, *found = [_state_at_faces(text, keyword, default) for keyword in ("", "o", "g")]
     several = [(names, part) for names, part in found if (part != part[:1]).any()]
-    named = [(names, part) for names, part in found if part.any()]  # one part
+    named = [(names, part) for names, part in found if part.any()]  # for all faces
     return [*several, *named, none][0]
 
 
@@ -143,9 +144,9 @@ def _library(name: str, assets: AssetFolder) -> str | None:
 
 
 def _material(name: str, lines: list[str], assets: AssetFolder) -> Material:
-    """Return a material with its texture, or with its diffuse color if it has no texture.
+    """Return a material with its texture or, if it has no texture, with its diffuse color.
 
-    A texture is not multiplied by the diffuse color, because programs disagree about this product.
+    The diffuse color of a textured material is ignored, because programs disagree whether it multiplies the texture.
     """
     color = picture = None
     for line in lines:

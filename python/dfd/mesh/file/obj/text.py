@@ -137,10 +137,8 @@ def _values(tokens: Tokens, keyword: str, at_least: int) -> tuple[Float64, Int64
     short = np.flatnonzero(tokens.counts < at_least)
     first = np.cumsum(tokens.counts) - tokens.counts
     if len(short):
-        raise ValueError(
-            f"vertex {short[0]} of its {keyword!r} lines has {tokens.counts[short[0]]} numbers, "
-            f"and {at_least} are needed"
-        )
+        line, count = tokens.lines[short[0]] + 1, tokens.counts[short[0]]
+        raise ValueError(f"line {line}: {keyword!r} has {count} numbers, and {at_least} are needed")
     values = _numbers(tokens.text, np.float64, len(tokens.starts))
     if values is None:
         words = (tokens.text[start:end] for start, end in zip(tokens.starts, tokens.ends, strict=True))
@@ -201,7 +199,7 @@ def _corners(faces: Tokens, counted: tuple[Int64, Int64, Int64]) -> Int64:
         relative = found < 0
         found[relative] += np.searchsorted(lines, line[given[relative]]) + 1
         outside = (found < 1) | (found > len(lines))
-        if column:  # a missing texture or normal becomes −1
+        if column:  # an index of a missing UV or normal becomes −1
             found[outside] = 0
         elif outside.any():
             where = int(np.argmax(outside))

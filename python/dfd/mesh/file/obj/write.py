@@ -22,7 +22,7 @@ _LONGEST_NAME = 60  # characters; longer names of materials are cut, because nam
 
 
 def encode(vertices: Float64, faces: Int32) -> bytes:
-    """Return an OBJ file with nothing but vertices (V, 3) and faces (F, 3)."""
+    """Return an OBJ file with only vertices (V, 3) and faces (F, 3)."""
     return _lines(b"v", vertices) + _faces([faces])
 
 
@@ -31,7 +31,7 @@ def encode_groups(
 ) -> bytes:
     """Return an OBJ file with the faces (F, 3) in `groups`, each of which is a name and the indices of its faces.
 
-    `uv` holds texture coordinates (R, 2), with v pointing up, and the index (F, 3) of those of each face corner.
+    `uv` holds texture coordinates (R, 2), with v pointing up, and for each face corner an index of them, (F, 3).
     """
     text = [_lines(b"v", vertices), b"" if uv is None else _lines(b"vt", uv[0])]
     for name, own in groups:
@@ -81,8 +81,8 @@ def encode_scene(target: Path, vertices: Float64, scene: SceneFile, moved: Seque
 class Companions:
     """The files that are written next to an OBJ file; unrelated files are never overwritten.
 
-    An existing file is overwritten only if its name begins with the stem of the OBJ file, and an existing OBJ file of
-    that name, or its MTL file, references it.
+    An existing file is overwritten only if its name begins with the stem of `target`, the OBJ file, and an older file
+    at `target`, or the MTL file of this older file, references it.
     """
 
     def __init__(self, target: Path) -> None:

@@ -18,7 +18,7 @@ from dfd.mesh.file.primitives import Geometry
 
 _STL_HEADER = 84  # bytes before the first face of a binary file; the last four hold the number of faces
 _STL_FACE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-_LINE = re.compile(rb"(?<![^\r\n])[^\r\n#]+")  # without a comment at its end
+_LINE = re.compile(rb"(?<![^\r\n])[^\r\n#]+")  # a line without its comment
 _NUMBERS = rb"\s+([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)" * 3
 _STL_VERTEX = re.compile(rb"\bvertex" + _NUMBERS, re.IGNORECASE)
 _STL_NORMAL = re.compile(rb"\bfacet\s+normal" + _NUMBERS, re.IGNORECASE)
@@ -40,7 +40,7 @@ def read_off(data: bytes) -> Geometry:
     vertex_count, face_count = int(counts[0]), int(counts[1])
     if len(rest) < vertex_count + face_count:
         raise ValueError(
-            f"it should have {vertex_count} vertices and {face_count} faces, but is cut off after {len(rest)} of them"
+            f"it should have {vertex_count} vertices and {face_count} faces, but has only {len(rest)} lines for them"
         )
     width = 6 if "N" in kind[:-3] and not {"4", "n"}.intersection(kind) else 3  # with N, normals follow
     vertices = np.empty((vertex_count, width))
@@ -57,7 +57,7 @@ def read_off(data: bytes) -> Geometry:
         if size < 3:
             raise ValueError(f"face {number} has {shortened(words[0])} corners, and 3 are needed")
         if len(words) <= size:
-            raise ValueError(f"face {number} should have {size} corners, but {len(words) - 1} are there")
+            raise ValueError(f"face {number} should have {size} corners, but has {len(words) - 1}")
         sizes[number] = size
         corners += words[1 : size + 1]
     try:
@@ -160,7 +160,7 @@ def binary_stl(data: bytes) -> NDArray[Any] | None:
         if len(data) == length:
             return np.frombuffer(data, _STL_FACE, count, _STL_HEADER)
         if b"facet" not in data.lower():
-            raise ValueError(f"it should have {count} faces in {length} bytes, but {len(data)} are there")
+            raise ValueError(f"it should have {count} faces in {length} bytes, but has {len(data)} bytes")
     return None
 
 

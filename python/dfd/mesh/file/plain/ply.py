@@ -43,7 +43,7 @@ class _Property:
     counts: np.dtype[Any] | None  # type of the length of a list in the parsed data; None if the property is no list
     values: NDArray[Any] = field(default_factory=lambda: np.zeros(0))  # of all rows
     sizes: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))  # (rows,) number of values of each row
-    places: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))  # (rows,) first bytes in the data
+    places: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))  # (rows,) first byte of each row's values
 
 
 _Element = dict[str, _Property]
@@ -126,12 +126,12 @@ def _strip_triangles(values: Int64, sizes: Int64) -> Int64:
     run = np.cumsum(values < 0) + np.repeat(np.arange(len(sizes)), sizes) * (len(values) + 1)
     index = np.arange(len(values))
     new = np.diff(run, prepend=-1) != 0
-    begin = np.maximum.accumulate(np.where(new, index + (values < 0), 0))  # each -1 precedes its run
+    begin = np.maximum.accumulate(np.where(new, index + (values < 0), 0))  # a run may begin with -1
     first = np.flatnonzero((values[:-2] >= 0) & (run[:-2] == run[2:])) if len(values) > 2 else np.zeros(0, np.int64)
     triangles = values[first[:, None] + np.arange(3)]
     odd = (first - begin[first]) % 2 == 1
     triangles[odd] = triangles[odd][:, [1, 0, 2]]
-    distinct = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)  # not degenerate
+    distinct = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)  # no zero area
     return triangles[distinct]
 
 
