@@ -42,8 +42,8 @@ class AssetFolder:
         Raises ValueError or OSError if `name` leads out of the folder or to a hidden file, or cannot be read.
         """
         folder = self.folder.resolve()
-        for spelled in dict.fromkeys((name, unquote(name), unquote(name).replace("\\", "/"))):
-            path = (folder / spelled.strip()).resolve()
+        for variant in dict.fromkeys((name, unquote(name), unquote(name).replace("\\", "/"))):
+            path = (folder / variant.strip()).resolve()
             if not path.is_relative_to(folder):
                 raise ValueError(f"{shortened(name)} lies outside the folder of the file")
             if any(step.startswith(".") for step in path.relative_to(folder).parts):

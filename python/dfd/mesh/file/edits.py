@@ -34,7 +34,7 @@ class Edits:
         return b"".join([*pieces, self._data[done:]])
 
 
-def spelled(values: NDArray[np.floating]) -> list[bytes]:
+def rows_as_text(values: NDArray[np.floating]) -> list[bytes]:
     """Return each row of `values` (L, K) as text, each number in the shortest form that reads back exactly."""
     template = b" ".join([b"%a"] * values.shape[1])
     return [template % tuple(row) for row in values.tolist()]

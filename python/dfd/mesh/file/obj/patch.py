@@ -10,7 +10,7 @@ import numpy as np
 
 from dfd.common.linear_algebra import Float64, Int32
 from dfd.mesh.file.assets import AssetFolder, image_format
-from dfd.mesh.file.edits import Edits, spelled
+from dfd.mesh.file.edits import Edits, rows_as_text
 from dfd.mesh.file.obj.read import picture_name, used_materials
 from dfd.mesh.file.obj.text import ObjText, parse
 from dfd.mesh.file.obj.write import Companions
@@ -30,7 +30,7 @@ def encode(target: Path, vertices: Float64, source: FileSource, normals: Float64
     text = parse(source.data.tobytes())
     changed = (vertices != text.positions).any(axis=1)
     edits = Edits(text.data)
-    edits.replace(text.position_spans[changed], spelled(vertices[changed]))
+    edits.replace(text.position_spans[changed], rows_as_text(vertices[changed]))
     _edit_normals(edits, text, source.corner_rows, normals)
     companions = Companions(target)
     if target.parent.resolve() != source.path.parent.resolve():
@@ -96,12 +96,12 @@ def _edit_normals(edits: Edits, text: ObjText, corner_rows: Int32, normals: Floa
     keeps = np.diff(number[first], prepend=-1) > 0
     directions = own[first]
     moved = keeps & (directions != text.normals[number[first]]).any(axis=1)
-    edits.replace(text.normal_spans[number[first][moved]], spelled(directions[moved]))
+    edits.replace(text.normal_spans[number[first][moved]], rows_as_text(directions[moved]))
     if keeps.all():
         return
     new = np.cumsum(~keeps) - 1
     begin = text.data.rfind(b"\n", 0, int(text.corner_spans[0, 0])) + 1
-    edits.replace([(begin, begin)], [b"".join(b"vn %s\n" % each for each in spelled(directions[~keeps]))])
+    edits.replace([(begin, begin)], [b"".join(b"vn %s\n" % each for each in rows_as_text(directions[~keeps]))])
     # The new lines stand before the first face, so normals after this place get higher numbers.
     before = int(np.searchsorted(text.normal_spans[:, 0], begin))
     numbers = text.corners[:, 2].copy()

@@ -11,7 +11,7 @@ from dfd.common.errors import one_line
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
 from dfd.mesh.appearance import GRAY, Material
 from dfd.mesh.file.assets import as_png, read_regular
-from dfd.mesh.file.edits import spelled
+from dfd.mesh.file.edits import rows_as_text
 from dfd.mesh.file.obj.read import picture_name
 from dfd.mesh.file.obj.text import decoded
 from dfd.mesh.file.primitives import Primitive, UniqueNames
@@ -166,17 +166,17 @@ class _MaterialLibrary:
 
 def _vertex_colors(scene: SceneFile) -> Float64 | None:
     """Return one RGB color for each vertex, (V, 3), even on seams; None without colors."""
-    look = scene.appearance
-    if look is None or look.colors is None:
+    appearance = scene.appearance
+    if appearance is None or appearance.colors is None:
         return None
     colors = np.ones((len(scene.vertices), 3))
-    used = look.corners >= 0
-    colors[look.corners[used]] = look.colors[used, :3]
+    used = appearance.corners >= 0
+    colors[appearance.corners[used]] = appearance.colors[used, :3]
     return colors[scene.representative]
 
 
 def _lines(kind: bytes, values: NDArray[np.floating]) -> bytes:
-    return b"".join(b"%s %s\n" % (kind, row) for row in spelled(values))
+    return b"".join(b"%s %s\n" % (kind, row) for row in rows_as_text(values))
 
 
 def _faces(columns: Sequence[NDArray[np.integer] | None]) -> bytes:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Float64, unit
 from dfd.mesh.file.assets import shortened
-from dfd.mesh.file.edits import Edits, spelled
+from dfd.mesh.file.edits import Edits, rows_as_text
 from dfd.mesh.file.obj.text import decoded
 from dfd.mesh.file.polygons import check_corners, triangulate
 from dfd.mesh.file.primitives import Geometry
@@ -87,14 +87,14 @@ def rewrite_off(data: bytes, vertices: Float64, normals: Float64) -> bytes:
     numbers = re.compile(rb"\s*(" + rb"\s+".join([rb"\S+"] * written.shape[1]) + rb")")
     rows = np.flatnonzero((written != before).any(axis=1))
     found = [numbers.match(data, *lines[row].span()) for row in rows]
-    edits.replace([each.span(1) for each in found if each], spelled(written[rows]))
+    edits.replace([each.span(1) for each in found if each], rows_as_text(written[rows]))
     return edits.result()
 
 
 def encode_off(vertices: Float64, faces: NDArray[np.integer]) -> bytes:
     """Return an OFF file with each number in the shortest form that reads back exactly."""
     head = [b"OFF", b"%d %d 0" % (len(vertices), len(faces))]
-    return b"\n".join([*head, *spelled(vertices), *(b"3 %d %d %d" % tuple(each) for each in faces.tolist()), b""])
+    return b"\n".join([*head, *rows_as_text(vertices), *(b"3 %d %d %d" % tuple(each) for each in faces.tolist()), b""])
 
 
 def read_stl(data: bytes) -> list[tuple[str, Geometry]]:
@@ -140,7 +140,7 @@ def rewrite_stl(data: bytes, corners: Float64) -> bytes:
     edits = Edits(data)
     for found, kept, values in ((places, changed, corners), (turns, changed.reshape(-1, 3).any(axis=1), new)):
         rows = np.flatnonzero(kept)
-        edits.replace([(found[row].start(1), found[row].end(3)) for row in rows], spelled(values[rows]))
+        edits.replace([(found[row].start(1), found[row].end(3)) for row in rows], rows_as_text(values[rows]))
     return edits.result()
 
 
