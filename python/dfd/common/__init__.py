@@ -1,1 +1,1 @@
-"""Argument checks, threads, files and progress bars for all other packages; this package imports none of them."""
+"""Argument checks, threads, file writes and progress bars for all other packages of `dfd`, which it does not import."""

@@ -1,4 +1,4 @@
-"""Check the arguments of public functions; an error names the argument and the value found."""
+"""Check arguments of public functions. Errors name the `function`, the argument `name` and the value found."""
 
 import os
 import sys
@@ -29,10 +29,10 @@ def array(
 ) -> NDArray[Any]:
     """Return `value` as a C-contiguous array of `dtype`, copied only if necessary.
 
-    `shape` lists the required sizes: a number is exact, a name such as ``"V"`` stands for any size.
+    `shape` lists the required size of each axis; a name such as ``"V"`` permits any size.
 
-    Raises ValueError if `value` is not numeric, is a masked array, or is a tensor that NumPy cannot read. Raises
-    ValueError if `value` has another shape or, with `finite`, holds NaN or infinity.
+    Raises ValueError if `value` is not numeric, is a masked array, is a tensor that NumPy cannot read or has another
+    shape. With `finite`, also raises ValueError for NaN, infinity and numbers too large for `dtype`.
     """
     if type(value) is np.ndarray:
         result = value
@@ -70,7 +70,7 @@ def number(
     maximum: float | None = None,
     exclusive: bool = False,
 ) -> float:
-    """Return `value` as a finite float in [`minimum`, `maximum`], or above `minimum` with `exclusive`."""
+    """Return `value` as a finite float in [`minimum`, `maximum`]; `exclusive` excludes `minimum` itself."""
     given = tensors.shared(function, name, value)
     try:
         result = float(given)
@@ -89,7 +89,7 @@ def number(
 
 
 def whole(function: str | None, name: str, value: Any, *, minimum: int, maximum: int | None = None) -> int:
-    """Return `value` as an int in [`minimum`, `maximum`]; True and 2.0 are errors."""
+    """Return `value` as an int in [`minimum`, `maximum`]; booleans and floats, even 2.0, are errors."""
     if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer):
         raise ArgumentError(name, f"must be a whole number, got {value!r}", function)
     if value < minimum or (maximum is not None and value > maximum):
@@ -99,7 +99,7 @@ def whole(function: str | None, name: str, value: Any, *, minimum: int, maximum:
 
 
 def choice(function: str | None, name: str, value: Any, options: Any) -> Any:
-    """Return `value`, which must be one of the words in `options`, a tuple or a Literal type."""
+    """Return `value`, which must be one of the strings in `options`, a tuple or a Literal type."""
     words = options if isinstance(options, tuple) else get_args(options)
     if not isinstance(value, str) or value not in words:
         raise ArgumentError(name, f"must be one of {', '.join(words)}, got {value!r}", function)
@@ -107,7 +107,7 @@ def choice(function: str | None, name: str, value: Any, options: Any) -> Any:
 
 
 def keywords(given: Iterable[str], known: Collection[str], kind: str) -> None:
-    """Raise TypeError if a keyword in `given` is not in `known`; `kind` is what the message calls a keyword."""
+    """Raise TypeError if a keyword in `given` is not in `known`; the message calls it "not a `kind`"."""
     for name in given:
         if name not in known:
             close = get_close_matches(name, known, 1)
@@ -116,7 +116,7 @@ def keywords(given: Iterable[str], known: Collection[str], kind: str) -> None:
 
 
 def ending(function: str | None, name: str, path: str | os.PathLike[str], endings: Sequence[str]) -> str:
-    """Return the first of `endings` that the file name in `path` has; ValueError if it has none of them."""
+    """Return the first of `endings` with which the file name in `path` ends; raise ValueError if there is none."""
     for each in endings:
         if Path(path).name.lower().endswith(each):
             return each
@@ -133,7 +133,7 @@ def field(function: str, value: Any) -> Any:
 def vertex_indices(function: str | None, name: str, value: Any, vertex_count: int, *, unique: bool = False) -> Int64:
     """Return `value` as int64 vertex indices, each in [0, `vertex_count`).
 
-    Raises ValueError if an index is not a whole number, is out of range or, with `unique`, occurs twice.
+    Raises ValueError for any other array shape or type, an index out of range or, with `unique`, a repeated index.
     """
     indices = np.asarray(tensors.shared(function, name, value))
     if indices.size == 0 and indices.ndim == 1:
@@ -153,18 +153,18 @@ def vertex_indices(function: str | None, name: str, value: Any, vertex_count: in
 
 
 def _kind(value: Any) -> str:
-    """Return the type of `value` as messages show it: a text itself, or the class with the type of its numbers."""
+    """Return a description of `value` for messages: a string itself, or the class of another value with its dtype."""
     if isinstance(value, str):
         return repr(value)
     dtype = getattr(value, "dtype", None)
     return f"{type(value).__name__} of {dtype}" if dtype is not None else type(value).__name__
 
 
-_INTERNAL = ("dfd", "contextlib", "concurrent", "threading")  # packages whose frames lie between `warn` and the caller
+_INTERNAL = ("dfd", "contextlib", "concurrent", "threading")  # packages whose stack frames `warn` skips
 
 
 def warn(message: str, category: type[Warning]) -> None:
-    """Issue a warning at the line that called the package."""
+    """Issue a warning that points at the line of the user's code that called `dfd`."""
     level, frame = 2, sys._getframe(1)
     while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in _INTERNAL:
         level, frame = level + 1, frame.f_back

@@ -1,7 +1,7 @@
 """Describe the fields of frozen dataclasses: their meaning, their bounds, and their type in files.
 
-Three users read the descriptions. The dataclass checks its values. pydantic reads, writes and documents files. The
-command line creates options. This module does not import pydantic.
+The dataclass checks its values by these descriptions. pydantic reads, writes and documents files by them. The command
+line creates its options from them. Importing this module does not import pydantic.
 """
 
 from dataclasses import MISSING, dataclass, fields
@@ -15,10 +15,10 @@ from dfd.common.errors import ArgumentError
 
 
 class Brief:
-    """Base class of dataclasses with `repr=False`; its `repr` omits fields that have their default."""
+    """Base class for dataclasses declared with `repr=False`; its `repr` omits fields with their default value."""
 
     def __repr__(self) -> str:
-        """Return the Python expression that makes the value."""
+        """Return the constructor call that creates an equal object."""
         shown = []
         for each in fields(self):  # type: ignore[arg-type]  # derived classes are dataclasses
             value = getattr(self, each.name)
@@ -30,22 +30,22 @@ class Brief:
 
 @dataclass(frozen=True)
 class About:
-    """The description of a field."""
+    """The description of a dataclass field, as metadata of the field's `Annotated` type."""
 
     text: str  # one sentence for users
     minimum: float | None = None
     maximum: float | None = None
-    exclusive: bool = False  # whether the number must be above `minimum`, not equal to it
-    metavar: str | None = None  # placeholder of the value in the help of the command-line option; None for a switch
+    exclusive: bool = False  # whether the number must be above `minimum`; if not, it may be equal to `minimum`
+    metavar: str | None = None  # placeholder for the value in the command-line help; None for an option without a value
     repeated: bool = False  # whether the command-line option may occur several times
     option: str | None = None  # name of the command-line option, if it differs from the field's name
-    # A transfer of an edit to another shape scales lengths and maps positions.
+    # What a number measures. If an edit is transferred to another shape, lengths are scaled and positions are mapped.
     unit: Literal["length", "position", "angle"] | None = None
-    # "weights" if the field changes the handle's weights, "pose" if it changes only the pose computed from them.
+    # "weights" if the field changes the handle's weights, "pose" if it changes only how the mesh is posed by them.
     affects: Literal["weights", "pose"] = "weights"
-    of_part: bool = False  # whether the field needs a part; handles hold parts, fixed points do not
-    label: str | None = None  # the field's name in panels
-    # Both ends of the slider in panels, and its step. For lengths, all three are fractions of the shape's size.
+    of_part: bool = False  # whether the field needs the handle's part, as bend does; the default transform has no part
+    label: str | None = None  # the field's name in panels of the app; None derives it from the field's name
+    # Lowest value, highest value and step of the slider in panels; lengths are fractions of the shape's size.
     slider: tuple[float, float, float] | None = None
 
     def called(self, name: str) -> str:
@@ -60,13 +60,13 @@ class About:
 
 
 class Written:
-    """The type of a field in files, if it differs from the type of the value in the dataclass."""
+    """Metadata of a field's `Annotated` type: the type in files, if it differs from the type in the dataclass."""
 
     def __init__(self, written: Any) -> None:
         self.written = written
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        """Return the core schema of the type in files; arrays are written as lists."""
+        """Return pydantic's schema of the type in files; NumPy arrays are written as lists."""
         from pydantic_core import core_schema
 
         plain = core_schema.plain_serializer_function_ser_schema(
@@ -76,13 +76,13 @@ class Written:
 
 
 class Tagged:
-    """A union of dataclasses; in files, the value of the field `name` selects the dataclass."""
+    """Metadata of a union of dataclasses; in files, the value of the field `name` tells which dataclass to create."""
 
     def __init__(self, name: str) -> None:
         self.name = name
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        """Return the core schema of the union, discriminated by the field `name`."""
+        """Return pydantic's schema of the union, discriminated by the field `name`."""
         from pydantic import Field
 
         return handler.generate_schema(Annotated[source, Field(discriminator=self.name)])
@@ -99,16 +99,16 @@ def about(owner: type) -> dict[str, tuple[Any, About | None]]:
 
 
 def words_of(kind: Any) -> tuple[Any, ...]:
-    """Return the words of a Literal, or of the first Literal in a union; () if there is none."""
+    """Return the values of a Literal type, or of the first Literal in a union; () if there is none."""
     return next((get_args(each) for each in (kind, *get_args(kind)) if get_origin(each) is Literal), ())
 
 
 def check_fields(value: Any) -> None:
-    """Check the numbers, vectors, texts, words and switches in the fields of a frozen dataclass.
+    """Check the values of the fields of a frozen dataclass by the fields' types and descriptions.
 
-    Numbers become floats, and vectors become tuples. None stays None if the field allows it.
+    Values of float fields become floats, and 3-vectors become tuples. None is valid if the type of the field allows it.
 
-    Raises ArgumentError, with the class as the function, if a value is invalid.
+    Raises ArgumentError, which names the class in place of a function, if a value is invalid.
     """
     owner: type = type(value)
     function = owner.__name__

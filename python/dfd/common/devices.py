@@ -1,9 +1,9 @@
 """Choose the device and the threads on which torch computes, and detect its out-of-memory errors.
 
-torch splits each operation among threads, which wait for each other when the operation ends. For operations of a
-millisecond or less, this saves little time. Waiting threads spin, so they occupy cores that other programs use: a fit
-of seconds then takes minutes. This module splits work into independent ranges instead. Results then do not depend on
-the number of threads.
+torch splits each operation among its threads, which wait for each other at the end of the operation. Waiting threads
+spin and occupy cores that other programs need. For operations of a millisecond or less, this can make the work many
+times slower. `parallel_inference` therefore splits the work into independent ranges, and torch computes each range on
+one thread. Results then do not depend on the number of threads.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # importing torch takes seconds, so each function that needs 
 
 
 def choose_device(function: str, device: str | torch.device | None) -> torch.device:
-    """Return `device` as a torch device; None takes a CUDA device if there is one, else the CPU.
+    """Return `device` as a torch device; None selects a CUDA device if there is one, else the CPU.
 
     Raises ValueError, which names `function`, if torch cannot use the device.
     """
@@ -38,17 +38,17 @@ def choose_device(function: str, device: str | torch.device | None) -> torch.dev
 
 
 def out_of_memory(error: BaseException) -> bool:
-    """Return whether `error` reports a failed allocation; Python, NumPy and torch raise different errors."""
+    """Return whether `error` reports a failed memory allocation of Python, NumPy or torch."""
     if isinstance(error, MemoryError):
         return True
-    # The class of torch's CUDA error is compared by name, because this module does not import torch.
+    # The class of torch's CUDA error is compared by name, so that torch need not be imported.
     named = type(error).__name__ == "OutOfMemoryError" or "can't allocate memory" in str(error)
     return isinstance(error, RuntimeError) and named
 
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Make torch compute on the calling thread alone while the block runs."""
+    """Make torch compute on the calling thread alone while the `with` block runs."""
     import torch
 
     before = torch.get_num_threads()
@@ -60,9 +60,9 @@ def one_thread() -> Iterator[None]:
 
 
 def parallel_inference(count: int, size: int, work: Callable[[int, int], None]) -> None:
-    """Call `work(begin, end)` for ranges of `size` that cover [0, `count`), on the kernels' number of threads.
+    """Call `work(begin, end)` for ranges of `size` items that cover [0, `count`), on `get_num_threads()` threads.
 
-    torch uses one thread within each call and records no gradients. Errors of `work` are raised here.
+    In each call, torch uses one thread and records no gradients. An error that `work` raises is raised again here.
     """
     import torch
 

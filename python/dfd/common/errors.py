@@ -1,4 +1,4 @@
-"""Raise errors that name the public function, the argument and the reason."""
+"""Errors that name the public function, the argument and the reason."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -12,9 +12,9 @@ LONGEST_REASON = 500  # characters
 class ArgumentError(ValueError):
     """An invalid argument, with the message "function: `argument` reason".
 
-    `argument` is the parameter's name in the public function. `reason` says what the argument must be and what was
-    found. `function` is the public function, or None until `called` adds it. The value found may be an array or a long
-    text, so the reason is cut to one line of at most `LONGEST_REASON` characters.
+    `argument` is the parameter's name in the public function. `reason` says what the argument must be, and which value
+    was found. `function` is the name of the public function, or None until `called` adds it. The reason is cut to one
+    line of at most `LONGEST_REASON` characters, because the value found may be a large array or a long text.
     """
 
     def __init__(self, argument: str, reason: str, function: str | None = None) -> None:
@@ -26,8 +26,8 @@ class ArgumentError(ValueError):
         self.argument, self.reason, self.function = argument, reason, function
 
     def __str__(self) -> str:
-        said = f"`{self.argument}` {self.reason}"
-        return f"{self.function}: {said}" if self.function else said
+        message = f"`{self.argument}` {self.reason}"
+        return f"{self.function}: {message}" if self.function else message
 
 
 def one_line(text: object) -> str:
@@ -37,7 +37,7 @@ def one_line(text: object) -> str:
 
 @contextmanager
 def called(function: str) -> Iterator[None]:
-    """Name the public `function` in each `ArgumentError` that the block raises."""
+    """Add the name of the public `function` to each `ArgumentError` that the `with` block raises."""
     try:
         yield
     except ArgumentError as error:
@@ -45,16 +45,16 @@ def called(function: str) -> Iterator[None]:
 
 
 def public(function: Function) -> Function:
-    """Return `function`, wrapped so that its `ArgumentError`s begin with its own name."""
+    """Return `function`, wrapped so that every `ArgumentError` that it raises begins with its name."""
     return called(function.__qualname__.removesuffix(".__init__"))(function)
 
 
 @contextmanager
 def within(path: str, function: str | None = None) -> Iterator[None]:
-    """Name `function`, and the `path` to the argument in a document, in each `ArgumentError` that the block raises."""
+    """Add `function`, and the argument's `path` in a document, to each `ArgumentError` that the `with` block raises."""
     try:
         yield
     except ArgumentError as error:
-        # A place has no key of its own in a document: its numbers lie directly in the entry at `path`.
+        # A place has no key of its own in a document. Its keys or numbers are directly in the entry at `path`.
         argument = path if error.argument in ("at", "place", "region") else f"{path}.{error.argument}"
         raise ArgumentError(argument, error.reason, function) from None

@@ -1,4 +1,4 @@
-"""Write files atomically, by renaming a temporary file, and find the folder of the cache."""
+"""Write files atomically, by renaming a temporary file, and find the cache folder."""
 
 import errno
 import hashlib
@@ -10,8 +10,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-_ABANDONED = 3600.0  # seconds after which an unfinished file is removed
-_LONGEST_ENDING = 32  # bytes of an ending that the temporary file keeps
+_ABANDONED = 3600.0  # seconds without a change, after which a temporary file is deleted
+_LONGEST_ENDING = 32  # bytes; a temporary file has the ending of its target, unless the ending is longer
 
 
 def cache_directory() -> Path:
@@ -20,19 +20,19 @@ def cache_directory() -> Path:
     The environment variable DFD_CACHE sets this folder. Without DFD_CACHE, the folder is `dfd` in the platform's cache
     folder, on Linux XDG_CACHE_HOME or ~/.cache.
     """
-    import platformdirs  # imported here: Blender lacks platformdirs and does not use the cache
+    import platformdirs  # imported only here, because Blender, whose add-on uses no cache, lacks this package
 
     named = os.environ.get("DFD_CACHE")
     return Path(named).expanduser() if named else platformdirs.user_cache_path("dfd", appauthor=False)
 
 
 def plain(value: Any) -> Any:
-    """Return a NumPy array or number as Python values for `json.dumps`, and any other value as text."""
+    """Convert a NumPy array or number to Python values, and any other object to text; the `default` of `json.dumps`."""
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
 def sha256_of_files(*paths: Path) -> str:
-    """Return the SHA-256 of the concatenated content of files, 64 hexadecimal digits."""
+    """Return the SHA-256 of the concatenated contents of files, as 64 hexadecimal digits."""
     digest = hashlib.sha256()
     for path in paths:
         with path.open("rb") as stream:
@@ -43,20 +43,19 @@ def sha256_of_files(*paths: Path) -> str:
 
 @contextmanager
 def atomic_write(path: str | os.PathLike[str], argument: str = "path") -> Iterator[Path]:
-    """Yield the path of a temporary file, which replaces `path` after the block; after an error it is deleted.
+    """Yield the path of a temporary file, which replaces `path` after the `with` block, or is deleted after an error.
 
     The temporary file has the ending of `path`, so writers can choose the format by the ending. If `path` is a
     symbolic link, the link stays and its target is replaced. A killed process leaves its temporary file in the folder
     of `path`. After an hour, the next write of `path` deletes that file.
 
-    Raises OSError if the folder does not exist or cannot be written, or the disk is full. Raises OSError if `path` is
-    a folder, a device or a pipe. After an error, an existing file is unchanged.
+    Raises OSError, and keeps an existing file, if the folder is missing, `path` is no regular file or writing fails.
     """
     target = resolved_target(Path(path), argument)
     try:
         temporary = _temporary(target)
         try:
-            # The block may restrict the file's permissions. The result has those of the replaced file or a new file.
+            # The block may change the permissions. The result has those of the replaced file, or of a new file.
             mode = (target if target.exists() else temporary).stat().st_mode
             yield temporary
             temporary.chmod(mode & 0o777)
@@ -77,14 +76,14 @@ def write_file(path: str | os.PathLike[str], content: str | bytes, argument: str
 
 
 def resolved_target(path: Path, argument: str) -> Path:
-    """Return the file that a write to `path` replaces, which need not exist: `path`, or the target of its link.
+    """Return the file that a write to `path` replaces: `path` itself or, for a symbolic link, the link's target.
 
     Raises OSError, which names `argument`, if the folder does not exist or `path` is a folder, a device or a pipe.
     """
     try:
         target = path.resolve() if path.is_symlink() else path
         exists = target.exists()
-    except (OSError, RuntimeError) as error:  # a link to itself, or a name that is too long
+    except (OSError, RuntimeError) as error:  # a symbolic link to itself, or a name that is too long
         number = getattr(error, "errno", None) or errno.ELOOP
         raise OSError(number, f"`{argument}`: {path} could not be written: {os.strerror(number)}") from error
     if not target.parent.is_dir():
@@ -97,14 +96,14 @@ def resolved_target(path: Path, argument: str) -> Path:
 
 
 def _temporary(target: Path) -> Path:
-    """Create an empty file beside `target`, and remove files that killed processes left there for the same target."""
+    """Create an empty temporary file beside `target`, and delete those that killed processes left for `target`."""
     ending = target.suffix if len(os.fsencode(target.suffix)) <= _LONGEST_ENDING else ""
-    # The name is hashed: file systems allow 255 bytes, and the target's name may have as many already.
+    # The name is hashed, because file systems allow 255 bytes, and the target's name alone may have that length.
     start = f".dfd-{hashlib.sha256(os.fsencode(target.name)).hexdigest()[:16]}-"
-    for left in target.parent.glob(f"{start}*"):
+    for leftover in target.parent.glob(f"{start}*"):
         with suppress(OSError):  # another process removed it, or another user owns it
-            if time.time() - left.stat().st_mtime > _ABANDONED:
-                left.unlink()
+            if time.time() - leftover.stat().st_mtime > _ABANDONED:
+                leftover.unlink()
     path = target.with_name(f"{start}{secrets.token_hex(8)}{ending}")
     path.touch(exist_ok=False)
     return path

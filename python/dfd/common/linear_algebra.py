@@ -14,21 +14,21 @@ UInt8 = NDArray[np.uint8]
 
 
 def unit(rows: NDArray[np.floating], *, least: float = 0.0) -> Float64:
-    """Return the rows (N, D) scaled to length 1; rows no longer than `least` become 0."""
+    """Return the rows (N, D) scaled to length 1; rows whose length is at most `least` become 0."""
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
     return np.divide(rows, lengths, out=np.zeros(np.shape(rows)), where=lengths > least, casting="same_kind")
 
 
 def group_sums(group: NDArray[np.integer], rows: NDArray[np.floating], count: int) -> Float64:
-    """Return the sums (`count`, D) of `rows` (N, D); row i belongs to the sum with index `group[i]`, below `count`."""
+    """Return the sum of the `rows` (N, D) of each group, (`count`, D); row i belongs to group `group[i]`, from 0."""
     return np.stack([np.bincount(group, column, count) for column in rows.T], axis=1)
 
 
 def distinct_pairs(pairs: NDArray[np.integer], count: int) -> tuple[Int64, Int64]:
-    """Return the distinct pairs (E, 2) in `pairs` (N, 2), and the index (N,) of each given pair among them.
+    """Return the distinct pairs in `pairs` (N, 2), (E, 2), and for each given pair its index among them, (N,).
 
-    The numbers are whole and below `count`. Pairs that differ only in order are equal. The distinct pairs are sorted,
-    each with its lower number first.
+    The entries are integers from 0 to `count` − 1. Pairs that differ only in the order of their entries are equal. The
+    distinct pairs are sorted, each with its lower entry first.
     """
     low, high = np.sort(pairs, axis=1).astype(np.int64).T
     keys, which = np.unique(low * count + high, return_inverse=True)
@@ -39,10 +39,10 @@ Real = TypeVar("Real", np.float32, np.float64)
 
 
 def principal_directions(rows: NDArray[Real], count: int | None = None) -> NDArray[Real]:
-    """Return the eigenvectors of the second moments of `rows` (N, D) about the origin, largest eigenvalue first.
+    """Return the eigenvectors of RᵀR, where R is `rows` (N, D), in the order from largest to smallest eigenvalue.
 
-    The result holds orthonormal rows (min(`count`, D), D), or all D rows if `count` is None. For rows with mean 0, they
-    are the principal components.
+    They are the orthonormal rows of the result, (min(`count`, D), D), or (D, D) if `count` is None. If the mean of
+    `rows` is 0, they are the principal components.
     """
     axes: NDArray[Real] = np.linalg.eigh(rows.T @ rows)[1].T[::-1]
     return np.ascontiguousarray(axes[:count])

@@ -1,4 +1,4 @@
-"""Load one GNU OpenMP runtime for both the kernels, which link against it, and torch, which contains a copy."""
+"""Load one GNU OpenMP runtime for both the C++ kernels, which link against it, and torch, which contains a copy."""
 
 import ctypes
 import importlib.util
@@ -11,16 +11,16 @@ NAME = "libgomp.so.1"
 
 
 def load_runtime() -> None:
-    """Load torch's copy of the runtime, unless a copy is loaded or torch is not installed; then load the kernels.
+    """Load torch's copy of the runtime, if torch is installed and no runtime is loaded; then load the C++ kernels.
 
     The kernels, and torch when it is imported later, find the loaded runtime by its name and load no other. torch's
-    copy takes precedence, because the system may have no copy, or an older one than torch needs. If torch has added a
-    hash to the name of its copy, the kernels cannot find that copy and load the system's.
+    copy takes precedence, because the system may have no runtime, or one that is too old for torch. Some torch packages
+    add a hash to the name of their copy. The kernels cannot find such a copy, and load the system's runtime.
 
     Raises ImportError if the kernels need the runtime and neither torch nor the system has it.
     """
     if sys.platform.startswith("linux") and not _is_loaded() and (found := find_torch_runtime()) is not None:
-        with suppress(OSError):  # if torch's copy is damaged, the kernels load the system's
+        with suppress(OSError):  # if torch's copy is damaged, the kernels load the system's runtime
             ctypes.CDLL(str(found))
     try:
         importlib.import_module("dfd._core")

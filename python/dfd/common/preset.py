@@ -1,4 +1,4 @@
-"""Name the two sets of defaults: dfd's own, and the exact settings of the paper."""
+"""The names of the two sets of default settings: dfd's own settings, and the exact settings of the paper."""
 
 from typing import Literal
 

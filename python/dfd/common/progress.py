@@ -17,7 +17,7 @@ class Advance(Protocol):
 
 
 class Stages:
-    """Wall times of the stages of a call and, with `show`, a progress bar for each stage on standard error.
+    """Measures the wall times of the stages of a call; with `show`, each stage has a progress bar on standard error.
 
     `seconds` maps each stage's name to its wall time, in the order in which the stages ended. `latest` is the name of
     the stage that began last.
@@ -34,7 +34,7 @@ class Stages:
 
     @contextmanager
     def stage(self, name: str, total: int | None = None) -> Iterator[Advance]:
-        """Measure the time of the block as the stage `name`; the block reports its progress out of `total` items."""
+        """Measure the `with` block as the stage `name`; the yielded callback counts finished items, out of `total`."""
         self.latest = name
         start = time.perf_counter()
         try:
@@ -50,13 +50,13 @@ class Stages:
 
 
 def _bar() -> Progress:
-    # In a notebook without ipywidgets, Rich warns at each bar, except if it writes plain text.
-    plain = False if importlib.util.find_spec("ipywidgets") is None else None
+    # In a notebook without ipywidgets, Rich warns at each progress bar, unless it is forced to write plain text.
+    force_jupyter = False if importlib.util.find_spec("ipywidgets") is None else None
     return Progress(
         TextColumn("{task.description:<10}"),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
-        console=Console(stderr=True, force_jupyter=plain),
+        console=Console(stderr=True, force_jupyter=force_jupyter),
     )

@@ -1,4 +1,4 @@
-"""Convert torch tensors to arrays over the same memory and back; this module never imports torch."""
+"""Convert torch tensors to NumPy arrays that share their memory, and back. This module never imports torch."""
 
 import sys
 from typing import Any
@@ -24,9 +24,9 @@ def tracked(*values: Any) -> bool:
 
 
 def shared(function: str | None, name: str, value: Any) -> Any:
-    """Return `value`; a torch tensor on the CPU becomes an array over the same memory.
+    """Return `value`, or a NumPy array that shares its memory if `value` is a torch tensor on the CPU.
 
-    Raises ValueError if `value` is a masked array, or a tensor on another device or of a type that NumPy lacks.
+    Raises ValueError if `value` is a masked array, a tensor on another device, or a tensor of a type that NumPy lacks.
     """
     if type(value) is np.ndarray:
         return value
@@ -51,10 +51,10 @@ def output(
     *,
     columns: bool = False,
 ) -> NDArray[Any]:
-    """Return an array over the memory of `out`, for a kernel to write to; `columns` also permits column-major order.
+    """Return `out` as a NumPy array over the same memory, to which a kernel can write.
 
-    Raises ValueError if `out` is not a writable contiguous array of `shape` and `dtype`, or shares memory with one of
-    `inputs`, which maps argument names to arrays.
+    With `columns`, it is enough that either the rows or the columns are contiguous. Raises ValueError if `out` is no
+    writable contiguous array of `shape` and `dtype`, requires a gradient, or shares memory with one of the `inputs`.
     """
     if is_tensor(out) and out.requires_grad:
         raise ArgumentError("out", "must not require a gradient", function)
@@ -75,7 +75,7 @@ def output(
 
 
 def lines_contiguous(array: NDArray[Any]) -> bool:
-    """Return whether a matrix is aligned, and its rows or its columns are contiguous and do not overlap."""
+    """Return whether a matrix is aligned, and either its rows or its columns are contiguous and do not overlap."""
     flags = array.flags
     if flags.c_contiguous or flags.f_contiguous:
         return flags.aligned
@@ -89,5 +89,5 @@ def lines_contiguous(array: NDArray[Any]) -> bool:
 
 
 def like(value: Any, result: NDArray[Any]) -> Any:
-    """Return `result`, as a torch tensor over the same memory if `value` is a tensor."""
+    """Return `result`, converted to a torch tensor that shares its memory if `value` is a torch tensor."""
     return sys.modules["torch"].from_numpy(result) if is_tensor(value) else result

@@ -1,8 +1,8 @@
-"""Set the number of threads of the kernels, and run other work on the same number of threads.
+"""Set the number of threads of the C++ kernels, and run Python functions on the same number of threads.
 
-`dfd` imports this module before its kernels, so that the kernels and torch load the same OpenMP runtime. The runtime's
-threads do not survive a fork, so a forked child computes on one thread. Processes started with the method "spawn" use
-all threads.
+`dfd` imports this module before its kernels, so that the kernels and torch use the same OpenMP runtime. The runtime's
+threads do not survive a fork, so a forked process computes on one thread. Processes that the method "spawn" starts
+use all threads.
 """
 
 import os
@@ -40,10 +40,10 @@ def get_num_threads() -> int:
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Make NumPy and SciPy compute matrix products on the calling thread alone while the block runs.
+    """Make NumPy and SciPy compute matrix products on the calling thread alone while the `with` block runs.
 
-    Several threads of dfd compute small products at the same time. Threads of BLAS would spin while they wait for each
-    other. The work then takes twice as long, and much longer on a busy machine.
+    Use it if several threads of dfd compute small matrix products at the same time. Otherwise the BLAS library starts
+    further threads, which spin while they wait for each other. The work then takes at least twice as long.
     """
     from threadpoolctl import threadpool_limits
 
@@ -76,10 +76,10 @@ def _physical_cores(allowed: set[int]) -> int:
 
 
 def _quota(most: int) -> int:
-    """Return the number of whole processors, at most `most`, that the container's control group grants."""
+    """Return the number of whole processors that the container's control group (cgroup) grants, at most `most`."""
     group = Path("/sys/fs/cgroup")
-    for names in (("cpu.max",), ("cpu/cpu.cfs_quota_us", "cpu/cpu.cfs_period_us")):  # of versions 2 and 1
-        with suppress(OSError, ValueError, ZeroDivisionError):  # there is no such file, or "max" stands for no limit
+    for names in (("cpu.max",), ("cpu/cpu.cfs_quota_us", "cpu/cpu.cfs_period_us")):  # cgroup 2, then 1
+        with suppress(OSError, ValueError, ZeroDivisionError):  # no such file, or "max" for no limit
             granted, period = map(int, " ".join((group / name).read_text() for name in names).split())
             return min(most, max(1, granted // period)) if granted > 0 else most
     return most
@@ -99,9 +99,9 @@ if hasattr(os, "register_at_fork"):
 
 
 def parallel_ranges(count: int, size: int, work: Callable[[int, int], None]) -> None:
-    """Call `work(begin, end)` for ranges of `size` that cover [0, `count`), on the kernels' number of threads.
+    """Call `work(begin, end)` for ranges of `size` items that cover [0, `count`), on `get_num_threads()` threads.
 
-    Errors of `work` are raised here.
+    An error that `work` raises is raised again here.
     """
     starts = iter(range(0, count, size))
 
@@ -123,9 +123,10 @@ def parallel_ranges(count: int, size: int, work: Callable[[int, int], None]) -> 
 
 @contextmanager
 def beside(work: Callable[[], T]) -> Iterator[Callable[[], T]]:
-    """Run `work` on another thread while the block runs; yield a function that waits for its result or error.
+    """Run `work` on another thread while the `with` block runs; yield a function that waits for `work`.
 
-    The block also ends only after `work`. If the kernels use one thread, `work` runs when its result is requested.
+    The function returns the result of `work`, or raises its error. The block does not end before `work`. If
+    `get_num_threads()` is 1, the function runs `work` itself.
     """
     if get_num_threads() == 1:
         yield work

@@ -1,4 +1,4 @@
-"""The colors of a surface, from textures, vertex colors and materials, at points of faces."""
+"""Colors of a surface at any points of its faces, computed from textures, vertex colors and materials."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64, UInt8
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
-GRAY = 0.8  # display-referred color of a surface without a material
+GRAY = 0.8  # display-referred (sRGB) value of a surface without a material
 
 Wrap = Literal["repeat", "mirror", "clamp"]
 
@@ -21,35 +21,35 @@ Wrap = Literal["repeat", "mirror", "clamp"]
 class Material:
     """A surface material; colors are display-referred (sRGB) in [0, 1]."""
 
-    color: tuple[float, float, float, float] = (GRAY, GRAY, GRAY, 1.0)  # multiplies texture and vertex colors
+    color: tuple[float, float, float, float] = (GRAY, GRAY, GRAY, 1.0)  # RGBA; multiplies texture and vertex colors
     texture: UInt8 | None = None  # (rows, columns, 4) RGBA, first row on top
-    wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")  # addressing outside [0, 1] along u and v
+    wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")  # how the texture continues outside [0, 1], along u and v
     alpha_mode: Literal["OPAQUE", "MASK", "BLEND"] = "OPAQUE"
-    alpha_cutoff: float = 0.5  # in mode MASK, lower alpha is transparent, other alpha opaque
+    alpha_cutoff: float = 0.5  # in mode MASK, lower alpha becomes 0, and all other alpha 1
     name: str = ""
-    is_default: bool = False  # the file defines only the name
+    is_default: bool = False  # whether the file defines no usable color or texture
 
     def shown(self, *, has_colors: bool) -> Material:
-        """Return the displayed material: a default material is white if the surface has vertex colors."""
+        """Return the material to display: a default material becomes white if the surface has its own colors."""
         return replace(self, color=WHITE) if self.is_default and has_colors else self
 
 
 @dataclass(frozen=True)
 class Appearance:
-    """Colors over the faces of a mesh.
+    """The colors of the faces of a mesh.
 
-    Each row holds one texture coordinate and one color; a vertex on a seam has several rows.
+    Face corners refer to rows. A row is a vertex with one texture coordinate and one color. A seam vertex has several.
     """
 
-    corners: Int32  # (R,) the vertex of each row, -1 for a row that no face uses
-    corner_faces: Int32  # (F, 3) rows of each face's corners
+    corners: Int32  # (R,) mesh vertex of each row; −1 for a row that no face uses
+    corner_faces: Int32  # (F, 3) row of each face corner
     face_material: Int32  # (F,) index into `materials`
     materials: tuple[Material, ...]
-    uv: Float32 | None = None  # (R, 2) texture coordinates, v upwards
+    uv: Float32 | None = None  # (R, 2) texture coordinates; v points up
     colors: Float32 | None = None  # (R, 4) display-referred RGBA in [0, 1]
 
     def albedo(self, faces: NDArray[np.integer], barycentric: NDArray[np.floating]) -> Float32:
-        """Return the display-referred RGBA (N, 4) in [0, 1] of points on `faces` (N,) at `barycentric` (N, 3)."""
+        """Return the sRGB colors with alpha, (N, 4) in [0, 1], of points on `faces` (N,) at `barycentric` (N, 3)."""
         rows = self.corner_faces[faces]
         weights = barycentric.astype(np.float32, copy=False)
         material = self.face_material[faces]
@@ -67,18 +67,18 @@ class Appearance:
         np.clip(result, 0, 1, out=result)
         return result
 
-    def corner_colors(self, numbers: NDArray[np.integer], count: int) -> Float32:
-        """Return for each number the `albedo` (`count`, 4) at the first corner of that number; white without corners.
+    def corner_colors(self, indices: NDArray[np.integer], count: int) -> Float32:
+        """Return for each index below `count` the `albedo` at the first corner with this index, (`count`, 4).
 
-        `numbers` (F, 3) holds a number below `count` for each corner of a face.
+        `indices` (F, 3) holds the index of each face corner. An index without a corner gets white.
         """
         colors = np.ones((count, 4), np.float32)
-        used, where = np.unique(numbers, return_index=True)
+        used, where = np.unique(indices, return_index=True)
         colors[used] = self.albedo(where // 3, np.eye(3, dtype=np.float32)[where % 3])
         return colors
 
     def content(self) -> Iterator[bytes]:
-        """Yield everything that `albedo` depends on, for a hash."""
+        """Yield everything on which the results of `albedo` depend, as bytes for a hash."""
         for material in self.materials:
             yield repr((material.color, material.wrap, material.alpha_mode, material.alpha_cutoff)).encode()
         textures = (material.texture for material in self.materials)
@@ -88,7 +88,7 @@ class Appearance:
 
 
 def rgba(values: NDArray[Any]) -> Float32:
-    """Return colors (N, 3 or 4) as RGBA (N, 4) in [0, 1]; integers are divided by the largest of their type."""
+    """Return colors (N, 3 or 4) as RGBA (N, 4) in [0, 1]; integers are divided by the largest value of their type."""
     scale = np.iinfo(values.dtype).max if values.dtype.kind in "iu" else 1
     result = np.ones((len(values), 4), np.float32)
     result[:, : values.shape[1]] = values[:, :4] / scale
@@ -109,7 +109,7 @@ def linear(encoded: NDArray[np.floating]) -> Float64:
 
 
 def blend(values: Float32, rows: Int32, weights: Float32) -> Float32:
-    """Return sums (N, K) of the `values` (R, K) of three `rows` (N, 3), a face's corners, times `weights` (N, 3)."""
+    """Return sums (N, K) of `values` (R, K): row i sums weights[i, j] · values[rows[i, j]] over the three corners j."""
     blended: Float32 = weights[:, :1] * values.take(rows[:, 0], axis=0)
     blended += weights[:, 1:2] * values.take(rows[:, 1], axis=0)
     blended += weights[:, 2:] * values.take(rows[:, 2], axis=0)
@@ -117,7 +117,7 @@ def blend(values: Float32, rows: Int32, weights: Float32) -> Float32:
 
 
 def _sample(material: Material, uv: Float32) -> Float32:
-    """Return the texture's RGBA (N, 4) in [0, 1] at `uv` (N, 2), blended between the four nearest texels."""
+    """Return the texture's RGBA (N, 4) in [0, 1] at `uv` (N, 2), interpolated bilinearly."""
     texture = material.texture
     assert texture is not None
     height, width = texture.shape[:2]
@@ -130,9 +130,9 @@ def _sample(material: Material, uv: Float32) -> Float32:
 
 
 def _texels(coordinate: Float32, size: int, wrap: Wrap) -> tuple[Int64, Int64, Float32]:
-    """Return the texels before and after a coordinate (N,) and the fraction (N, 1) between them."""
+    """Return the indices of the texels before and after each coordinate (N,), and the fraction (N, 1) between them."""
     period = {"repeat": 1, "mirror": 2, "clamp": 0}[wrap]
-    # The period is removed first, so that coordinates far from 0 stay exact.
+    # Whole periods are subtracted first, so that coordinates far from 0 keep their precision.
     coordinate = coordinate - period * np.floor(coordinate / period) if period else coordinate.clip(0, 1)
     position = coordinate * np.float32(size) - np.float32(0.5)
     before = np.floor(position)
@@ -143,6 +143,6 @@ def _texels(coordinate: Float32, size: int, wrap: Wrap) -> tuple[Int64, Int64, F
     return texels[0], texels[1], (position - before)[:, None]
 
 
-def _mix(a: UInt8 | Float32, b: UInt8 | Float32, part: Float32) -> Float32:
+def _mix(a: UInt8 | Float32, b: UInt8 | Float32, fraction: Float32) -> Float32:
     start = a.astype(np.float32, copy=False)
-    return start + part * (b.astype(np.float32, copy=False) - start)
+    return start + fraction * (b.astype(np.float32, copy=False) - start)

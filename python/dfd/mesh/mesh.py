@@ -1,4 +1,4 @@
-"""The mesh: positions and triangles, and the data for rendering and saving."""
+"""Triangle meshes, with their colors and the content of their files, and `load`, which reads them."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from dfd.mesh.file.read import read
 from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.normals import smooth_normals
 
-# The import takes most of a second, and only some files need it.
+# Importing trimesh takes most of a second, and only conversions need it.
 if TYPE_CHECKING:
     import trimesh
 
 
 @dataclass(frozen=True)
 class MeshPart:
-    """A part of the scene of a mesh: an object of a glTF or OBJ file, with one or several materials."""
+    """A named object of a file: a node of a glTF file, an object or group of an OBJ file, or a solid of an STL file."""
 
     name: str  # unique among the parts of the mesh
-    faces: slice  # its consecutive faces among those of the mesh
-    vertices: Int64  # (N,) the vertices that its faces use, ascending; parts that touch share some
+    faces: slice  # the part's faces, which are consecutive in the mesh
+    vertices: Int64  # (N,) the vertices that these faces use, ascending; parts that touch can share vertices
 
 
 class Mesh:
@@ -43,26 +43,27 @@ class Mesh:
 
     Vertex i of a mesh from an OBJ, PLY or OFF file is the file's own vertex i, counted from 0. Vertices that no face
     uses count too. (The faces of an OBJ file call this vertex i + 1.) GLB, glTF and STL files have no single list of
-    vertices. For these, the distinct positions that faces use are numbered in the order of the file.
+    vertices. For these, the vertices are the distinct positions that faces use, in the order of the file.
 
-    Several vertices may have one position. Faces of a file then use the first of them, even along seams of texture or
-    normals. `representative` holds this first vertex for every vertex; in a mesh from arrays, each vertex itself.
+    Several vertices may have the same position. The faces of a mesh from a file then use only the first of them, even
+    along seams of texture or normals. `representative` holds the index of this first vertex for every vertex. In a mesh
+    from arrays, it holds the vertex's own index.
     """
 
     vertices: Float64  # (V, 3) positions in the file's units
     faces: Int32  # (F, 3) corners as indices into `vertices`
-    representative: Int32  # (V,) the first vertex at each vertex's position, which faces use
+    representative: Int32  # (V,) for each vertex, the first vertex at its position
     appearance: Appearance | None  # the colors of the surface; None if unknown
-    source: Path | None  # the file it was read from
-    scene: SceneFile | None  # the scene of that file; None for a mesh made from arrays
+    source: Path | None  # path of the mesh's file; None for a mesh from memory
+    scene: SceneFile | None  # content of the file or trimesh object; None for a mesh from arrays
 
     def __init__(
         self, vertices: Any, faces: Any, *, appearance: Appearance | None = None, scene: SceneFile | None = None
     ) -> None:
-        """Check and copy `vertices` (V, 3), at least three and finite, and `faces` (F, 3), at least one.
+        """Check and copy `vertices` (V, 3) and `faces` (F, 3), which hold at least three vertices and one face.
 
-        Faces without area and repeated faces are kept. `appearance` colors the faces. `save` rewrites the `scene` of
-        the source file.
+        Faces without area and repeated faces are kept. `appearance` holds the colors of the faces. `scene` is the
+        content of the source file, which `save` needs.
 
         Raises ValueError if an array has another shape or type, a coordinate is not finite or an index is out of range.
         """
@@ -84,19 +85,18 @@ class Mesh:
 
     @cached_property
     def bounds(self) -> Float64:
-        """Return the smallest and largest coordinates (2, 3); a file's vertices without faces are ignored."""
-        # in a mesh of arrays, unused vertices count too
+        """The smallest and largest coordinates, (2, 3); vertices without a face count only in a mesh from arrays."""
         places = self.vertices if self.scene is None else self.vertices[self._corners_of(slice(None))]
         return _frozen(np.stack([places.min(axis=0), places.max(axis=0)]))
 
     @cached_property
     def extents(self) -> Float64:
-        """Return the lengths (3,) of the sides of the box around the mesh."""
+        """The lengths (3,) of the sides of the bounding box."""
         return _frozen(self.bounds[1] - self.bounds[0])
 
     @cached_property
     def parts(self) -> tuple[MeshPart, ...]:
-        """The parts of the scene, in the order of their faces; a mesh of arrays has one part, which holds all faces."""
+        """The parts of the scene, in the order of their faces; a mesh from arrays has one part with all faces."""
         if self.scene is None:
             return (MeshPart("mesh", slice(0, len(self.faces)), _frozen(self._corners_of(slice(None)))),)
         found = []
@@ -121,9 +121,9 @@ class Mesh:
     def part_vertices(self, name: str) -> Int64:
         """Return the vertices (N,), ascending, that the faces of the part `name` use.
 
-        For a glTF file, `name` may also be that of a geometry or material, and then selects all its faces.
+        If no part has this name, `name` may be that of a geometry or of a material, which selects all its faces.
 
-        Raises ValueError if the scene has no part of that name; the message lists the names of the parts.
+        Raises ValueError if the scene has nothing of that name; the message lists the names of the parts.
         """
         for part in self.parts:
             if part.name == name:
@@ -137,15 +137,15 @@ class Mesh:
 
     @property
     def group_names(self) -> tuple[str, ...]:
-        """The names of the face groups of an OBJ file: of its `g`, `o` and `usemtl` lines, in this order."""
+        """The names of the face groups of an OBJ file: first those of `g` lines, then of `o`, then of `usemtl`."""
         return tuple(self._groups)
 
     def group_vertices(self, name: str) -> Int64:
         """Return the vertices (N,), ascending, that the faces of a group of an OBJ file use.
 
-        Every word of a `g` line names a group, and so does the line as a whole. An `o` or `usemtl` line names one group
-        each. If several kinds of lines have the name, `g` comes first, then `o`, then `usemtl`. The groups need not
-        match the parts and materials of the mesh.
+        Every word after `g` names a group, and so do all words of this line together. An `o` or `usemtl` line names one
+        group. If lines of several kinds have the same name, `g` takes precedence, then `o`, then `usemtl`. The groups
+        can differ from the parts and materials of the mesh.
 
         Raises ValueError if no face belongs to that group; the message lists the groups of the file.
         """
@@ -156,19 +156,19 @@ class Mesh:
 
     @cached_property
     def _groups(self) -> dict[str, Int64]:
-        """The file's own vertices of each group; the first access parses the text again."""
+        """The vertices of each face group, by the group's name; the first access parses the OBJ text again."""
         if self.scene is None or self.scene.source is None or self.scene.source.corner_rows is None:
             return {}
         return face_groups(self.scene.source.data.tobytes())
 
     @property
     def diagonal(self) -> float:
-        """Length of the diagonal of the box around the mesh."""
+        """The length of the diagonal of the bounding box."""
         return float(np.linalg.norm(self.extents))
 
     @cached_property
     def normals(self) -> Float32:
-        """Return unit normals (V, 3): normalized sums of face normals weighted by area; zero where the sum is 0."""
+        """The unit normals (V, 3) of vertices: area-weighted means of face normals, or 0 if the face normals cancel."""
         return _frozen(smooth_normals(self.vertices, self.faces)[self.representative])
 
     @cached_property
@@ -183,14 +183,14 @@ class Mesh:
         return digest.hexdigest()
 
     def save(self, path: str | os.PathLike[str], vertices: Any | None = None) -> None:
-        """Write the mesh in the format of the ending of `path`; `vertices` (V, 3), if given, are its new positions.
+        """Write the mesh to `path`, whose ending selects the format, with new positions `vertices` (V, 3) if given.
 
         A mesh from a file keeps the file's parts, names, materials, UVs, textures, colors and units, as far as the
-        format can store them. Normals follow the moved surface. If the format is that of the source file, only moved
-        data is rewritten; all other bytes, number types and byte order stay. The file is written atomically.
+        format can store them. Normals follow the moved surface. In the format of the source file, all other data keep
+        their values and number types. The file is written atomically.
 
-        Warns if the format's 32-bit floats round a shape far from the origin too coarsely. GLB and PLY files keep such
-        a shape.
+        Warns if 32-bit floats of the file move vertices by more than 0.001 % of the diagonal. This concerns STL files,
+        and glTF meshes with a skin or morph targets.
 
         Raises ValueError if the ending is none of .obj, .ply, .stl, .off, .glb and .gltf. Raises ValueError if
         `vertices` has another shape or is not finite. Raises OSError if the file cannot be written; an existing file is
@@ -224,7 +224,7 @@ class Mesh:
     def vertex_colors(self) -> Float32:
         """Return the display-referred RGBA (V, 4) in [0, 1] of the surface at each vertex.
 
-        A vertex on a seam takes the color of one side of the seam. A vertex without faces or known color is white.
+        A vertex on a seam takes the color of one side of the seam. A vertex without a face or a known color is white.
         """
         if self.appearance is None:
             return np.ones((len(self.vertices), 4), np.float32)
@@ -233,7 +233,7 @@ class Mesh:
 
 _Pose = Literal["rest", "bind"]
 
-MeshLike: TypeAlias = (  # the last type is a pair of arrays
+MeshLike: TypeAlias = (  # `Sequence[Any]` is a pair of arrays: vertices and faces
     "Mesh | str | os.PathLike[str] | trimesh.Trimesh | trimesh.Scene | Sequence[Any]"
 )
 
@@ -244,7 +244,7 @@ def load(
     """Read a mesh from an OBJ, PLY, STL, OFF, GLB or glTF file, or convert one from memory.
 
     All parts of a scene are loaded, with their transforms applied, and polygons become triangles. Units, orientation,
-    the file's numbering of vertices (see `Mesh`), faces without area and repeated faces stay.
+    the file's numbering of vertices (see `Mesh`), faces without area and repeated faces are kept.
 
     Parameters
     ----------
@@ -252,18 +252,18 @@ def load(
         Path of a file; or a `trimesh.Trimesh` or `trimesh.Scene`; or a pair of vertices (V, 3) and faces (F, 3).
         Arrays are copied.
     pose
-        Matters for a glTF file with skins or morph targets. ``"rest"`` is the shape that viewers show before any
+        Matters only for a glTF file with skins or morph targets. ``"rest"`` is the shape that viewers show before any
         animation. ``"bind"`` is the shape of the stored vertices, without skins and morph targets.
 
     Raises OSError if the file cannot be opened, or is a pipe or a device. Raises ValueError if `source` or `pose` has
     another type or value. Raises ValueError if the file is empty, malformed, truncated, or in an unknown format or
     compression. Raises ValueError if there are no faces, a face index is out of range or a coordinate is not finite.
 
-    Warns if a texture or materials file cannot be read; its faces are then gray. Warns if an OBJ or PLY file has faces
-    of fewer than three corners; the mesh omits them.
+    Warns if a texture or materials file cannot be read; faces that use it are then gray. Warns if an OBJ or PLY file
+    has faces with fewer than three corners; the mesh omits them.
     """
     check.choice("load", "pose", pose, _Pose)
-    known = sys.modules.get("trimesh")  # this check does not import trimesh
+    known = sys.modules.get("trimesh")  # absent unless the caller has imported trimesh
     if isinstance(source, str | os.PathLike):
         scene = read(source, at_rest=pose == "rest")
     elif known is not None and isinstance(source, known.Trimesh | known.Scene):
@@ -284,7 +284,7 @@ def load(
 
 
 def as_mesh(source: MeshLike) -> Mesh:
-    """Return a `Mesh` as it is, and `load` any other source."""
+    """Return `source` if it is a `Mesh`, else the mesh that `load` makes of it."""
     return source if isinstance(source, Mesh) else load(source)
 
 
@@ -307,7 +307,7 @@ def _listed(names: tuple[str, ...]) -> str:
 
 
 def _frozen(values: NDArray[Any]) -> NDArray[Any]:
-    """Return a read-only copy."""
+    """Return a read-only copy of an array."""
     values = values.copy()
     values.flags.writeable = False
     return values

@@ -1,4 +1,4 @@
-"""Normalization of a shape: its bounding box is mapped into the cube [−1, 1]³."""
+"""Normalization of a shape: a map of its bounding box into the cube [−1, 1]³."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Float64
 
-if TYPE_CHECKING:  # slow to import: it loads SciPy
+if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
 
 class Normalization(NamedTuple):
     """The map of a shape into the cube [−1, 1]³: subtract `center`, multiply by `scale`."""
 
-    center: Float64  # (3,) middle of the box around the shape, in its units
-    scale: float  # 1 / half the longest side of the box
+    center: Float64  # (3,) center of the bounding box, in the shape's units
+    scale: float  # 2 divided by the longest side of the bounding box
 
     def apply(self, points: NDArray[np.floating]) -> Float64:
         """Map points (…, 3) from the shape's units to the cube."""
@@ -29,7 +29,7 @@ class Normalization(NamedTuple):
 
 
 def box_normalization(low: Float64, high: Float64) -> Normalization | None:
-    """Return the map of a box to [−1, 1] along its longest side; None if the box is a single point.
+    """Return the map of a box into the cube, whose width the longest side fills; None if the box is a single point.
 
     `low` and `high` are opposite corners (3,) of the box.
     """
@@ -39,9 +39,9 @@ def box_normalization(low: Float64, high: Float64) -> Normalization | None:
 
 
 def normalization(mesh: Mesh) -> Normalization:
-    """Return the map of the box of `mesh` to [−1, 1] along its longest side.
+    """Return the map of the bounding box of `mesh` into the cube, whose width the longest side fills.
 
-    Raises ValueError if all vertices have one position.
+    Raises ValueError if all vertices have the same position.
     """
     found = box_normalization(*mesh.bounds)
     if found is None:

@@ -5,21 +5,21 @@ from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Float32, Float64, Int32
 
-_FACES_AT_ONCE = 1 << 20  # to bound memory
+_FACES_AT_ONCE = 1 << 20  # largest number of faces that are processed together, which limits the memory
 
 
 def face_normals(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> Float64:
-    """Return the normals (F, 3) of faces of `vertices` (V, 3); each normal's length is twice its face's area."""
+    """Return the normals (F, 3) of `faces` (F, 3); the length of each normal is twice the area of its face."""
     first, second, third = vertices[faces].astype(np.float64, copy=False).transpose(1, 0, 2)
     return np.cross(second - first, third - first)
 
 
 def smooth_normals(vertices: Float64, faces: Int32) -> Float32:
-    """Return unit normals (V, 3), each the area-weighted sum of its faces' normals; zero if the sum vanishes."""
+    """Return unit normals of vertices, (V, 3): area-weighted means of face normals, or 0 if the face normals cancel."""
     span = float((vertices.max(axis=0) - vertices.min(axis=0)).max()) or 1.0
-    # With edges of at most unit length, products neither overflow for a huge shape nor vanish for a tiny one.
+    # The shape is scaled to width 1, so that products of coordinates neither overflow nor become 0.
     x, y, z = np.ascontiguousarray((vertices / span).T)
-    summed = np.zeros((len(vertices), 4))  # sums of the faces' normals (3) and of their lengths (1)
+    summed = np.zeros((len(vertices), 4))  # in each row, the sum of face normals (3) and the sum of their lengths (1)
     for start in range(0, len(faces), _FACES_AT_ONCE):
         some = faces[start : start + _FACES_AT_ONCE]
         first, second, third = np.ascontiguousarray(some.T)
@@ -33,7 +33,7 @@ def smooth_normals(vertices: Float64, faces: Int32) -> Float32:
     weight = summed[:, 3]
     summed = summed[:, :3].T
     length = np.sqrt(np.einsum("cv,cv->v", summed, summed))
-    # On a sheet with faces on both sides, normals cancel out. Rounding then leaves a random direction.
+    # The normals of two faces with opposite winding cancel. Rounding would then leave a random direction.
     known = length > 1e-9 * weight
     return np.where(known, summed / np.where(known, length, 1), 0).T.astype(np.float32, order="C")
 
@@ -41,7 +41,7 @@ def smooth_normals(vertices: Float64, faces: Int32) -> Float32:
 def updated_normals(normals: Float32, before: Float64, after: Float64, faces: Int32) -> Float32:
     """Return `smooth_normals(after, faces)`, computed only around moved vertices.
 
-    `normals` (V, 3) belong to the vertices (V, 3) `before`.
+    `normals` (V, 3) are the normals at the positions `before` (V, 3).
     """
     moved = (after != before).any(axis=1)
     turned = np.zeros(len(moved), bool)

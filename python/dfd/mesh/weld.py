@@ -1,4 +1,4 @@
-"""Welding: rows that hold the same position become one vertex."""
+"""Welding: rows of an array with equal positions become one vertex."""
 
 from typing import Any
 
@@ -11,8 +11,8 @@ from dfd.common.linear_algebra import Float64, Int32, Int64
 def weld(positions: Float64) -> tuple[Int64, Int32]:
     """Return the first row (V,) of each distinct position in `positions` (N, 3), and the vertex (N,) of each row.
 
-    First rows are ascending, so distinct positions keep their order. Positions must be finite. Two positions are equal
-    if their bits are equal, with -0.0 equal to 0.0; there is no tolerance.
+    Each distinct position is a vertex. Vertices have the order of their first rows. Positions must be finite. They are
+    equal if their bits are equal; -0.0 and 0.0 are also equal. There is no tolerance.
     """
     rows = np.ascontiguousarray(positions + 0.0)  # turns -0.0 into 0.0
     key = np.zeros(len(rows), np.uint64)  # a hash of the bits of each row
@@ -22,16 +22,16 @@ def weld(positions: Float64) -> tuple[Int64, Int32]:
         key ^= key >> np.uint64(29)
     if np.diff(np.sort(key)).all():  # all positions are distinct, as on most meshes; sorting the keys is cheap
         return np.arange(len(rows)), np.arange(len(rows), dtype=np.int32)
-    first, vertex = by_appearance(key)
-    if (rows[first[vertex]] != rows).any():  # two positions have one hash
-        return by_appearance(rows)
+    first, vertex = first_occurrences(key)
+    if (rows[first[vertex]] != rows).any():  # two different positions have the same hash
+        return first_occurrences(rows)
     return first, vertex
 
 
-def by_appearance(values: NDArray[Any]) -> tuple[Int64, Int32]:
-    """Return the first place (V,) of each distinct value or row of `values`, ascending, and the number of each one's.
+def first_occurrences(values: NDArray[Any]) -> tuple[Int64, Int32]:
+    """Return the index (V,) of the first occurrence of each distinct value, ascending; a value can also be a row.
 
-    The numbers (N,) count distinct values in the order in which they first appear.
+    Also return for each of the N values which of the V distinct values it is, (N,).
     """
     group = np.unique(values, axis=0, return_inverse=True)[1].ravel()
     first = np.full(group.max(initial=-1) + 1, len(values))

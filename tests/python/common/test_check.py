@@ -1,4 +1,4 @@
-"""Checks of arguments: words out of a few, and warnings that point at the caller."""
+"""Tests of `check.choice`, and of `check.warn`, whose warnings point at the caller of `dfd`."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ Side = Literal["left", "right"]
 
 
 @pytest.mark.parametrize("value", ["up", "", None, 1, ["left"], np.array(["left", "right"])])
-def test_anything_else_is_refused(value: Any) -> None:
+def test_values_that_are_no_option_are_refused(value: Any) -> None:
     with pytest.raises(ValueError, match="turn: `side` must be one of left, right, got "):
         check.choice("turn", "side", value, Side)
 
 
-def test_a_warning_from_deep_within_points_at_the_caller() -> None:
+def test_a_warning_from_nested_calls_points_at_the_caller() -> None:
     inside = ModuleType("dfd.inside")
     inside.__dict__.update(warn=check.warn, contextmanager=contextmanager)
     code = "@contextmanager\ndef deep():\n    warn('mind', UserWarning)\n    yield\ndef call():\n    with deep(): pass"

@@ -1,4 +1,4 @@
-"""Files that are whole or absent, wherever they are written and whatever is in the way."""
+"""Tests of atomic writes: after an error, the old file is unchanged and no temporary file is left."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_a_symbolic_link_stays_one(tmp_path: Path) -> None:
         write_file(around, "new")
 
 
-def test_what_is_no_file_is_refused_and_stays(tmp_path: Path) -> None:
+def test_pipes_devices_and_folders_are_refused(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     link = tmp_path / "null"
@@ -73,7 +73,7 @@ def test_what_is_no_file_is_refused_and_stays(tmp_path: Path) -> None:
         write_file(tmp_path / "absent" / "notes.txt", "new")
 
 
-def test_what_a_killed_process_left_is_swept_by_a_later_write(tmp_path: Path) -> None:
+def test_a_later_write_deletes_the_old_temporary_file_of_a_killed_process(tmp_path: Path) -> None:
     path = tmp_path / "notes.txt"
     program = """
 import os, signal, sys
@@ -84,15 +84,15 @@ with atomic_write(sys.argv[1]) as temporary:
 """
     done = subprocess.run([sys.executable, "-c", program, str(path)], timeout=60)
     assert done.returncode == -signal.SIGKILL
-    (left,) = tmp_path.iterdir()
+    (leftover,) = tmp_path.iterdir()
     write_file(path, "new")
-    assert left.exists()  # another process may still write it
-    os.utime(left, (0, 0))
+    assert leftover.exists()  # a young file is kept, because another process may still write to it
+    os.utime(leftover, (0, 0))
     write_file(path, "new")
     assert [each.name for each in tmp_path.iterdir()] == ["notes.txt"]
 
 
-def test_writers_of_one_file_at_once_do_not_take_each_others(tmp_path: Path) -> None:
+def test_concurrent_writers_have_separate_temporary_files(tmp_path: Path) -> None:
     path = tmp_path / "notes.txt"
     with atomic_write(path) as first:
         first.write_text("first")
@@ -118,7 +118,7 @@ def test_writers_of_one_file_at_once_do_not_take_each_others(tmp_path: Path) -> 
     assert [each.name for each in tmp_path.iterdir()] == ["notes.txt"]
 
 
-def test_the_environment_names_the_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_an_environment_variable_sets_the_cache_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("DFD_CACHE", str(tmp_path / "cache"))
     assert cache_directory() == tmp_path / "cache"
     monkeypatch.setenv("DFD_CACHE", "~/somewhere")

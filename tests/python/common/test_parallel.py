@@ -1,4 +1,4 @@
-"""Work on several threads, with torch and without: all of it is done, and errors are raised."""
+"""Tests of work on several threads, with and without torch, and of errors in this work."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from dfd.common.threads import beside
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_what_it_raises_is_raised_where_it_is_asked_for(threads: int) -> None:
+def test_beside_raises_an_error_when_the_result_is_requested(threads: int) -> None:
     dfd.set_num_threads(threads)
 
     def work() -> None:
@@ -28,20 +28,20 @@ def test_what_it_raises_is_raised_where_it_is_asked_for(threads: int) -> None:
 
 @pytest.fixture
 def _three_threads() -> Iterator[None]:
-    torchs = torch.get_num_threads()
+    before = torch.get_num_threads()
     dfd.set_num_threads(3)
     torch.set_num_threads(2)
     yield
-    torch.set_num_threads(torchs)
+    torch.set_num_threads(before)
 
 
 @pytest.mark.usefixtures("_three_threads")
-def test_torch_computes_alone_on_several_threads_and_without_gradients() -> None:
-    meet = threading.Barrier(3, timeout=10)
+def test_each_thread_has_one_torch_thread_and_no_gradients() -> None:
+    barrier = threading.Barrier(3, timeout=10)
     seen = set()
 
     def work(begin: int, end: int) -> None:
-        meet.wait()  # three ranges are in work at the same time
+        barrier.wait()  # passes only if three calls of `work` run at the same time
         seen.add((threading.get_ident(), torch.get_num_threads(), torch.is_inference_mode_enabled()))
 
     parallel_inference(3, 1, work)

@@ -1,4 +1,4 @@
-"""Values of strange or wrong kinds as public arguments: each is a ValueError that names the argument."""
+"""Tests that unusual or wrong values of public arguments raise a ValueError that names the argument."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ def test_tensors_without_numbers_are_refused(name):
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
-def test_masks_are_refused(name):
+def test_masked_arrays_are_refused(name):
     with pytest.raises(ValueError, match=f"`{name}` must not be a masked array"):
         FUNCTIONS[name](lambda shape: np.ma.masked_array(np.ones(shape), mask=np.ones(shape, bool)))
 
 
-def test_tensors_with_a_negative_bit_count_as_what_they_are():
+def test_tensors_with_the_negative_bit_have_their_values():
     negative = torch.full((4, 3), 1 + 2j, dtype=torch.complex128).conj().imag
     assert negative.is_neg()
     np.testing.assert_array_equal(dfd.pose(negative, WEIGHTS, MOVE), np.full((4, 3), -2.0))
@@ -69,12 +69,12 @@ TAKE_FIELDS = {
 
 @pytest.mark.parametrize("name", TAKE_FIELDS)
 @pytest.mark.parametrize("given", [MESH, np.ones((8, 3)), None])
-def test_what_is_no_field_is_refused(name, given):
+def test_values_that_are_no_field_are_refused(name, given):
     with pytest.raises(ValueError, match=rf"^{name}: `field` must be a Field, got (Mesh|ndarray|NoneType)$"):
         TAKE_FIELDS[name](given)
 
 
 @pytest.mark.parametrize("take", [dfd.Geodesics, lambda mesh: dfd.VertexField(mesh, np.ones((8, 4)))])
-def test_what_is_no_mesh_is_refused(take):
+def test_none_in_place_of_a_mesh_is_refused(take):
     with pytest.raises(ValueError, match=r"`source` must be a path, .*, got NoneType$"):
         take(None)

@@ -1,4 +1,4 @@
-"""Threads: the same bits for every count, one OpenMP runtime beside torch, and no hang after a fork."""
+"""Tests of threads: equal results for all thread counts, one OpenMP runtime for torch and dfd, and work after forks."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import threadpoolctl
 import dfd
 from dfd.common import openmp, threads
 
-linux_only = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="torch brings another runtime here")
+linux_only = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="torch has another runtime on this system")
 
 
 def work(vertex_count=3001):
@@ -61,7 +61,7 @@ def test_environment_sets_the_default(setting, wanted):
 
 
 def loaded_runtimes(code, **environment):
-    """The paths of OpenMP runtimes that a process has loaded after `code`."""
+    """Return the paths of the OpenMP runtimes that a process has loaded after it has run `code`."""
     code += """
 import pathlib
 maps = pathlib.Path("/proc/self/maps").read_text().split()
@@ -85,11 +85,11 @@ dfd.bind(np.ones((5000, 8), np.float32), [0])
 
 
 @linux_only
-def test_torch_brings_the_runtime_where_the_system_has_none(tmp_path):
-    (tmp_path / openmp.NAME).write_bytes(b"no library at all" * 20)  # the loader of libraries ends here
+def test_torchs_runtime_is_loaded_if_the_system_has_none(tmp_path):
+    (tmp_path / openmp.NAME).write_bytes(b"no library at all" * 20)  # the loader finds this file first, and fails
     code = f"import ctypes; ctypes.CDLL('{openmp.NAME}')"
     hidden = {"LD_LIBRARY_PATH": str(tmp_path), "OMP_NUM_THREADS": "2"}
-    assert "OSError" in python(code, **hidden).stderr  # or the following says nothing
+    assert "OSError" in python(code, **hidden).stderr  # otherwise, the following lines test nothing
     code = "import sys, dfd; assert dfd._core.team_size(2) == 2; assert 'torch' not in sys.modules"
     assert loaded_runtimes(code, **hidden) == [openmp.find_torch_runtime()]
 
@@ -134,7 +134,7 @@ print("child", os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), dfd.get_num_t
     assert done.stdout.split() == ["child", "0", "2"], done.stderr
 
 
-def test_blas_gets_its_threads_back():
+def test_blas_has_its_former_threads_after_the_block():
     def counts():
         return [pool["num_threads"] for pool in threadpoolctl.threadpool_info() if pool["user_api"] == "blas"]
 

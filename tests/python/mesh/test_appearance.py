@@ -1,4 +1,4 @@
-"""Colors of surface points: textures, vertex colors, materials, and what happens when they cannot be read."""
+"""Tests of surface colors from textures, vertex colors and materials, and of unreadable textures."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def albedo(mesh: Mesh, faces: np.ndarray, barycentric: np.ndarray) -> np.ndarray
 
 
 def at(mesh: Mesh, points: list[tuple[float, float]]) -> np.ndarray:
-    """Colors of points (x, y) of the square."""
+    """Return the colors (N, 4) of `points` (x, y) of the textured unit square."""
     faces = np.array([0 if x >= y else 1 for x, y in points])
     weights = [(1 - x, x - y, y) if x >= y else (1 - y, x, y - x) for x, y in points]
     return albedo(mesh, faces, np.array(weights))
@@ -62,7 +62,7 @@ def test_a_texture_lies_the_right_way_up(kind: str, tmp_path: Path) -> None:
     assert np.allclose(found, [RED, GREEN, BLUE, WHITE])
 
 
-def test_texels_blend_between_their_centres() -> None:
+def test_texels_are_interpolated_between_their_centers() -> None:
     texture = np.zeros((1, 2, 4), np.uint8)
     texture[0, 1] = 255
     look = square(texture, wrap=("clamp", "clamp"))
@@ -74,7 +74,7 @@ def test_texels_blend_between_their_centres() -> None:
     ("wrap", "expected"),
     [("repeat", [1, 0, 1, 0, 1, 0]), ("mirror", [0, 0, 1, 1, 0, 0]), ("clamp", [0, 0, 1, 1, 1, 1])],
 )
-def test_beyond_the_texture(wrap: str, expected: list[int]) -> None:
+def test_wrap_modes_outside_the_texture(wrap: str, expected: list[int]) -> None:
     texture = np.zeros((1, 2, 4), np.uint8)
     texture[0, 1] = 255
     look = square(texture, uv=[(-0.5, 0), (2.5, 0), (2.5, 1), (-0.5, 1)], wrap=(wrap, wrap))
@@ -121,7 +121,7 @@ def test_vertex_and_face_colors_of_ply(tmp_path: Path) -> None:
     assert np.allclose(found, [RED, GREEN, RED, GREEN])
 
 
-def test_nothing_known_is_none_and_partly_known_is_gray(tmp_path: Path) -> None:
+def test_a_mesh_without_materials_has_no_colors_and_a_part_without_is_gray(tmp_path: Path) -> None:
     assert load(write(tmp_path / "cube.obj", obj_cube())).appearance is None
     gltf = textured_quad(tmp_path)
     gltf.node(name="cube", mesh=gltf.mesh("cube", CORNERS + 2, CUBE))
@@ -131,7 +131,7 @@ def test_nothing_known_is_none_and_partly_known_is_gray(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", ["absent", "text", "cut"])
-def test_a_texture_that_cannot_be_read_is_gray_and_one_warning(damage: str, tmp_path: Path) -> None:
+def test_an_unreadable_texture_gives_gray_and_one_warning(damage: str, tmp_path: Path) -> None:
     path = painted_cube(tmp_path)
     if damage == "absent":
         (tmp_path / "paint.png").unlink()
@@ -148,7 +148,7 @@ def test_a_texture_that_cannot_be_read_is_gray_and_one_warning(damage: str, tmp_
         assert np.allclose(found, (GRAY, GRAY, GRAY, 1))
 
 
-def test_the_content_hash_sees_every_color(tmp_path: Path) -> None:
+def test_the_content_hash_depends_on_all_colors(tmp_path: Path) -> None:
     gltf = textured_quad(tmp_path)
     hashes = {load(write(tmp_path / "a.glb", gltf.glb())).content_hash}
     gltf.header["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = [1, 0.5, 1, 1]

@@ -1,4 +1,4 @@
-"""Meshes that never were a file: pairs of arrays and trimesh's objects, in and out."""
+"""Tests of meshes from memory: conversion from pairs of arrays, and from and to trimesh objects."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_a_pair_of_arrays_is_a_mesh() -> None:
 
 
 @pytest.mark.parametrize("wrong", [None, 5, (CORNERS,), {"vertices": CORNERS}, CORNERS])
-def test_anything_else_is_refused(wrong: object) -> None:
+def test_other_sources_are_refused(wrong: object) -> None:
     with pytest.raises(ValueError, match=r"load: `source` must be a path, a trimesh.Trimesh, .*, got"):
         load(wrong)  # type: ignore[arg-type]
 
@@ -40,7 +40,7 @@ def test_a_trimesh_keeps_its_vertices_and_is_not_changed() -> None:
     assert np.array_equal(mesh.vertices, before)
 
 
-def test_colors_come_along_both_ways(tmp_path: Path) -> None:
+def test_colors_are_kept_from_and_to_trimesh(tmp_path: Path) -> None:
     cube = trimesh.Trimesh(CORNERS, CUBE, process=False)
     colors = np.tile([(255, 0, 0, 255), (0, 0, 255, 255)], (4, 1)).astype(np.uint8)
     cube.visual.vertex_colors = colors
@@ -53,7 +53,7 @@ def test_colors_come_along_both_ways(tmp_path: Path) -> None:
     assert np.allclose(load(tmp_path / "cube.ply").vertex_colors() * 255, colors)
 
 
-def test_a_mesh_goes_to_trimesh_with_its_numbers(tmp_path: Path) -> None:
+def test_to_trimesh_keeps_the_numbering_of_vertices_and_faces(tmp_path: Path) -> None:
     mesh = load(write(tmp_path / "quad.glb", textured_quad(tmp_path).glb()))
     back = mesh.to_trimesh(mesh.vertices + 1)
     assert np.array_equal(back.vertices, mesh.vertices + 1)
@@ -66,7 +66,7 @@ def test_a_mesh_goes_to_trimesh_with_its_numbers(tmp_path: Path) -> None:
         mesh.to_trimesh(CORNERS)
 
 
-def test_a_scene_keeps_its_parts_and_their_places(tmp_path: Path) -> None:
+def test_a_scene_keeps_its_parts_and_their_transforms(tmp_path: Path) -> None:
     scene = trimesh.Scene()
     cube = trimesh.Trimesh(CORNERS, CUBE, process=False)
     scene.add_geometry(cube, node_name="here", geom_name="cube")
@@ -84,7 +84,7 @@ def test_a_scene_keeps_its_parts_and_their_places(tmp_path: Path) -> None:
         load(trimesh.Scene())
 
 
-def test_parts_tell_their_faces_and_vertices(tmp_path: Path) -> None:
+def test_parts_have_their_faces_and_vertices(tmp_path: Path) -> None:
     mesh = load(scene_of_three(tmp_path))
     assert repr(mesh) == "Mesh(three.glb: 20 vertices, 26 faces, 3 parts)"
     assert [part.name for part in mesh.parts] == ["square", "near", "far"]
@@ -93,8 +93,8 @@ def test_parts_tell_their_faces_and_vertices(tmp_path: Path) -> None:
         assert np.array_equal(mesh.part_vertices(part.name), part.vertices)
         with pytest.raises(ValueError, match="read-only"):
             part.vertices[0] = 1
-    assert mesh.part_vertices("paint").tolist() == mesh.part_vertices("square").tolist()  # a material
+    assert mesh.part_vertices("paint").tolist() == mesh.part_vertices("square").tolist()  # by the name of a material
     both = np.union1d(mesh.part_vertices("near"), mesh.part_vertices("far"))
-    assert np.array_equal(mesh.part_vertices("cube"), both)  # a geometry, wherever it is
+    assert np.array_equal(mesh.part_vertices("cube"), both)  # by the name of a geometry, which has two instances
     with pytest.raises(ValueError, match=r"`name` must be a part of the scene \(square, near, far\), got 'tail'"):
         mesh.part_vertices("tail")

@@ -1,4 +1,4 @@
-"""Meshes as they are in memory: what they keep, what they tell, what they refuse."""
+"""Tests of `Mesh`: read-only copies, bounds, normals, content hashes and errors for invalid arrays."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dfd.mesh.normals import smooth_normals, updated_normals
 from dfd.samples import Sample
 
 
-def test_a_mesh_keeps_its_arrays_to_itself() -> None:
+def test_a_mesh_has_read_only_copies_of_arrays() -> None:
     vertices, faces = CORNERS.copy(), CUBE.copy()
     mesh = Mesh(vertices, faces)
     vertices[:] = 7
@@ -39,7 +39,7 @@ def test_normals_of_faces_without_area_are_zero_not_nan() -> None:
     assert np.array_equal(mesh.normals, np.zeros((4, 3)))
 
 
-def test_content_hash_tells_meshes_apart_and_nothing_else() -> None:
+def test_content_hashes_differ_only_if_meshes_differ() -> None:
     mesh, same = Mesh(CORNERS, CUBE), Mesh(CORNERS.copy(), CUBE.astype(np.int64))
     moved, turned = Mesh(CORNERS + 1e-12, CUBE), Mesh(CORNERS, CUBE[:, [1, 2, 0]])
     assert mesh.content_hash == same.content_hash
@@ -69,7 +69,7 @@ def test_bad_arrays_are_refused(vertices: object, faces: object, message: str) -
 
 
 @pytest.mark.parametrize("share", [0.0, 0.02, 0.2, 1.0])
-def test_normals_around_what_moved_are_those_of_the_whole(quadruped_sample: Sample, share: float) -> None:
+def test_updated_normals_equal_newly_computed_normals(quadruped_sample: Sample, share: float) -> None:
     mesh = quadruped_sample.mesh
     after = mesh.vertices.copy()
     after[: int(share * len(after))] += np.random.default_rng(0).normal(scale=0.01, size=(int(share * len(after)), 3))

@@ -1,4 +1,4 @@
-"""Every box becomes one of the same size in the same place, however large, small or far away it was."""
+"""Tests of the normalization of shapes, including very large and very small shapes."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from dfd.mesh.normalization import box_normalization, normalization
 TRIANGLE = np.array([[1.0, 2, 3], [5, 2, 3], [1, 3, 3]])
 
 
-def test_the_frame_brings_points_there_and_back() -> None:
-    frame = normalization(Mesh(TRIANGLE, [[0, 1, 2]]))
-    placed = frame.apply(TRIANGLE)
-    assert placed.min() == -1
-    assert placed.max() == 1
-    assert frame.invert(placed) == pytest.approx(TRIANGLE)
+def test_apply_and_invert_are_inverse() -> None:
+    found = normalization(Mesh(TRIANGLE, [[0, 1, 2]]))
+    normalized = found.apply(TRIANGLE)
+    assert normalized.min() == -1
+    assert normalized.max() == 1
+    assert found.invert(normalized) == pytest.approx(TRIANGLE)
 
 
 @pytest.mark.parametrize("factor", [1, 1e-300, 1e-30, 1e30, 3e307])
-def test_any_size_will_do(factor: float) -> None:
+def test_huge_and_tiny_shapes(factor: float) -> None:
     center, scale = normalization(Mesh(factor * TRIANGLE, [[0, 1, 2]]))
     assert center == pytest.approx(factor * np.array([3, 2.5, 3]))
     assert scale == pytest.approx(0.5 / factor)
 
 
-def test_a_box_across_all_numbers_does_not_overflow() -> None:
+def test_the_largest_possible_box_does_not_overflow() -> None:
     most = np.finfo(np.float64).max
     found = box_normalization(np.full(3, -most), np.full(3, most))
     assert found is not None
@@ -34,8 +34,8 @@ def test_a_box_across_all_numbers_does_not_overflow() -> None:
     assert found[1] == pytest.approx(1 / most)
 
 
-def test_one_point_has_no_size() -> None:
+def test_a_box_without_size_has_no_normalization() -> None:
     assert box_normalization(np.ones(3), np.ones(3)) is None
-    assert box_normalization(np.zeros(3), np.full(3, 1e-310)) is None  # its factor would be infinite
+    assert box_normalization(np.zeros(3), np.full(3, 1e-310)) is None  # the scale would be infinite
     with pytest.raises(ValueError, match="^`mesh` must have some extent, got all vertices at one point"):
         normalization(Mesh(np.ones((3, 3)), [[0, 1, 2]]))

@@ -1,4 +1,4 @@
-"""Meshes of the world: what goes through a file comes back, whatever it is. Run where `DFD_MESHES` names a folder."""
+"""Test that saved meshes load unchanged, with all meshes in the folder that `DFD_MESHES` names, if it is set."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ FILES = sorted(Path(FOLDER).rglob("*.obj")) + sorted(Path(FOLDER).rglob("*.glb")
 
 def load_quietly(path: Path) -> Mesh:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # many OBJ files come without their materials
+        warnings.simplefilter("ignore")  # of OBJ files without their MTL files
         return load(path)
 
 
 @pytest.mark.skipif(not FILES, reason="DFD_MESHES names no folder of meshes")
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_a_mesh_of_the_world_comes_back(path: Path, tmp_path: Path) -> None:
+def test_a_saved_mesh_loads_unchanged(path: Path, tmp_path: Path) -> None:
     mesh = load_quietly(path)
     moved = mesh.vertices * [1.1, 0.9, 1.0] + 0.3 * mesh.diagonal
     for ending in (".glb", ".obj", ".ply"):

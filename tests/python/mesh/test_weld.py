@@ -1,4 +1,4 @@
-"""Positions that are one: which rows of a list are distinct, and which is which."""
+"""Tests of welding, which finds the distinct positions of an array and numbers them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dfd.mesh.weld import weld
 
 @given(arrays(np.int8, st.tuples(st.integers(0, 40), st.just(3)), elements=st.integers(-1, 1)))
 @settings(max_examples=50, deadline=None)
-def test_weld_numbers_distinct_rows_in_order_of_appearance(values: np.ndarray) -> None:
+def test_vertices_have_the_order_of_their_first_rows(values: np.ndarray) -> None:
     positions = values * 0.1
     first, vertex = weld(positions)
     assert np.array_equal(positions[first][vertex], positions)
@@ -20,7 +20,7 @@ def test_weld_numbers_distinct_rows_in_order_of_appearance(values: np.ndarray) -
     assert np.all(np.diff(first) > 0)
 
 
-def test_weld_takes_minus_zero_for_zero_and_nothing_else_for_equal() -> None:
+def test_minus_zero_equals_zero_and_there_is_no_tolerance() -> None:
     tiny = np.nextafter(0, 1)
     first, vertex = weld(np.array([(0.0, 0, 0), (-0.0, 0, 0), (tiny, 0, 0)]))
     assert first.tolist() == [0, 2]

@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from PIL import Image
 
 _T = TypeVar("_T")
-MOST_TEXELS = 2**26  # of all decoded pictures of a file: 256 MiB as RGBA, four of 4096 × 4096
+MOST_TEXELS = 2**26  # largest total of texels in all decoded images of a file; 256 MiB as RGBA
 
 
 class AssetFolder:
-    """Reads regular files below the mesh's folder; refuses paths outside it and hidden files.
+    """Reads files in the folder of a mesh file and its subfolders; refuses hidden files and paths outside the folder.
 
-    Loading continues without image or materials files that cannot be read; `unreadable` lists them for a warning.
+    If an image or materials file cannot be read, loading continues. `unreadable` lists such files for a warning.
     """
 
     def __init__(self, mesh: Path) -> None:
@@ -42,8 +42,8 @@ class AssetFolder:
         Raises ValueError or OSError if `name` leads out of the folder or to a hidden file, or cannot be read.
         """
         folder = self.folder.resolve()
-        for spelled in dict.fromkeys((name, unquote(name), unquote(name).replace("\\", "/"))):
-            path = (folder / spelled.strip()).resolve()
+        for variant in dict.fromkeys((name, unquote(name), unquote(name).replace("\\", "/"))):
+            path = (folder / variant.strip()).resolve()
             if not path.is_relative_to(folder):
                 raise ValueError(f"{shortened(name)} lies outside the folder of the file")
             if any(step.startswith(".") for step in path.relative_to(folder).parts):
@@ -53,7 +53,7 @@ class AssetFolder:
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), shortened(name))
 
     def texture(self, name: str, shown: str) -> UInt8 | None:
-        """Return the texels of an image file; None, and a warning that names it as `shown`, if it cannot be read."""
+        """Return the texels of an image file. If it cannot be read, add `shown` to `unreadable` and return None."""
         try:
             return self.texels(self.read(name))
         except (ValueError, OSError):
@@ -63,16 +63,16 @@ class AssetFolder:
     def texels(self, data: bytes) -> UInt8:
         """Return an image as RGBA (rows, columns, 4), the first row on top; equal bytes are decoded once.
 
-        The size of an image comes from its first bytes, so an image beyond the limit is refused before it is decoded.
+        An image's header states its size, so that an image above the limit is refused before it is decoded.
 
-        Raises ValueError if the image cannot be decoded, or has more texels than the limit still allows.
+        Raises ValueError if the image cannot be decoded, or if all images together have more than `MOST_TEXELS`.
         """
         key = hashlib.sha256(data).hexdigest()
         if key not in self._texels:
             width, height = _read_image(data, lambda image: image.size)
             if width * height > self._texels_left:
                 raise ValueError(
-                    f"a picture of {width} × {height} texels exceeds what is left of the {MOST_TEXELS} of a file"
+                    f"with an image of {width} × {height} texels, the file has more than {MOST_TEXELS} texels"
                 )
             self._texels_left -= width * height
             self._texels[key] = _read_image(data, lambda image: np.asarray(image.convert("RGBA"), np.uint8))
@@ -83,14 +83,14 @@ def image_format(data: bytes) -> str:
     """Return the format of an image in lower case; raise ValueError if `data` is not an image."""
 
     def verified(image: Image.Image) -> str:
-        image.verify()  # cheap; later decoding reports other damage
+        image.verify()
         return (image.format or "png").lower()
 
     return _read_image(data, verified)
 
 
 def as_image(texels: UInt8) -> Image.Image:
-    """Return texels (rows, columns, 4) as an image, without the alpha channel if all texels are opaque."""
+    """Return texels (rows, columns, 4) as a Pillow image, without the alpha channel if all texels are opaque."""
     from PIL import Image
 
     opaque = bool((texels[..., 3] == 255).all())
@@ -98,23 +98,23 @@ def as_image(texels: UInt8) -> Image.Image:
 
 
 def as_png(texels: UInt8) -> bytes:
-    """Return `as_image` as a PNG file."""
+    """Return texels (rows, columns, 4) as the bytes of a PNG file."""
     stream = io.BytesIO()
     as_image(texels).save(stream, "PNG")
     return stream.getvalue()
 
 
 def _read_image(data: bytes, use: Callable[[Image.Image], _T]) -> _T:
-    """Return the result of `use` for an opened image."""
+    """Open an image file with Pillow, and return the result of `use(image)`."""
     from PIL import Image
 
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about Pillow's own size limit; MOST_TEXELS applies instead
+            warnings.simplefilter("ignore")  # Pillow warns about its own size limit; here MOST_TEXELS applies
             with Image.open(io.BytesIO(data)) as image:
                 return use(image)
-    except Exception as error:  # Pillow raises OSError, SyntaxError, ValueError and more on damaged pictures
-        raise ValueError(f"it is not a picture that can be read ({type(error).__name__})") from error
+    except Exception as error:  # Pillow raises OSError, SyntaxError, ValueError and more for damaged images
+        raise ValueError(f"it is not a readable image ({type(error).__name__})") from error
 
 
 def read_regular(path: Path) -> bytes:
@@ -124,7 +124,7 @@ def read_regular(path: Path) -> bytes:
     """
     if path.exists() and not stat.S_ISREG(path.stat().st_mode):
         raise OSError(errno.EINVAL, "it is not a file")
-    # O_NONBLOCK: a pipe may have replaced the file after the check, and must not block `open`
+    # O_NONBLOCK: if a pipe has replaced the file since the check, `open` does not wait for a writer
     flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     with os.fdopen(os.open(path, flags), "rb") as stream:
         if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
@@ -133,7 +133,7 @@ def read_regular(path: Path) -> bytes:
 
 
 def shortened(value: object) -> str:
-    """Return a value of a file as text for an error message, cut to about 60 characters."""
+    """Return the `repr` of a value from a file for an error message, cut to about 60 characters."""
     text = repr(value)
     if isinstance(value, str) and value.startswith("data:"):
         return f"a data URI of {len(value)} characters"

@@ -1,4 +1,4 @@
-"""Replacement of bytes in a file, and conversion of numbers to text."""
+"""Replacement of bytes in a file, conversion of numbers to text, and rounding to 32-bit floats."""
 
 from collections.abc import Iterable, Sequence
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Float64, Int64
 
-COARSE = 1e-5  # of the shape's diagonal; writers avoid larger rounding to 32-bit floats, or warn
+COARSE = 1e-5  # largest accepted rounding by 32-bit floats, as a fraction of the shape's diagonal
 
 
 class Edits:
@@ -19,7 +19,7 @@ class Edits:
         self._new: list[bytes] = []
 
     def replace(self, spans: Int64 | Sequence[tuple[int, int]], new: Iterable[bytes]) -> None:
-        """Replace the bytes at `spans` (L, 2) with `new`."""
+        """Replace the bytes from start to end (exclusive) of each of `spans` (L, 2) by the matching entry of `new`."""
         self._spans.append(np.asarray(spans, np.int64).reshape(-1, 2))
         self._new += new
 
@@ -34,7 +34,7 @@ class Edits:
         return b"".join([*pieces, self._data[done:]])
 
 
-def spelled(values: NDArray[np.floating]) -> list[bytes]:
+def rows_as_text(values: NDArray[np.floating]) -> list[bytes]:
     """Return each row of `values` (L, K) as text, each number in the shortest form that reads back exactly."""
     template = b" ".join([b"%a"] * values.shape[1])
     return [template % tuple(row) for row in values.tolist()]
@@ -43,7 +43,7 @@ def spelled(values: NDArray[np.floating]) -> list[bytes]:
 def far_origin(vertices: Float64) -> Float64 | None:
     """Return the center (3,) of vertices (V, 3) if 32-bit floats are too coarse for them, else None.
 
-    32-bit floats represent the center exactly.
+    The center is rounded to 32-bit floats.
     """
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     if rounding(vertices).max() <= COARSE * np.linalg.norm(high - low):
@@ -52,6 +52,6 @@ def far_origin(vertices: Float64) -> Float64 | None:
 
 
 def rounding(vertices: Float64) -> Float64:
-    """Return the distances (V,) by which 32-bit floats move vertices (V, 3)."""
+    """Return the distances (V,) by which rounding to 32-bit floats moves vertices (V, 3)."""
     with np.errstate(over="ignore"):
         return np.linalg.norm(vertices - vertices.astype(np.float32), axis=1)

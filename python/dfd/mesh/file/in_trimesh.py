@@ -1,4 +1,4 @@
-"""Conversion of trimesh's meshes and scenes."""
+"""Conversion of trimesh meshes and scenes to a `SceneFile`."""
 
 from collections.abc import Mapping
 from typing import Any, Literal, cast
@@ -15,7 +15,7 @@ from dfd.mesh.file.scene_file import SceneFile
 
 
 def of_trimesh(source: trimesh.Trimesh | trimesh.Scene) -> SceneFile:
-    """Convert a trimesh object to a scene with copies of the arrays; ValueError if it is not valid."""
+    """Return a trimesh object as a scene, with copies of its arrays; raise ValueError if it is not valid."""
     if isinstance(source, trimesh.Trimesh):
         geometry = _geometry(source.copy())
         instances = [MeshInstance(str(source.metadata.get("name") or "mesh"), "mesh", geometry)]
@@ -38,11 +38,11 @@ def _geometry(mesh: trimesh.Trimesh) -> Geometry:
     uv = getattr(visual, "uv", None)
     if visual.kind == "vertex":
         colors = visual.vertex_colors
-    else:  # colors in addition to a texture
+    else:  # trimesh stores the vertex colors of a textured mesh as an attribute
         colors = getattr(visual, "vertex_attributes", {}).get("color", mesh.vertex_attributes.get("color"))
     if colors is not None and (np.ndim(colors) != 2 or len(colors) != count):
         colors = None
-    # The property `vertex_normals` would compute missing normals. The cache holds only normals that trimesh was given.
+    # The property `vertex_normals` would compute missing normals; the cache does not.
     normals = mesh._cache.cache.get("vertex_normals")
     return Geometry(
         np.asarray(mesh.vertices, np.float64),
@@ -61,7 +61,7 @@ def _geometry(mesh: trimesh.Trimesh) -> Geometry:
 
 
 def _is_default_material(material: Any) -> bool:
-    """Return whether trimesh made this material, whose image has 2 x 2 texels, for a mesh without a material."""
+    """Return whether trimesh made `material`, with an image of 2 × 2 texels, for a mesh without a material."""
     image = getattr(material, "image", None)
     return isinstance(material, SimpleMaterial) and image is not None and image.size == (2, 2) and image.format is None
 
@@ -87,7 +87,7 @@ def _material(source: Any) -> Material:
 
 
 def _texels(image: Any) -> UInt8 | None:
-    """Return an image that trimesh opened as RGBA (rows, columns, 4); None if it is too large."""
+    """Return a Pillow image as RGBA texels (rows, columns, 4); None if it has more than `MOST_TEXELS`."""
     if image is None or image.size[0] * image.size[1] > MOST_TEXELS:
         return None
     return np.asarray(image.convert("RGBA"), np.uint8)

@@ -1,6 +1,6 @@
-"""Triangulation of polygons: fans for convex polygons, ear clipping for other polygons.
+"""Triangulation of polygons: fans for convex polygons, ear clipping for all other polygons.
 
-Ear clipping: Meisters, "Polygons Have Ears", 1975, by mapbox-earcut.
+The library mapbox-earcut clips the ears. The method: Meisters, "Polygons Have Ears", 1975.
 """
 
 from pathlib import Path
@@ -10,11 +10,14 @@ import numpy as np
 from dfd.common import check
 from dfd.common.linear_algebra import Bool, Float64, Int64
 
-_REFLEX = 1e-6  # of the polygon's size; less reflex corners count as straight
+_REFLEX = 1e-6  # a corner is reflex if its edges turn back by more than this fraction of twice the polygon's area
 
 
 def long_faces(path: Path, sizes: Int64, lines: Int64 | None = None) -> Bool:
-    """Return which faces, of `sizes` (P,) corners, have at least three; warn of others by their `lines` or numbers."""
+    """Return a mask (P,) of the faces with at least three corners, by their `sizes` (P,); warn about all other faces.
+
+    The warning states the line of the first such face, from the `lines` (P,) of all faces, or its number.
+    """
     long: Bool = sizes >= 3
     if not long.all():
         where = f"is face {long.argmin()}" if lines is None else f"in line {lines[long.argmin()] + 1}"
@@ -27,17 +30,17 @@ def long_faces(path: Path, sizes: Int64, lines: Int64 | None = None) -> Bool:
 
 
 def check_corners(corners: Int64, count: int) -> None:
-    """Check that every corner is an index below `count`."""
+    """Raise ValueError unless all corners are vertex indices from 0 to `count` − 1."""
     wrong = corners[(corners < 0) | (corners >= count)]
     if len(wrong):
-        raise ValueError(f"a face names vertex {wrong[0]}, but there are {count}")
+        raise ValueError(f"a face names vertex {wrong[0]}, but there are {count} vertices")
 
 
 def triangulate(positions: Float64, corners: Int64, sizes: Int64) -> Int64:
-    """Return the triangles (F, 3) of polygons as indices into `corners`, in the polygons' order.
+    """Return the triangles (F, 3) of polygons as indices into `corners`, in the order of the polygons.
 
-    A polygon has size - 2 triangles. `positions` (N, 3) are the vertices. `corners` (C,) holds the vertex of each
-    corner, one polygon after the other. `sizes` (P,) holds the number of corners of each polygon, at least 3.
+    A polygon of n corners has n − 2 triangles. `positions` (N, 3) are the vertices. `corners` (C,) holds the vertex of
+    each corner, one polygon after the other. `sizes` (P,) holds the number of corners of each polygon, at least 3.
     """
     if not (sizes > 3).any():
         return np.arange(len(corners)).reshape(-1, 3)
@@ -57,13 +60,13 @@ def triangulate(positions: Float64, corners: Int64, sizes: Int64) -> Int64:
 
 
 def ranges(starts: Int64, lengths: Int64) -> Int64:
-    """Return the concatenated ranges of integers, each with one of `lengths` from one of `starts`."""
+    """Return the concatenation of integer ranges: range i begins at `starts[i]` and has `lengths[i]` numbers."""
     before = np.cumsum(lengths) - lengths
     return np.repeat(starts - before, lengths) + np.arange(int(lengths.sum()))
 
 
 def distinct_rows(rows: Int64) -> tuple[Int64, Int64]:
-    """Return the distinct rows (R, K), sorted, and the index (C,) of each of `rows` (C, K) among them."""
+    """Return the sorted distinct rows (R, K) of `rows` (C, K), and the index (C,) of each given row among them."""
     key = np.zeros(len(rows), np.int64)
     for column in rows.T:
         shifted = column - column.min(initial=0)
@@ -76,7 +79,7 @@ def distinct_rows(rows: Int64) -> tuple[Int64, Int64]:
 
 
 def _concave(positions: Float64, corners: Int64, sizes: Int64, first: Int64) -> Int64:
-    """Return the polygons of more than three corners that have a reflex corner."""
+    """Return the indices of the polygons that have a reflex corner."""
     large = np.flatnonzero(sizes > 3)
     here = ranges(first[large], sizes[large])
     polygon = np.repeat(np.arange(len(large)), sizes[large])
@@ -88,16 +91,16 @@ def _concave(positions: Float64, corners: Int64, sizes: Int64, first: Int64) -> 
         edges = points[following] - points
         turns = np.empty_like(edges)
         turns[following] = np.cross(edges, edges[following])
-        around = np.cross(points - points[begins][polygon], edges)  # Newell's normal; its length is twice the area
+        around = np.cross(points - points[begins][polygon], edges)  # sums to Newell's normal
         normals = np.add.reduceat(around, begins, axis=0)
-        size = np.linalg.norm(normals, axis=1)
+        size = np.linalg.norm(normals, axis=1)  # twice the area of each polygon
         unit = normals / np.where(size > 0, size, 1)[:, None]
         back = np.einsum("nc,nc->n", turns, unit[polygon]) < -_REFLEX * size[polygon]
     return large[np.unique(polygon[back])]
 
 
 def _ears(points: Float64) -> Int64 | None:
-    """Return the triangles (size - 2, 3) of a polygon (size, 3); None if it crosses itself or has no area."""
+    """Return the triangles (N − 2, 3) of a polygon (N, 3); None if the polygon crosses itself or has no area."""
     import mapbox_earcut
 
     edges = np.roll(points, -1, axis=0) - points

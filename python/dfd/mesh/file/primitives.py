@@ -1,4 +1,4 @@
-"""Geometries with one material each, and their instances in a scene, which form named parts."""
+"""Triangle geometries of one material each, and their instances in a scene."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -14,24 +14,24 @@ from dfd.common.linear_algebra import Float32, Float64, Int64, unit
 from dfd.mesh.appearance import Material
 from dfd.mesh.file.assets import shortened
 
-MOST_ROWS = 10**8  # vertices or faces in a scene; instances in a file of a few kilobytes can reach any number
-MOST_PRIMITIVES = 20_000  # shown primitives of a glTF file; reading more takes seconds
-MOST_INSTANCES = 100_000  # primitives that the scene of a glTF file places
+MOST_ROWS = 10**8  # largest number of vertices or faces in a scene; a small file can place one geometry many times
+MOST_PRIMITIVES = 20_000  # largest number of primitives that are read from a glTF file; more would take seconds
+MOST_INSTANCES = 100_000  # largest number of instances of primitives in the scene of a glTF file
 
-IDENTITY = np.eye(4)  # the shared default transform, recognized without comparing values
+IDENTITY = np.eye(4)  # the default transform; code recognizes this object with `is`
 IDENTITY.setflags(write=False)
 
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """Triangles of one material, in their own coordinates."""
+    """Triangles of one material, in local coordinates."""
 
     vertices: Float64  # (N, 3)
     faces: Int64  # (F, 3)
-    normals: Float64 | None = None  # (N, 3) the file's own
-    uv: Float64 | None = None  # (N, 2) texture coordinates, v upwards
+    normals: Float64 | None = None  # (N, 3) those of the file
+    uv: Float64 | None = None  # (N, 2) texture coordinates; v points up
     colors: Float32 | None = None  # (N, 4) display-referred RGBA in [0, 1]
-    face_colors: Float32 | None = None  # (F, 4), in place of vertex colors
+    face_colors: Float32 | None = None  # (F, 4) RGBA of each face, in place of vertex colors
     material: Material | None = None
     attributes: dict[str, NDArray[Any]] = field(default_factory=dict)  # further vertex attributes of the file
     stored: Float64 | None = None  # (N, 3) the file's positions, if morph targets move them to `vertices`
@@ -41,53 +41,53 @@ class Geometry:
 class MeshInstance:
     """One occurrence of a geometry in the scene."""
 
-    part: str  # the part of the scene; consecutive equal names form one part
-    name: str  # the geometry's own name
+    part: str  # name of the part; consecutive instances with equal names form one part
+    name: str  # name of the geometry
     geometry: Geometry
-    transform: Float64 = field(default_factory=lambda: IDENTITY)  # (4, 4) to the scene's coordinates, or (N, 4, 4)
+    transform: Float64 = field(default_factory=lambda: IDENTITY)  # (4, 4), from local to scene, or (N, 4, 4) per vertex
     source: tuple[int, int, int] = (0, 0, 0)  # node, mesh and primitive of a glTF file
 
 
 @dataclass(frozen=True, kw_only=True)
 class Primitive(MeshInstance):
-    """An instance with its rows and faces among those of the file, and its shape in the geometry's own coordinates."""
+    """An instance with its place in the scene's arrays. A *row* of these arrays is a vertex of one primitive."""
 
-    rows: slice  # its vertices among all rows of the file
-    faces: slice  # its faces among all faces
-    vertices: Float64  # (rows, 3) those of the geometry, unless it is moved
-    normals: Float64 | None  # (rows, 3) None where the file had none
-    moved: bool = False  # whether any row differs from the file's
+    rows: slice  # the primitive's vertices among all rows of the scene
+    faces: slice  # the primitive's faces among all faces of the scene
+    vertices: Float64  # (N, 3) positions in local coordinates; those of the geometry, unless `moved`
+    normals: Float64 | None  # (N, 3) in local coordinates; None if the file has none
+    moved: bool = False  # whether any vertex has moved
 
     def to_scene(self, points: Float64) -> Float64:
-        """Return points (rows, 3) of the geometry in the scene's coordinates."""
+        """Return local points (N, 3), one for each vertex, in scene coordinates."""
         if self.transform is IDENTITY:
             return points
         with np.errstate(over="ignore", invalid="ignore"):  # `place` checks finiteness for the whole scene
             return _applied(self.transform[..., :3, :3], points) + self.transform[..., :3, 3]
 
     def vectors_from_scene(self, vectors: Float64, rows: Any = slice(None)) -> Float64:
-        """Return displacements (N, 3) of some rows in the geometry's own coordinates.
+        """Return scene displacements (K, 3) of the vertices `rows` in local coordinates.
 
-        A singular transform has no inverse; its pseudo-inverse is used.
+        The pseudo-inverse of the transform is used, because a singular transform has no inverse.
         """
         return _applied(np.linalg.pinv(self._linear(rows)), vectors)
 
     def from_scene(self, points: Float64, rows: Any = slice(None)) -> Float64:
-        """Return the scene points (N, 3) of some rows in the geometry's own coordinates."""
+        """Return scene points (K, 3) of the vertices `rows` in local coordinates."""
         shift = self.transform[..., :3, 3]
         return self.vectors_from_scene(points - (shift[rows] if shift.ndim > 1 else shift), rows)
 
     def normals_to_scene(self, normals: Float64) -> Float64:
-        """Return unit normals (rows, 3) transformed by the inverse transpose of the transform."""
+        """Return local normals (N, 3) as unit normals in the scene, by the inverse transpose of the transform."""
         return unit(_applied(np.swapaxes(np.linalg.pinv(self._linear(slice(None))), -1, -2), normals))
 
     def normals_from_scene(self, normals: Float64, rows: Any = slice(None)) -> Float64:
-        """Undo `normals_to_scene` for some rows."""
+        """Return scene normals (K, 3) of the vertices `rows` as unit normals in local coordinates."""
         return unit(_applied(np.swapaxes(self._linear(rows), -1, -2), normals))
 
     @property
     def mirrored(self) -> bool:
-        """Return whether the transform reverses orientation; with a skin, whether the transforms of most rows do."""
+        """Return whether the transform reverses orientation; with a skin, whether most vertex transforms do so."""
         with np.errstate(over="ignore", invalid="ignore"):
             return bool(np.mean(np.linalg.det(self.transform[..., :3, :3]) < 0) > 0.5)
 
@@ -96,9 +96,9 @@ class Primitive(MeshInstance):
 
 
 def place(instances: Sequence[MeshInstance]) -> tuple[tuple[Primitive, ...], Float64]:
-    """Return the primitives that have faces, and the positions (R, 3) of their rows in the scene.
+    """Return the primitives that have faces, and the scene positions (R, 3) of all their vertices.
 
-    Raises ArgumentError if there are no or too many faces, or a coordinate or index of them is invalid.
+    Raises ArgumentError if there are no faces, too many rows or faces, or invalid coordinates, indices or transforms.
     """
     primitives: list[Primitive] = []
     positions: list[Float64] = []
@@ -116,7 +116,7 @@ def place(instances: Sequence[MeshInstance]) -> tuple[tuple[Primitive, ...], Flo
                 between = f"must have faces between vertices 0 … {last} of {shortened(each.name)}"
                 raise ArgumentError("path", f"{between}, got {low if low < 0 else high}")
         if each.transform is not IDENTITY and not np.isfinite(each.transform).all():
-            raise ArgumentError("path", f"must place parts by finite transforms, got {shortened(each.part)} without")
+            raise ArgumentError("path", f"places part {shortened(each.part)} by a transform that is not finite")
         rows = slice(row_count, row_count + len(geometry.vertices))
         faces = slice(face_count, face_count + size)
         row_count, face_count = rows.stop, faces.stop
@@ -134,7 +134,7 @@ def place(instances: Sequence[MeshInstance]) -> tuple[tuple[Primitive, ...], Flo
 
 
 def require_finite(vertices: Float64, owner: str = "") -> None:
-    """Check that coordinates (N, 3) are finite."""
+    """Raise ArgumentError if a coordinate of `vertices` (N, 3) is not finite."""
     finite = np.isfinite(vertices)
     if not finite.all():
         row, axis = np.argwhere(~finite)[0]
@@ -142,19 +142,19 @@ def require_finite(vertices: Float64, owner: str = "") -> None:
 
 
 def _applied(linear: NDArray[np.floating], vectors: Float64) -> Float64:
-    """Return vectors (N, 3) times one matrix (3, 3), or each times its own (N, 3, 3)."""
+    """Multiply vectors (N, 3) by one matrix (3, 3), or each vector by its own matrix, (N, 3, 3)."""
     return vectors @ linear.T if linear.ndim == 2 else np.einsum("nij,nj->ni", linear, vectors)
 
 
 class UniqueNames:
-    """Makes names unique in constant time; repeated names get numbers from `first`."""
+    """Makes names unique: a repeated name gets a number as its suffix, starting from `first`."""
 
     def __init__(self, first: int = 1) -> None:
         self._taken: set[str] = set()
         self._numbers: dict[str, count[int]] = defaultdict(lambda: count(first))
 
     def unique(self, name: str) -> str:
-        """Return `name`, with a number appended if it is taken."""
+        """Return `name`, with a number appended if an earlier call has returned `name`."""
         found = name
         while found in self._taken:
             found = f"{name}_{next(self._numbers[name])}"

@@ -16,12 +16,12 @@ from dfd.mesh.file.plain import off_stl, ply
 from dfd.mesh.file.primitives import MeshInstance, UniqueNames
 from dfd.mesh.file.scene_file import FileSource, SceneFile
 
-_MOST_NAMED = 5  # unreadable files listed in a warning
+_MOST_NAMED = 5  # largest number of unreadable files that a warning lists
 ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
 
 
 def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
-    """Return the scene of a file, at rest or in its bind pose; raises what `dfd.load` raises."""
+    """Return the scene of a file, in its rest pose or else in its bind pose; raise the errors of `dfd.load`."""
     path = Path(path)
     ending = path.suffix.lower()
     if ending not in ENDINGS:
@@ -36,12 +36,12 @@ def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
     try:
         scene = _scene(path, data, assets, at_rest=at_rest)
     except MemoryError as error:
-        raise OSError(errno.ENOMEM, f"load: `path` {path} needs more memory than there is") from error
+        raise OSError(errno.ENOMEM, f"load: `path` {path} needs more memory than is available") from error
     except ArgumentError as error:  # the file is well-formed, but its content is no valid mesh
         raise ArgumentError("path", f"{path} {error.reason}", "load") from error
     except UserWarning:
         raise
-    except Exception as error:  # libraries raise errors of any type for malformed files
+    except Exception as error:  # for malformed files, libraries raise errors of any type
         kind = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
         reason = one_line(f"{kind}{error}").removesuffix(":")[:300]
         form = ending[1:].upper()
@@ -49,9 +49,7 @@ def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
     if assets.unreadable:
         names = ", ".join(each[:100] for each in sorted(assets.unreadable)[:_MOST_NAMED])
         names += ", …" if len(assets.unreadable) > _MOST_NAMED else ""
-        check.warn(
-            f"load: `path` {path} names {names}, which could not be read; what it would color is gray", UserWarning
-        )
+        check.warn(f"load: `path` {path} names {names}, which could not be read; affected faces are gray", UserWarning)
     return scene
 
 

@@ -1,7 +1,4 @@
-"""The scene of a mesh file: its primitives, the mesh vertex of each row, and the source file.
-
-A row is a vertex of a primitive.
-"""
+"""The scene of a mesh file: its primitives, the mesh vertex of each of their vertices, and the source file."""
 
 from __future__ import annotations
 
@@ -24,39 +21,39 @@ _DEFAULT = Material(is_default=True)
 
 @dataclass(frozen=True)
 class FileSource:
-    """The content of an OBJ, PLY, STL or OFF file. Writing it with other positions parses this content again."""
+    """The content of an OBJ, PLY, STL or OFF file; saving with moved positions parses this content again."""
 
     path: Path
-    data: UInt8  # (N,) the bytes of the file, as an array, which processes can share
-    numbers: Int64 | None = None  # (R,) the file's own vertex of each row; None for STL files, which number no vertices
-    corner_rows: Int32 | None = None  # (C,) row of each corner of an OBJ file's faces; −1 in a face of too few corners
+    data: UInt8  # (N,) the bytes of the file; an array, because processes can share arrays
+    numbers: Int64 | None = None  # (R,) the file's vertex of each row; None for STL files, which do not number vertices
+    corner_rows: Int32 | None = None  # (C,) row of each face corner of an OBJ file; −1 in faces of one or two corners
 
 
 @dataclass(frozen=True)
 class SceneFile:
-    """A file's scene, kept for coloring and rewriting.
+    """The scene of a file or of a trimesh object; a mesh has its colors from this scene, and is saved with it.
 
-    Rows are the concatenated vertices of the primitives: the file's own vertices, split along seams of texture or
-    normals. The first vertex of the mesh at a position represents all rows there.
+    *Rows* are the concatenated vertices of all primitives. Along seams of texture or normals, a vertex of the file has
+    several rows. All rows at one position belong to the first mesh vertex at this position.
     """
 
     path: Path | None
     primitives: tuple[Primitive, ...]
-    corner_faces: Int32  # (F, 3) corners as row numbers
-    vertices: Float64  # (V, 3) positions in the scene
-    representative: Int32  # (V,) the first vertex at each vertex's position
-    vertex: Int32  # (R,) the vertex that represents each row, -1 without one
+    corner_faces: Int32  # (F, 3) row of each face corner
+    vertices: Float64  # (V, 3) positions of the mesh vertices in the scene
+    representative: Int32  # (V,) for each vertex, the first vertex at its position
+    vertex: Int32  # (R,) mesh vertex of each row; −1 at positions that no face uses
     appearance: Appearance | None  # the colors of the faces; None if unknown
     gltf: GltfData | None = None  # the source glTF file
     source: FileSource | None = None  # the source file of another format
 
     def local_faces(self, primitive: Primitive) -> Int32:
-        """Return the faces (F, 3) of a primitive as indices of its own rows, with the winding of the scene."""
+        """Return the faces (F, 3) of a primitive as indices of its own vertices, with their winding in the scene."""
         return self.corner_faces[primitive.faces] - np.int32(primitive.rows.start)
 
     @property
     def faces(self) -> Int32:
-        """Return the corners (F, 3) of faces as vertices of the mesh."""
+        """Return the faces (F, 3) as indices of mesh vertices."""
         return self.vertex[self.corner_faces]
 
     @classmethod
@@ -71,9 +68,9 @@ class SceneFile:
     ) -> SceneFile:
         """Return the scene of a file's instances, and number the vertices of the mesh.
 
-        `own_vertices` (V, 3) is the file's own list of vertices. `source.numbers` maps rows to this list; without
-        these numbers, every row is a vertex. Without `own_vertices`, the vertices are the distinct positions that faces
-        use, in the order of the rows.
+        `own_vertices` (V, 3) is the file's list of vertices. `source.numbers` maps rows to this list; without these
+        numbers, row i is vertex i. Without `own_vertices`, the vertices are the distinct positions that faces use, in
+        the order of the rows.
 
         Raises ArgumentError if there are no faces or fewer than three distinct vertices, or a number is not finite.
         """
@@ -103,8 +100,8 @@ class SceneFile:
 
 
 def _appearance(primitives: Sequence[Primitive], vertex: Int32, corner_faces: Int32) -> Appearance | None:
-    """Return the appearance of the primitives, or None if the file defines none; `vertex` (R,) is that of each row."""
-    numbers: dict[tuple[int, bool], int] = {}  # index in `known`, by material and presence of colors
+    """Return the colors of the primitives, None if the file has none; `vertex` (R,) is the mesh vertex of each row."""
+    numbers: dict[tuple[int, bool], int] = {}  # index in `known`, by the material and whether it has colors
     known: list[Material] = []
     of_primitive: list[int] = []
     colored, by_corner = False, False
@@ -125,7 +122,7 @@ def _appearance(primitives: Sequence[Primitive], vertex: Int32, corner_faces: In
         uv = np.where(np.isfinite(uv), uv, 0).clip(-1e6, 1e6).astype(np.float32)
     if colored:
         colors = np.concatenate([_or_fill(each.geometry.colors, each, 1.0, 4) for each in primitives])
-    if colors is not None and by_corner:  # each corner becomes a row, since shared rows have several colors
+    if colors is not None and by_corner:  # one row for each corner, because faces share rows
         rows = corner_faces.ravel()
         vertex, colors, uv = vertex[rows], colors[rows], None if uv is None else uv[rows]
         corner_faces = np.arange(len(rows), dtype=np.int32).reshape(-1, 3)

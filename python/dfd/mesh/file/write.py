@@ -1,4 +1,4 @@
-"""Write a mesh: the scene of its file, with only positions and normals changed."""
+"""Write a mesh to a file. A mesh from a file keeps its scene, in which only positions and normals change."""
 
 import os
 from collections.abc import Sequence
@@ -28,14 +28,14 @@ from dfd.mesh.weld import weld
 def write(
     path: str | os.PathLike[str], vertices: Float64, faces: Int32, look: Appearance | None, scene: SceneFile | None
 ) -> Float64:
-    """Write a mesh with its vertices at `vertices` (V, 3), within the scene of its file if it has one.
+    """Write a mesh with its vertices at `vertices` (V, 3), within the scene of its source file if it has one.
 
-    Return the distances (N,) by which 32-bit floats of the file move vertices. Raises as `Mesh.save` does.
+    Return the distances (N,) by which rounding to 32-bit floats moves vertices. Raises the errors of `Mesh.save`.
     """
     target = Path(path)
     ending = check.ending("Mesh.save", "path", target, ENDINGS)
     if ending in (".glb", ".gltf", ".stl") and np.abs(vertices).max() > np.finfo(np.float32).max:
-        raise ValueError(f"Mesh.save: `vertices` must fit in 32-bit floats for a {ending} file; .obj, .off have more")
+        raise ValueError(f"Mesh.save: `vertices` must fit in 32-bit floats for a {ending} file; use .obj or .off")
     if scene is not None:
         vertices = vertices[scene.representative]  # all vertices at one position move with the first vertex there
     moved = moved_primitives(vertices, scene)
@@ -65,7 +65,7 @@ def write(
     if lost.max(initial=0.0) > COARSE * size:
         check.warn(
             f"Mesh.save: `path` {path} has 32-bit floats, which move vertices by up to {lost.max():.3g} "
-            f"({100 * lost.max() / size:.2g} % of the shape); .ply, .obj and .off keep them",
+            f"({100 * lost.max() / size:.2g} % of the shape); .ply, .obj and .off files avoid this",
             UserWarning,
         )
     return lost
@@ -74,16 +74,16 @@ def write(
 def as_gltf(
     vertices: Float64, faces: Int32, scene: SceneFile | None, moved: Sequence[Primitive], *, binary: bool
 ) -> bytes:
-    """Return the GLB or glTF file of a mesh from another format, or without a file, at `vertices` (V, 3).
+    """Return a GLB or glTF file of a mesh that was not read from such a file, with the positions `vertices` (V, 3).
 
-    Primitives without normals get smooth normals, because readers shade a glTF file without normals flat.
+    Primitives without normals get smooth normals, because glTF viewers use flat shading for primitives without normals.
     """
     if scene is None:
         normals = smooth_normals(vertices, faces).astype(np.float64)
         moved, _ = place([MeshInstance("mesh", "mesh", Geometry(vertices, faces.astype(np.int64), normals))])
     elif any(each.normals is None for each in moved):
         normals = smooth_normals(vertices, scene.representative[faces])[scene.representative].astype(np.float64)
-        # glTF requires unit length, also of vertices without a face of nonzero area.
+        # glTF requires normals of unit length, even at vertices whose faces have no area.
         normals[~normals.any(axis=1)] = (0.0, 0.0, 1.0)
         moved = [
             each
@@ -95,15 +95,15 @@ def as_gltf(
 
 
 def _write(target: Path, files: dict[str, bytes]) -> None:
-    """Write all files under temporary names, then rename them; `target` is last, so it references no missing file."""
-    names = sorted(files, key=lambda name: name != target.name)  # the first one entered is renamed last
+    """Write all files under temporary names, then rename them; `target` is last, so the files that it names exist."""
+    names = sorted(files, key=lambda name: name != target.name)  # the file entered first is renamed last
     try:
         with ExitStack() as stack:
             for name in names:
                 temporary = stack.enter_context(atomic_write(target.with_name(name)))
                 temporary.write_bytes(files[name])
     except OSError as error:
-        first = error  # each enclosing `atomic_write` wraps the error again: find the first
+        first = error  # each enclosing `atomic_write` wraps the error again; find the innermost error
         while isinstance(first.__cause__, OSError) and isinstance(first.__cause__.__cause__, OSError):
             first = first.__cause__
         raise first from first.__cause__
@@ -112,7 +112,7 @@ def _write(target: Path, files: dict[str, bytes]) -> None:
 def _rewrite(
     target: Path, source: FileSource, vertices: Float64, scene: SceneFile, moved: Sequence[Primitive]
 ) -> tuple[dict[str, bytes], Float64]:
-    """Return the scene's own file with other positions, and the distances by which 32-bit floats of STL move them."""
+    """Return the moved source file, by its new name, and the distances by which 32-bit floats of STL move vertices."""
     data, lost, ending = source.data.tobytes(), np.zeros(0), source.path.suffix.lower()
     normals = np.concatenate(
         [np.full(each.vertices.shape, np.nan) if each.normals is None else each.normals for each in moved]
@@ -134,7 +134,7 @@ def _rewrite(
 def _encode_ply(
     vertices: Float64, faces: Int32, look: Appearance | None, scene: SceneFile | None, moved: Sequence[Primitive]
 ) -> bytes:
-    """Return a PLY file; several parts are merged, and textures, which PLY cannot store, become vertex colors."""
+    """Return a PLY file; primitives are merged, and textures, which PLY cannot store, become vertex colors."""
     if scene is not None and len(moved) == 1:
         first, geometry = moved[0], moved[0].geometry
         material = geometry.material or Material(is_default=True)
@@ -154,7 +154,7 @@ def _encode_ply(
 
 
 def moved_primitives(vertices: Float64, scene: SceneFile | None) -> list[Primitive]:
-    """Return the primitives moved to the positions (V, 3) of the mesh; unmoved rows keep their bits."""
+    """Return the primitives for mesh positions `vertices` (V, 3); vertices that do not move keep their bits."""
     if scene is None:
         return []
     changed = (vertices != scene.vertices).any(axis=1)
@@ -171,12 +171,12 @@ def moved_primitives(vertices: Float64, scene: SceneFile | None) -> list[Primiti
 
 
 def moved_normals(vertices: Float64, before: Float64, scene: SceneFile) -> list[Float64 | None]:
-    """Return each primitive's normals in its own coordinates; None for a primitive without normals in the file.
+    """Return each primitive's normals in local coordinates; None for a primitive without normals in the file.
 
-    The surface moves to `vertices` (V, 3) from the vertices (V, 3) `before`.
-    Rows with equal position and normal belong to one smooth surface, even on both sides of a texture seam. They get
-    one new normal: the area-weighted sum of their faces' normals. Rows with another normal lie across a sharp edge.
-    Rows whose faces did not move keep the bits of the file's normals.
+    The vertices move from `before` (V, 3) to `vertices` (V, 3). Rows, which are vertices of primitives, belong to one
+    smooth surface if they have equal positions and equal normals, even on both sides of a texture seam. They get one
+    new normal: the area-weighted mean of the normals of their faces. Rows with equal positions and different normals
+    lie on different sides of a sharp edge. Rows whose faces have not moved keep the bits of the file's normals.
     """
     own = [each.normals for each in scene.primitives]
     changed = (vertices != before).any(axis=1)
@@ -195,7 +195,7 @@ def moved_normals(vertices: Float64, before: Float64, scene: SceneFile) -> list[
     stale = np.zeros(len(first), bool)
     stale[faces[changed[scene.faces].any(axis=1)]] = True
     new = _normal_sums(vertices, scene, faces, len(first))
-    # The file or a mirroring transform may wind faces inward. New normals stay on the side of the old normals.
+    # Some files and mirroring transforms wind faces inward. New normals stay on the same side as the old normals.
     inward = np.einsum("ij,ij->i", _normal_sums(before, scene, faces, len(first)), placed[first]) < 0
     new[inward] *= -1
     stale &= np.linalg.norm(new, axis=1) > 0
@@ -210,5 +210,5 @@ def moved_normals(vertices: Float64, before: Float64, scene: SceneFile) -> list[
 
 
 def _normal_sums(vertices: Float64, scene: SceneFile, faces: Int64, count: int) -> Float64:
-    """Return for each group of rows the sum (count, 3) of its faces' normals, each times twice the face's area."""
+    """Return for each group of rows the sum (count, 3) of the normals of its faces, times twice the face area."""
     return group_sums(faces.ravel(), np.repeat(face_normals(vertices, scene.faces), 3, axis=0), count)

@@ -80,7 +80,7 @@ def test_what_is_shown_as_a_picture_must_be_one(name: str, slot: str, tmp_path: 
 
     path = outside(folder, show)
     if slot == "baseColorTexture":
-        with pytest.warns(UserWarning, match="could not be read; what it would color is gray"):
+        with pytest.warns(UserWarning, match="could not be read; affected faces are gray"):
             mesh = load(path)
         assert mesh.appearance is None
     else:

@@ -91,11 +91,11 @@ PLY = "ply\nformat ascii 1.0\nelement vertex {n}\nproperty float x\nproperty flo
         ("nan.obj", obj_cube().replace("v 0 0 0", "v 0 nan 0"), "must hold finite coordinates, got nan at vertex 0"),
         ("zero.obj", obj_cube() + "f 0 1 2\n", "a face names vertex 0, but the first is 1"),
         ("word.obj", obj_cube() + "f 1 two 3\n", "line 21: the corner 'two' of a face must consist of whole numbers"),
-        ("short.obj", obj_cube() + "v 1 0\n", "vertex 8 of its 'v' lines has 2 numbers, and 3 are needed"),
+        ("short.obj", obj_cube() + "v 1 0\n", "line 21: 'v' has 2 numbers, and 3 are needed"),
         ("cube.xyz", obj_cube(), "must end in .obj, .ply, .stl, .off, .glb, .gltf"),
         ("edge.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n2 0 1\n", "face 0 has '2' corners, and 3 are needed"),
         ("cut.ply", PLY.format(n=3) + "end_header\n0 0 0\n1 0 0\n", "should have 3 of 'vertex', but is cut off"),
-        ("cut.stl", "x" * 80 + "\x0c\0\0\0" + "x" * 100, "it should have 12 faces in 684 bytes, but 184 are there"),
+        ("cut.stl", "x" * 80 + "\x0c\0\0\0" + "x" * 100, "it should have 12 faces in 684 bytes, but has 184 bytes"),
         ("facet.stl", "solid\nfacet normal 0 0 0\n", "it is cut off: it begins 1 faces, ends 0"),
     ],
 )

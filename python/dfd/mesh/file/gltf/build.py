@@ -1,4 +1,4 @@
-"""Build glTF files: objects of the header, data in one buffer, and scenes of parts."""
+"""Build glTF files: the objects of the JSON header, the data of one buffer, and whole scenes."""
 
 import base64
 import json
@@ -26,19 +26,19 @@ _NUMBERS = {np.dtype(kind): number for number, kind in COMPONENT_TYPES.items()}
 
 
 class GltfBuilder:
-    """A header, and the data of its first buffer."""
+    """A glTF file that is being built: its JSON header, and the data of its first buffer."""
 
     def __init__(self, header: Header) -> None:
         self.header = header
         self._data = bytearray()
-        self._left: list[Header] = []  # external buffers that are kept, after the first
+        self._left: list[Header] = []  # further buffers, which stay references because they cannot be read
 
     def accessor(
         self, values: NDArray[Any], *, attribute: bool = False, bounds: bool = False, normalized: bool = False
     ) -> int:
-        """Append an array with one row per element, and return the number of its accessor.
+        """Append an array with one element in each row, and return the index of its accessor.
 
-        `attribute` marks vertex attributes. `bounds` stores the smallest and largest values.
+        `attribute` marks the data of a vertex attribute. `bounds` also stores the smallest and largest values.
         """
         kind = _KINDS[values.shape[1:]]
         stored = np.ascontiguousarray(values.swapaxes(1, 2) if kind == "MAT4" else values)
@@ -53,13 +53,13 @@ class GltfBuilder:
         return self.append("accessors", accessor)
 
     def append(self, name: str, content: Header) -> int:
-        """Append an object to a list of the header and return its number."""
+        """Append an object to the list `name` of the header, and return its index."""
         values: list[Header] = self.header.setdefault(name, [])
         values.append(content)
         return len(values) - 1
 
     def view(self, data: bytes) -> int:
-        """Append data and return the number of its view."""
+        """Append data to the buffer, and return the index of its buffer view."""
         return self.append("bufferViews", {"buffer": 0, "byteOffset": self._append(data), "byteLength": len(data)})
 
     def encode(self, *, binary: bool) -> bytes:
@@ -82,7 +82,7 @@ def encode_scene(moved: Sequence[Primitive], *, binary: bool) -> bytes:
     """Return the file of a scene: a node for each part, with the part's primitives in order.
 
     Nodes share a mesh if their parts share unmoved geometries. If a part is so far from the origin that 32-bit floats
-    are too coarse, its positions are relative to its middle, and its node is translated.
+    are too coarse, its positions are stored relative to its center, and its node has the translation to this center.
     """
     scene = _Scene({"asset": {"version": "2.0", "generator": "dfd"}, "scene": 0, "scenes": [{"nodes": []}]})
     for part, group in groupby(moved, lambda each: each.part):
@@ -91,7 +91,7 @@ def encode_scene(moved: Sequence[Primitive], *, binary: bool) -> bytes:
 
 
 class _Scene(GltfBuilder):
-    """A scene to which parts are added."""
+    """A glTF file of one scene, to which parts are added."""
 
     def __init__(self, header: Header) -> None:
         super().__init__(header)
@@ -124,12 +124,12 @@ class _Scene(GltfBuilder):
         if each.normals is not None:
             values["NORMAL"] = each.normals
         if geometry.uv is not None:
-            values["TEXCOORD_0"] = geometry.uv * (1, -1) + (0, 1)  # v points down
+            values["TEXCOORD_0"] = geometry.uv * (1, -1) + (0, 1)  # v points down in glTF
         for name, own in geometry.attributes.items():
             if own.ndim < 3 and own.shape[1:] in _KINDS and own.dtype.kind in "iuf":
                 values[f"_{name.lstrip('_').upper()}"] = own
         faces = geometry.faces
-        if geometry.face_colors is not None:  # each corner becomes a row
+        if geometry.face_colors is not None:  # each face corner becomes a vertex
             values = {name: own[faces.ravel()] for name, own in values.items()}
             faces, colors = np.arange(faces.size), geometry.face_colors.repeat(3, 0)
         attributes = {

@@ -1,4 +1,4 @@
-"""The binary data of a glTF file: buffers, views and accessors, each read and decompressed on first use."""
+"""The binary data of a glTF file: buffers, buffer views and accessors, each read and decompressed on first use."""
 
 import base64
 import binascii
@@ -21,15 +21,15 @@ from dfd.mesh.file.gltf.header import (
     whole,
 )
 
-_MOST_DECOMPRESSED = 64  # bytes for each byte of compressed data, all views together
-_SMALL = 2**26  # decompressed bytes, below which the ratio is not checked
+_MOST_DECOMPRESSED = 64  # largest ratio of decompressed to compressed bytes, in all views together
+_SMALL = 2**26  # bytes; the ratio is checked only above this decompressed size
 _DATA_ENDINGS = (".bin", ".glbin", ".glbuf")
-_ALIGNMENT = 4  # bytes; data may be padded to a multiple
-_UNSIGNED = (5121, 5123, 5125)  # component types
+_ALIGNMENT = 4  # bytes; programs may pad data to a multiple of this length
+_UNSIGNED = (5121, 5123, 5125)  # component types of unsigned integers with 8, 16 and 32 bits
 
 
 class GltfData:
-    """The header of a file, with its views and accessors. Methods raise ValueError or OSError for unreadable data."""
+    """The JSON header of a glTF file, and its data. Methods raise ValueError or OSError if data cannot be read."""
 
     def __init__(self, header: Header, embedded: bytes | None, assets: AssetFolder) -> None:
         """Keep the header, the binary chunk of a GLB file, and access to external files."""
@@ -58,7 +58,7 @@ class GltfData:
             else:
                 raise ValueError(f"buffer {index} has no data")
             if len(data) < length:
-                raise ValueError(f"buffer {index} should have {length} bytes, but {len(data)} are there")
+                raise ValueError(f"buffer {index} should have {length} bytes, but has {len(data)}")
             if data is self._embedded:
                 self._embedded = None
             self._buffers[index] = np.frombuffer(data, np.uint8)[:length]
@@ -77,7 +77,7 @@ class GltfData:
             raise ValueError(f"{shortened(uri)} is not in base 64: {error}") from error
 
     def view(self, index: int) -> memoryview:
-        """Return the bytes of a view, decompressed."""
+        """Return the bytes of a buffer view, decompressed."""
         view = self.header["bufferViews"][index]
         for name in MESHOPT:
             packed = extension(view, name)
@@ -89,33 +89,33 @@ class GltfData:
         return self.buffer(int(view["buffer"])).data[start : start + int(view["byteLength"])]
 
     def picture(self, image: Header) -> bytes:
-        """Return the bytes of an object of `images`: from a view, a data URI or an external file."""
+        """Return the bytes of an entry of `images`: from a buffer view, a data URI or an external file."""
         uri = image.get("uri")
         if isinstance(uri, str):
             return self._linked(uri)
         if item(self.header, "bufferViews", image.get("bufferView")) is None:
-            raise ValueError("a picture names no data")
+            raise ValueError("an image has no data")
         return bytes(self.view(image["bufferView"]))
 
     def accessor(self, index: object) -> NDArray[Any]:
         """Return the items (count, components) of an accessor; normalized integers are converted to floats."""
         accessor = item(self.header, "accessors", index)
         if accessor is None:
-            raise ValueError(f"accessor {shortened(index)} is not there")
+            raise ValueError(f"accessor {shortened(index)} does not exist")
         values = self._stored(accessor)
         if "sparse" in accessor:
             values = self._replaced(values.copy(), accessor["sparse"], f"accessor {index}")
         return _as_numbers(values, bool(accessor.get("normalized")))
 
     def attribute(self, primitive: Header, name: str) -> NDArray[Any] | None:
-        """Return an attribute (rows, components) of a primitive, or None."""
+        """Return an attribute (vertices, components) of a primitive, or None if the primitive lacks it."""
         packed = self.draco(primitive) or {}
         if name in packed:
             return packed[name]
         return self.accessor(primitive["attributes"][name]) if name in primitive["attributes"] else None
 
     def corners(self, primitive: Header) -> NDArray[Any]:
-        """Return the rows (N,) of a primitive's corners, in order."""
+        """Return the vertex indices (N,) of a primitive's face corners, in order."""
         packed = self.draco(primitive)
         if packed is not None:
             return packed["indices"].ravel()
@@ -129,7 +129,7 @@ class GltfData:
         return self.accessor(index).ravel()
 
     def draco(self, primitive: Header) -> dict[str, NDArray[Any]] | None:
-        """Return the attributes of a primitive compressed with Draco by name, and its faces as `indices`.
+        """Return the attributes, by name, of a primitive that is compressed with Draco, and its faces as `indices`.
 
         Return None if the primitive is not compressed.
         """
@@ -138,7 +138,7 @@ class GltfData:
             return None
         names, view = packed.get("attributes"), packed.get("bufferView")
         if not isinstance(names, dict) or item(self.header, "bufferViews", view) is None:
-            raise ValueError(f"its {DRACO} does not say where the data is")
+            raise ValueError(f"its {DRACO} has no attributes or no data")
         by_id, faces = self._draco_mesh(cast(int, view))
         found: dict[str, NDArray[Any]] = {}
         for name, number in names.items():
@@ -159,7 +159,7 @@ class GltfData:
             raise ValueError(f"accessor {shortened(index)} has {shortened(stated)} items, but {DRACO} holds {count}")
 
     def _draco_mesh(self, view: int) -> tuple[dict[int, NDArray[Any]], NDArray[Any]]:
-        """Return the attributes of a compressed stream by their ids, and its corners (N, 1)."""
+        """Return the attributes of a Draco stream by their ids, and the vertex index (N, 1) of each face corner."""
         if view not in self._draco:
             try:
                 import DracoPy
@@ -168,8 +168,8 @@ class GltfData:
             try:
                 decoded = DracoPy.decode(bytes(self.view(view)))
                 by_id = {each["unique_id"]: np.asarray(each["data"]) for each in decoded.attributes}
-                self._draco[view] = by_id, np.asarray(decoded.faces).reshape(-1, 1)  # a cloud of points has no faces
-            except Exception as error:  # the library raises types of its own, and KeyError, ValueError, …
+                self._draco[view] = by_id, np.asarray(decoded.faces).reshape(-1, 1)  # fails for point clouds
+            except Exception as error:  # DracoPy raises errors of many types
                 raise ValueError(f"its {DRACO} cannot be decoded: {str(error) or type(error).__name__}") from error
         return self._draco[view]
 
@@ -185,13 +185,13 @@ class GltfData:
         start = whole(packed, "byteOffset", what, default=0)
         count, stride = whole(packed, "count", what), whole(packed, "byteStride", what)
         if count * stride != length:
-            raise ValueError(f"{what} should have {length} bytes, but says {count} times {stride}")
+            raise ValueError(f"{what} should have {length} bytes, but has {count} items of {stride} bytes")
         data = self.buffer(buffer)[start : start + size].tobytes()
         if len(data) < size:
             raise ValueError(f"{what} is cut off")
         self._compressed, self._decompressed = self._compressed + size, self._decompressed + length
         if self._decompressed > max(_MOST_DECOMPRESSED * self._compressed, _SMALL):
-            raise ValueError(f"{what} and others add up to {self._decompressed} bytes of {self._compressed}")
+            raise ValueError(f"{what} and others decompress {self._compressed} to {self._decompressed} bytes")
         try:
             plain = meshopt.decode_gltf_buffer(data, count, stride, packed.get("mode"), packed.get("filter", "NONE"))
         except Exception as error:
@@ -210,30 +210,30 @@ class GltfData:
         stride = int(self.header["bufferViews"][index].get("byteStride", 0)) or dtype.itemsize * width
         if not count:
             return np.zeros((0, width))
-        # the last row may end with the view, before a whole stride
+        # The view may end after the last item, before the end of this item's stride.
         return np.ndarray((count, width), dtype, data, start, (stride, dtype.itemsize))
 
     def _replaced(self, values: NDArray[Any], sparse: Any, what: str) -> NDArray[Any]:
-        """Replace the items of an accessor that its sparse part changes."""
+        """Return the items of an accessor, with the replacements that its `sparse` object lists."""
         parts: list[Any] = [sparse.get(name) for name in ("indices", "values")] if isinstance(sparse, dict) else [None]
         if not all(isinstance(part, dict) for part in parts):
-            raise ValueError(f"{what} is sparse, but does not say where")
+            raise ValueError(f"{what} is sparse, but has no indices or no values")
         count = whole(sparse, "count", what)
         kind = parts[0].get("componentType")
         if kind not in _UNSIGNED:
-            raise ValueError(f"{what} is sparse, but counts its items in the componentType {shortened(kind)}")
+            raise ValueError(f"{what} has sparse indices of the componentType {shortened(kind)}, which is not unsigned")
 
         def stored(part: Header, dtype: np.dtype[Any], width: int) -> NDArray[Any]:
             start = whole(part, "byteOffset", what, default=0)
             data = self.view(reference(self.header, part, "bufferView", what))
             if start + count * width * dtype.itemsize > len(data):
-                raise ValueError(f"{what} has {count} sparse items beyond byte {len(data)}")
+                raise ValueError(f"{what} has {count} sparse items, which end after byte {len(data)}")
             return np.frombuffer(data, dtype, count * width, start).reshape(count, width)
 
         where = stored(parts[0], np.dtype(COMPONENT_TYPES[kind]), 1).ravel()
         changed = stored(parts[1], values.dtype, values.shape[1])
         if count and int(where.max()) >= len(values):
-            raise ValueError(f"{what} has a sparse item {int(where.max())} of {len(values)}")
+            raise ValueError(f"{what} has the sparse index {int(where.max())}, but only {len(values)} items")
         values[where] = changed
         return values
 

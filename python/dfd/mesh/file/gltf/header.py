@@ -1,4 +1,4 @@
-"""The GLB container, and the JSON header of a glTF file. The header is checked before buffers are read or allocated.
+"""The GLB container, and the JSON header of a glTF file, which is checked before buffers are read or allocated.
 
 The format: Khronos Group, "glTF 2.0 Specification", 2021.
 """
@@ -15,7 +15,7 @@ from dfd.mesh.file.assets import shortened
 
 Header = dict[str, Any]
 
-_MAGIC = b"glTF"  # of GLB files
+_MAGIC = b"glTF"  # the first bytes of a GLB file
 _JSON_CHUNK, _DATA_CHUNK = 0x4E4F534A, 0x004E4942
 
 COMPONENT_TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
@@ -23,8 +23,8 @@ COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9
 MODES_READ = (4, 5, 6)  # primitives with faces: triangles, strips, fans
 DRACO = "KHR_draco_mesh_compression"
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
-_LIBRARIES = {DRACO: "DracoPy", MESHOPT[0]: "meshopt"}  # in the extra `gltf`
-# extensions that a file may require: they change only the appearance, add unrelated data, or are implemented
+_LIBRARIES = {DRACO: "DracoPy", MESHOPT[0]: "meshopt"}  # `pip install dfd[gltf]` installs both
+# Prefixes of extensions that a file may require: they affect only the appearance, add unrelated data or can be read.
 _HARMLESS = (
     *("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "MSFT_packing_", "KHR_lights_", "EXT_lights_"),
     *("KHR_animation_", "KHR_node_", "KHR_xmp", "KHR_mesh_quantization", "KHR_accessor_", "KHR_audio", "VRM"),
@@ -33,18 +33,18 @@ _COLLECTIONS = (
     *("accessors", "animations", "bufferViews", "buffers", "cameras", "images", "materials", "meshes", "nodes"),
     *("samplers", "scenes", "skins", "textures"),
 )
-_LEAST_STRIDE = 4  # bytes
+_LEAST_STRIDE = 4  # bytes; smallest `byteStride` that glTF permits
 _MOST_ZEROS = 2**20  # largest number of items of an accessor without data, if no accessor with data has more
-_DEEPEST = 1000  # nesting of nodes
-_DEEPEST_JSON = 200  # nesting of JSON values
-_MOST_OVERLAP = 8  # largest ratio of the total length of a file's views to that of its buffers
-_SMALL = 2**24  # bytes, below which the overlap does not matter
+_DEEPEST = 1000  # largest nesting depth of nodes
+_DEEPEST_JSON = 200  # largest nesting depth of JSON values
+_MOST_OVERLAP = 8  # largest ratio of the total lengths of views and buffers, and of accessors and views
+_SMALL = 2**24  # bytes; the ratio is checked only above this total length
 
 
 def read(data: bytes) -> tuple[Header, bytes | None]:
     """Return the header of a glTF or GLB file, and the data chunk of a GLB file.
 
-    Raises ValueError if the file is cut off, or the header is inconsistent or unknown.
+    Raises ValueError if the file is cut off, or if the header is inconsistent or needs an unknown extension or version.
     """
     glb = data.startswith(_MAGIC)
     text, embedded = split_glb(data) if glb else (data.removeprefix(codecs.BOM_UTF8), None)
@@ -64,14 +64,14 @@ def read(data: bytes) -> tuple[Header, bytes | None]:
 
 
 def split_glb(data: bytes) -> tuple[bytes, bytes | None]:
-    """Return the JSON text of a GLB file, and its data or None."""
+    """Return the JSON text of a GLB file, and its data chunk, or None if it has none."""
     if len(data) < 20:
         raise ValueError(f"it is cut off after {len(data)} bytes")
     version, total = struct.unpack("<II", data[4:12])
     if version != 2:
         raise ValueError(f"it has version {version} of the format, and only 2 can be read")
     if total != len(data):
-        raise ValueError(f"it should have {total} bytes, but {len(data)} are there")
+        raise ValueError(f"it should have {total} bytes, but has {len(data)}")
     kind, text, end = _chunk(data, 12)
     if kind != _JSON_CHUNK:
         raise ValueError("its first chunk is not JSON")
@@ -83,7 +83,7 @@ def split_glb(data: bytes) -> tuple[bytes, bytes | None]:
 
 
 def join_glb(text: bytes, data: bytes) -> bytes:
-    """Return the GLB file of a JSON text and the data that belongs to it."""
+    """Return a GLB file with this JSON text and this data chunk."""
     text += b" " * (-len(text) % 4)
     padding = bytes(-len(data) % 4)
     total = 12 + 8 + len(text) + 8 + len(data) + len(padding)
@@ -92,16 +92,16 @@ def join_glb(text: bytes, data: bytes) -> bytes:
 
 
 def _chunk(data: bytes, start: int) -> tuple[int, bytes, int]:
-    """Return kind, content and end of the chunk at `start`."""
+    """Return the kind, the content and the end of the chunk at byte `start`."""
     length, kind = struct.unpack("<II", data[start : start + 8])
     end = start + 8 + length
     if end > len(data):
-        raise ValueError(f"a chunk of it should have {length} bytes, but {len(data) - start - 8} are there")
+        raise ValueError(f"one of its chunks should have {length} bytes, but has {len(data) - start - 8}")
     return kind, data[start + 8 : end], end
 
 
 def objects(owner: Header, name: str) -> list[Header]:
-    """Return the list of objects `name` of the header; [] if there is none."""
+    """Return the list of objects `owner[name]` of the header; [] if there is none."""
     values = owner.get(name, [])
     if not isinstance(values, list) or not all(isinstance(value, dict) for value in values):
         raise ValueError(f"its {name!r} must be a list of objects")
@@ -109,31 +109,31 @@ def objects(owner: Header, name: str) -> list[Header]:
 
 
 def item(header: Header, name: str, index: object) -> Header | None:
-    """Return the object with number `index` of the list `name`, or None."""
+    """Return the object with this index in the list `name` of the header; None if there is none."""
     values: list[Header] = header.get(name, [])
     return values[cast(int, index)] if is_index(index, len(values)) else None
 
 
 def extension(owner: Header, name: str) -> Header | None:
-    """Return the extension `name` of an object of the header, or None."""
+    """Return the extension `name` of an object of the header; None if there is none."""
     found = owner.get("extensions")
     value = found.get(name) if isinstance(found, dict) else None
     return value if isinstance(value, dict) else None
 
 
 def parents(header: Header) -> dict[int, int]:
-    """Return the parent of each node that has one."""
+    """Return the parent of each child node, by the index of the child."""
     nodes = enumerate(objects(header, "nodes"))
     return {child: index for index, node in nodes for child in node.get("children", [])}
 
 
 def primitives(mesh: Header) -> list[tuple[int, Header]]:
-    """Return the number and the content of each primitive of a mesh that has faces."""
+    """Return the index and the content of each primitive of a mesh, without primitives of points or lines."""
     return [each for each in enumerate(objects(mesh, "primitives")) if each[1].get("mode", 4) in MODES_READ]
 
 
 def _check_depth(header: Header) -> None:
-    """Raise ValueError for nesting so deep that Python's recursion limit would prevent writing it."""
+    """Raise ValueError if the nesting is so deep that Python's recursion limit could prevent writing the header."""
     layer: list[Any] = [header]
     for _ in range(_DEEPEST_JSON):
         inner = chain.from_iterable(value.values() if isinstance(value, dict) else value for value in layer)
@@ -168,7 +168,7 @@ def _check_views(header: Header, glb: bool) -> None:
     for i, buffer in enumerate(objects(header, "buffers")):
         fallback = any((extension(buffer, name) or {}).get("fallback") for name in MESHOPT)
         if not isinstance(buffer.get("uri"), str) and not (glb and i == 0) and not fallback:
-            raise ValueError(f"buffer {i} does not say where its data is")
+            raise ValueError(f"buffer {i} has no URI")
     lengths = [whole(buffer, "byteLength", f"buffer {i}") for i, buffer in enumerate(objects(header, "buffers"))]
     total = 0
     for i, view in enumerate(objects(header, "bufferViews")):
@@ -179,10 +179,10 @@ def _check_views(header: Header, glb: bool) -> None:
                 reference(header, packed, "buffer", f"bufferView {i}")
         end = whole(view, "byteOffset", f"bufferView {i}", default=0) + length
         if end > size:
-            raise ValueError(f"bufferView {i} ends at byte {end} of a buffer of {size}")
+            raise ValueError(f"bufferView {i} ends at byte {end}, but its buffer has {size} bytes")
         total += length
     if total > max(_MOST_OVERLAP * sum(lengths), _SMALL):
-        raise ValueError(f"its bufferViews add up to {total} bytes of {sum(lengths)}")
+        raise ValueError(f"its bufferViews cover {total} bytes in total, but its buffers have {sum(lengths)}")
 
 
 def _check_accessors(header: Header) -> None:
@@ -211,12 +211,13 @@ def _check_accessors(header: Header) -> None:
         end = whole(accessor, "byteOffset", f"accessor {i}", default=0)
         end += (count - 1) * stride + size if count else 0
         if end > views[view]["byteLength"]:
-            raise ValueError(f"accessor {i} has {count} items up to byte {end} of {views[view]['byteLength']}")
+            size = views[view]["byteLength"]
+            raise ValueError(f"accessor {i} has {count} items up to byte {end}, but its bufferView has {size} bytes")
         total, longest = total + count * size, max(longest, count)
     stored = sum(view["byteLength"] for view in views)
     if total > max(_MOST_OVERLAP * stored, _SMALL):
-        raise ValueError(f"its accessors add up to {total} bytes of {stored}")
-    packed: set[object] = set()  # accessors whose data is in a primitive's compressed stream
+        raise ValueError(f"its accessors cover {total} bytes in total, but its bufferViews have {stored}")
+    packed: set[object] = set()  # accessors whose data is in a Draco stream
     for _, primitive in (each for mesh in objects(header, "meshes") for each in primitives(mesh)):
         attributes = primitive.get("attributes")
         if extension(primitive, DRACO) is not None and isinstance(attributes, dict):
@@ -243,7 +244,7 @@ def _check_nodes(header: Header) -> None:
     children = [node.get("children", []) for node in objects(header, "nodes")]
     for i, below in enumerate(children):
         if not isinstance(below, list) or not all(is_index(child, len(children)) for child in below):
-            raise ValueError(f"node {i} has children that are not there")
+            raise ValueError(f"node {i} has children that do not exist")
     parents = Counter(child for below in children for child in below)
     if many := [i for i in range(len(children)) if parents[i] > 1]:
         raise ValueError(f"node {many[0]} is the child of more than one node")
@@ -268,7 +269,7 @@ def are_numbers(value: object) -> TypeGuard[list[float]]:
 
 
 def reference(header: Header, owner: Header, name: str, what: str) -> int:
-    """Return the number of an object of the list `name`s of the header to which `owner` refers."""
+    """Return the index `owner[name]` of an object in the header's list `name`s; errors name the owner `what`."""
     value, count = whole(owner, name, what), len(header.get(f"{name}s", []))
     if value >= count:
         raise ValueError(f"{what} names {name} {value}, but there are {count}")
@@ -276,7 +277,7 @@ def reference(header: Header, owner: Header, name: str, what: str) -> int:
 
 
 def whole(owner: Header, name: str, what: str, default: int | None = None) -> int:
-    """Return a nonnegative integer of the header; `what` names its owner in errors."""
+    """Return the nonnegative integer `owner[name]` of the header; errors name the owner `what`."""
     value = owner.get(name, default)
     if isinstance(value, float) and value.is_integer():  # some programs write 12.0
         value = int(value)

@@ -19,17 +19,17 @@ class Surface:
     """A material, with the texture coordinates that it uses."""
 
     material: Material
-    uv_set: int = 0  # number of the attribute TEXCOORD_n
-    uv_transform: Float64 | None = None  # (2, 3) of KHR_texture_transform, on coordinates from the top
+    uv_set: int = 0  # n of the attribute TEXCOORD_n
+    uv_transform: Float64 | None = None  # (2, 3) matrix of KHR_texture_transform; its v points down
 
 
 def read_surface(data: GltfData, index: int) -> Surface:
-    """Return a material of the file, with the image that it displays."""
+    """Return the material with this index, with its base color and the texture of this color."""
     content = data.header["materials"][index]
     found = content.get("pbrMetallicRoughness")
     base = found if isinstance(found, dict) else {}
     factor, reference = base.get("baseColorFactor"), base.get("baseColorTexture")
-    # the older model, in which the diffuse color of a non-metal is the base color
+    # In this older model of materials, the diffuse color takes the place of the base color.
     glossiness = extension(content, "KHR_materials_pbrSpecularGlossiness")
     if glossiness is not None:
         factor, reference = glossiness.get("diffuseFactor"), glossiness.get("diffuseTexture")
@@ -51,7 +51,7 @@ def read_surface(data: GltfData, index: int) -> Surface:
 
 
 def _texture(data: GltfData, reference: Any, name: str) -> tuple[UInt8 | None, tuple[Wrap, Wrap]]:
-    """Return the texels and wrap modes of a texture; None for texels that are not given or cannot be read."""
+    """Return the texels and wrap modes of a texture; the texels are None if they are missing or cannot be read."""
     texture = item(data.header, "textures", reference.get("index")) if isinstance(reference, dict) else None
     failed = unnamed = f"the texture of material {shortened(name)}"
     for owner in () if texture is None else (extension(texture, "EXT_texture_webp") or {}, texture):
@@ -74,7 +74,7 @@ def _texture(data: GltfData, reference: Any, name: str) -> tuple[UInt8 | None, t
 
 
 def _coordinates(reference: Any) -> tuple[int, Float64 | None]:
-    """Return the number of a texture's coordinate set, and its KHR_texture_transform as a matrix (2, 3)."""
+    """Return the n of a texture's TEXCOORD_n, and its KHR_texture_transform as a matrix (2, 3), or None without one."""
     if not isinstance(reference, dict):
         return 0, None
     number = reference.get("texCoord", 0)
@@ -91,7 +91,7 @@ def _coordinates(reference: Any) -> tuple[int, Float64 | None]:
 
 
 def _numbers(values: Any, count: int, default: float) -> list[float]:
-    """Return `count` finite numbers, all `default` where the file has something else."""
+    """Return `values` if they are `count` finite numbers; otherwise return `count` numbers equal to `default`."""
     if isinstance(values, list) and len(values) == count and all(isinstance(each, int | float) for each in values):
         numbers = [float(each) for each in values]
         if np.isfinite(numbers).all():

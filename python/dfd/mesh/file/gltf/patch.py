@@ -1,4 +1,4 @@
-"""Rewriting vertex positions in a glTF file, with everything else unchanged.
+"""Rewrite vertex positions and normals in a glTF file, with everything else unchanged.
 
 New positions and normals are appended to the file's data and referenced in its header. Textures, samplers, skins, morph
 targets, animations, extras, extensions and parts that did not move are kept bit for bit.
@@ -27,7 +27,7 @@ _UNSIGNED = 5125
 def encode(source: GltfData, moved: Sequence[Primitive], *, binary: bool) -> bytes:
     """Return the file with its primitives moved, as GLB or as glTF with embedded data.
 
-    External buffers and images are embedded; references to those that cannot be read are kept.
+    External buffers and images are embedded. If one cannot be read, the reference to it is kept.
     """
     patch = GltfPatch(source)
     users = Counter(mesh for node in objects(patch.header, "nodes") if isinstance(mesh := node.get("mesh"), int))
@@ -45,7 +45,7 @@ def encode(source: GltfData, moved: Sequence[Primitive], *, binary: bool) -> byt
         if origin is not None:
             patch.move_origin(node, origin)
             known = {each.source[2] for each in group}
-            for content in (each for number, each in enumerate(primitives) if number not in known):  # without faces
+            for content in (each for number, each in enumerate(primitives) if number not in known):  # points, lines
                 positions = source.attribute(content, "POSITION")
                 if positions is not None:
                     shifted = (positions - origin).astype("<f4")
@@ -64,23 +64,23 @@ def keeps_origin(source: GltfData, each: Primitive) -> bool:
 
 
 class GltfPatch(GltfBuilder):
-    """A copy of the header, all data in one buffer, and pending additions."""
+    """A copy of a glTF file, with its data in one buffer, in which primitives are moved."""
 
     def __init__(self, source: GltfData) -> None:
         super().__init__(json.loads(json.dumps(source.header)))
         self.source = source
         self._take_buffers()
         self._take_pictures()
-        # Primitives may share an accessor. A row that one of them moves is moved for all primitives of the node.
+        # Key: node, attribute, accessor. If primitives of a node share an accessor, its rows move for all of them.
         self._moved: dict[tuple[int, str, int], tuple[Float64, list[Header]]] = {}
 
     def _take_buffers(self) -> None:
-        """Concatenate the buffers that can be read; references to others stay."""
-        moved_to: dict[int, tuple[int, int]] = {}  # from a buffer to its new number and where it starts there
+        """Concatenate the buffers that can be read; all other buffers stay references."""
+        moved_to: dict[int, tuple[int, int]] = {}  # from each buffer to its new index and first byte
         for index, buffer in enumerate(self.header.get("buffers", [])):
             try:
                 moved_to[index] = (0, self._append(self.source.buffer(index)))
-            except (ValueError, OSError):  # a placeholder of a compressed view, or a file that cannot be read
+            except (ValueError, OSError):  # a placeholder for decompressed data, or an unreadable file
                 self._left.append(buffer)
                 moved_to[index] = (len(self._left), 0)
         for view in self.header.get("bufferViews", []):
@@ -90,7 +90,7 @@ class GltfPatch(GltfBuilder):
                     owner["byteOffset"] = int(owner.get("byteOffset", 0)) + start
 
     def _take_pictures(self) -> None:
-        """Embed the pictures of external files that can be read; references to others stay."""
+        """Embed the external images that can be read; all other images stay references."""
         for image in self.header.get("images", []):
             uri = image.get("uri")
             if not isinstance(uri, str) or uri.startswith("data:"):
@@ -98,21 +98,21 @@ class GltfPatch(GltfBuilder):
             try:
                 data = self.source.picture(image)
                 kind = image_format(data)
-            except (ValueError, OSError):  # keep the reference
+            except (ValueError, OSError):  # the reference stays
                 continue
             image["bufferView"] = self.view(data)
             del image["uri"]
             image.setdefault("mimeType", f"image/{kind}")
 
     def split_mesh(self, node: int, mesh: int, *, shared: bool) -> int:
-        """Return the mesh of a node, copied where other nodes use the same one."""
+        """Return the index of a node's mesh, after copying the mesh if it is `shared` with other nodes."""
         if shared:
             mesh = self.append("meshes", json.loads(json.dumps(self.source.header["meshes"][mesh])))
             self.header["nodes"][node]["mesh"] = mesh
         return mesh
 
     def move_origin(self, node: int, origin: Float64) -> None:
-        """Move the mesh of a node to a new child of it, at `origin` (3,)."""
+        """Move the mesh of a node to a new child node at `origin` (3,)."""
         content = self.header["nodes"][node]
         below: Header = {"mesh": content.pop("mesh"), "translation": origin.tolist()}
         if "name" in content:
@@ -120,10 +120,10 @@ class GltfPatch(GltfBuilder):
         content.setdefault("children", []).append(self.append("nodes", below))
 
     def move(self, node: int, primitive: dict[str, Any], each: Primitive, origin: Float64 | None = None) -> None:
-        """Replace the positions, seen from `origin`, and normals of a primitive of a node."""
+        """Replace the normals of a primitive, and its positions, which are stored relative to `origin` (3,)."""
         self.unpack(primitive)
         attributes = primitive["attributes"]
-        attributes.pop("TANGENT", None)  # invalid on the moved surface; viewers recompute them
+        attributes.pop("TANGENT", None)  # wrong on the moved surface; viewers recompute missing tangents
         geometry = each.geometry
         positions = [geometry.vertices, each.vertices, geometry.stored]
         if origin is not None:
@@ -135,7 +135,7 @@ class GltfPatch(GltfBuilder):
     def unpack(self, primitive: dict[str, Any], *, moving: bool = True) -> None:
         """Decompress a primitive's Draco stream into plain accessors.
 
-        Positions and normals that are `moving` are left out: the stream holds the old ones.
+        With `moving`, positions and normals are left out, because the stream holds the old ones.
         """
         packed = self.source.draco(primitive)
         if packed is None:
@@ -151,7 +151,7 @@ class GltfPatch(GltfBuilder):
         self._fill(primitive["indices"], packed["indices"], _UNSIGNED)
 
     def _fill(self, index: int, values: NDArray[Any], component: int | None = None) -> None:
-        """Give an accessor without data its data."""
+        """Store `values` as the data of an accessor that has no data."""
         accessor = self.header["accessors"][index]
         component = component or int(accessor["componentType"])
         dtype = np.dtype(COMPONENT_TYPES[component])
@@ -170,7 +170,7 @@ class GltfPatch(GltfBuilder):
         return super().encode(binary=binary)
 
     def _drop_draco(self) -> None:
-        """Remove the name of Draco's extension when no primitive uses it."""
+        """Remove Draco from the extensions that the header lists, if no primitive uses it."""
         primitives = [each for mesh in objects(self.header, "meshes") for each in objects(mesh, "primitives")]
         if any(extension(each, DRACO) is not None for each in primitives):
             return
@@ -183,7 +183,7 @@ class GltfPatch(GltfBuilder):
     def _collect(
         self, node: int, name: str, attributes: Header, old: Float64, new: Float64, stored: Float64 | None = None
     ) -> None:
-        """Move the rows of an attribute; `stored` are the file's positions, before morph targets."""
+        """Record the rows that differ between `old` and `new`; `stored` are positions before morph targets, if any."""
         key = (node, name, int(attributes[name]))
         rows, users = self._moved.setdefault(key, ((old if stored is None else stored).copy(), []))
         changed = (old != new).any(axis=1)

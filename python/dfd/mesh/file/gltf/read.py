@@ -1,4 +1,4 @@
-"""Read the displayed scene of a glTF file: its triangles, placed by nodes, in the rest pose that viewers show.
+"""Read the scene that viewers show of a glTF file: the triangles of its nodes, in the rest pose.
 
 The format: Khronos Group, "glTF 2.0 Specification", 2021; morph targets and skins: sections 3.7.2.2 and 3.7.3.
 """
@@ -22,11 +22,11 @@ from dfd.mesh.file.primitives import IDENTITY, MOST_INSTANCES, MOST_PRIMITIVES, 
 from dfd.mesh.weld import weld
 
 _STRIP, _FAN = 5, 6
-_SEAM = 1e-4  # largest gap, relative to the longest side, between rows that skinning keeps at one vertex
+_SEAM = 1e-4  # gaps of up to this fraction of the longest side, which rounding opens at seams, are closed
 
 
 def parse(data: bytes, assets: AssetFolder) -> GltfData:
-    """Return the checked header and the data of a GLB or glTF file; ValueError if it is malformed."""
+    """Return the checked header and the data of a GLB or glTF file; raise ValueError if it is malformed."""
     return GltfData(*read_header(data), assets)
 
 
@@ -73,7 +73,7 @@ def read(data: GltfData, *, at_rest: bool = True) -> list[MeshInstance]:
 def _skinned(
     primitives: list[tuple[int, str, Geometry]], mesh: Header, data: GltfData, matrices: Float64
 ) -> dict[int, Float64]:
-    """Return the transforms (rows, 4, 4) of the primitives of a node that have weights, by their numbers."""
+    """Return the transforms (rows, 4, 4) of those primitives of a node that have skin weights, by primitive index."""
     found = {}
     for number, _, geometry in primitives:
         transforms = skin_transforms(mesh["primitives"][number], data, len(geometry.vertices), matrices)
@@ -96,7 +96,7 @@ def _geometry(
     vertices = positions.astype(np.float64)
 
     def values(name: str, *widths: int) -> NDArray[Any] | None:
-        """Return an attribute of one of the given widths; None if it is missing or has another number of rows."""
+        """Return the attribute `name`; None if it is missing, or has another number of rows or none of the `widths`."""
         found = data.attribute(primitive, name)
         fits = found is not None and len(found) == len(vertices) and (not widths or found.shape[1] in widths)
         return found if fits else None
@@ -128,7 +128,7 @@ def _geometry(
 
 
 def triangles(indices: NDArray[Any], mode: int) -> Int64:
-    """Return the triangles (F, 3) of a list, a strip or a fan."""
+    """Return the triangles (F, 3) of a triangle list, strip or fan."""
     numbers = indices.astype(np.int64)
     if mode in (_STRIP, _FAN):
         count = max(len(numbers) - 2, 0)
@@ -162,7 +162,7 @@ def shown_nodes(header: Header) -> set[int]:
         raise ValueError(f"its scene is {shortened(index)}, but there are {len(scenes)}")
     roots = scenes[index].get("nodes", [])
     if not isinstance(roots, list) or not all(is_index(each, len(nodes)) for each in roots):
-        raise ValueError("its scene has nodes that are not there")
+        raise ValueError("its scene has nodes that do not exist")
     found = set(roots)
     layer = found
     while layer:
@@ -172,7 +172,7 @@ def shown_nodes(header: Header) -> set[int]:
 
 
 def world_transforms(header: Header) -> dict[int, Float64]:
-    """Return the transforms (4, 4) of all nodes, because joints may be outside the scene."""
+    """Return the transform (4, 4) from each node to the scene, even of nodes outside the scene, which can be joints."""
     nodes, below = objects(header, "nodes"), parents(header)
     found: dict[int, Float64] = {}
     layer = [(i, IDENTITY) for i in range(len(nodes)) if i not in below]
@@ -209,7 +209,7 @@ def _local_transform(node: Header, index: int) -> Float64 | None:
 
 
 def morph_weights(node: Header, mesh: Header) -> tuple[float, ...]:
-    """Return the default weights of morph targets, of the node or else of its mesh."""
+    """Return the default weights of the morph targets, from the node or else from its mesh."""
     values = node.get("weights", mesh.get("weights", []))
     if not are_numbers(values) or not all(np.isfinite(each) for each in values):
         raise ValueError(f"a mesh has morph weights {shortened(values)}")
@@ -230,7 +230,7 @@ def morphed(values: Float64, name: str, primitive: Header, weights: tuple[float,
 
 
 def joint_matrices(skin: Any, data: GltfData, world: Mapping[int, Float64]) -> Float64 | None:
-    """Return the skinning matrices (J, 4, 4) of a skin's joints; None if there is no such skin."""
+    """Return the skinning matrices (J, 4, 4) of the joints of a skin; None if the file has no such skin."""
     content, nodes = item(data.header, "skins", skin), objects(data.header, "nodes")
     if content is None:
         return None
@@ -248,7 +248,7 @@ def joint_matrices(skin: Any, data: GltfData, world: Mapping[int, Float64]) -> F
 
 
 def skin_transforms(primitive: Header, data: GltfData, rows: int, matrices: Float64) -> Float64 | None:
-    """Return the transform (rows, 4, 4) from each vertex to the scene; None for a primitive without weights.
+    """Return the skinning transform (rows, 4, 4) of each vertex; None for a primitive without weights.
 
     Weights are divided by their sum; weights that are not positive count as 0. A vertex without weights follows the
     first joint, as in three.js.
@@ -277,13 +277,13 @@ def skin_transforms(primitive: Header, data: GltfData, rows: int, matrices: Floa
 
 
 def closed_seams(positions: Float64, transforms: Float64) -> Float64:
-    """Return the transforms (rows, 4, 4), with equal ones for rows at one position that differ only by rounding.
+    """Return the transforms (rows, 4, 4), made equal for vertices at one position that differ only by rounding.
 
-    Exporters round the weights of each row separately, which would open seams of texture or normals.
+    Exporters round the weights of each vertex separately. Seams of texture or normals would otherwise open.
     """
     finite = np.isfinite(positions).all() and np.isfinite(transforms).all()
     if not finite:
-        return transforms  # `place` raises an error for them
+        return transforms  # `place` raises an error for infinity and NaN
     first, vertex = weld(positions)
     placed = np.einsum("nij,nj->ni", transforms[:, :3, :3], positions) + transforms[:, :3, 3]
     leader = first[vertex]

@@ -1,1 +1,1 @@
-"""Read and write OBJ files, or rewrite only moved vertices."""
+"""OBJ files: reading, writing, and rewriting of only moved vertices."""

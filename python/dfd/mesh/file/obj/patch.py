@@ -1,7 +1,7 @@
-"""Rewrite vertex positions in an OBJ file, with everything else unchanged.
+"""Rewrite vertex positions and normals in the text of an OBJ file, with everything else unchanged.
 
-Only the coordinates of `v` and `vn` lines change, and the normal numbers of faces that no longer share a normal. Order,
-polygons, groups, smoothing, curves, comments and materials stay unchanged.
+Only coordinates in `v` and `vn` lines change. If face corners can no longer share a normal, new `vn` lines are added,
+and the normal indices of faces change. Order, polygons, groups, smoothing, curves, comments and materials stay.
 """
 
 from pathlib import Path, PurePosixPath
@@ -10,7 +10,7 @@ import numpy as np
 
 from dfd.common.linear_algebra import Float64, Int32
 from dfd.mesh.file.assets import AssetFolder, image_format
-from dfd.mesh.file.edits import Edits, spelled
+from dfd.mesh.file.edits import Edits, rows_as_text
 from dfd.mesh.file.obj.read import picture_name, used_materials
 from dfd.mesh.file.obj.text import ObjText, parse
 from dfd.mesh.file.obj.write import Companions
@@ -21,16 +21,16 @@ _PICTURES = (".bmp", ".gif", ".jpeg", ".jpg", ".png", ".tga", ".tif", ".tiff", "
 
 
 def encode(target: Path, vertices: Float64, source: FileSource, normals: Float64) -> dict[str, bytes]:
-    """Return the contents of the moved OBJ file `target` and of the material files next to it.
+    """Return the content, by file name, of the moved OBJ file `target` and of the material files next to it.
 
-    Unmoved `vertices` (N, 3) keep their text. `normals` (R, 3) are those of the scene's rows, or NaN. Materials are not
-    copied if `target` is in the folder of the original.
+    Unmoved `vertices` (V, 3) keep their text. `normals` (R, 3) are those of all vertices of the primitives; NaN means
+    that the file has none. Materials are copied only if `target` is in another folder than the source file.
     """
     assert source.corner_rows is not None
     text = parse(source.data.tobytes())
     changed = (vertices != text.positions).any(axis=1)
     edits = Edits(text.data)
-    edits.replace(text.position_spans[changed], spelled(vertices[changed]))
+    edits.replace(text.position_spans[changed], rows_as_text(vertices[changed]))
     _edit_normals(edits, text, source.corner_rows, normals)
     companions = Companions(target)
     if target.parent.resolve() != source.path.parent.resolve():
@@ -39,10 +39,10 @@ def encode(target: Path, vertices: Float64, source: FileSource, normals: Float64
 
 
 def _copied_materials(text: ObjText, source: Path, companions: Companions) -> tuple[str | None, set[str]]:
-    """Copy the materials that an OBJ file uses, and their textures, next to the written file.
+    """Copy the materials that an OBJ file uses, and their textures, from the folder `source` to `companions`.
 
-    Only used materials are copied, from the folder `source`, and only textures that are valid images. Return the name
-    of the new material library, or None if no material is used, and the names of all readable libraries.
+    Only textures that are valid images are copied. Return the name of the new MTL file, or None if the OBJ file uses no
+    material, and the names of all MTL files that could be read.
     """
     assets = AssetFolder(source / "materials")
     materials, read = used_materials(text, assets)
@@ -61,7 +61,7 @@ def _with_copied_picture(line: str, assets: AssetFolder, companions: Companions)
     try:
         data = assets.read(name)
         kind = image_format(data)
-    except (ValueError, OSError):  # keep the reference
+    except (ValueError, OSError):  # the reference stays
         return line
     path = PurePosixPath(name.replace("\\", "/"))
     plain = path.name if path.suffix.lower() in _PICTURES else f"{path.stem}.{kind}"
@@ -70,7 +70,7 @@ def _with_copied_picture(line: str, assets: AssetFolder, companions: Companions)
 
 
 def _rename_libraries(edits: Edits, text: ObjText, name: str | None, read: set[str]) -> None:
-    """Replace the libraries that were read with the new one in `mtllib` lines."""
+    """In `mtllib` lines, replace the MTL files `read` by the MTL file `name`; None removes them."""
     ends = np.flatnonzero(np.frombuffer(text.data + b"\n", np.uint8) == ord("\n"))
     for line, keyword, rest in text.statements:
         named = [rest] if rest in read else rest.split()
@@ -83,7 +83,7 @@ def _rename_libraries(edits: Edits, text: ObjText, name: str | None, read: set[s
 
 
 def _edit_normals(edits: Edits, text: ObjText, corner_rows: Int32, normals: Float64) -> None:
-    """Rewrite the normals of faces; corners that no longer share a normal get new ones."""
+    """Rewrite the normals, and add `vn` lines if face corners can no longer share one."""
     corners = np.flatnonzero((text.corners[:, 2] >= 0) & (corner_rows >= 0))
     corners = corners[~np.isnan(normals[corner_rows[corners]]).any(axis=1)]
     if not len(corners):
@@ -92,17 +92,17 @@ def _edit_normals(edits: Edits, text: ObjText, corner_rows: Int32, normals: Floa
     number = text.corners[corners, 2]
     distinct, value = weld(own)
     pairs, first, pair = np.unique(number * (len(distinct) + 1) + value, return_index=True, return_inverse=True)
-    # a normal takes the first of its corners' new directions; the others become new normals
+    # A `vn` line gets the first of the new directions of its corners. All other directions get new lines.
     keeps = np.diff(number[first], prepend=-1) > 0
     directions = own[first]
     moved = keeps & (directions != text.normals[number[first]]).any(axis=1)
-    edits.replace(text.normal_spans[number[first][moved]], spelled(directions[moved]))
+    edits.replace(text.normal_spans[number[first][moved]], rows_as_text(directions[moved]))
     if keeps.all():
         return
     new = np.cumsum(~keeps) - 1
     begin = text.data.rfind(b"\n", 0, int(text.corner_spans[0, 0])) + 1
-    edits.replace([(begin, begin)], [b"".join(b"vn %s\n" % each for each in spelled(directions[~keeps]))])
-    # the new normals stand before the first face, so later ones are renumbered
+    edits.replace([(begin, begin)], [b"".join(b"vn %s\n" % each for each in rows_as_text(directions[~keeps]))])
+    # The new lines stand before the first face, so normals after this place get higher numbers.
     before = int(np.searchsorted(text.normal_spans[:, 0], begin))
     numbers = text.corners[:, 2].copy()
     numbers[numbers >= before] += len(pairs) - int(keeps.sum())

@@ -1,4 +1,4 @@
-"""Read an OBJ file as triangles, by part and material."""
+"""Read an OBJ file as triangle geometries, one for each part and material."""
 
 import re
 from pathlib import Path
@@ -11,7 +11,7 @@ from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.obj.text import ObjText, decoded, parse
 from dfd.mesh.file.polygons import distinct_rows, long_faces, ranges, triangulate
 from dfd.mesh.file.primitives import Geometry, MeshInstance
-from dfd.mesh.weld import by_appearance
+from dfd.mesh.weld import first_occurrences
 
 _PICTURES = ("map_", "bump", "disp", "decal", "refl", "norm")  # prefixes of MTL keywords that name an image
 _OPTIONS = re.compile(r"-(?:imfchan\s+\w+|\w+(?:\s+(?:on|off|[-+]?[\d.]+(?:[eE][-+]?\d+)?))+)\s+")
@@ -20,22 +20,23 @@ _GROUP_KEYWORDS = ("g", "o", "usemtl")  # in order of precedence for equal names
 
 
 def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInstance], Int64, Int32]:
-    """Return the mesh instances, the vertex (R,) of each row, and the row (C,) of each corner, −1 in skipped faces.
+    """Return the mesh instances, the file's vertex (R,) of each row, and the row (C,) of each face corner.
 
-    Parts are the objects (`o`) of the file, or its groups (`g`) if it has at most one object. Within a part, faces are
-    sorted by material. Warns if faces of fewer than three corners are left out.
+    A row is a vertex of an instance. Parts are the objects (`o`) of the file, or its groups (`g`) if it has at most one
+    object. Within a part, faces are sorted by material. Faces with fewer than three corners are skipped with a warning.
+    Their corners have the row −1.
     """
     materials = {name: _material(name, lines, assets) for name, lines in used_materials(text, assets)[0].items()}
     part_names, part = _parts(text, path.stem)
     material_names, material = _state_at_faces(text, "usemtl", "")
     known = np.array([name in materials for name in material_names], bool)
-    material = np.where(known[material], material, -1)  # undefined materials count as one
+    material = np.where(known[material], material, -1)  # all undefined materials count as one material
     faces = np.flatnonzero(long_faces(path, text.sizes, text.face_lines))
     order = faces
     if len(faces) and ((material != material[0]).any() or (part != part[0]).any()):
-        order = faces[np.lexsort((by_appearance(material)[1][faces], by_appearance(part)[1][faces]))]
+        order = faces[np.lexsort((first_occurrences(material)[1][faces], first_occurrences(part)[1][faces]))]
     begins = np.flatnonzero(np.diff(part[order] * (len(material_names) + 1) + material[order], prepend=-2))
-    counts = np.diff(begins, append=len(order))  # faces of each primitive: of one part and one material
+    counts = np.diff(begins, append=len(order))  # number of faces with the same part and material
     sizes = text.sizes[order]
     primitive = np.repeat(np.repeat(np.arange(len(begins)), counts), sizes)
     corners = ranges((np.cumsum(text.sizes) - text.sizes)[order], sizes)
@@ -54,7 +55,7 @@ def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInsta
 
 
 def _geometry(text: ObjText, rows: Int64, faces: Int64, material: Material | None) -> Geometry:
-    """Return a geometry of distinct vertices, textures and normals (R, 3) and triangles of them (F, 3)."""
+    """Return a geometry. `rows` (N, 3) are indices of position, UV and normal; `faces` (F, 3) are indices of rows."""
     normals = text.normals[rows[:, 2]] if len(text.normals) and (rows[:, 2] >= 0).all() else None
     textured = bool((rows[:, 1] >= 0).any())
     return Geometry(
@@ -68,15 +69,15 @@ def _geometry(text: ObjText, rows: Int64, faces: Int64, material: Material | Non
 
 
 def _parts(text: ObjText, default: str) -> tuple[list[str], Int64]:
-    """Return the names of the parts and the part (P,) of each face."""
+    """Return the names of the parts, and the index (P,) of each face's part."""
     none, *found = [_state_at_faces(text, keyword, default) for keyword in ("", "o", "g")]
     several = [(names, part) for names, part in found if (part != part[:1]).any()]
-    named = [(names, part) for names, part in found if part.any()]  # one part
+    named = [(names, part) for names, part in found if part.any()]  # for all faces
     return [*several, *named, none][0]
 
 
 def _state_at_faces(text: ObjText, keyword: str, default: str) -> tuple[list[str], Int64]:
-    """Return the names after a keyword, `default` first, and the number (P,) of the name that applies to each face."""
+    """Return the names after a keyword, `default` first, and the index (P,) of the name that applies to each face."""
     numbers, lines, values = {default: 0}, [-1], [0]
     for line, found, name in text.statements:
         if found == keyword:
@@ -86,11 +87,11 @@ def _state_at_faces(text: ObjText, keyword: str, default: str) -> tuple[list[str
 
 
 def face_groups(data: bytes) -> dict[str, Int64]:
-    """Return the vertices (N,) of each group in the text of an OBJ file, ascending, by the group's name.
+    """Return the vertices (N,), ascending, of each face group in the text of an OBJ file, by the group's name.
 
-    Every word of a `g` line names a group, and so does the line as a whole; `o` and `usemtl` lines have one name each.
-    A group has all faces of its name, and a line of another kind does not end it. Faces before the first line of a kind
-    are in no group of that kind, and groups without faces are left out.
+    Every word after `g` names a group, and so do all words of this line together. An `o` or `usemtl` line has one name.
+    A name applies to all faces up to the next line with the same keyword. Faces before the first line with a keyword
+    are in no group of this keyword. Groups without faces are left out.
     """
     text = parse(data)
     kept = np.repeat(text.sizes >= 3, text.sizes)  # `read` skips faces of fewer corners
@@ -111,18 +112,18 @@ def face_groups(data: bytes) -> dict[str, Int64]:
 
 
 def picture_name(line: str) -> str:
-    """Return the picture that a line of an MTL file names, without its options; "" where it names none."""
+    """Return the image file that a line of an MTL file names, without options; "" if the line names none."""
     keyword, _, rest = line.strip().replace("\t", " ").partition(" ")
     return _OPTIONS.sub("", rest).strip() if keyword.lower().startswith(_PICTURES) else ""
 
 
 def used_materials(text: ObjText, assets: AssetFolder) -> tuple[dict[str, list[str]], set[str]]:
-    """Return the lines of each material that the file uses, by its name, and the MTL files that could be read."""
+    """Return the MTL lines of each material that the file uses, by its name, and the MTL files that could be read."""
     used = {name for _, keyword, name in text.statements if keyword == "usemtl"}
     found: dict[str, list[str]] = {}
     read, names = set(), list[str]()
     for line in [rest for _, keyword, rest in text.statements if keyword == "mtllib" and rest]:
-        # a line names one library, which may contain spaces, or several
+        # A line names one MTL file, whose name may contain spaces, or several files.
         names += [line] if " " not in line or _library(line, assets) is not None else line.split()
     for library in dict.fromkeys(names):
         content = _library(library, assets)
@@ -143,9 +144,9 @@ def _library(name: str, assets: AssetFolder) -> str | None:
 
 
 def _material(name: str, lines: list[str], assets: AssetFolder) -> Material:
-    """Return a material as it is shown: its texture alone, or else its diffuse color.
+    """Return a material with its texture or, if it has no texture, with its diffuse color.
 
-    Programs disagree about the product of the two.
+    The diffuse color of a textured material is ignored, because programs disagree whether it multiplies the texture.
     """
     color = picture = None
     for line in lines:
@@ -166,7 +167,7 @@ def _material(name: str, lines: list[str], assets: AssetFolder) -> Material:
 
 
 def _material_lines(content: str) -> dict[str, list[str]]:
-    """Return the lines of each material of an MTL file, without the one that names it."""
+    """Return the lines of each material of an MTL file, by its name, without the `newmtl` line."""
     found: dict[str, list[str]] = {}
     lines: list[str] = []
     for line in content.splitlines():

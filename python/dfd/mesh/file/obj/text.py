@@ -1,7 +1,7 @@
-"""Parsing an OBJ file into arrays, with the byte positions of each vertex's numbers.
+"""Parse an OBJ file into arrays, and locate the coordinates and face corners in its text.
 
-The format: Wavefront, "Advanced Visualizer Manual", appendix B1, 1992, with colors after a vertex's coordinates as
-many programs write them. NumPy reads every number, so that a file of a million faces takes seconds.
+The format: Wavefront, "Advanced Visualizer Manual", appendix B1, 1992. Many programs also write colors after a vertex's
+coordinates. NumPy parses all numbers of one keyword together, so that a file of a million faces takes seconds.
 """
 
 import codecs
@@ -22,36 +22,36 @@ _STATEMENTS = ("o", "g", "usemtl", "mtllib")
 
 @dataclass(frozen=True)
 class Tokens:
-    """The words after the keyword of all lines of one kind."""
+    """The words after the keyword, in all lines with the same keyword."""
 
     lines: Int64  # (L,) line numbers
-    counts: Int64  # (L,) words of each
+    counts: Int64  # (L,) number of words of each line
     starts: Int64  # (W,) first byte of each word in `text`
-    ends: Int64  # (W,) byte after it
-    text: bytes  # the lines, with spaces in place of keywords and comments
-    shifts: Int64  # (L,) offset from positions in `text` to those in the file
+    ends: Int64  # (W,) first byte after each word in `text`
+    text: bytes  # these lines, with spaces in place of keywords and comments
+    shifts: Int64  # (L,) position of each line in the file minus its position in `text`
 
 
 @dataclass(frozen=True)
 class ObjText:
-    """The contents of an OBJ file; numbers count from 0."""
+    """The content of an OBJ file. Indices and line numbers count from 0."""
 
-    data: bytes  # the text; continued lines are joined
+    data: bytes  # the text of the file, with continued lines joined
     positions: Float64  # (N, 3) of the `v` lines
-    position_spans: Int64  # (N, 2) where in the text their three coordinates begin and end
-    colors: Float64 | None  # (N, 3), where every `v` line has them
+    position_spans: Int64  # (N, 2) bytes of `data` at which the coordinates of each position begin and end
+    colors: Float64 | None  # (N, 3) of the `v` lines; None unless all have colors
     uv: Float64  # (T, 2) of the `vt` lines
     normals: Float64  # (M, 3) of the `vn` lines
-    normal_spans: Int64  # (M, 2)
-    corners: Int64  # (C, 3) vertex, texture and normal of each corner of a face; −1 for none
-    corner_spans: Int64  # (C, 2) where in the text a corner begins and ends
-    sizes: Int64  # (P,) corners of each face
-    face_lines: Int64  # (P,) its line
-    statements: tuple[tuple[int, str, str], ...]  # line, keyword and the rest of `o`, `g`, `usemtl`, `mtllib` lines
+    normal_spans: Int64  # (M, 2) bytes of `data` at which the coordinates of each normal begin and end
+    corners: Int64  # (C, 3) indices of the position, UV and normal of each face corner; −1 for none
+    corner_spans: Int64  # (C, 2) bytes of `data` at which each face corner begins and ends
+    sizes: Int64  # (P,) number of corners of each face
+    face_lines: Int64  # (P,) line number of each face
+    statements: tuple[tuple[int, str, str], ...]  # line number, keyword and further words of `o`, `g`, … lines
 
 
 def decoded(data: bytes) -> str:
-    """Decode text as UTF-8, or as Latin-1 where it is not valid UTF-8."""
+    """Decode text as UTF-8, or as Latin-1 if it is not valid UTF-8."""
     try:
         return data.decode()
     except UnicodeDecodeError:
@@ -59,7 +59,7 @@ def decoded(data: bytes) -> str:
 
 
 def parse(data: bytes) -> ObjText:
-    """Read the text of an OBJ file; ValueError if a line of a vertex or a face is malformed."""
+    """Return the content of an OBJ file; raise ValueError if the line of a vertex or a face is malformed."""
     data = data.removeprefix(codecs.BOM_UTF8)
     data = data.replace(b"\\\r\n", b"   ").replace(b"\\\n", b"  ")
     if b"\n" not in data:
@@ -70,7 +70,7 @@ def parse(data: bytes) -> ObjText:
     normals, first_normal = _values(normal_tokens, "vn", at_least=3)
     uv, first_uv = _values(uv_tokens, "vt", at_least=1)
     counts = (vertices.lines, uv_tokens.lines, normal_tokens.lines)
-    second_uv = first_uv + np.minimum(uv_tokens.counts, 2) - 1  # a single coordinate is used twice
+    second_uv = first_uv + np.minimum(uv_tokens.counts, 2) - 1  # a single number is both u and v
     return ObjText(
         data=data,
         positions=values[first[:, None] + np.arange(3)],
@@ -88,7 +88,7 @@ def parse(data: bytes) -> ObjText:
 
 
 class _Lines:
-    """The lines of a text and the keywords that they begin with."""
+    """The lines of a text, and the first three bytes of each line after its indentation."""
 
     def __init__(self, data: bytes) -> None:
         self._data = data
@@ -98,8 +98,8 @@ class _Lines:
         starts = np.append(0, self._ends[:-1] + 1)
         self._lengths = self._ends + 1 - starts
         blank = (self._bytes == ord(" ")) | (self._bytes == ord("\t"))
-        stops = np.flatnonzero(blank[:-1] & ~blank[1:]) + 1  # of runs of blanks; the last byte is none
-        # the first byte of each line that is no blank
+        stops = np.flatnonzero(blank[:-1] & ~blank[1:]) + 1  # the bytes after runs of blanks
+        # position of the first byte in each line that is neither a space nor a tab
         self._begins = np.where(blank[starts], np.append(stops, 0)[np.searchsorted(stops, starts, "right")], starts)
         self._keywords = tuple(padded[self._begins + i] for i in range(3))
 
@@ -115,14 +115,14 @@ class _Lines:
         for i in range(len(keyword)):
             kept[self._begins[lines] - shifts + i] = ord(" ")
         text = re.sub(rb"#[^\n]*", lambda found: b" " * len(found[0]), kept.tobytes())
-        words = np.frombuffer(text, np.uint8) > ord(" ")  # no control character is part of a word either
+        words = np.frombuffer(text, np.uint8) > ord(" ")  # control characters also separate words
         edges = np.flatnonzero(words[1:] != words[:-1]) + 1  # the first and last bytes are separators
         first, end = edges[::2], edges[1::2]
         counts = np.diff(np.searchsorted(first, stops), prepend=0)
         return Tokens(lines, counts, first, end, text, shifts)
 
     def statements(self) -> tuple[tuple[int, str, str], ...]:
-        """Return the lines that name parts and materials."""
+        """Return line number, keyword and further words of each line that names a part, a material or an MTL file."""
         found = []
         for line in np.flatnonzero(np.isin(self._keywords[0], list(b"ogum"))):
             words = self._data[self._begins[line] : self._ends[line]].split(None, 1)
@@ -133,14 +133,12 @@ class _Lines:
 
 
 def _values(tokens: Tokens, keyword: str, at_least: int) -> tuple[Float64, Int64]:
-    """Return the numbers of all lines of one kind, and the index of each line's first."""
+    """Return the numbers of all lines with the same keyword, and the index (L,) of the first number of each line."""
     short = np.flatnonzero(tokens.counts < at_least)
     first = np.cumsum(tokens.counts) - tokens.counts
     if len(short):
-        raise ValueError(
-            f"vertex {short[0]} of its {keyword!r} lines has {tokens.counts[short[0]]} numbers, "
-            f"and {at_least} are needed"
-        )
+        line, count = tokens.lines[short[0]] + 1, tokens.counts[short[0]]
+        raise ValueError(f"line {line}: {keyword!r} has {count} numbers, and {at_least} are needed")
     values = _numbers(tokens.text, np.float64, len(tokens.starts))
     if values is None:
         words = (tokens.text[start:end] for start, end in zip(tokens.starts, tokens.ends, strict=True))
@@ -150,11 +148,11 @@ def _values(tokens: Tokens, keyword: str, at_least: int) -> tuple[Float64, Int64
 
 
 def _numbers(text: bytes, dtype: Any, count: int) -> NDArray[Any] | None:
-    """Return the `count` numbers of a text, None where it holds something else."""
+    """Return the `count` numbers of a text; None if the text does not consist of exactly `count` numbers."""
     if not count:
         return np.zeros(0, dtype)
     with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)  # older NumPy warns where it finds no number
+        warnings.simplefilter("error", DeprecationWarning)  # older versions of NumPy warn about text that is no number
         try:
             values = np.fromstring(text, dtype, sep=" ")
         except (ValueError, DeprecationWarning):
@@ -163,12 +161,12 @@ def _numbers(text: bytes, dtype: Any, count: int) -> NDArray[Any] | None:
 
 
 def _spans(tokens: Tokens, first: Int64) -> Int64:
-    """Return where the first three words of each line begin and end."""
+    """Return the bytes (L, 2) of the file at which the first three words of each line begin and end."""
     return np.stack([tokens.starts[first], tokens.ends[first + 2]], axis=1) + tokens.shifts[:, None]
 
 
 def _colors(values: Float64, first: Int64, counts: Int64) -> Float64 | None:
-    """Return the colors (N, 3) that follow the coordinates, display-referred in [0, 1]; None where one has none."""
+    """Return the colors (N, 3) that follow the coordinates, in [0, 1]; None unless all lines have colors."""
     if not len(counts) or counts.min() < 6:
         return None
     colors: Float64 = values[first[:, None] + np.arange(3, 6)]
@@ -176,9 +174,9 @@ def _colors(values: Float64, first: Int64, counts: Int64) -> Float64 | None:
 
 
 def _corners(faces: Tokens, counted: tuple[Int64, Int64, Int64]) -> Int64:
-    """Return vertex, texture and normal (C, 3) of each corner: absolute, from 0, −1 for none.
+    """Return the indices (C, 3) of the position, UV and normal of each face corner, from 0; −1 for none.
 
-    `counted` are the lines of vertices, textures and normals: a relative number counts back from the face's line.
+    `counted` holds the line numbers of positions, UVs and normals, since a negative number counts back from its line.
     """
     places = np.flatnonzero(np.frombuffer(faces.text, np.uint8) == ord("/"))
     slashes = np.searchsorted(places, faces.ends) - np.searchsorted(places, faces.starts)
@@ -201,7 +199,7 @@ def _corners(faces: Tokens, counted: tuple[Int64, Int64, Int64]) -> Int64:
         relative = found < 0
         found[relative] += np.searchsorted(lines, line[given[relative]]) + 1
         outside = (found < 1) | (found > len(lines))
-        if column:  # a missing texture or normal becomes −1
+        if column:  # an index of a missing UV or normal becomes −1
             found[outside] = 0
         elif outside.any():
             where = int(np.argmax(outside))

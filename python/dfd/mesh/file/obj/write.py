@@ -1,7 +1,4 @@
-"""Write OBJ files that store each vertex once. Along seams, faces have separate texture and normal indices.
-
-trimesh's writer duplicates the vertices along every seam, which splits the surface and renumbers its vertices.
-"""
+"""Write OBJ files with each vertex once. Along seams, face corners have different texture and normal indices."""
 
 import re
 from collections.abc import Sequence
@@ -14,27 +11,27 @@ from dfd.common.errors import one_line
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
 from dfd.mesh.appearance import GRAY, Material
 from dfd.mesh.file.assets import as_png, read_regular
-from dfd.mesh.file.edits import spelled
+from dfd.mesh.file.edits import rows_as_text
 from dfd.mesh.file.obj.read import picture_name
 from dfd.mesh.file.obj.text import decoded
 from dfd.mesh.file.primitives import Primitive, UniqueNames
 from dfd.mesh.file.scene_file import SceneFile
 
-_SEPARATORS = re.compile(r"[/\\:*?\"<>|\0]")  # not allowed in file names on some systems
-_LONGEST_NAME = 60  # largest length of a material's name, which becomes part of the name of its texture file
+_SEPARATORS = re.compile(r"[/\\:*?\"<>|\0]")  # characters that some systems do not allow in file names
+_LONGEST_NAME = 60  # characters; longer names of materials are cut, because names of texture files contain them
 
 
 def encode(vertices: Float64, faces: Int32) -> bytes:
-    """Return the text of a file of plain vertices (V, 3) and faces (F, 3)."""
+    """Return an OBJ file with only vertices (V, 3) and faces (F, 3)."""
     return _lines(b"v", vertices) + _faces([faces])
 
 
 def encode_groups(
     vertices: Float64, faces: Int32, uv: tuple[Float32, Int32] | None, groups: Sequence[tuple[str, Int64]]
 ) -> bytes:
-    """Return the text of a file with the faces (F, 3) in named groups, given by the numbers of their faces.
+    """Return an OBJ file with the faces (F, 3) in `groups`, each of which is a name and the indices of its faces.
 
-    `uv` are texture coordinates (R, 2), v upwards, and the row of every corner (F, 3).
+    `uv` holds texture coordinates (R, 2), with v pointing up, and for each face corner an index of them, (F, 3).
     """
     text = [_lines(b"v", vertices), b"" if uv is None else _lines(b"vt", uv[0])]
     for name, own in groups:
@@ -44,9 +41,9 @@ def encode_groups(
 
 
 def encode_scene(target: Path, vertices: Float64, scene: SceneFile, moved: Sequence[Primitive]) -> dict[str, bytes]:
-    """Return the files of a scene: the OBJ file `target`, and materials and textures whose names begin with its stem.
+    """Return the files of a scene, by name: the OBJ file `target`, its MTL file and its textures.
 
-    The mesh's vertices are at `vertices` (V, 3); `moved` are the scene's primitives, with their normals.
+    `vertices` (V, 3) are the positions of the mesh, and `moved` are the scene's primitives with moved normals.
     """
     companions = Companions(target)
     library = _MaterialLibrary(target.stem, companions)
@@ -57,7 +54,7 @@ def encode_scene(target: Path, vertices: Float64, scene: SceneFile, moved: Seque
     for each in moved:
         local = scene.local_faces(each)
         columns: list[NDArray[np.integer] | None] = [scene.vertex[each.rows][local], None, None]
-        if each.part != part:  # primitives of one part differ only in their materials
+        if each.part != part:
             part = each.part
             body.append(f"o {one_line(part)}\n".encode())
         uv = each.geometry.uv
@@ -82,10 +79,10 @@ def encode_scene(target: Path, vertices: Float64, scene: SceneFile, moved: Seque
 
 
 class Companions:
-    """The files written next to an OBJ file; unrelated files are never overwritten.
+    """The files that are written next to an OBJ file; unrelated files are never overwritten.
 
-    A file may be overwritten if the existing OBJ file or its materials reference it and its name begins with the OBJ
-    file's stem.
+    An existing file is overwritten only if its name begins with the stem of `target`, the OBJ file, and an older file
+    at `target`, or the MTL file of this older file, references it.
     """
 
     def __init__(self, target: Path) -> None:
@@ -94,7 +91,7 @@ class Companions:
         self._own = _own_files(target)
 
     def add(self, name: str, data: bytes) -> str:
-        """Add a file and return its name, with a number if an unrelated file has that name."""
+        """Add a file and return its name, with a number appended if an unrelated file has that name."""
         path, number = PurePosixPath(name), 1
         while not self._is_free(name, data):
             number += 1
@@ -103,7 +100,7 @@ class Companions:
         return name
 
     def add_library(self, text: str) -> str:
-        """Add the material library and return its name."""
+        """Add the MTL file and return its name."""
         return self.add(f"{self._target.stem}.mtl", text.encode())
 
     def _is_free(self, name: str, data: bytes) -> bool:
@@ -118,7 +115,7 @@ class Companions:
 
 
 def _own_files(target: Path) -> set[str]:
-    """Return the names of the files that an existing OBJ file `target` references and that begin with its stem."""
+    """Return the names, beginning with the stem of `target`, of files that an existing OBJ file `target` references."""
     mine = re.compile(rf"{re.escape(target.stem)}(_.*)?\.[A-Za-z0-9]+")
     found = set()
     try:
@@ -134,7 +131,7 @@ def _own_files(target: Path) -> set[str]:
 
 
 class _MaterialLibrary:
-    """The materials of a scene as an MTL file and its textures."""
+    """The materials of a scene, as the text of an MTL file and as texture files."""
 
     def __init__(self, stem: str, companions: Companions) -> None:
         self.text = ""
@@ -143,21 +140,21 @@ class _MaterialLibrary:
         self._unique = UniqueNames(2)
 
     def add(self, material: Material | None) -> str | None:
-        """Return the name of a material, written on first use; None for a default one."""
+        """Return the name of a material, and add it on first use; None for a default material."""
         if material is None or material.is_default:
             return None
         if id(material) not in self._names:
             name = self._unused(one_line(material.name).replace(" ", "_"))
             self._names[id(material)] = name
             lines = [f"newmtl {name}", "Kd " + " ".join(f"{each:.6g}" for each in material.color[:3])]
-            if material.texture is not None:  # the stem avoids overwriting textures of other files
+            if material.texture is not None:  # the stem keeps textures of different OBJ files apart
                 picture = self._companions.add(f"{self._stem}_{name}.png", as_png(material.texture))
                 lines.append(f"map_Kd {picture}")
             self.text += "\n".join([*lines, "", ""])
         return self._names[id(material)]
 
     def plain(self, gray: float) -> str:
-        """Return the name of a gray material, written on first use."""
+        """Return the name of a material of this gray, and add it on first use."""
         if (gray_id := -int(1000 * gray)) not in self._names:
             name = self._names[gray_id] = self._unused("plain")
             self.text += f"newmtl {name}\nKd {gray} {gray} {gray}\n\n"
@@ -168,22 +165,22 @@ class _MaterialLibrary:
 
 
 def _vertex_colors(scene: SceneFile) -> Float64 | None:
-    """Return RGB (V, 3) of vertices, each the color of its last row; None without colors."""
-    look = scene.appearance
-    if look is None or look.colors is None:
+    """Return one RGB color for each vertex, (V, 3), even on seams; None without colors."""
+    appearance = scene.appearance
+    if appearance is None or appearance.colors is None:
         return None
     colors = np.ones((len(scene.vertices), 3))
-    used = look.corners >= 0
-    colors[look.corners[used]] = look.colors[used, :3]
+    used = appearance.corners >= 0
+    colors[appearance.corners[used]] = appearance.colors[used, :3]
     return colors[scene.representative]
 
 
 def _lines(kind: bytes, values: NDArray[np.floating]) -> bytes:
-    return b"".join(b"%s %s\n" % (kind, row) for row in spelled(values))
+    return b"".join(b"%s %s\n" % (kind, row) for row in rows_as_text(values))
 
 
 def _faces(columns: Sequence[NDArray[np.integer] | None]) -> bytes:
-    """Return the face lines of vertex, texture and normal numbers (F, 3) each, from 0."""
+    """Return the `f` lines of faces; `columns` are the indices (F, 3) of positions, UVs and normals, from 0."""
     corner = b"/".join(b"" if column is None else b"%d" for column in columns).rstrip(b"/")
     template = b"f %s\n" % b" ".join([corner] * 3)
     numbers = np.stack([column + 1 for column in columns if column is not None], axis=-1)

@@ -1,1 +1,1 @@
-"""PLY, OFF and STL files."""
+"""PLY, OFF and STL files: reading, writing, and rewriting of only moved vertices."""

@@ -1,7 +1,7 @@
 """Read and write PLY files, text and binary.
 
-The format: Turk, "The PLY Polygon File Format", 1994, with colors, texture coordinates and textures as later programs
-write them.
+The format: Turk, "The PLY Polygon File Format", 1994. Colors, texture coordinates and textures have the form in which
+later programs write them.
 """
 
 import re
@@ -34,16 +34,16 @@ _TYPE = re.compile(rb"\s*property\s+(\w+)")
 
 @dataclass
 class _Property:
-    """A property of an element, with its values in all rows."""
+    """A property of a PLY element, with its values in all rows of this element."""
 
     name: str
-    dtype: np.dtype[Any]  # type of its values in the header
-    type_span: tuple[int, int]  # start and end of this type in the header, unless it is a list
-    stored: np.dtype[Any]  # type of its values in the data
-    counts: np.dtype[Any] | None  # type of a list's length in the data; None if it is no list
-    values: NDArray[Any] = field(default_factory=lambda: np.zeros(0))  # of all rows in order
-    sizes: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))  # (rows,) number of values
-    places: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))  # (rows,) byte offsets in the data
+    dtype: np.dtype[Any]  # type of the values, according to the header
+    type_span: tuple[int, int]  # bytes of the header at which this type begins and ends; not for lists
+    stored: np.dtype[Any]  # type of the values in the parsed data
+    counts: np.dtype[Any] | None  # type of the length of a list in the parsed data; None if the property is no list
+    values: NDArray[Any] = field(default_factory=lambda: np.zeros(0))  # of all rows
+    sizes: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))  # (rows,) number of values of each row
+    places: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))  # (rows,) first byte of each row's values
 
 
 _Element = dict[str, _Property]
@@ -54,15 +54,15 @@ class _Content:
     """The parsed content of a file."""
 
     start: int  # byte at which the body begins
-    order: str  # byte order: "<" or ">"; "" for text, whose data are its numbers as 64-bit floats
-    picture: str | None  # name of the texture
+    order: str  # byte order, "<" or ">"; "" for a text file, which is converted to 64-bit floats before parsing
+    picture: str | None  # file name of the texture
     elements: dict[str, _Element]
 
 
 def read(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, Float64, Int64]:
-    """Return the geometry of a file, its vertices (V, 3), and the vertex (N,) of each row of the geometry.
+    """Return the geometry of a file, the file's vertices (V, 3), and the file's vertex (N,) of each geometry vertex.
 
-    Raises ValueError if it is malformed. Warns if faces with fewer than three corners are left out.
+    Raises ValueError if the file is malformed. Warns if faces with fewer than three corners are left out.
     """
     content = _parse(data)
     vertex, face = content.elements.get("vertex", {}), content.elements.get("face", {})
@@ -85,7 +85,7 @@ def read(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, Float6
     normals, colors, face_colors = _columns(vertex, ("nx", "ny", "nz")), _colors(vertex), _colors(face)
     if face_colors is not None and len(face_colors) == len(face_sizes):
         face_colors = np.repeat(face_colors, np.maximum(face_sizes - 2, 0), axis=0)
-    if face_colors is not None and len(face_colors) != len(faces):  # strips have none
+    if face_colors is not None and len(face_colors) != len(faces):  # triangle strips have no colors
         face_colors = None
     geometry = Geometry(
         positions[numbers],
@@ -101,7 +101,7 @@ def read(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, Float6
 
 
 def _polygons(path: Path, face: _Element, strips: _Element, count: int) -> tuple[Int64, Int64, Bool]:
-    """Return the corners (C,) of faces and strips, the size of each face, and which corners of `face` are kept."""
+    """Return the vertex (C,) of each corner, the size (P,) of each face, and a mask of the kept corners of `face`."""
     corners, sizes = _indices(face)
     long = long_faces(path, sizes)
     kept = np.repeat(long, sizes)
@@ -112,7 +112,7 @@ def _polygons(path: Path, face: _Element, strips: _Element, count: int) -> tuple
 
 
 def _indices(element: _Element) -> tuple[Int64, Int64]:
-    """Return the vertex indices of all rows of an element, and the number of indices of each row."""
+    """Return the vertex indices of all faces or strips of an element, and the number of indices of each."""
     found = element.get("vertex_indices", element.get("vertex_index"))
     if found is None:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
@@ -122,21 +122,21 @@ def _indices(element: _Element) -> tuple[Int64, Int64]:
 
 
 def _strip_triangles(values: Int64, sizes: Int64) -> Int64:
-    """Return the triangles (F, 3) of strips; -1 starts a new strip."""
+    """Return the triangles (F, 3) of triangle strips; an index of -1 starts a new strip."""
     run = np.cumsum(values < 0) + np.repeat(np.arange(len(sizes)), sizes) * (len(values) + 1)
     index = np.arange(len(values))
     new = np.diff(run, prepend=-1) != 0
-    begin = np.maximum.accumulate(np.where(new, index + (values < 0), 0))  # each -1 precedes its run
+    begin = np.maximum.accumulate(np.where(new, index + (values < 0), 0))  # a run may begin with -1
     first = np.flatnonzero((values[:-2] >= 0) & (run[:-2] == run[2:])) if len(values) > 2 else np.zeros(0, np.int64)
     triangles = values[first[:, None] + np.arange(3)]
     odd = (first - begin[first]) % 2 == 1
     triangles[odd] = triangles[odd][:, [1, 0, 2]]
-    distinct = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)  # repeated corners only turn the strip
+    distinct = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)  # no zero area
     return triangles[distinct]
 
 
 def _scalars(element: _Element, names: Sequence[str]) -> list[NDArray[Any]]:
-    """Return the values of the named properties that exist and are no lists."""
+    """Return the values of the named properties that exist and are not lists."""
     return [each.values for name in names if (each := element.get(name)) is not None and each.counts is None]
 
 
@@ -185,12 +185,12 @@ def _parse(data: bytes) -> _Content:
             layout[-1][2].append(_Property(words[-1], dtypes[-1], found.span(1), stored[-1], counts))
     if order is None:
         raise ValueError("its header does not name a known format")
-    start = 2 if body[:2] == b"\r\n" else 1  # the header ends with its line
-    if not order:  # all numbers of a text as if they were the data of a binary file
+    start = 2 if body[:2] == b"\r\n" else 1  # the line break after the header
+    if not order:  # parse a text file like a binary file of 64-bit floats
         try:
             body, start = np.array(body.split(), np.float64).tobytes(), 0
         except ValueError as error:
-            raise ValueError(f"its numbers hold something else: {shortened(str(error))}") from error
+            raise ValueError(f"its body must consist of numbers: {shortened(str(error))}") from error
     content = _Content(len(head) + len(mark), order, picture, {})
     for name, count, properties in layout:
         if count > len(body):
@@ -211,7 +211,7 @@ def _read_rows(data: bytes, start: int, name: str, count: int, properties: list[
     """Read `count` rows of an element from byte `start`, and return their end."""
 
     def row_at(offset: int) -> tuple[list[int], list[int], int]:
-        """Return the number of values of each property in the row at an offset, their offsets and the row's end."""
+        """Return the number of values and the first byte of each property in the row at `offset`, and the row's end."""
         lengths, places = [], []
         for each in properties:
             length = 1
@@ -235,7 +235,7 @@ def _read_rows(data: bytes, start: int, name: str, count: int, properties: list[
             return True
         return bool((np.ndarray(count, each.counts, data, place - each.counts.itemsize, stride) == length).all())
 
-    if start + count * stride <= len(data) and all(map(repeats, properties, lengths, places)):  # as in most files
+    if start + count * stride <= len(data) and all(map(repeats, properties, lengths, places)):  # equal rows
         for each, length, place in zip(properties, lengths, places, strict=True):
             strides = (stride, each.stored.itemsize)
             each.values = np.ndarray((count, length), each.stored, data, place, strides).ravel()
@@ -256,21 +256,21 @@ def _read_rows(data: bytes, start: int, name: str, count: int, properties: list[
 
 
 def _typed(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Return the numbers of a text with the type in the header; floats stay 64-bit."""
+    """Return numbers with the type that the header states; floats of a text file keep 64 bits."""
     if values.dtype == dtype or dtype.kind == "f":
         return values
     if not np.array_equal(values, np.trunc(values)):
-        raise ValueError("a whole number of it is written with a fraction")
+        raise ValueError("it has a fraction in place of a whole number")
     limits = np.iinfo(dtype)
     if len(values) and not limits.min <= values.min() <= values.max() <= limits.max:
-        raise ValueError(f"a number of it is too large for the {dtype.name} that it should be")
+        raise ValueError(f"it has a number that is out of range for {dtype.name}")
     return values.astype(dtype)
 
 
 def rewrite(data: bytes, vertices: Float64, normals: Float64) -> bytes:
-    """Return a file with other `vertices` and `normals` (V, 3), in the same byte order; NaN keeps a normal.
+    """Return a PLY file, in which `vertices` (V, 3) and `normals` (V, 3) replace those of `data`; NaN keeps a normal.
 
-    Types stay, but coordinates become 64-bit floats if integers or 32-bit floats cannot represent them.
+    Byte order and number types stay, except that the type becomes a 64-bit float if the present type is too coarse.
     """
     content = _parse(data)
     edits, vertex, body = Edits(data), content.elements["vertex"], np.frombuffer(data, np.uint8)[content.start :]
@@ -300,7 +300,7 @@ def rewrite(data: bytes, vertices: Float64, normals: Float64) -> bytes:
 
 
 def encode(geometry: Geometry) -> bytes:
-    """Return a little-endian file; coordinates have 64 bits if 32-bit floats are too coarse."""
+    """Return a binary PLY file; coordinates have 64 bits if 32-bit floats are too coarse."""
     vertex = _named("xyz", geometry.vertices, "<f4" if far_origin(geometry.vertices) is None else "<f8")
     vertex |= _named(("nx", "ny", "nz"), geometry.normals, "<f4") | _named("st", geometry.uv, "<f4")
     vertex |= _named(_CHANNELS, geometry.colors, "u1")
@@ -318,7 +318,7 @@ def encode(geometry: Geometry) -> bytes:
 
 
 def _named(names: Sequence[str], values: NDArray[Any] | None, dtype: str) -> dict[str, NDArray[Any]]:
-    """Return the columns of an array (N, K) by name, or {} for None; the type "u1" is for colors in [0, 1]."""
+    """Return the columns of an array (N, K) by name, {} for None; the type "u1" scales colors in [0, 1] to bytes."""
     if values is None:
         return {}
     stored = np.rint(values * 255) if dtype == "u1" else values
@@ -326,6 +326,6 @@ def _named(names: Sequence[str], values: NDArray[Any] | None, dtype: str) -> dic
 
 
 def _rows(columns: dict[str, NDArray[Any]]) -> bytes:
-    """Return rows with one value of each column, little-endian."""
+    """Return the little-endian bytes of rows with one value from each column."""
     layout = [(name, each.dtype.newbyteorder("<"), each.shape[1:]) for name, each in columns.items()]
     return np.rec.fromarrays(list(columns.values()), dtype=layout).tobytes()

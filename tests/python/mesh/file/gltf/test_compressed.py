@@ -57,7 +57,7 @@ def test_sparse_positions_are_read_and_moved(tmp_path: Path) -> None:
     mesh.save(tmp_path / "moved.glb", mesh.vertices + 1)
     assert same_shape(load(tmp_path / "moved.glb"), Mesh(expected + 1, CUBE))
     gltf.header["accessors"][0]["sparse"]["indices"]["bufferView"] = gltf.view(np.array([1, 8], "<u2").tobytes())
-    with pytest.raises(ValueError, match="accessor 0 has a sparse item 8 of 8"):
+    with pytest.raises(ValueError, match="accessor 0 has the sparse index 8, but only 8 items"):
         load(write(tmp_path / "sparse.glb", gltf.glb()))
 
 
