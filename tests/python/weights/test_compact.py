@@ -63,9 +63,9 @@ def test_rows_give_back_what_is_stored(compact):
     rows = compact.rows(HANDLES)
     assert rows.dtype == np.float32
     np.testing.assert_allclose(rows, FEATURES[HANDLES], rtol=0, atol=1.001 * compact.radius)
-    stored, missed = compact.project(rows)
+    stored, offsets = compact.project(rows)
     np.testing.assert_allclose(stored, compact.stored(HANDLES), rtol=1e-3, atol=1e-6)
-    np.testing.assert_array_equal(missed, 0)
+    np.testing.assert_array_equal(offsets, 0)
 
 
 def test_principal_coordinates_are_those_of_the_full_features(compact):
