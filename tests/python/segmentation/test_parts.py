@@ -223,7 +223,7 @@ def test_who_takes_hold_of_an_arm_does_not_mean_the_whole_body_below_the_head():
 
 
 def test_who_takes_hold_of_a_neck_in_its_middle_takes_the_head_along():
-    """A bib on the neck has other features and a crease around it. If a handle held only the bib, the head would stay."""
+    """A bib on the neck has other features and creased borders. If a handle held only the bib, the head would stay."""
     animal, random = dfd.samples.quadruped(4_000), np.random.default_rng(0)
     labels, vertices = animal.labels.copy(), animal.mesh.vertices.copy()
     neck = animal.vertices_of("neck", 0)
