@@ -1,4 +1,4 @@
-"""Build a coarse graph of a mesh, on which smooth functions of the surface need little time and memory."""
+"""Group the vertices of a large mesh into nodes, on which smooth functions of the surface take little time."""
 
 from collections.abc import Iterator
 from functools import cached_property
@@ -17,13 +17,13 @@ from dfd.geometry.surface_graph import surface_graph, surface_links
 from dfd.geometry.topology import face_sides, first_at_place
 from dfd.mesh.mesh import Mesh
 
-MOST_NODES = 20_000  # most vertices of a mesh whose vertices are the nodes; vertices of larger meshes are clustered
-CELLS = 100  # grid cells along the longest side of the box, for clustering
-RUN = 1 << 17  # faces or vertices per batch, which limits temporary memory
+MOST_NODES = 20_000  # vertices of a mesh with more vertices than this are clustered into nodes
+CELLS = 100  # number of grid cells along the longest side of the box, for clustering
+RUN = 1 << 17  # number of faces per batch, which limits temporary memory
 
 
 class Share(NamedTuple):
-    """Shares of vertices as a sparse vector: the vertices with a share above 0, and their shares."""
+    """A share in [0, 1] of each vertex, as a sparse vector: the vertices with a share above 0, and their shares."""
 
     vertices: NDArray[np.integer]  # (N,) ascending
     values: Float32  # (N,) in (0, 1]
@@ -35,14 +35,14 @@ class Share(NamedTuple):
         return float(self.values[place]) if known else 0.0
 
     def dense(self, count: int) -> Float32:
-        """Return the shares of all vertices (count,)."""
+        """Return the shares of all `count` vertices, (count,)."""
         shares = np.zeros(count, np.float32)
         shares[self.vertices] = self.values
         return shares
 
 
 class Nodes:
-    """The nodes of a mesh: its vertices, or in a large mesh groups of vertices that are connected within a grid cell.
+    """The nodes of a mesh: its vertices, or in a large mesh, groups of vertices that are connected within a grid cell.
 
     Attributes
     ----------
@@ -55,9 +55,9 @@ class Nodes:
     members, starts, ends
         The vertices of node n are `members[starts[n] : ends[n]]`.
     component
-        (N,) the component of the surface, without bridges, on which each node lies.
+        (N,) the connected component of the surface to which each node belongs, without bridges across gaps.
     used
-        (N,) whether the component has a face. Parts and counterparts consist only of such nodes.
+        (N,) whether the node's component has a face. Parts and counterparts consist only of such nodes.
     """
 
     def __init__(self, mesh: Mesh) -> None:
@@ -79,7 +79,7 @@ class Nodes:
         self._vertices = vertices
 
     def shares(self, parts: Float64) -> list[Share]:
-        """Return each row of `parts` (K, N), interpolated from nodes to vertices and divided by the sum of all rows."""
+        """Return each row of `parts` (K, N), interpolated from nodes to vertices and divided by the sum of the rows."""
         rows = parts.astype(np.float32)
         total = rows.sum(axis=0)
         found = []
@@ -92,7 +92,7 @@ class Nodes:
         return found
 
     def interpolated(self, values: Float32, vertices: NDArray[np.integer] | None = None) -> Float32:
-        """Return `values` (N, K) of nodes, interpolated to all vertices (V, K) or to the given `vertices`."""
+        """Return `values` (N, K) of nodes, interpolated to all vertices, (V, K), or to the given `vertices`."""
         if self._are_vertices:
             return values[self.of_vertex if vertices is None else vertices]
         chosen = np.arange(len(self.of_vertex), dtype=np.int32) if vertices is None else vertices.astype(np.int32)
@@ -104,13 +104,13 @@ class Nodes:
         return found.reshape(len(chosen), *values.shape[1:])
 
     def nearest(self, points: ArrayLike) -> Int64:
-        """Return the vertex (M,) nearest to each of `points` (M, 3), among the vertices of the nearest eight nodes."""
-        asked = np.reshape(points, (-1, 3)).astype(np.float64)
-        around = self.tree.query(asked, k=min(8, len(self.center)))[1].reshape(len(asked), -1)
-        found = np.empty(len(asked), np.int64)
+        """Return the vertex nearest to each of `points` (M, 3), (M,), among the vertices of the nearest eight nodes."""
+        queries = np.reshape(points, (-1, 3)).astype(np.float64)
+        around = self.tree.query(queries, k=min(8, len(self.center)))[1].reshape(len(queries), -1)
+        found = np.empty(len(queries), np.int64)
         for i, nodes in enumerate(around):
             members = np.concatenate([self.members[self.starts[node] : self.ends[node]] for node in nodes])
-            found[i] = members[np.square(self._vertices[members] - asked[i]).sum(axis=1).argmin()]
+            found[i] = members[np.square(self._vertices[members] - queries[i]).sum(axis=1).argmin()]
         return found
 
     @cached_property
@@ -120,7 +120,7 @@ class Nodes:
 
     @cached_property
     def _reach(self) -> csr_array:
-        """Return (N, N) the nodes from which the vertices of each node interpolate: the node and its neighbors."""
+        """Return a matrix (N, N), True from each node to the nodes from which its vertices' values are interpolated."""
         reach = csr_array(self.graph.astype(bool) + eye_array(len(self.center), dtype=bool))
         reach.indptr, reach.indices = reach.indptr.astype(np.int32), reach.indices.astype(np.int32)
         return reach
@@ -130,7 +130,7 @@ _NODES: WeakKeyDictionary[Mesh, ref[Nodes]] = WeakKeyDictionary()
 
 
 def nodes_of(mesh: Mesh) -> Nodes:
-    """Return the nodes of a mesh; all users of the mesh share them."""
+    """Return the nodes of a mesh. Calls with the same mesh return the same object."""
     known = _NODES.get(mesh)
     nodes = None if known is None else known()
     if nodes is None:
@@ -140,7 +140,7 @@ def nodes_of(mesh: Mesh) -> Nodes:
 
 
 def _clustered(mesh: Mesh, links: Int32) -> Int32:
-    """Return the node of each vertex (V,), for nodes of vertices that are connected within a grid cell."""
+    """Return the node of each vertex, (V,). Vertices that are connected within a grid cell are one node."""
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     cell = float((high - low).max()) / CELLS
     key = np.zeros(len(mesh.vertices), np.int32)
@@ -152,7 +152,7 @@ def _clustered(mesh: Mesh, links: Int32) -> Int32:
 
 
 def _contracted(mesh: Mesh, links: Int32, of_vertex: Int32, center: Float64) -> csr_array:
-    """Return the graph (N, N) between nodes, with the distances between their centers (N, 3)."""
+    """Return the graph (N, N) of neighboring nodes, whose entries are the distances between their centers (N, 3)."""
     found = [np.zeros((0, 2), np.int64)]
     for ends in _edges(mesh, links):
         nodes = of_vertex[ends]
@@ -166,7 +166,7 @@ def _contracted(mesh: Mesh, links: Int32, of_vertex: Int32, center: Float64) -> 
 
 
 def _edges(mesh: Mesh, links: Int32) -> Iterator[Int32]:
-    """Yield the ends (E, 2) of the faces' sides, in batches of faces, and then `links`."""
+    """Yield the ends (E, 2) of the sides of faces, for each batch of faces, and then `links` (L, 2)."""
     for start in range(0, len(mesh.faces), RUN):
         yield face_sides(mesh.faces[start : start + RUN])
     yield links

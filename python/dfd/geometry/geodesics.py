@@ -18,22 +18,22 @@ from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
 from dfd.mesh.normalization import box_normalization
 from dfd.mesh.weld import weld
 
-_SAMPLES = 6_000  # vertices of the solver for a large mesh; more vertices take longer and hardly reduce the error
-_LONGEST_EDGE = 1.5  # length above which edges are split, in sample spacings
+_SAMPLES = 6_000  # number of the solver's sample vertices on a large mesh; more hardly reduce the error
+_LONGEST_EDGE = 1.5  # longer edges are split; the unit is the spacing of the samples
 
 
 @dataclass(frozen=True)
 class _Prepared:
     solver: _core.Geodesics
     vertex: Int32  # (V,) the solver vertex at the position of each mesh vertex
-    distinct: int  # number of distinct positions of mesh vertices; their solver vertices come first
-    half: float  # half the longest side of the box, in mesh units; the solver's unit of length
+    distinct: int  # number of distinct positions of mesh vertices; the first solver vertices are at these positions
+    half: float  # half of the longest side of the box, in mesh units; it is the solver's unit of length
 
 
 class Geodesics:
-    """Distances along the surface of a mesh from any of its vertices; the first query starts the computation.
+    """Distances along the surface of a mesh from any of its vertices. The first query runs a precomputation.
 
-    The mesh may have holes, edges of more than two faces, repeated faces, and faces without area.
+    The mesh can have holes, edges of more than two faces, repeated faces, and faces without area.
 
     Parameters
     ----------
@@ -43,10 +43,10 @@ class Geodesics:
         Whether paths cross gaps between components that touch or nearly touch (see `dfd.geometry.surface_graph`). False
         separates components, as in the paper.
     sampled
-        Whether distances on a large mesh are computed at about 6,000 vertices and interpolated, which changes them by
-        about 0.01. False uses all vertices, as in the paper.
+        Whether distances on a large mesh are computed at about 6,000 vertices and interpolated, which changes the
+        distances by about 0.01. False uses all vertices, as in the paper.
 
-    Raises ValueError if `bridges` or `sampled` is not True or False.
+    Raises ValueError if `bridges` or `sampled` is not a bool.
     """
 
     def __init__(self, mesh: MeshLike, *, bridges: bool = True, sampled: bool = True) -> None:
@@ -61,7 +61,7 @@ class Geodesics:
         self._tree: cKDTree | None = None
 
     def __repr__(self) -> str:
-        """Return the mesh and the options that are off."""
+        """Return the mesh and the options that are False."""
         off = [f", {name}=False" for name in ("bridges", "sampled") if not getattr(self, f"_{name}")]
         return f"Geodesics({self._mesh!r}{''.join(off)})"
 
@@ -69,7 +69,7 @@ class Geodesics:
     def extent(self) -> float:
         """Return the unit of `distances`, in mesh units: about the largest distance between two connected vertices.
 
-        The mesh has one unit for all handles, so that a locality λ (Eq. 7) has the same effect for each of them.
+        All handles have the same unit, so that a locality λ (Eq. 7) has the same effect for each handle.
         """
         prepared = self.prepare()
         return prepared.solver.extent * prepared.half
@@ -89,14 +89,14 @@ class Geodesics:
         handles
             (H,) vertex indices, or (H, 3) points. A point stands for the nearest vertex.
         separate
-            The distance, in [0, 1], given to vertices that neither the surface nor a bridge connects to the handle.
+            The distance, in [0, 1], of vertices that neither the surface nor a bridge connects to the handle.
 
         Returns
         -------
         (H, V) distances in [0, 1], 0 at the handle.
 
-        Raises ValueError if `handles` has another shape, an index out of range, or a coordinate that is not finite.
-        Raises ValueError if `separate` is outside [0, 1].
+        Raises ValueError if `handles` has another array shape, an index out of range, or a coordinate that is not
+        finite. Raises ValueError if `separate` is outside [0, 1].
         """
         separate = check.number("Geodesics.distances", "separate", separate, minimum=0.0, maximum=1.0)
         chosen = self._handle_vertices(handles)
@@ -116,6 +116,7 @@ class Geodesics:
 
 
 def _prepared(mesh: Mesh, across_gaps: bool, sampled: bool) -> _Prepared:
+    """Return the solver for `mesh`, with bridges if `across_gaps` is True, and with samples if `sampled` is True."""
     center, scale = box_normalization(*mesh.bounds) or (mesh.vertices[0], 1.0)
     first, vertex = weld(mesh.vertices)
     vertices = (mesh.vertices[first] - center) * scale

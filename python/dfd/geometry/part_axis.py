@@ -1,7 +1,8 @@
 """Fit the axis of a part: a curve from its base, where the part meets the rest of the shape, to its tip.
 
-A node is a group of nearby vertices (`dfd.geometry.coarse`). A level is a position along the axis: 0 at the base, 1 at
-the tip. Regions that only the part connects to the rest, such as a hoof, are attached to the part and move with it.
+The parameter of the curve is 0 at the base and 1 at the tip. Regions that only the part connects to the rest of the
+shape, such as a hoof, are attached to the part and move with it. A node is a group of nearby vertices of the mesh
+(`dfd.geometry.coarse`), except in `PartAxis.nodes`, which are points of the curve.
 """
 
 from dataclasses import dataclass, replace
@@ -18,23 +19,23 @@ from dfd.geometry.coarse import Nodes, nodes_of
 from dfd.geometry.topology import even_points, face_areas, vertex_areas
 from dfd.mesh.mesh import Mesh
 
-NODES = 33  # points of the curve
-SAMPLES = 4_000  # surface samples of the part, to which the curve is fitted
-# Standard deviation of the kernel that averages samples for a point of the curve: WIDTH times the length, or WIDE radii
-# if this is more.
+NODES = 33  # number of points of the curve
+SAMPLES = 4_000  # number of surface samples of the part, to which the curve is fitted
+# A Gaussian kernel averages samples for each point of the curve. Its standard deviation is the larger of WIDTH times
+# the length of the part and WIDE times its radius.
 WIDTH, WIDE = 0.08, 0.5
-STOUT = 0.4  # radius over length above which levels are not projected: they stay the distances from the base
-ENDS = (0.005, 0.995)  # quantiles of the levels between which the curve runs, so that no single vertex sets the tip
-ROUNDS = 3  # rounds of fitting the curve and projecting the samples onto the curve
-FARTHEST = 0.2  # largest difference between a point's level on the curve and its first level
-SEAM = 0.6  # distance from the base, in radii at the base, over which levels rise smoothly from 0
-NEAR_JOINT = 0.12  # largest difference of levels between the handle and a joint that is preferred
-SLENDER = 0.75  # least length of a limb, over its width
-# A part is a wheel if its middle variance exceeds ROUND times the largest one, and its smallest is below FLAT times the
-# largest one.
+STOUT = 0.4  # if radius divided by length is above this, parameters stay the scaled distances from the base
+ENDS = (0.005, 0.995)  # quantiles of the parameters between which the curve runs, so that no single vertex sets the tip
+ROUNDS = 3  # number of rounds, each of which fits the curve and projects the samples onto it
+FARTHEST = 0.2  # largest difference between a point's parameter on the curve and its scaled distance from the base
+RISE = 0.6  # distance from the base over which parameters rise smoothly from 0, in radii at the base
+NEAR_JOINT = 0.12  # joints whose parameter differs from the handle's by at most this are preferred
+SLENDER = 0.75  # the length of a limb, divided by its width, is above this
+# A part is a wheel if its middle variance exceeds ROUND times the largest, and its smallest is below FLAT times the
+# largest.
 ROUND, FLAT = 0.95, 0.7
-CARRIED = 0.5  # area below which a region around a part is attached to it, relative to the largest region
-SMALL_COMPONENT = 0.05  # area below which a component of a region has no axis, relative to the largest component
+ATTACHED = 0.5  # regions around a part are attached to it if their area is at most this share of the largest region's
+SMALL_COMPONENT = 0.05  # components of a region have no axis if their area is at most this share of the largest one's
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +43,11 @@ class PartAxis:
     """The axis of one connected part. Positions and lengths are in mesh units."""
 
     vertices: Int64  # (N,) vertices of the part and of attached regions, ascending
-    parameter: Float64  # (N,) level of each vertex, in [0, 1]; far from the part, an attached region has one level
+    parameter: Float64  # (N,) curve parameter of each vertex; nearly constant in an attached region far from the part
     nodes: Float64  # (33, 3) points of the curve at equal steps of its length, from base to tip
     radius: Float64  # (33,) root mean squared distance of the surface from the curve
-    border: Float64  # (B, 3) nodes of the part that touch the rest, or one end of the part if there is no rest
-    borders: int  # number of separate borders with the rest
+    border: Float64  # (B, 3) positions in the part beside the rest of the shape, or at one end if there is no rest
+    borders: int  # number of separate borders with the rest of the shape
     middle: Float64  # (3,) center of the part's surface
     rest: Float64  # (3,) center of the rest of the shape near the base
     spread: Float64  # (3,) variances of the part's surface along its principal axes, ascending
@@ -68,7 +69,7 @@ class PartAxis:
 
     @property
     def is_limb(self) -> bool:
-        """Return whether the part has one border with the rest, is longer than `SLENDER` widths, and is no wheel."""
+        """Return whether the part has one border, is longer than `SLENDER` times its width, and is not a wheel."""
         if self.spread[1] > ROUND * self.spread[2] and self.spread[0] < FLAT * self.spread[2]:
             return False
         return self.borders == 1 and self.length > SLENDER * 2 * float(np.sqrt(np.square(self.radius).mean()))
@@ -79,10 +80,10 @@ class PartAxis:
         return unit(np.gradient(self.nodes, axis=0))
 
     def joint(self, point: NDArray[np.floating]) -> float:
-        """Return the level of the joint: the strongest bend or the narrowest place, such as a knee or an elbow.
+        """Return the parameter of the joint: the strongest bend or the narrowest place, such as a knee or an elbow.
 
-        Only levels from 0.2 to 0.8 are searched. If `point` (3,) is near these levels, only levels near it are
-        searched, so that a handle at a knee does not select the ankle.
+        Only parameters from 0.2 to 0.8 are searched. If the parameter of `point` (3,) is near them, the search is
+        limited to its neighborhood, so that a handle at a knee does not select the ankle.
         """
         at = np.linspace(0.0, 1.0, NODES)
         inner = (at > 0.2) & (at < 0.8)
@@ -98,12 +99,12 @@ class PartAxis:
         return float(at[np.where(inner, turn + 2 * narrow, -np.inf).argmax()])
 
     def nearest(self, point: NDArray[np.floating]) -> float:
-        """Return the level, in [0, 1], of the curve's point nearest to `point` (3,)."""
+        """Return the parameter, in [0, 1], of the curve's point nearest to `point` (3,)."""
         return int(np.linalg.norm(self.nodes - point, axis=1).argmin()) / (NODES - 1)
 
     @property
     def hinge(self) -> tuple[Float64, Float64]:
-        """Return a point (3,) and the unit direction (3,) of the hinge, a line through border points far from the tip.
+        """Return a point (3,) and the unit direction (3,) of the hinge, a line along border points far from the tip.
 
         A positive rotation about this line moves the tip away from the rest of the shape, as a jaw opens.
         """
@@ -119,7 +120,7 @@ class PartAxis:
 
 
 class PartAxes:
-    """The axes of parts of one mesh, computed on its nodes (`dfd.geometry.coarse`)."""
+    """Compute the axes of parts of one mesh, on the mesh's nodes (`dfd.geometry.coarse`)."""
 
     def __init__(self, mesh: Mesh) -> None:
         self._mesh = mesh
@@ -135,7 +136,7 @@ class PartAxes:
         return np.bincount(self._nodes.of_vertex, areas, len(self._nodes.center)).astype(np.float64)
 
     def of(self, inside: Bool) -> list[PartAxis]:
-        """Return the axes of the components of a region `inside` (V,), largest first, except small components."""
+        """Return the axes of the connected components of `inside` (V,), the largest first, without small components."""
         nodes = self._nodes
         own = np.flatnonzero(2 * np.bincount(nodes.of_vertex, inside) > nodes.ends - nodes.starts)
         component = connected_components(nodes.graph[own][:, own], directed=False)[1]
@@ -150,9 +151,9 @@ class PartAxes:
         return [axis for axis in found if axis is not None]
 
     def image(self, axis: PartAxis, isometry: Float64) -> PartAxis:
-        """Return the axis of a counterpart: the image of `axis` under `isometry` (3, 4).
+        """Return the axis of a counterpart: the image of `axis` under `isometry` (3, 4), a rigid or mirrored motion.
 
-        The axis has no vertices if the mesh has no vertices there.
+        The result has no vertices if the mesh has no vertices at the image of the part.
         """
         nodes, linear, shift = self._nodes, isometry[:, :3], isometry[:, 3]
         total = np.bincount(nodes.of_vertex[axis.vertices], axis.parameter, len(nodes.center))
@@ -162,41 +163,40 @@ class PartAxes:
         return replace(axis, vertices=vertices, parameter=parameter, **moved)
 
     def _of_component(self, own: Int64, faces: Int32) -> PartAxis | None:
-        """Return the axis of a connected component of nodes `own` (M,) and `faces` (F, 3); None if it has no extent."""
+        """Return the axis of the component with nodes `own` (M,) and `faces` (F, 3), or None if it has no extent."""
         center, graph = self._nodes.center, self._nodes.graph
         inside = np.zeros(len(center), bool)
         inside[own] = True
         beside = np.zeros(len(inside), bool)
         beside[graph[own].indices] = True
         outside = np.flatnonzero(~inside)
-        group = np.full(len(inside), -1)
-        group[outside] = connected_components(graph[outside][:, outside], directed=False)[1]
-        area = np.bincount(group[outside], self._areas[outside])
-        around = np.unique(group[beside & ~inside])
-        rests = around[area[around] > CARRIED * area[around].max()] if len(around) else around
-        is_rest = np.isin(group, rests) & (group >= 0)
+        region = np.full(len(inside), -1)  # number of the connected region of each node outside the part
+        region[outside] = connected_components(graph[outside][:, outside], directed=False)[1]
+        area = np.bincount(region[outside], self._areas[outside])
+        around = np.unique(region[beside & ~inside])
+        rests = around[area[around] > ATTACHED * area[around].max()] if len(around) else around
+        is_rest = np.isin(region, rests) & (region >= 0)
         touched = np.zeros(len(inside), bool)
         touched[graph[np.flatnonzero(is_rest & beside)].indices] = True
-        seeds = np.flatnonzero(touched & inside)
+        base = np.flatnonzero(touched & inside)
         local = graph[own][:, own]
         number = np.full(len(inside), -1)
         number[own] = np.arange(len(own))
-        if len(seeds) == 0:
-            seeds = own[self._end(local, own)]
+        if len(base) == 0:
+            base = own[self._end(local, own)]
             borders = 0
         else:
             ring = np.flatnonzero((is_rest & beside) | (touched & inside))
             borders = connected_components(graph[ring][:, ring], directed=False)[0]
-        away = dijkstra(local, indices=number[seeds], min_only=True)
+        away = dijkstra(local, indices=number[base], min_only=True)
         if not (np.isfinite(away).all() and away.max() > 0):
             return None
         curve = self._curve(own, faces, number, away)
         if curve is None:
             return None
         nodes, radius, parameter = curve
-        seam = SEAM * radius[: NODES // 4].mean()
-        mix = np.clip(away / max(seam, 1e-300), 0.0, 1.0)
-        parameter = np.clip(parameter, 0.0, 1.0) * mix * mix * (3 - 2 * mix)
+        rise = np.clip(away / max(RISE * radius[: NODES // 4].mean(), 1e-300), 0.0, 1.0)
+        parameter = np.clip(parameter, 0.0, 1.0) * rise * rise * (3 - 2 * rise)
         weight = self._areas[own]
         points, weight = center[own], weight if weight.sum() > 0 else np.ones(len(own))
         middle = np.average(points, axis=0, weights=weight)
@@ -204,14 +204,14 @@ class PartAxes:
         near = np.flatnonzero(is_rest)
         near = near[np.linalg.norm(center[near] - nodes[0], axis=1) < np.linalg.norm(nodes[-1] - nodes[0])]
         rest = center[near].mean(axis=0) if len(near) else nodes[0]
-        attached = np.flatnonzero((group >= 0) & np.isin(group, around) & ~is_rest)
-        vertices, parameter = self._on_vertices(*self._with_attached(own, parameter, attached, group))
-        return PartAxis(vertices, parameter, nodes, radius, center[seeds], borders, middle, rest, spread)
+        attached = np.flatnonzero((region >= 0) & np.isin(region, around) & ~is_rest)
+        vertices, parameter = self._on_vertices(*self._with_attached(own, parameter, attached, region))
+        return PartAxis(vertices, parameter, nodes, radius, center[base], borders, middle, rest, spread)
 
     def _on_vertices(self, some: Int64, values: Float64) -> tuple[Int64, Float64]:
-        """Return the vertices (N,) of the nodes `some` (M,), and the nodes' `values` (M,) at these vertices (N,).
+        """Return the vertices (N,) of the nodes `some` (M,), and the nodes' `values` (M,), interpolated to them, (N,).
 
-        Values and gradients of nodes are interpolated, so that values linear in space stay linear.
+        Gradients are interpolated too, so that values that are linear in space stay linear.
         """
         nodes = self._nodes
         chosen = np.zeros(len(nodes.center), bool)
@@ -235,7 +235,7 @@ class PartAxes:
         return vertices, (found[:, 1] + (found[:, 2:] * points).sum(axis=1)) / found[:, 0]
 
     def _end(self, local: csr_matrix, own: Int64) -> Int64:
-        """Return the nodes (K,) at the base of a part without a rest: its end nearer to the center of the shape."""
+        """Return the base (K,), as indices of `own`, of a part without a rest: its end nearer to the shape's center."""
         some = dijkstra(local, indices=0)
         one = int(np.where(np.isfinite(some), some, -1).argmax())
         away = dijkstra(local, indices=one)
@@ -247,11 +247,11 @@ class PartAxes:
         return np.flatnonzero(near <= 0.05 * near[np.isfinite(near)].max())
 
     def _curve(self, own: Int64, faces: Int32, number: Int64, away: Float64) -> tuple[Float64, Float64, Float64] | None:
-        """Return the curve (33, 3), its radius (33,), and the levels (M,) of the nodes `own`; None if there is no area.
+        """Return the curve (33, 3), its radius (33,), and the parameters (M,) of the nodes `own`; None without area.
 
-        The curve is a principal curve (Hastie and Stuetzle 1989). The first levels are the distances `away` from the
-        base, scaled to [0, 1]. In each round, the curve is the mean of the samples near each level. Projection of the
-        samples onto the curve gives their new levels.
+        The curve is a principal curve (Hastie and Stuetzle 1989). The first parameters are the distances `away` (M,)
+        from the base, scaled to [0, 1]. In each round, a point of the curve is the mean of the samples with nearly the
+        same parameter. Projection of the samples onto the curve gives new parameters.
         """
         areas = face_areas(self._mesh.vertices, faces)
         if not areas.sum() > 0:
@@ -260,50 +260,49 @@ class PartAxes:
         corners = number[self._nodes.of_vertex[faces[face]]]
         points = np.einsum("nk,nkd->nd", barycentric, self._mesh.vertices[faces[face]])
         start = (barycentric * away[corners]).sum(axis=1) / away.max()
-        level, width = start, WIDTH
+        parameter, width = start, WIDTH
         own_level = away / away.max()
         for _ in range(ROUNDS):
-            at = np.linspace(np.quantile(level, ENDS[0]), np.quantile(level, ENDS[1]), NODES)
-            nodes = _resampled(_fitted(at, level, points, width))
-            width = float(np.sqrt(np.square(points - _on(nodes, level)).sum(axis=1).mean())) / away.max()
+            at = np.linspace(np.quantile(parameter, ENDS[0]), np.quantile(parameter, ENDS[1]), NODES)
+            nodes = _resampled(_fitted(at, parameter, points, width))
+            width = float(np.sqrt(np.square(points - _on(nodes, parameter)).sum(axis=1).mean())) / away.max()
             if width > STOUT:
                 break
             width = max(WIDTH, WIDE * width)
-            level = _projected(nodes, points, start)
+            parameter = _projected(nodes, points, start)
         else:
             own_level = _projected(nodes, self._nodes.center[own], own_level)
         at = np.linspace(0.0, 1.0, NODES)
-        squares = np.square(points - _on(nodes, level)).sum(axis=1)
-        radius = np.sqrt(_fitted(at, level, squares[:, None], WIDTH, straight=False)[:, 0])
+        squares = np.square(points - _on(nodes, parameter)).sum(axis=1)
+        radius = np.sqrt(_fitted(at, parameter, squares[:, None], WIDTH, straight=False)[:, 0])
         return nodes, radius, own_level
 
-    def _with_attached(self, own: Int64, parameter: Float64, attached: Int64, group: Int64) -> tuple[Int64, Float64]:
-        """Return the nodes of the part and of the `attached` regions, and their levels.
+    def _with_attached(self, own: Int64, parameter: Float64, attached: Int64, region: Int64) -> tuple[Int64, Float64]:
+        """Return the nodes of the part and of the `attached` regions, and their parameters.
 
-        With distance from the part, the levels of a region change from the part's levels to one common level.
+        Near the part, the parameters of a region equal the part's. Farther away, they change to the region's median.
         """
         if len(attached) == 0:
             return own, parameter
         nodes = np.sort(np.concatenate([own, attached]))
-        known = np.full(len(group), np.nan)
+        known = np.full(len(region), np.nan)
         known[own] = parameter
         local = self._nodes.graph[nodes][:, nodes]
         unknown = np.isnan(known[nodes])
         distance, _, source = dijkstra(local, indices=np.flatnonzero(~unknown), min_only=True, return_predecessors=True)
         result = np.where(unknown, known[nodes[np.maximum(source, 0)]], known[nodes])
-        of = group[nodes]
-        for one in np.unique(of[of >= 0]):
-            here = of == one
+        for number in np.unique(region[attached]):
+            here = region[nodes] == number
             far = np.clip(distance[here] / max(distance[here].max() / 3, 1e-300), 0.0, 1.0)
             result[here] += (np.median(result[here]) - result[here]) * far * far * (3 - 2 * far)
         return nodes, result
 
 
 def carried(vertices: Float64, tree: cKDTree, values: Float64, isometry: Float64) -> tuple[Int64, Float64]:
-    """Move `values` (V,) by `isometry` (3, 4); return the vertices (N,) with values above 0, and these values (N,).
+    """Move `values` (V,) by `isometry` (3, 4), and return the vertices (N,) with new values above 0, and these values.
 
-    The value of a vertex is the mean over the vertices nearest to its preimage, weighted by the inverse squared
-    distance.
+    The new value of a vertex is the mean over the four vertices nearest to its preimage, weighted by the inverse
+    squared distance. `tree` is the search tree of `vertices` (V, 3).
     """
     linear, shift = isometry[:, :3], isometry[:, 3]
     some = vertices[values > 0]
@@ -318,13 +317,13 @@ def carried(vertices: Float64, tree: cKDTree, values: Float64, isometry: Float64
     return near[found > 0], found[found > 0]
 
 
-def _fitted(at: Float64, level: Float64, values: Float64, width: float, *, straight: bool = True) -> Float64:
-    """Return `values` (N, D) of samples with levels (N,), smoothed at the levels `at` (K,): (K, D).
+def _fitted(at: Float64, parameter: Float64, values: Float64, width: float, *, straight: bool = True) -> Float64:
+    """Return `values` (N, D) of samples with `parameter` (N,), smoothed at the parameters `at` (K,), as (K, D).
 
-    The kernel is a Gaussian of `width`. With `straight`, local lines are fitted instead of local means, so that the
-    curve does not shrink at its ends.
+    The kernel is a Gaussian with the standard deviation `width`. If `straight` is True, local lines are fitted instead
+    of local means, so that the curve does not shrink at its ends.
     """
-    apart = level[None] - at[:, None]
+    apart = parameter[None] - at[:, None]
     kernel = np.exp(-0.5 * np.square(apart / width)) + 1e-12
     total = kernel.sum(axis=1)
     mean = kernel @ values / total[:, None]
@@ -347,27 +346,27 @@ def _resampled(nodes: Float64) -> Float64:
     return np.stack([np.interp(wanted, length, axis) for axis in nodes.T], axis=1)
 
 
-def _on(nodes: Float64, level: Float64) -> Float64:
-    """Return the points (N, 3) of a curve at `level` (N,)."""
+def _on(nodes: Float64, parameter: Float64) -> Float64:
+    """Return the points (N, 3) of a curve at `parameter` (N,)."""
     at = np.linspace(0.0, 1.0, len(nodes))
-    return np.stack([np.interp(level, at, axis) for axis in nodes.T], axis=1)
+    return np.stack([np.interp(parameter, at, axis) for axis in nodes.T], axis=1)
 
 
 def _projected(nodes: Float64, points: Float64, start: Float64) -> Float64:
-    """Return the level (N,) of the curve's point nearest to each of `points` (N, 3), within `FARTHEST` of `start`."""
+    """Return the parameters (N,) of the curve's points nearest to `points` (N, 3), within `FARTHEST` of `start`."""
     at = np.linspace(0.0, 1.0, len(nodes))
     best, nearest = start.copy(), np.full(len(points), np.inf)
     along = np.diff(nodes, axis=0)
     squares = np.maximum(np.square(along).sum(axis=1), 1e-300)
     for k, (node, side) in enumerate(zip(nodes[:-1], along, strict=True)):
-        # The curve is extended straight beyond its ends, so that levels there stay distinct.
+        # The curve is extended by straight lines beyond its ends, so that parameters there stay distinct.
         low = -np.inf if k == 0 else 0.0
         high = np.inf if k == len(along) - 1 else 1.0
         some = np.flatnonzero(np.abs(at[k] - start) <= 2 * FARTHEST)
         apart = points[some] - node
         fraction = np.clip(apart @ side / squares[k], low, high)
-        level = at[k] + fraction / len(along)
+        parameter = at[k] + fraction / len(along)
         far = np.square(apart - fraction[:, None] * side).sum(axis=1)
-        better = (far < nearest[some]) & (np.abs(level - start[some]) <= FARTHEST)
-        best[some[better]], nearest[some[better]] = level[better], far[better]
+        better = (far < nearest[some]) & (np.abs(parameter - start[some]) <= FARTHEST)
+        best[some[better]], nearest[some[better]] = parameter[better], far[better]
     return best

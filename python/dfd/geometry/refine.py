@@ -1,18 +1,18 @@
-"""Subdivide large triangles, so that distances are measured inside them too."""
+"""Subdivide large triangles, so that distances along the surface are also computed inside them."""
 
 import numpy as np
 
 from dfd.common.linear_algebra import Float64, Int32, Int64, distinct_pairs
 from dfd.geometry.topology import face_sides, face_sizes
 
-_ROUNDS = 16  # most rounds; each halves all long edges
+_ROUNDS = 16  # largest number of rounds; each round halves all long edges
 
 
 def split_long_edges(vertices: Float64, faces: Int32, longest: float, *, most: int) -> tuple[Float64, Int32]:
     """Return vertices and faces after halving edges until none is longer than `longest`, which must be above 0.
 
-    The given vertices (V, 3) come first. Faces that share an edge share its midpoint. At most about `most` vertices are
-    added, so some longer edges may remain.
+    The first vertices of the result are the given `vertices` (V, 3). Faces that share an edge share its midpoint. At
+    most about `most` vertices are added, so some longer edges may remain.
     """
     sizes = face_sizes(vertices, faces)[0]
     long = sizes[sizes > longest]
@@ -26,7 +26,7 @@ def split_long_edges(vertices: Float64, faces: Int32, longest: float, *, most: i
         if not cut.any():
             break
         edges, number = distinct_pairs(ends[cut], len(vertices))
-        middle = np.full((len(faces), 3), -1, np.int64)  # of the sides from corner 0 to 1, 1 to 2, 2 to 0
+        middle = np.full((len(faces), 3), -1, np.int64)  # midpoints of the sides from corner 0 to 1, 1 to 2, 2 to 0
         middle[cut.reshape(-1, 3)] = len(vertices) + number
         vertices = np.concatenate([vertices, vertices[edges].mean(axis=1)])
         faces = _cut(vertices, faces.astype(np.int64), middle).astype(np.int32)
@@ -34,10 +34,10 @@ def split_long_edges(vertices: Float64, faces: Int32, longest: float, *, most: i
 
 
 def _cut(points: Float64, faces: Int64, middle: Int64) -> Int64:
-    """Return `faces` (F, 3), divided at the midpoints `middle` (F, 3) of their sides; −1 stands for no midpoint."""
+    """Return `faces` (F, 3), divided at the midpoints `middle` (F, 3) of their sides; −1 means no midpoint."""
     count = (middle >= 0).sum(axis=1)
     result = [faces[count == 0]]
-    # Rotate the corners so that, if any side is cut, the first is, and if two are cut, the last is not.
+    # Rotate the corners so that a single divided side is the first, and a single undivided side is the last.
     for cuts, pattern in ((1, middle >= 0), (2, np.roll(middle < 0, 1, axis=1)), (3, middle >= 0)):
         chosen = count == cuts
         turn = (pattern[chosen].argmax(axis=1)[:, None] + np.arange(3)) % 3

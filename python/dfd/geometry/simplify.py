@@ -1,4 +1,4 @@
-"""Simplify a mesh to fewer faces by quadric errors, as the paper does before rendering."""
+"""Simplify a mesh to fewer faces by quadric error metrics, as the paper does before rendering."""
 
 import fast_simplification
 import numpy as np
@@ -12,9 +12,9 @@ from dfd.mesh.normals import face_normals
 
 
 def simplify(mesh: Mesh, face_count: int) -> Mesh:
-    """Return a copy of `mesh` with at most about `face_count` faces, or `mesh` itself if it has no more.
+    """Return a copy of `mesh` with at most about `face_count` faces, or `mesh` itself if it does not have more.
 
-    The copy has no textures. Each of its vertices has the color of the nearest vertex of `mesh`.
+    The copy has no textures. Each vertex of the copy has the color of the nearest vertex of `mesh`.
 
     Raises ValueError if `face_count` is less than 4, or all vertices are at one position.
 
@@ -23,11 +23,11 @@ def simplify(mesh: Mesh, face_count: int) -> Mesh:
     face_count = check.whole("simplify", "face_count", face_count, minimum=4)
     if len(mesh.faces) <= face_count:
         return mesh
-    # The simplifier takes each collapse near a face without area for a fold, and refuses it.
+    # The simplifier rejects every edge collapse near a face without area, as if the collapse folded the surface.
     faces = mesh.faces[face_normals(mesh.vertices, mesh.faces).any(axis=1)]
     if len(faces) == 0:
         return mesh
-    # Quadrics contain squared coordinates, whose rounding errors are smallest for a box of size 1 at the origin.
+    # Quadrics contain squared coordinates, whose rounding errors are smallest for coordinates in [−1, 1].
     frame = normalization(mesh)
     normalized = frame.apply(mesh.vertices)
     vertices, faces = fast_simplification.simplify(normalized, faces, target_count=min(face_count, len(faces)))

@@ -1,4 +1,4 @@
-"""Build a graph of a mesh's vertices from its edges, and bridges between components that touch or nearly touch."""
+"""Build a graph of the vertices of a mesh from its edges, and from bridges between components that nearly touch."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,25 +12,25 @@ from dfd.geometry.topology import face_sides, face_sizes, first_at_place, points
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.weld import weld
 
-# Largest distances of components at the same position, and of components that touch or nearly touch, in diagonals of
-# the box. Components that a smaller distance joins get no bridges at a larger one: legs that meet at the hips stay
-# separate at the knees.
+# Points within SAME_PLACE of each other have the same position. Bridges join components first across the smaller of
+# GAPS, then across the larger. Both are in diagonals of the box. Components that the smaller gap joins get no bridges
+# across the larger one: legs that meet at the hips stay separate at the knees.
 SAME_PLACE, GAPS = 1e-6, (0.005, 0.02)
-_MOST_POINTS = 400_000  # most samples on edges, and most samples on faces
-_LABELS_IN_CELL = 4  # components in a grid cell that are paired with other cells; limits pairs of many small components
+_MOST_POINTS = 400_000  # largest number of samples on edges, and of samples on faces
+_LABELS_IN_CELL = 4  # number of components per grid cell that are paired with other cells, which limits their pairs
 
 
 def surface_graph(mesh: Mesh) -> csr_matrix:
     """Return a graph that joins the vertices of `mesh` along edges, at equal positions, and across small gaps.
 
     The graph is a symmetric float64 matrix (V, V) of edge lengths in mesh units. Edges between equal positions have the
-    smallest normal number, because graph algorithms read 0 as no edge.
+    smallest normal float64 as length, because 0 means no edge to graph algorithms.
 
-    Bridges are edges across a gap of at most 2 % of the diagonal of the box around all faces. They join components all
-    along the gap. Components farther apart stay separate. A vertex without faces is joined to the nearest vertex of a
-    face across such a gap.
+    Bridges are edges across a gap of at most 2 % of the diagonal of the box around all faces. They join two components
+    along the whole gap. Components farther apart stay separate. A vertex without faces is joined to the nearest vertex
+    of a face if their distance is at most this gap.
 
-    Raises ValueError if the mesh is so large that lengths overflow.
+    Raises ValueError if the mesh is so large that edge lengths overflow.
     """
     size, scaled = _scaled(mesh)
     ends = np.concatenate([face_sides(mesh.faces), surface_links(mesh)])
@@ -60,7 +60,7 @@ def surface_links(mesh: Mesh) -> Int32:
 
 
 def _scaled(mesh: Mesh) -> tuple[float, Float64]:
-    """Return the longest side of the mesh's box, and the vertices (V, 3) in this unit, whose squares do not overflow.
+    """Return the longest side of the mesh's box, and the vertices (V, 3) divided by it, so that no square overflows.
 
     Raises ValueError if lengths overflow.
     """
@@ -71,7 +71,7 @@ def _scaled(mesh: Mesh) -> tuple[float, Float64]:
 
 
 def bridges(vertices: Float64, faces: Int32, component: NDArray[np.integer]) -> Int64:
-    """Return pairs (B, 2) of vertices on both sides of each small gap between components.
+    """Return pairs (B, 2) of vertices that bridges connect, on both sides of each small gap between components.
 
     `vertices` (V, 3) and `faces` (F, 3) are the mesh, and `component` (V,) is the component of each vertex.
     """
@@ -102,9 +102,9 @@ def bridges(vertices: Float64, faces: Int32, component: NDArray[np.integer]) -> 
 
 
 def _across(points: Float64, vertex: Int64, label: Int64, gap: float) -> Int64:
-    """Return pairs (B, 2) of vertices with different labels (V,), whose samples `points` (N, 3) are within `gap`.
+    """Return pairs (B, 2) of vertices of different components, whose samples are within `gap` of each other.
 
-    `vertex` (N,) is the vertex for which each sample stands.
+    `points` (N, 3) are the samples, `vertex` (N,) their vertices, and `label` (V,) the components of the vertices.
     """
     kept, crowded = _thinned(points, label[vertex], gap / 2)
     pairs = kept[cKDTree(points[kept]).query_pairs(gap, output_type="ndarray")]
@@ -113,9 +113,9 @@ def _across(points: Float64, vertex: Int64, label: Int64, gap: float) -> Int64:
 
 
 def _samples(vertices: Float64, faces: Int32, own: Int64, spacing: float) -> tuple[Float64, Int64]:
-    """Return surface samples (N, 3) about `spacing` apart, and the vertex (N,) for which each stands.
+    """Return surface samples (N, 3) about `spacing` apart, and the vertex (N,) that each sample represents.
 
-    The samples are the vertices `own`, and points on the sides and inside of faces larger than `spacing`.
+    The samples are the vertices `own` (K,), and points on and inside the faces with a side longer than `spacing`.
     """
     points, vertex = [vertices[own]], [own]
     longest, areas = face_sizes(vertices, faces)
@@ -136,14 +136,14 @@ def _samples(vertices: Float64, faces: Int32, own: Int64, spacing: float) -> tup
 
 
 def _capped(wanted: Float64) -> Int64:
-    """Return `wanted` numbers of points (K,), scaled to a sum of about `_MOST_POINTS` at most, and rounded up."""
+    """Return the numbers `wanted` (K,), scaled to a sum of at most about `_MOST_POINTS`, and rounded up."""
     return np.ceil(wanted * min(1.0, _MOST_POINTS / max(float(wanted.sum()), 1.0))).astype(np.int64)
 
 
 def _thinned(points: Float64, label: Int64, cell: float) -> tuple[Int64, Int64]:
-    """Return indices (K,) of chosen `points` (N, 3): one for each of a few labels in each cell of a grid.
+    """Return the indices (K,) of chosen `points` (N, 3): in each cell of a grid, one point for each of a few labels.
 
-    Also return pairs (C, 2) for all other labels: a chosen point of the cell, and a point of the label.
+    Also return a pair for each other label of a cell, (C, 2): a chosen point of the cell, and a point with the label.
     """
     voxel = np.floor((points - points.min(axis=0)) / cell).astype(np.int64)
     span = voxel.max(axis=0) + 1
@@ -160,7 +160,7 @@ def _thinned(points: Float64, label: Int64, cell: float) -> tuple[Int64, Int64]:
 
 
 def _joined(label: Int64, pairs: Int64) -> Int64:
-    """Return the labels (V,) of vertices after joining the labels of `pairs` (B, 2)."""
+    """Return the labels (V,) of vertices after the labels of the two vertices of each pair (B, 2) become equal."""
     count = int(label.max()) + 1
     ends = label[pairs]
     links = coo_array((np.ones(len(ends), bool), (ends[:, 0], ends[:, 1])), shape=(count, count))

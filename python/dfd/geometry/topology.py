@@ -1,4 +1,4 @@
-"""Count a mesh's components and defects, measure its faces, and sample its surface."""
+"""Count the components and defects of a mesh, measure its faces, and sample its surface."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64, dist
 from dfd.common.threads import get_num_threads
 from dfd.mesh.weld import weld
 
-if TYPE_CHECKING:  # imports mesh readers, which takes most of a second
+if TYPE_CHECKING:  # this module imports mesh readers, which takes most of a second
     from dfd.mesh.mesh import Mesh
 
 
 @dataclass(frozen=True)
 class Topology:
-    """Counts over a mesh, in which vertices at one position are one vertex."""
+    """Counts of a mesh. For edges and faces, vertices at the same position are one vertex."""
 
     vertex_count: int
     face_count: int
     components: int  # connected components of the surface
-    boundary_edges: int  # edges of one face
-    non_manifold_edges: int  # edges of more than two faces
+    boundary_edges: int  # edges that belong to one face
+    non_manifold_edges: int  # edges that belong to more than two faces
     degenerate_faces: int  # faces without area
-    duplicate_faces: int  # faces with the corners of an earlier face, in any order
-    unreferenced_vertices: int  # vertices of no face
-    extents: tuple[float, float, float]  # sides of the box, in mesh units
-    parts: int  # parts of the file's scene
+    duplicate_faces: int  # faces with the same three corners as an earlier face, in any order
+    unreferenced_vertices: int  # vertices that belong to no face
+    extents: tuple[float, float, float]  # sides of the bounding box, in mesh units
+    parts: int  # parts of the file's scene, see `Mesh.parts`
     materials: int
     textures: int
 
@@ -39,7 +39,7 @@ class Topology:
 def inspect(mesh: Mesh) -> Topology:
     """Return the numbers of components and defects of a mesh.
 
-    Faces without three different corners are not counted for edges and components.
+    Edges and components are those of the faces with three different corners.
     """
     faces = first_at_place(mesh)[mesh.faces]
     proper = faces[_three_corners(faces)]
@@ -67,7 +67,7 @@ _FIRST: WeakKeyDictionary[Mesh, Int32] = WeakKeyDictionary()
 
 
 def first_at_place(mesh: Mesh) -> Int32:
-    """Return the first vertex at the position of each vertex, a read-only array (V,)."""
+    """Return, for each vertex, the first vertex with the same position, as a read-only array (V,)."""
     if mesh not in _FIRST:
         first, vertex = weld(mesh.vertices)
         _FIRST[mesh] = first.astype(np.int32)[vertex]
@@ -76,7 +76,7 @@ def first_at_place(mesh: Mesh) -> Int32:
 
 
 def face_components(faces: Int32) -> Int32:
-    """Return the connected component (F,) of each of `faces` (F, 3), counted from 0."""
+    """Return the number (F,) of the connected component of each of `faces` (F, 3), counted from 0."""
     if len(faces) == 0:
         return np.zeros(0, np.int32)
     numbers = _core.components(int(faces.max()) + 1, np.ascontiguousarray(faces, np.int32), np.zeros((0, 2), np.int32))
@@ -102,7 +102,7 @@ def face_areas(vertices: NDArray[np.floating], faces: Int32) -> Float64:
 
 
 def vertex_areas(vertices: NDArray[np.floating], faces: Int32) -> Float64:
-    """Return the area (V,) of each vertex, a third of the area of its faces, in squared units of `vertices` (V, 3)."""
+    """Return a third of the area of each vertex's faces, (V,), in squared units of `vertices` (V, 3)."""
     thirds = np.repeat(face_areas(vertices, faces) / 3, 3)
     return np.bincount(faces.ravel(), thirds, len(vertices)).astype(np.float64)
 
@@ -113,7 +113,7 @@ def _three_corners(faces: Int32) -> Bool:
 
 
 def _has_area(vertices: Float64, faces: Int32) -> Bool:
-    """Return whether the area of each face (F,) exceeds its rounding error."""
+    """Return whether the area of each face exceeds its rounding error, (F,) bool."""
     size = np.abs(vertices).max(initial=0.0)
     corners = vertices[faces] / (size if size > 0 else 1.0)  # prevents overflow and underflow of products
     along, aside = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
@@ -126,7 +126,7 @@ def _has_area(vertices: Float64, faces: Int32) -> Bool:
 
 
 def even_points(areas: Float64, count: int) -> tuple[Int64, Float32]:
-    """Return `count` points spread evenly over faces of `areas` (F,): their faces (N,) and barycentric rows (N, 3)."""
+    """Return `count` points at even density on faces with `areas` (F,): faces (count,), barycentric rows (count, 3)."""
     evenly = (np.arange(count) + 0.5) / count * areas.sum()
     hit = np.minimum(np.searchsorted(np.cumsum(areas), evenly), len(areas) - 1)
     return points_on_faces(np.bincount(hit, minlength=len(areas)))
@@ -135,9 +135,9 @@ def even_points(areas: Float64, count: int) -> tuple[Int64, Float32]:
 def sample_surface(
     vertices: NDArray[np.floating], faces: Int32, count: int, generator: np.random.Generator
 ) -> tuple[Float64, Int64]:
-    """Return random surface samples (count, 3), uniform by area, and the face (count,) of each.
+    """Return random surface samples (count, 3), uniform by area, and the face (count,) of each sample.
 
-    They are stratified: in the order of the faces, each of `count` intervals of equal area has one sample.
+    Samples are stratified: the faces, in order, are divided into `count` intervals of equal area with one sample each.
     """
     total = np.cumsum(face_areas(vertices, faces))
     at = (np.arange(count) + generator.random(count)) / count * total[-1]
@@ -149,11 +149,10 @@ def sample_surface(
 
 
 def points_on_faces(counts: Int64) -> tuple[Int64, Float32]:
-    """Return `counts` (F,) points on each face, as their faces (N,), ascending, and barycentric rows (N, 3).
+    """Return `counts` (F,) points on the faces: the face (N,) of each point, ascending, and barycentric rows (N, 3).
 
-    The points of a face are a sequence that fills the face evenly; the first is its center.
-
-    Source: the additive sequence of Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018.
+    The points on a face fill it evenly, and the first is its center. They are the additive sequence of Roberts, "The
+    unreasonable effectiveness of quasirandom sequences", 2018.
     """
     ends = np.cumsum(counts)
     face = np.repeat(np.arange(len(counts)), counts)

@@ -1,1 +1,1 @@
-"""Move vertices by transforms."""
+"""Move vertices by blended transforms, and along curves that bend and twist."""

@@ -12,7 +12,7 @@ from dfd.common.linear_algebra import Float32, Float64, Int64
 
 
 def read_points(function: str, vertices: Any) -> NDArray[Any]:
-    """Return `vertices` as an array (V, 3) of float32 or float64, without a copy if they have such a type."""
+    """Return `vertices` as an array (V, 3) of float32 or float64, without a copy if it already is one."""
     points = tensors.shared(function, "vertices", vertices)
     given = points.dtype.newbyteorder("=") if isinstance(points, np.ndarray) else None
     dtype = np.float32 if given in (np.float32, np.float16) else np.float64
@@ -20,7 +20,7 @@ def read_points(function: str, vertices: Any) -> NDArray[Any]:
 
 
 def read_weights(function: str, weights: Any, vertex_count: int) -> Float32:
-    """Return weights (V, H), without a copy if rows or columns are contiguous."""
+    """Return `weights` (V, H) as float32, without a copy if the type is float32 and rows or columns are contiguous."""
     matrix = tensors.shared(function, "weights", weights)
     if (
         isinstance(matrix, np.ndarray)
@@ -34,7 +34,7 @@ def read_weights(function: str, weights: Any, vertex_count: int) -> Float32:
 
 
 def empty_like(points: NDArray[Any]) -> NDArray[Any]:
-    """Return a new array of the shape and type of `points`."""
+    """Return a new array of the same array shape and type as `points`."""
     return (_core.empty_float32 if points.dtype == np.float32 else _core.empty_float64)(*points.shape)
 
 
@@ -59,9 +59,9 @@ def read_affine(function: str, name: str, value: Any, count: int | None) -> Floa
         shape = np.shape(value) if count is None else array.shape
         raise ArgumentError(name, f"must have shape ({leading}3, 4) or ({leading}4, 4), got {shape}", function)
     result = check.array(function, name, array, ("H", "R", 4), dtype=np.float64)
-    apart = np.abs(result[:, 3:] - (0.0, 0.0, 0.0, 1.0)).max(axis=(1, 2), initial=0.0)
-    if apart.max(initial=0.0) > 1e-6:
-        found = result[apart.argmax(), 3].tolist()
+    error = np.abs(result[:, 3:] - (0.0, 0.0, 0.0, 1.0)).max(axis=(1, 2), initial=0.0)
+    if error.max(initial=0.0) > 1e-6:
+        found = result[error.argmax(), 3].tolist()
         raise ArgumentError(name, f"must have the bottom row [0, 0, 0, 1], got {found}", function)
     return np.ascontiguousarray(result[:, :3])
 
@@ -69,7 +69,7 @@ def read_affine(function: str, name: str, value: Any, count: int | None) -> Floa
 def handle_positions(
     function: str, handles: Any, vertices: NDArray[Any], weights: Float32
 ) -> tuple[Int64 | None, Float64]:
-    """Return the vertices (H,), or None if positions are given, and the positions (H, 3) of the handles."""
+    """Return the vertices (H,) of the handles, or None if `handles` are positions, and the positions (H, 3)."""
     count = weights.shape[1]
     if handles is None:
         if len(vertices) == 0:
@@ -87,7 +87,7 @@ def handle_positions(
 
 
 def handle_weight_matrix(function: str, handle_weights: Any, weights: Float32, indices: Int64 | None) -> Float64:
-    """Return the weights among handles (H, H); row j holds the weights at the position of handle j."""
+    """Return the weights among handles (H, H), whose row j has the weights at the position of handle j."""
     count = weights.shape[1]
     if handle_weights is not None:
         return check.array(function, "handle_weights", handle_weights, (count, count), dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Differentiate a linear blend (Eq. 1, 8): the kernel computes the forward pass, and torch the backward pass."""
+"""Differentiate a linear blend (Eq. 1 and 8). The kernel computes the forward pass, and torch the backward pass."""
 
 from __future__ import annotations
 
@@ -22,8 +22,7 @@ def posed_with_gradients(
 ) -> Any:
     """Return the result of `pose` as a tensor with gradients for `vertices`, `weights` and `transforms`.
 
-    Raises ValueError as `dfd.pose` does. Raises ValueError if another argument requires gradients, or the blend has no
-    gradients.
+    Raises ValueError as `dfd.pose` does, or if another argument requires gradients, or the blend has no gradients.
     """
     for name in ("default", "normals", "handle_weights", "out"):
         if tensors.tracked(options[name]):
@@ -40,7 +39,7 @@ def posed_with_gradients(
             raise ArgumentError(name, f"must be float32 or float64 to have gradients, got {value.dtype}", "pose")
         if not isinstance(value, torch.Tensor):
             array = np.asarray(tensors.shared("pose", name, value))
-            # Vertices of a mesh are read-only. torch has no read-only tensors and would warn.
+            # The vertices of a mesh are read-only. torch has no read-only tensors, and would warn without the copy.
             value = torch.from_numpy(array if array.flags.writeable else array.copy())
         inputs.append(value)
     return _Pose.apply(pose, options, *inputs)  # type: ignore[no-untyped-call]

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from dfd.symmetry.plane import SymmetryPlane
 
 Overlap = Literal["add", "interpolate", "normalize", "paper"]
-# In the order of the kernels' enum; "interpolate" runs as "add" with weights multiplied by `mixing`.
+# The kernels' number of each rule. "interpolate" is "add" with weights that were multiplied by `_Rule.mixing`.
 KERNEL_OVERLAPS = {"add": 0, "interpolate": 0, "paper": 1, "normalize": 2}
 Blend = Literal["linear", "dual_quaternion"]  # numbered as in the kernels
 
@@ -40,7 +40,7 @@ IDENTITY.flags.writeable = False
 
 
 class PoseOptions(TypedDict, total=False):
-    """The arguments of `pose` besides vertices, weights, transforms, `normals` and `out`."""
+    """The arguments of `pose`, except `vertices`, `weights`, `transforms`, `normals` and `out`."""
 
     default: Any
     symmetry: SymmetryPlane | None
@@ -100,7 +100,7 @@ def pose(
     blend: Blend = "linear",
     out: Any = None,
 ) -> Any:
-    """Return vertices moved by the transforms of the handles that they follow.
+    """Return the vertices, moved by the transforms of the handles that they follow.
 
     Parameters
     ----------
@@ -111,31 +111,32 @@ def pose(
     transforms
         (H, 3, 4) or (H, 4, 4) affine transforms D_k, in mesh units.
     default
-        (3, 4) or (4, 4) transform D₀, with weight max(1 − Σ W_k, 0); None for the identity.
+        (3, 4) or (4, 4) default transform D₀, with weight max(1 − Σ W_k, 0); None is the identity.
     symmetry
-        The mirror plane; handles act mirrored on the other side. Over its `band`, both sides are blended smoothly.
+        The mirror plane. Vertices follow the mirrored transform of each handle on the other side of the plane. In the
+        plane's `band`, the results of both sides are blended smoothly.
     handles
-        (H,) vertex indices or (H, 3) positions of the handles. They determine the side of the plane, the weights among
-        handles, and the centers of stretches with dual quaternions. With None, a handle is at the vertex with its
-        largest weight.
+        (H,) vertex indices or (H, 3) positions of the handles. They determine each handle's side of the plane, the
+        weights among handles, and the centers of the stretches of dual quaternions. None means that each handle is at
+        the vertex with its largest weight.
     handle_weights
-        (H, H) weights among handles for `overlap="interpolate"`; row j holds the weights at the position of handle j.
+        (H, H) weights among handles for `overlap="interpolate"`. Row j has the weights at the position of handle j.
         None takes the rows of `weights` at `handles`, which must then be vertices.
     normals
         (V, 3) unit normals to transform as well, by the cofactors of each vertex's blended transform.
     overlap
-        The rule for weights with a sum above 1. "paper": Eq. 1 as it is written, which scales the vertex by the sum
-        about the origin. "add": displacements are added, so handles at rest change nothing. "normalize": weights are
+        The rule for vertices whose weights have a sum above 1. "paper": Eq. 1 unchanged, which also scales the vertex
+        about the origin. "add": displacements are added, so identity transforms move nothing. "normalize": weights are
         divided by their sum. "interpolate": weights are multiplied by the inverse of the weights among handles, and
-        displacements are added. Each handle then moves exactly to its target, except within the band of a plane.
+        displacements are added. Each handle then moves exactly to its target, except in the band of a mirror plane.
     blend
         The quantity that is blended. "linear": the matrices, Eq. 1. "dual_quaternion": each transform is divided into a
         stretch about the handle's position and a rigid motion. Stretches are blended linearly, and rigid motions as
         dual quaternions (Kavan et al., Geometric Skinning with Approximate Dual Quaternion Blending, 2008). Twisted
-        parts then keep their thickness. The rotation of a singular transform has no reflection. If a transform mirrors,
-        its stretch mirrors, so that the rotation is the smallest.
+        parts then keep their thickness. If a transform mirrors, its stretch mirrors, such that the rotation is the
+        smallest. The rotation of a singular transform never mirrors.
     out
-        (V, 3) array for the result, of the type of `vertices`; None makes a new one.
+        (V, 3) array for the result, with the type of `vertices`; None makes a new one.
 
     Returns
     -------
@@ -144,18 +145,18 @@ def pose(
         one. With `normals`, a pair: the vertices, and (V, 3) unit normals of the same type. The result of a linear
         blend can be differentiated by `vertices`, `weights` and `transforms`.
 
-    Raises ValueError if shapes disagree, a value is not finite, a transform is not affine, or `out` has another shape
-    or type. Raises ValueError if two handles cannot move independently, or a tensor requires a gradient that is not
-    implemented.
+    Raises ValueError if array shapes disagree, a value is not finite, a transform is not affine, or `out` has another
+    array shape or type. Raises ValueError if two handles cannot move independently, or a tensor requires a gradient
+    that is not implemented.
 
     Equation 1: V' = (max(1 − Σ W_k, 0) D₀ + Σ W_k D_k) V. With "add":
-    V' = V + max(1 − Σ W_k, 0) (D₀ V − V) + Σ W_k (D_k V − V). Both are equal if weights sum to at most 1. With "add",
-    vertices are unchanged to the bit if all transforms are the identity. For dual quaternions, the sums are those of
-    the differences of quaternions and stretches from the identity. Each quaternion has the sign that gives the shorter
-    rotation from D₀. The stretch of D₀ is about the first vertex. For dual quaternions, "paper" equals "normalize".
+    V' = V + max(1 − Σ W_k, 0) (D₀ V − V) + Σ W_k (D_k V − V). Both are equal if the sum of the weights is at most 1.
+    With "add", vertices keep their exact bits if all transforms are the identity. For dual quaternions, the sums are
+    those of the differences of quaternions and stretches from the identity, and "paper" equals "normalize". Each
+    quaternion has the sign that gives the shorter rotation from D₀. The stretch of D₀ is about the first vertex.
 
-    Equation 8: on the other side of the plane, handle k acts with R D_k R, where R is the reflection. Within the band,
-    a smoothstep blends both sides.
+    Equation 8: on the other side of the plane, the transform of handle k is R D_k R, where R is the reflection. In the
+    band, a smoothstep blends both sides.
     """
     if tensors.tracked(vertices, weights, transforms, default, normals, handle_weights, out):
         from dfd.posing.gradients import posed_with_gradients
@@ -178,11 +179,10 @@ def pose(
 
 
 class Drag:
-    """A series of poses in which only some handles move; the sum over all other handles is computed once.
+    """A series of poses in which only some handles move. The sum over all other handles is computed once.
 
-    The parameters are those of `dfd.pose`. `transforms` are the transforms at the start of the drag, and `moving` the
-    handles that move, as columns of `weights`. Dual quaternions have no such sum, so a frame takes as long as
-    `dfd.pose`.
+    The parameters are those of `dfd.pose`, and `moving`: the columns of `weights` of the handles that move.
+    `transforms` are those at the start. Dual quaternions have no such sum, so each pose takes as long as `dfd.pose`.
     """
 
     def __init__(
@@ -215,8 +215,7 @@ class Drag:
         if blend != "linear":
             self._rule, self._weights, self._transforms = rule, matrix.copy(order="K"), affine.copy()
             return
-        # A handle with the identity adds no displacement. So posing the moving handles with it gives the sum over all
-        # others.
+        # The identity adds no displacement. So a pose in which the moving handles have it is the sum over all others.
         resting = affine.copy()
         resting[self._moving] = IDENTITY
         self._base = empty_like(self._points)
@@ -226,7 +225,7 @@ class Drag:
         self._rule = rule._replace(rest=IDENTITY, positive=positive, places=None, mixing=None, overlap=0)
 
     def pose(self, transforms: Any, *, out: Any = None) -> Any:
-        """Return vertices (V, 3) for `transforms` (M, 3, 4) or (M, 4, 4) of the moving handles, in their order.
+        """Return the vertices (V, 3) for `transforms` (M, 3, 4) or (M, 4, 4) of the handles, in the order of `moving`.
 
         Raises ValueError as `dfd.pose` does.
         """
@@ -243,11 +242,11 @@ class Drag:
 
 
 class _Rule(NamedTuple):
-    """The arguments of the kernel, in its order, that say how transforms are blended."""
+    """How transforms are blended: arguments of the kernel, in its order."""
 
     rest: Float64  # (3, 4) D₀
     plane: tuple[tuple[float, float, float], float, float] | None  # normal, offset and band of the mirror plane
-    positive: Bool | None  # (H,) whether a handle is on the side to which the plane's normal points
+    positive: Bool | None  # (H,) whether a handle is on the side to which the plane's normal points, or in the plane
     places: Float64 | None  # (H, 3) positions of the handles
     mixing: Float64 | None  # (H, H) matrix by which the weights are multiplied
     overlap: int  # index in `KERNEL_OVERLAPS`
@@ -265,7 +264,7 @@ def _rule(
     overlap: Overlap,
     blend: Blend,
 ) -> _Rule:
-    """Check the options of `pose`, and return them for the kernel."""
+    """Check the options of `pose`, and convert them for the kernel."""
     check.choice(function, "overlap", overlap, Overlap)
     check.choice(function, "blend", blend, Blend)
     if symmetry is not None:

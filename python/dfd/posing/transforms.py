@@ -1,4 +1,4 @@
-"""Define translation, rotation and scale about a pivot, and the (3, 4) affine matrices that `dfd.pose` blends.
+"""Define `Transform`: translation, rotation and scale about a pivot, as a (3, 4) affine matrix for `dfd.pose`.
 
 A rotation is a *rotation vector in degrees*: its direction is the axis and its length the angle, right-handed.
 (0, 90, 0) rotates by 90° about y. Rotation vectors need no order of axes and have no gimbal lock. Half the vector is
@@ -24,10 +24,10 @@ Vector = tuple[float, float, float]
 Frame = tuple[Vector, Vector, Vector]  # three orthonormal vectors
 PivotAt = Literal["base", "middle", "point", "plane", "hinge"]
 
-NOT_UNIT = 1e-3  # difference of a quaternion's length from 1 above which a warning is given
+NOT_UNIT = 1e-3  # a quaternion whose length differs from 1 by more gives a warning
 LARGEST_ANGLE = 1e9  # degrees; for larger angles, float64 has too few digits to remove whole turns
 
-# The motions of a handle: fields of `Transform`, and values that the held part converts to them.
+# Descriptions of a handle's motions. Most are fields of `Transform`. `towards` and `open` are converted to fields.
 _of_pose, _of_part = partial(About, affects="pose"), partial(About, affects="pose", of_part=True)
 MOTIONS = {
     "translation": _of_pose("Move the handle, in mesh units.", metavar="X Y Z", option="translate", unit="length"),
@@ -55,8 +55,8 @@ MOTIONS = {
     ),
     "twist": _of_part("Twist the held part about its own axis.", metavar="DEGREES", unit="angle"),
     "joint": _of_part(
-        "Position of the bend along the axis: over the whole length (spread), where the part is already bent or narrow "
-        "(auto), at the handle (here), or from base (0) to tip (1).",
+        "Position of the bend on the axis: the whole length (spread), the place where the part is already bent or "
+        "narrow (auto), the place of the handle (here), or a number from 0 (base) to 1 (tip).",
         0.0,
         1.0,
         metavar="spread|auto|here|0…1",
@@ -73,11 +73,11 @@ MOTIONS = {
 class Transform(Brief):
     """Scale, then rotation, then translation, about a pivot: p ↦ pivot + translation + R A S Aᵀ (p − pivot).
 
-    Bend and twist of the held part precede them.
+    The held part, which the handle holds, is first bent and twisted.
 
-    Raises ValueError if an attribute has another shape or is not finite, a rotation is the quaternion 0 or outside ±1e9
-    degrees, or `axes` are not orthonormal. Raises ValueError if `pivot_at` is unknown or `pivot` is missing, `joint`
-    lies outside [0, 1], or the matrix is not finite.
+    Raises ValueError if an attribute has another array shape or is not finite, a rotation is the quaternion 0 or
+    outside ±1e9 degrees, or `axes` are not orthonormal. Raises ValueError if `pivot_at` is unknown, `pivot_at` is given
+    without `pivot`, `joint` lies outside [0, 1], or the matrix is not finite.
     """
 
     translation: Annotated[Vector, MOTIONS["translation"]] = (0.0, 0.0, 0.0)  # in mesh units
@@ -89,7 +89,7 @@ class Transform(Brief):
     pivot: Annotated[Vector | None, MOTIONS["pivot"]] = None
     # Three orthonormal vectors along which `scale` acts, the columns of A; None is the mesh's axes.
     axes: Annotated[Frame | None, MOTIONS["axes"]] = None
-    # The name of the pivot, as in `Deformer.add`; None if the pivot was given in numbers.
+    # The name of the pivot, as in `Deformer.add`; None if the pivot was given as a position.
     pivot_at: Annotated[PivotAt | None, _of_part("Name of the pivot's place on the held part.")] = None
     bend: Annotated[Vector, MOTIONS["bend"]] = (0.0, 0.0, 0.0)  # rotation vector of the held part's tip, in degrees
     twist: Annotated[float, MOTIONS["twist"]] = 0.0  # rotation of the tip about the part's axis, in degrees
@@ -98,7 +98,7 @@ class Transform(Brief):
     linear: Float64 = field(init=False, repr=False, compare=False)  # (3, 3) read-only, R A S Aᵀ
 
     def __post_init__(self) -> None:
-        """Check the numbers once, and compute `linear`, which does not depend on the pivot."""
+        """Check the attributes, and compute `linear`, which does not depend on the pivot."""
         keep = object.__setattr__
         keep(self, "translation", vector("translation", self.translation))
         keep(self, "rotation", rotation_vector(self.rotation))
@@ -124,27 +124,28 @@ class Transform(Brief):
         keep(self, "linear", _linear(self.rotation, self.scale, self.axes))
 
     def changed(self, *, pivot_at: PivotAt | None = None, **given: Any) -> Transform:
-        """Return the transform with other values. None keeps a value; "auto" sets pivot or axes to None.
+        """Return the transform with the `given` attributes changed. None keeps an attribute.
 
-        `pivot_at` is the name of `pivot`; without it, a new pivot has no name. The `joint` "spread" sets it to None.
+        "auto" sets `pivot` or `axes` to None, and "spread" sets `joint` to None. `pivot_at` is the name of the given
+        `pivot`; without it, a new pivot has no name.
 
         Raises ValueError as `Transform` does.
         """
-        parts: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+        changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
         for name in ("pivot", "axes"):
-            if isinstance(parts.get(name), str) and parts[name] == "auto":
-                parts[name] = None
-        if "pivot" in parts and (
-            pivot_at is not None or parts["pivot"] is None or not np.array_equal(parts["pivot"], self.pivot or ())
+            if isinstance(changes.get(name), str) and changes[name] == "auto":
+                changes[name] = None
+        if "pivot" in changes and (
+            pivot_at is not None or changes["pivot"] is None or not np.array_equal(changes["pivot"], self.pivot or ())
         ):
-            parts["pivot_at"] = pivot_at
-        if parts.get("joint") == "spread":
-            parts["joint"] = None
-        return replace(self, **parts) if parts else self
+            changes["pivot_at"] = pivot_at
+        if changes.get("joint") == "spread":
+            changes["joint"] = None
+        return replace(self, **changes) if changes else self
 
     @property
     def rests(self) -> bool:
-        """Return whether the transform leaves all points in place, for any pivot and axes."""
+        """Return whether the transform leaves all points in place, whatever its pivot and axes are."""
         return self.translation == (0.0, 0.0, 0.0) and not self.turns and not self.bends
 
     @property
@@ -158,9 +159,9 @@ class Transform(Brief):
         return self.bend != (0.0, 0.0, 0.0) or self.twist != 0.0
 
     def matrix(self, center: Vector = (0.0, 0.0, 0.0)) -> Float64:
-        """Return the (3, 4) affine matrix in mesh units; `center` replaces a pivot of None.
+        """Return the (3, 4) affine matrix in mesh units. If `pivot` is None, the pivot is `center`.
 
-        Raises ValueError if the matrix is not finite because `translation` and pivot are too large.
+        Raises ValueError if the matrix is not finite because the translation or the pivot is too large.
         """
         pivot = np.asarray(center if self.pivot is None else self.pivot)
         matrix = np.empty((3, 4))
@@ -175,11 +176,11 @@ class Transform(Brief):
 
 
 def rotation_matrix(rotation: ArrayLike) -> Float64:
-    """Return R (3, 3) of a rotation vector in degrees or a quaternion (x, y, z, w).
+    """Return the matrix R (3, 3) of a rotation vector in degrees or a quaternion (x, y, z, w).
 
     Raises ValueError if `rotation` has neither 3 nor 4 finite numbers, or is the quaternion 0.
     """
-    from scipy.spatial.transform import Rotation  # slow to import, and the help of the command line needs only MOTIONS
+    from scipy.spatial.transform import Rotation  # slow to import; the help of the command line does not need it
 
     degrees = np.asarray(rotation_vector(rotation))
     angle = float(np.linalg.norm(degrees))
@@ -189,7 +190,7 @@ def rotation_matrix(rotation: ArrayLike) -> Float64:
 
 
 def rotation_vector(rotation: ArrayLike) -> Vector:
-    """Return `rotation` as a rotation vector in degrees; a quaternion gives the shorter rotation."""
+    """Return `rotation` as a rotation vector in degrees; a quaternion is converted to the shorter rotation."""
     wanted = "a rotation vector in degrees (3 numbers) or a quaternion x y z w (4 numbers)"
     numbers = _numbers("rotation", rotation, ((3,), (4,)), wanted)
     if len(numbers) == 3:
@@ -220,10 +221,10 @@ def vector(name: str, value: ArrayLike) -> Vector:
 
 
 def frame_of_normal(normal: ArrayLike) -> Frame:
-    """Return a right-handed frame of three orthonormal vectors, the last along `normal` (3,), which must not be 0."""
+    """Return a right-handed frame of three orthonormal vectors. The third is along `normal` (3,), which is not 0."""
     along = np.asarray(normal, np.float64)
     along = along / np.linalg.norm(along)
-    # The axis with the smallest component along the normal has the longest component perpendicular to it.
+    # The coordinate axis nearest to perpendicular to the normal gives the most accurate result.
     beside = np.eye(3)[np.abs(along).argmin()]
     across = beside - (beside @ along) * along
     across /= np.linalg.norm(across)
@@ -231,7 +232,7 @@ def frame_of_normal(normal: ArrayLike) -> Frame:
 
 
 def _linear(rotation: Vector, scale: Vector, axes: Frame | None) -> Float64:
-    """Return R A S Aᵀ (3, 3), read-only."""
+    """Return the read-only matrix R A S Aᵀ (3, 3): R rotates, S scales, and the columns of A are `axes`."""
     linear: Float64
     with np.errstate(over="ignore", invalid="ignore"):
         if axes is None:
@@ -246,7 +247,7 @@ def _linear(rotation: Vector, scale: Vector, axes: Frame | None) -> Float64:
 
 
 def _numbers(name: str, value: Any, shapes: tuple[tuple[int, ...], ...], wanted: str) -> Float64:
-    """Return `value` as an array of one of `shapes`, () or (N,), which messages call `wanted`."""
+    """Return `value` as an array of one of `shapes`, which are () or (N,); `wanted` describes them in messages."""
     single = value is None or np.isscalar(value) or getattr(value, "ndim", 1) == 0
     numbers: Float64 = check.array("Transform", name, value, () if single else ("N",), dtype=np.float64)
     numbers = numbers.reshape(()) if single else numbers

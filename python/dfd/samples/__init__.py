@@ -1,6 +1,6 @@
 """Generate shapes with a part label for each vertex, for tests and demos.
 
-All shapes are upright (y up) and face +z. Their height is about 1, and they are exactly symmetric in the plane x = 0.
+All shapes are upright (+y) and face +z. Their height is about 1, and the plane x = 0 is an exact mirror plane.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from dfd.samples.polygonize import polygonize
 
 __all__ = ["Sample", "chair", "quadruped", "robot"]
 
-_FEWEST_FACES = 4000  # with fewer faces, horns and tails are lost
+_FEWEST_FACES = 4000  # with fewer faces, the grid is too coarse for horns and tails
 _MOST_FACES = 10_000_000
 
 
@@ -24,12 +24,12 @@ class Sample:
     """A generated mesh and the labels of its parts."""
 
     mesh: Mesh
-    labels: Int32  # (V,) the kind of part of each vertex, an index into `parts`
-    instances: Int32  # (V,) the number of the part among those of its kind; the legs of a chair have 0, 1, 2, 3
-    parts: tuple[str, ...]  # the kinds of parts; four legs are one kind
+    labels: Int32  # (V,) the kind of part of each vertex, as an index into `parts`
+    instances: Int32  # (V,) the number of each vertex's part among the parts of its kind, such as 0 to 3 for four legs
+    parts: tuple[str, ...]  # the names of the kinds of parts, such as "leg"
 
     def vertices_of(self, part: str, instance: int | None = None) -> Int64:
-        """Return the vertices (N,) of all parts of a kind, or of the part with the number `instance`.
+        """Return the vertices (N,) of all parts of the kind `part`, or only of the one with the number `instance`.
 
         Raises ValueError if `part` is not one of `parts`.
         """
@@ -61,7 +61,7 @@ def chair(faces: int = 20_000) -> Sample:
 
 
 def quadruped(faces: int = 20_000) -> Sample:
-    """Return an animal with horns of about `faces` faces.
+    """Return an animal with horns, of about `faces` faces.
 
     Parts: body, neck, head, ear (2), horn (2), leg and hoof (4: front right, front left, back right, back left), tail.
 

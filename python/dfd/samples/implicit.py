@@ -1,4 +1,4 @@
-"""Define solid shapes by signed distances: rounded primitives with part labels, and their smooth union."""
+"""Define solid shapes by signed distance functions: rounded primitives with part labels, and their smooth union."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -18,9 +18,9 @@ class Primitive:
 
     part: str  # the kind of part
     distance: Distance
-    instance: int = 0  # number of the part among those of its kind
-    paired: bool = False  # whether the mirror image is another part, with the next number
-    blend: float = 0.02  # radius of the fillet between the primitive and the preceding primitives
+    instance: int = 0  # number of the part among the parts of its kind
+    paired: bool = False  # whether the mirror image is another part, with the number `instance` + 1
+    blend: float = 0.02  # radius of the fillet between the primitive and the previous primitives
 
 
 class Shape:
@@ -31,7 +31,7 @@ class Shape:
         self.parts = tuple(dict.fromkeys(primitive.part for primitive in primitives))
 
     def distance(self, points: Points) -> Float64:
-        """Return the approximate signed distance (N,) of `points` from the surface, equal on both sides of x = 0."""
+        """Return the approximate signed distance (N,) of `points` from the surface; it is symmetric in x = 0."""
         folded = _folded(points)
         result = self.primitives[0].distance(folded)
         for primitive in self.primitives[1:]:
@@ -39,7 +39,7 @@ class Shape:
         return result
 
     def project(self, points: Points, step: float, times: int) -> Points:
-        """Return `points` after `times` moves towards the surface by at most `step`; points at x = 0 stay there."""
+        """Return `points` after `times` moves towards the surface, by at most `step` each. x = 0 stays unchanged."""
         moved = points.copy()
         for _ in range(times):
             distance = self.distance(moved)
@@ -61,7 +61,7 @@ class Shape:
 
 
 def capsule(start: Triple, end: Triple, start_radius: float, end_radius: float | None = None) -> Distance:
-    """Return the distance function of a rod with round ends, whose radius changes linearly between its ends."""
+    """Return the distance function of a rod with round ends. Its radius changes linearly from end to end."""
     origin, along = np.array(start), np.subtract(end, start)
     last = start_radius if end_radius is None else end_radius
 
@@ -94,7 +94,7 @@ def ellipsoid(center: Triple, radii: Triple, *, roll: float = 0.0) -> Distance:
 def rounded_box(center: Triple, half: Triple, radius: float, *, pitch: float = 0.0, bend: float = 0.0) -> Distance:
     """Return the approximate distance function of a box with half sides `half` and edges rounded by `radius`.
 
-    The box is rotated about x by `pitch` radians (positive: front down), and bent along x: z = `bend` · x².
+    The box is bent (z increases by `bend` · x²), and then rotated about x by `pitch` radians (positive: front down).
     """
     origin, inner, turn = np.array(center), np.subtract(half, radius), _rotation(1, 2, pitch)
 
@@ -119,7 +119,7 @@ def _folded(points: Points) -> Points:
 
 
 def _smooth_minimum(a: Float64, b: Float64, radius: float) -> Float64:
-    """Return the smaller of two distances (N,), with a quadratic fillet if they differ by less than `radius`."""
+    """Return the smaller of two distances (N,), reduced by a quadratic fillet if they differ by less than `radius`."""
     overlap = np.maximum(radius - np.abs(a - b), 0) / radius
     smaller: Float64 = np.minimum(a, b)
     return smaller - overlap**2 * (radius / 4)

@@ -1,9 +1,9 @@
 """Convert a shape to a closed mesh, exactly symmetric in the plane x = 0, by surface nets on a grid.
 
-Surface nets (S. F. F. Gibson, "Constrained elastic surface nets", MICCAI 1998) have a vertex in each cell that the
-surface crosses, and a quadrilateral around each grid edge that the surface crosses. If two sheets pass through one
-cell, each has its own vertex, so the mesh is a manifold (G. M. Nielson, "Dual marching cubes", IEEE Visualization
-2004).
+Surface nets (S. F. F. Gibson, "Constrained elastic surface nets", MICCAI 1998) have a vertex in each grid cell that the
+surface crosses, and a quadrilateral around each grid edge that the surface crosses. If several sheets of the surface
+pass through a cell, each sheet has its own vertex, so the mesh is a manifold (G. M. Nielson, "Dual marching cubes",
+IEEE Visualization 2004).
 """
 
 from functools import cache
@@ -14,8 +14,8 @@ import dfd._core as _core
 from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, UInt8, group_sums
 from dfd.samples.implicit import Shape
 
-_FIRST_SPACING = 1 / 40  # spacing of a first grid, whose number of faces determines the final spacing
-_MOST_GRID_FACES = 60_000  # most faces from a grid; meshes of more faces are subdivided
+_FIRST_SPACING = 1 / 40  # spacing of a first grid; the number of faces that it gives determines the final spacing
+_MOST_GRID_FACES = 60_000  # largest number of faces from a grid; meshes with more faces are subdivided
 _CORNERS = np.array([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 _EDGES = [  # (axis, start corner, end corner), ordered by axis and start
     (axis, corner, corner + (4, 2, 1)[axis]) for axis in range(3) for corner in range(8) if not _CORNERS[corner][axis]
@@ -70,7 +70,7 @@ def _half(
 
 
 def _connected(vertices: Float64, triangles: Int32) -> tuple[Float64, Int32]:
-    """Return the largest component; on a coarse grid, the thin tip of a horn can be a component of its own."""
+    """Return the largest connected component; on a coarse grid, the thin tip of a horn can be a separate component."""
     component = _core.components(len(vertices), triangles, np.zeros((0, 2), np.int32))
     kept = component == np.bincount(component).argmax()
     number = np.cumsum(kept, dtype=np.int32) - np.int32(1)
@@ -78,10 +78,10 @@ def _connected(vertices: Float64, triangles: Int32) -> tuple[Float64, Int32]:
 
 
 def _net(values: Float64, crossed: Int64, code: UInt8) -> tuple[Float64, Int64, Int64]:
-    """Return the vertices (V, 3) in grid spacings, the first vertex of each cell (N,), and the sheets at its edges.
+    """Return the vertices (V, 3) in grid spacings, the first vertex (N,) of each cell, and its sheets (N, 12).
 
     `crossed` (N, 3) are the cells that the surface crosses, and `code` (N,) has a bit for each corner that lies inside.
-    The sheets (N, 12) are −1 at edges that the surface does not cross.
+    The sheets are numbers of the sheet that crosses each edge of a cell, or −1 if no sheet crosses the edge.
     """
     sheet = _sheets()[code]
     count = sheet.max(axis=1) + 1
@@ -92,17 +92,17 @@ def _net(values: Float64, crossed: Int64, code: UInt8) -> tuple[Float64, Int64, 
     for edge, (_, a, b) in enumerate(_EDGES):
         cut = np.flatnonzero(sheet[:, edge] >= 0)
         fraction = at_corner[cut, a] / (at_corner[cut, a] - at_corner[cut, b])
-        vertex = first[cut] + sheet[cut, edge]  # has no duplicates, so += adds to each vertex
+        vertex = first[cut] + sheet[cut, edge]  # the entries are distinct, so += is correct
         summed[vertex] += _CORNERS[a] + fraction[:, None] * (_CORNERS[b] - _CORNERS[a])
         crossings[vertex] += 1
     vertices = np.repeat(crossed, count, axis=0) + summed / crossings[:, None]
-    vertices[np.repeat(crossed[:, 0] == 0, count), 0] = 0.5  # on the plane of symmetry
+    vertices[np.repeat(crossed[:, 0] == 0, count), 0] = 0.5  # on the mirror plane x = 0
     return vertices, first, sheet
 
 
 @cache
 def _sheets() -> Int64:
-    """Return (256, 12), for each set of corners inside, the sheet that crosses each edge; −1 for none."""
+    """Return the sheet that crosses each edge, for each set of corners inside, (256, 12); −1 if none crosses it."""
     table = np.full((256, 12), -1)
     for code in range(1, 255):
         cut = [edge for edge, (_, a, b) in enumerate(_EDGES) if (code >> a & 1) != (code >> b & 1)]
@@ -112,7 +112,7 @@ def _sheets() -> Int64:
                 on_face = [edge for edge in cut if all(_CORNERS[c][axis] == side for c in _EDGES[edge][1:])]
                 for edge in on_face:
                     for other in on_face:
-                        # If all four edges of a face are crossed, its two inside corners are not connected.
+                        # If all four edges of a cell's face are crossed, its two inside corners are not connected.
                         shared = set(_EDGES[edge][1:]) & set(_EDGES[other][1:])
                         if len(on_face) == 2 or any(code >> corner & 1 for corner in shared):
                             old, new = sheet[edge], sheet[other]
@@ -132,13 +132,13 @@ def _quads(inside: Bool, number: Int32, first: Int64, sheet: Int64, axis: int) -
     u, v = np.eye(3, dtype=int)[(axis + 1) % 3], np.eye(3, dtype=int)[(axis + 2) % 3]
     edges = edges[(edges[:, (axis + 1) % 3] > 0) & (edges[:, (axis + 2) % 3] > 0)]
     columns = []
-    for offset in (u + v, v, 0 * u, u):  # the edge's position in each of its cells
+    for offset in (u + v, v, 0 * u, u):  # position of the edge in each of the four cells around it
         cell = number[tuple((edges - offset).T)]
         start = int(offset @ (4, 2, 1))
         columns.append(first[cell] + sheet[cell, _EDGES.index((axis, start, start + (4, 2, 1)[axis]))])
     quads = np.stack(columns, axis=1).astype(np.int32)
-    leaves = starts[tuple(edges.T)]  # whether the edge starts inside the shape
-    return np.where(leaves[:, None], quads, quads[:, ::-1])
+    starts_inside = starts[tuple(edges.T)]
+    return np.where(starts_inside[:, None], quads, quads[:, ::-1])
 
 
 def _triangles(vertices: Float64, quads: Int32) -> Int32:
@@ -150,7 +150,7 @@ def _triangles(vertices: Float64, quads: Int32) -> Int32:
 
 
 def _smoothed(shape: Shape, vertices: Float64, triangles: Int32, spacing: float) -> Float64:
-    """Return the vertices after three rounds, each a move towards the mean of the neighbors and onto the surface."""
+    """Return the vertices after three rounds, which move them towards their neighbors' mean and then to the surface."""
     vertices = shape.project(vertices, spacing, 2)
     sides = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     starts, ends = np.concatenate([sides, sides[:, ::-1]]).T
@@ -163,7 +163,7 @@ def _smoothed(shape: Shape, vertices: Float64, triangles: Int32, spacing: float)
 
 
 def _with_mirror_image(vertices: Float64, triangles: Int32) -> tuple[Float64, Int32]:
-    """Return a half and its mirror image, joined at the vertices with x = 0."""
+    """Return the given half of a mesh and its mirror image, joined at the vertices with x = 0."""
     off_plane = vertices[:, 0] > 0
     image = np.arange(len(vertices), dtype=np.int32)
     image[off_plane] = len(vertices) + np.arange(off_plane.sum(), dtype=np.int32)

@@ -1,1 +1,1 @@
-"""Find the parts of a shape, whose borders follow creases and changes of the features."""
+"""Divide a shape into parts whose borders follow creases and changes of the features."""

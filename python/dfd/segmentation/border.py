@@ -1,6 +1,6 @@
-"""Move the borders of parts to nearby creases by a minimum cut, close parts, and find their components.
+"""Move the border of a part to nearby creases by a minimum cut, close a part, and find its connected components.
 
-A patch is a group of nodes; a node is a group of nearby vertices (`dfd.geometry.coarse`).
+A patch is a group of mesh nodes. A mesh node is a group of nearby vertices (`dfd.geometry.coarse`).
 """
 
 import numpy as np
@@ -10,49 +10,51 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, dijk
 from dfd.common.linear_algebra import Bool, Int64
 from dfd.segmentation.patches import Patches
 
-NECK = 1.5  # distance from the border up to which a connection is too narrow to join components, in patch spacings
-SMALL_COMPONENT = 0.1  # area below which a component is small, relative to the largest component
-BAND = 1.5  # largest distance by which the border may move, in patch spacings
-CREASE = 0.1  # concavity that divides the cost of a border by e
-KEEP = 0.1  # cost of moving a patch's area to the other side, relative to a border as long as the patch spacing
-STEEPEST = 10.0  # largest factor of the concavity between nodes that are nearer to each other than patches
-UNITS, MOST = 1e6, 2**28  # integer cost of a border as long as the diagonal of the box, and the largest cost
+NECK = 1.5  # patches within this distance of a part's border do not connect its components, in patch spacings
+SMALL_COMPONENT = 0.1  # a component is small if its area is below this share of the largest component's area
+LARGEST_MOVE = 0.75  # largest distance by which a border moves, in patch spacings
+CREASE = 0.1  # the cost of a border is divided by e for each CREASE of its concavity
+MOVE_COST = 0.1  # cost of moving one patch to the other side, relative to the cost of a flat border one spacing long
+STEEPEST = 10.0  # concavity is multiplied by the patch spacing divided by the distance of the nodes, at most by this
+COST_SCALE = 1e6  # integer cost of a flat border as long as the diagonal of the bounding box
+LARGEST_COST = 2**28
 
 
 def snapped(patches: Patches, inside: Bool, held: int | None = None) -> Bool:
-    """Return (N,) the nodes of the part of patches `inside` (P,), after its border moves to the cheapest cut nearby.
+    """Move the border of a part to the cheapest cut nearby, and return the part's mesh nodes, (N,) bool.
 
-    The cost of a border is its length, lowered in concave creases. Nodes farther from the old border than `BAND`, or
-    than half of the depth of their component, keep their side. The node `held` always belongs to the part.
+    `inside` (P,) is True for the patches of the part. The cost of a border is its length, and is lower in concave
+    creases. A node can change sides if its distance from the old border is below `LARGEST_MOVE`, and below half of the
+    largest such distance in its component. The node `held` always belongs to the part.
     """
     borders, start = patches.node_borders, inside[patches.of_node]
     one, other = borders.pairs.T
     at_border = np.unique(borders.pairs[start[one] != start[other]])
     if len(at_border) == 0:
         return start
-    band = BAND * patches.spacing * patches.size
-    depth = dijkstra(patches.nodes.graph, indices=at_border, min_only=True, limit=band)
+    limit = 2 * LARGEST_MOVE * patches.spacing * patches.size
+    depth = dijkstra(patches.nodes.graph, indices=at_border, min_only=True, limit=limit)
     deepest = np.zeros(borders.count)
     one_side = patches.borders.graph(np.equal(*inside[patches.borders.pairs.T]).astype(np.float64))
     one_side.eliminate_zeros()
     component = connected_components(one_side, directed=False)[1][patches.of_node]
-    np.maximum.at(deepest, component, np.minimum(depth, band))
+    np.maximum.at(deepest, component, np.minimum(depth, limit))
     free = depth < deepest[component] / 2
     if held is not None:
         start[held], free[held] = True, False
-    # The graph has the nodes that may change sides, a source for all other inner nodes, and a sink for the rest.
+    # Graph: the free nodes can change sides, the source is all other nodes of the part, the sink is all others outside.
     count = int(free.sum())
     number = np.where(start, count, count + 1)
     number[free] = np.arange(count)
     touched = free[one] | free[other]
     crease = borders.concavity[touched].clip(0) * np.minimum(patches.spacing / borders.apart[touched], STEEPEST)
-    cost = UNITS * borders.length[touched] * np.exp(-crease / CREASE) + 1
-    keep = UNITS * KEEP / patches.spacing * patches.node_area[free]
+    cost = COST_SCALE * borders.length[touched] * np.exp(-crease / CREASE) + 1
+    keep = COST_SCALE * MOVE_COST / patches.spacing * patches.node_area[free]
     ends = np.concatenate(
         [number[borders.pairs[touched]], np.stack([number[free], np.where(start[free], count, count + 1)], axis=1)]
     )
     ends, capacity = np.concatenate([ends, ends[:, ::-1]]), np.tile(np.concatenate([cost, keep]), 2)
-    graph = csr_array((capacity.clip(0, MOST).astype(np.int32), tuple(ends.T)), shape=(count + 2, count + 2))
+    graph = csr_array((capacity.clip(0, LARGEST_COST).astype(np.int32), tuple(ends.T)), shape=(count + 2, count + 2))
     left = (graph - maximum_flow(graph, count, count + 1, method="dinic").flow).tocsr()
     left.data[left.data < 0] = 0
     left.eliminate_zeros()
@@ -62,10 +64,10 @@ def snapped(patches: Patches, inside: Bool, held: int | None = None) -> Bool:
 
 
 def closed(patches: Patches, inside: Bool) -> Bool:
-    """Return a part (P,) with all components that only this part connects to the body, such as the hoof of a leg.
+    """Return the patches of a part and of all regions that only this part connects to the body, (P,) bool.
 
-    The body is the largest component of the surface without the part. If the body has less than half of the remaining
-    area, as without a trunk, the part is returned unchanged.
+    Such a region is the hoof of a leg. `inside` (P,) is True for the patches of the part. The body is the largest
+    component of the surface outside the part. If it has less than half of the area outside, `inside` is returned.
     """
     borders = patches.borders
     out = np.flatnonzero(~inside)
@@ -73,32 +75,32 @@ def closed(patches: Patches, inside: Bool) -> Bool:
     areas = np.bincount(component, patches.area[out])
     if len(out) == 0 or areas.max() < areas.sum() / 2:
         return inside
-    whole = inside.copy()
-    whole[out[component != areas.argmax()]] = True
-    return whole
+    result = inside.copy()
+    result[out[component != areas.argmax()]] = True
+    return result
 
 
 def components_of(patches: Patches, inside: Bool) -> Int64:
-    """Return (P,) the component of each patch of a part `inside` (P,), counted from 0; −1 outside the part.
+    """Return the number of each patch's component, (P,), counted from 0; −1 outside the part `inside` (P,).
 
-    Patches farther from the border than `NECK` define the components, so legs that meet in a narrow web are separate.
-    Each other patch belongs to the component that is nearest along the surface.
+    Connections between components are ignored if they consist of patches within `NECK` of the border. Legs that meet
+    in a narrow web are thus separate components. Each other patch belongs to the nearest component.
     """
     borders = patches.borders
-    own = np.flatnonzero(inside)
-    graph = borders.graph(borders.apart)[own][:, own]
+    members = np.flatnonzero(inside)
+    graph = borders.graph(borders.apart)[members][:, members]
     component = np.asarray(connected_components(graph, directed=False)[1], np.int64)
-    deep = np.flatnonzero(borders.depth(inside)[own] > NECK * patches.spacing)
+    deep = np.flatnonzero(borders.depth(inside)[members] > NECK * patches.spacing)
     core = connected_components(graph[deep][:, deep], directed=False)[1] if len(deep) else deep
-    area = np.bincount(core, patches.area[own[deep]])
+    area = np.bincount(core, patches.area[members[deep]])
     large = (area > SMALL_COMPONENT * area.max(initial=0))[core]
     if len(seeds := deep[large]):
-        # A component without a large group of deep patches is not divided.
-        whole = np.isin(component, component[seeds])
+        # A connected component without a large group of deep patches is not divided.
+        divided = np.isin(component, component[seeds])
         source = dijkstra(graph, indices=seeds, min_only=True, return_predecessors=True)[2]
-        name = np.zeros(len(own), np.int64)
-        name[seeds] = core[large] + 1
-        component = np.where(whole, name[np.where(whole, source, 0)], -component - 1)
+        of_seed = np.zeros(len(members), np.int64)
+        of_seed[seeds] = core[large] + 1
+        component = np.where(divided, of_seed[np.where(divided, source, 0)], -component - 1)
     result = np.full(borders.count, -1)
-    result[own] = np.unique(component, return_inverse=True)[1]
+    result[members] = np.unique(component, return_inverse=True)[1]
     return result

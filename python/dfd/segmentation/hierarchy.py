@@ -1,8 +1,8 @@
-"""Build the tree of a shape's parts, by merging patches with similar features.
+"""Build a tree of the parts of a shape, by merging patches with similar features.
 
-Features are smoothed first, except across creases. Each node of the tree is a part with its counterparts. The merge
-distance of a node is the mean distance between the features of the two nodes that it merges. A node is salient if its
-borders follow creases and its parent has a much larger merge distance.
+Features are smoothed first, except across creases. Each tree node is a part with its counterparts. The merge distance
+of a tree node is the mean distance between the features of its two children. A tree node is salient if its borders
+follow creases and its parent has a much larger merge distance. (T,) arrays have one entry for each tree node.
 """
 
 import numpy as np
@@ -17,56 +17,52 @@ from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.segmentation.border import SMALL_COMPONENT, closed
 from dfd.segmentation.patches import BRIDGE, Distal, Patches
 
-DIMENSIONS = 24  # principal components of the features that are kept; the others are noise
-DIFFUSION = 0.005  # area over which features are smoothed, relative to the surface
-CREASE = 0.1  # concavity that divides the conductance of smoothing by e, about six degrees per patch
-STEP = 0.15  # feature distance that divides the conductance of smoothing by e
-ROUNDS = 3  # rounds of smoothing; each round detects borders in the result of the previous round
-LEAST_AREA, MOST_AREA = 0.002, 0.95  # bounds of the area of a part, as shares of the surface
-# smallest mean area of a part's components, as a share of the surface; regions along creases are smaller
+DIMENSIONS = 24  # number of principal components of the features that are kept; the others are noise
+DIFFUSION = 0.005  # area over which features are smoothed, as a share of the surface
+CREASE = 0.1  # concavity, an angle of about 6° per patch, at which the conductance of smoothing is divided by e
+STEP = 0.15  # feature distance at which the conductance of smoothing is divided by e
+ROUNDS = 3  # rounds of smoothing; each computes the conductance from the features that the previous round smoothed
+LEAST_AREA, MOST_AREA = 0.002, 0.95  # smallest and largest area of a part, as shares of the surface
+# Smallest mean area of a part's components, as a share of the surface. Narrow strips along creases are smaller.
 LEAST_COMPONENT = 0.005
 LEAST_CUT_AREA = 0.005  # smallest area of a part in a cut of the whole shape, as a share of the surface
-ALIKE = 1.4  # largest ratio of two similar areas or lengths
-# In `held`, an ancestor can replace the best node if its smallest component has at least EQUAL times the area of its
-# largest, and its likelihood is at least STILL_LIKELY times that of the best node.
+SIMILAR = 1.4  # two areas or lengths are similar if the larger divided by the smaller is at most this
+# In `held`, an ancestor can replace the best tree node if its smallest component has at least EQUAL times the area of
+# its largest component, and its likelihood is at least STILL_LIKELY times that of the best tree node.
 EQUAL, STILL_LIKELY = 0.8, 0.15
-CUT = 1.35  # factor of the saliency of nodes in the clearest cut; these do not overlap, like the parts that people name
-# A handle holds a node of more than MOST_HELD of the surface only if no smaller node has at least the saliency
-# LEAST_WITHIN. With MOST_HELD 0.8, the IoU on 91 rigs is 0.005 lower; with 0.6, the IoU on 76 labelled meshes is 0.002
-# lower. With LEAST_WITHIN 0.2, the IoU on the rigs is 0.003 lower; with 0.1, the IoU on the meshes is 0.010 lower.
+CUT = 1.35  # factor of the saliency of tree nodes in the clearest cut, because parts that people name do not overlap
+# `held` returns a tree node with more than the share MOST_HELD of the surface only if no smaller candidate has at least
+# the saliency LEAST_WITHIN.
 MOST_HELD, LEAST_WITHIN = 0.7, 0.15
-# Exponent, in a node's likelihood, of the node's share of the surface beyond the handle. On 91 rigs, the share of limbs
-# that do not follow is higher by 0.004 with 2, and the IoU is lower by 0.004 with 4.
-HELD_BEYOND = 3.0
-# Nodes of at least this saliency, such as ears, are as likely with a small share. Without this, the IoU is 0.020 lower
-# on 38 labelled meshes and 0.003 higher on 85 rigs, and the share of limbs that do not follow is 0.010 lower.
-SALIENT = 0.5
+# The likelihood of a tree node is multiplied by s ** HELD_BEYOND, where the node contains the share s of the surface
+# beyond the handle. For tree nodes with at least the saliency SALIENT, such as ears, this factor is 1.
+HELD_BEYOND, SALIENT = 3.0, 0.5
 SHORT = 0.2  # added to lengths of borders, in diagonals of the box: short borders often follow a crease by chance
 ROUNDING = 1e-12  # length below which a border is a rounding error, as a share of the length of all borders
 LEAST_CONCAVITY = 0.02  # added to the concavity of all borders, because some parts end without a crease
-SURE = 0.1  # smallest saliency of two parts that may be joined
-# Two parts of several components are joined if their components and borders have similar sizes, and the distance of
-# their features is below LESS_APART times the distance from their surroundings. This is repeated JOIN_ROUNDS times.
-LESS_APART, JOIN_ROUNDS = 2.0, 3
-EVEN = 0.05  # merge distance below which an increase to the parent is noise
+# Two parts of several components are joined if each has at least the saliency SURE, their components and borders have
+# similar sizes, and they do not touch. The distance of their mean features must also be below LESS_APART times the
+# distance of each part from its surroundings. This is repeated JOIN_ROUNDS times.
+SURE, LESS_APART, JOIN_ROUNDS = 0.1, 2.0, 3
+EVEN = 0.05  # merge distance below which an increase to the parent's is noise
 
 
 class Hierarchy:
-    """The tree of all parts of one shape: first the patches, then nodes that merge two earlier nodes.
+    """The tree of all parts of one shape. Patches are its leaves. Each other tree node merges two earlier tree nodes.
 
     Attributes
     ----------
     inside
-        (N, P) whether a patch belongs to a node.
+        (T, P) whether a patch belongs to a tree node.
     area, border
-        (N,) shares of the surface, and lengths of the borders in diagonals of the box.
+        (T,) areas as shares of the surface, and lengths of the borders in diagonals of the box.
     concavity, step
-        (N,) mean concavity along the borders, in [0, 2], and relative increase of the merge distance to the parent, in
+        (T,) mean concavity along the borders, in [0, 2], and relative increase of the merge distance to the parent, in
         [0, 1].
     cut
-        The nodes of the clearest cut of the tree: they cover the shape with the largest sum of clarity times area.
+        The tree nodes of the clearest cut. They cover the shape once, with the largest sum of clarity × area.
     clear
-        (N,) whether a node is clearer than every cut of its subtree.
+        (T,) whether a tree node has at least the clarity × area of every cut of its subtree.
 
     Parameters
     ----------
@@ -82,8 +78,8 @@ class Hierarchy:
         self._known_components: dict[bytes, tuple[Float64, int]] = {}  # kept for the trees of all rounds
         values = smoothed(patches, features.astype(np.float64))
         self._build(values)
-        # Features also depend on the place on a body: front legs can resemble the trunk more than the hind legs.
-        # Then both pairs of legs get the same mean, and the tree is built again.
+        # Front legs can have features more similar to the trunk's than to those of the hind legs. Such pairs of
+        # similar parts get the same mean feature, and the tree is built again.
         for _ in range(JOIN_ROUNDS):
             if not (pairs := self._counterpart_pairs(values)):
                 break
@@ -94,7 +90,7 @@ class Hierarchy:
             self._build(values)
 
     def _build(self, values: Float64) -> None:
-        """Build the tree that merges patches with the most similar `values` (P, D) first."""
+        """Build the tree. Patches with the most similar `values` (P, D) are merged first."""
         count = len(values)
         merges = linkage(values, "average") if count > 1 else np.zeros((0, 4))
         self._height = np.concatenate([np.zeros(count), merges[:, 2]])
@@ -102,7 +98,7 @@ class Hierarchy:
         children = merges[:, :2].astype(np.int64)
         self._parent[children] = np.arange(count, 2 * count - 1)[:, None]
         self._size = np.concatenate([np.ones(count, np.int64), merges[:, 3].astype(np.int64)])
-        # The patches of node n are `_order[_first[n] : _first[n] + _size[n]]`.
+        # The patches of tree node n are `_order[_first[n] : _first[n] + _size[n]]`.
         first = np.zeros(2 * count - 1, np.int64)
         for node in range(count - 2, -1, -1):
             one, other = children[node]
@@ -115,7 +111,7 @@ class Hierarchy:
         self.cut, self.clear = self._clearest_cut()
 
     def _counterpart_pairs(self, values: Float64) -> list[Bool]:
-        """Return pairs (2, P) of parts of the clearest cut to join, the most similar first, each part at most once."""
+        """Return pairs of parts to join, (2, P) bool each, the most similar pair first, each part at most once."""
         nodes = [node for node in self.cut if self._may_be_part(node) and self.saliency(node) >= SURE]
         nodes = [node for node in nodes if len(self._components(node)[0]) > 1]
         if len(nodes) < 2:
@@ -123,13 +119,13 @@ class Hierarchy:
         inside = self.inside[nodes]
         touches = self._patches.borders.graph(np.ones(len(self._patches.borders.pairs)))
         around = (touches @ inside.T > 0).T & ~inside
-        around[~around.any(axis=1)] = True  # a whole component of the mesh is compared with the whole shape
+        around[~around.any(axis=1)] = True  # a part without neighbors is compared with the whole shape
         mean = self._mean(values, inside)
         step = np.maximum(np.linalg.norm(mean - self._mean(values, around), axis=1), 1e-9)
         apart = cdist(mean, mean) / np.minimum(step[:, None], step)
         size = np.log([[self._components(node)[0].mean(), self.girth(node)] for node in nodes])
-        alike = (apart < LESS_APART) & (cdist(size, size, "chebyshev") < np.log(ALIKE)) & ~(around @ inside.T)
-        one, other = np.nonzero(np.triu(alike, 1))
+        joined = (apart < LESS_APART) & (cdist(size, size, "chebyshev") < np.log(SIMILAR)) & ~(around @ inside.T)
+        one, other = np.nonzero(np.triu(joined, 1))
         pairs: list[Bool] = []
         taken: set[int] = set()
         for pair in np.argsort(apart[one, other], kind="stable"):
@@ -140,48 +136,49 @@ class Hierarchy:
         return pairs
 
     def _mean(self, values: Float64, inside: Bool) -> Float64:
-        """Return the means (N, D) of `values` (P, D) over parts (N, P), weighted by area."""
+        """Return the means (K, D) of `values` (P, D) over the parts `inside` (K, P), weighted by area."""
         area = inside * self._patches.area
         return np.asarray(area @ values / area.sum(axis=1, keepdims=True), np.float64)
 
     def candidates(self, patch: int) -> list[int]:
-        """Return the nodes that contain a patch and may be parts, the smallest first; the root if there are none."""
+        """Return the tree nodes that contain a patch and may be parts, the smallest first; the root if none may be."""
         path = [patch]
         while self._parent[path[-1]] >= 0:
             path.append(int(self._parent[path[-1]]))
         return [node for node in path if self._may_be_part(node)] or path[-1:]
 
     def _may_be_part(self, node: int) -> bool:
-        """Return whether a node's area and the mean area of its components lie within the bounds for parts."""
+        """Return whether a tree node's area and the mean area of its components lie within the bounds for parts."""
         return bool(LEAST_AREA < self.area[node] < MOST_AREA and self._components(node)[0].mean() > LEAST_COMPONENT)
 
     def saliency(self, node: int) -> float:
-        """Return the saliency of a node, comparable among the ancestors of one patch.
+        """Return the saliency of a tree node. Compare it only among tree nodes that contain the same patch.
 
-        Salient nodes end at creases, differ from their surroundings, and have short borders: limbs, heads, handles. The
-        length of borders is a mean over the borders, so four legs are as salient as one.
+        Salient tree nodes end at creases, differ from their surroundings, and have short borders, such as a limb, a
+        head or a cup's handle. The length is the mean over the borders, so four legs are as salient as one.
         """
         saliency = (self.concavity[node] + LEAST_CONCAVITY) * self.step[node] / (self.girth(node) + SHORT)
         return float(saliency * (CUT if node in self.cut else 1.0))
 
     def clarity(self, node: int) -> float:
-        """Return the clarity of a node's borders, comparable among all nodes."""
+        """Return the clarity of a tree node's borders, a saliency that can be compared among all tree nodes."""
         clarity = (self.concavity[node] + LEAST_CONCAVITY) * self.step[node] ** 0.75
         return float(clarity / np.sqrt(self.girth(node) + SHORT))
 
     def closed(self, node: int) -> Bool:
-        """Return (P,) the patches of a node, and of all components that only this node connects to the body."""
+        """Return the patches of a tree node, and of all regions that only it connects to the body, (P,) bool."""
         if node not in self._closed:
             self._closed[node] = closed(self._patches, self.inside[node])
         return self._closed[node]
 
     def held(self, patch: int) -> int:
-        """Return the node that a handle at a patch holds.
+        """Return the tree node that a handle at a patch holds.
 
-        After `closed`, the node has the largest expected IoU with the part that a person means. The likelihood of a
-        node increases with its saliency. Below `SALIENT`, it also increases with the node's share of the surface beyond
-        the handle: a ring around a leg is unlikely. An ancestor replaces the node if it has at least twice as many
-        components, all of similar size. Hind wheels then follow front wheels.
+        This is the candidate whose `closed` patches have the largest expected IoU (intersection over union) with the
+        part that the user means. The likelihood of a candidate increases with its saliency. Below `SALIENT`, it also
+        increases with the share of the surface beyond the handle that the candidate contains, so a ring around a leg is
+        unlikely. An ancestor with at least twice as many components, all of similar size, replaces the candidate: hind
+        wheels then follow front wheels.
         """
         nodes, area = self.candidates(patch), self._patches.area
         whole = np.array([self.closed(node) for node in nodes])
@@ -199,26 +196,26 @@ class Hierarchy:
         for above in range(best + 1, len(nodes)):
             own, larger = self._components(nodes[chosen])[0], self._components(nodes[above])[0]
             equal = larger.min() >= EQUAL * larger.max()
-            alike = 1 / ALIKE <= larger.mean() / own.mean() <= ALIKE
-            if len(larger) >= 2 * len(own) and equal and alike and likely[above] >= STILL_LIKELY * likely[best]:
+            similar = 1 / SIMILAR <= larger.mean() / own.mean() <= SIMILAR
+            if len(larger) >= 2 * len(own) and equal and similar and likely[above] >= STILL_LIKELY * likely[best]:
                 chosen = above
         return nodes[chosen]
 
     def girth(self, node: int) -> float:
-        """Return the mean length of a node's borders, in diagonals of the box: the girth of a limb at its base."""
-        # Without borders, the length is the side of a square of the node's area.
+        """Return the mean length of a tree node's borders, in diagonals of the box: the girth of a limb at its base."""
+        # A tree node without borders gets the side of a square of its area.
         length = self.border[node] or np.sqrt(self.area[node] * self._patches.node_area.sum())
         return float(length) / self._components(node)[1]
 
     def _components(self, node: int) -> tuple[Float64, int]:
-        """Return `components_and_borders` of a node."""
+        """Return `components_and_borders` of a tree node."""
         key = self._keys[node]
         if key not in self._known_components:
             self._known_components[key] = components_and_borders(self._patches, self.inside[node])
         return self._known_components[key]
 
     def _clearest_cut(self) -> tuple[list[int], Bool]:
-        """Return `cut` and `clear`. The best cut of a node is the node itself, or the best cuts of its children."""
+        """Return `cut` and `clear`. The best cut of a tree node is itself, or the best cuts of both of its children."""
         count = self._patches.borders.count
         worth, clear = np.zeros(len(self._height)), np.zeros(len(self._height), bool)
         cuts = [[node] for node in range(count)]
@@ -230,7 +227,7 @@ class Hierarchy:
         return cuts[-1], clear
 
     def cut_labels(self) -> Int64:
-        """Return (P,) the part of each patch in `cut`; small parts join the neighbor with the longest common border."""
+        """Return the index in `cut` of each patch, (P,); small parts join the part with the longest common border."""
         borders, area = self._patches.borders, self._patches.area
         part: Int64 = self.inside[self.cut].argmax(axis=0)
         for small in sorted(set(part.tolist()), key=lambda number: area[part == number].sum()):
@@ -244,11 +241,11 @@ class Hierarchy:
         return part
 
     def _measure_nodes(self) -> None:
-        """Set the patches, areas, borders and steps of the nodes."""
+        """Set the attributes (T,) and (T, P), except `clear`."""
         patches, borders = self._patches, self._patches.borders
         creased = borders.length * borders.concavity.clip(0)
         self.area, self.border = self._sums(patches.area), self._crossing(borders.length)
-        # Borders of length 0 are gaps between components.
+        # A border of length 0 is a small gap between components of the mesh.
         self.concavity = np.where(self.border > 0, self._crossing(creased) / (self.border + SHORT), BRIDGE)
         above = np.where(self._parent >= 0, self._height[self._parent], self._height)
         self.step = (above - self._height) / (above + EVEN)
@@ -258,7 +255,7 @@ class Hierarchy:
         self._keys = [row.tobytes() for row in np.packbits(self.inside, axis=1)]
 
     def _sums(self, of_node: Float64) -> Float64:
-        """Return (N,), for each tree node, the sum over its subtree of `of_node`, a value per node or patch."""
+        """Return the sum of `of_node` over each tree node's subtree, (T,); `of_node` is (T,), or (P,) for leaves."""
         sums = np.zeros(len(self._height))
         sums[: len(of_node)] = of_node
         for node, (one, other) in enumerate(self._children, start=self._patches.borders.count):
@@ -266,11 +263,12 @@ class Hierarchy:
         return sums
 
     def _crossing(self, of_border: Float64) -> Float64:
-        """Return (N,), for each tree node, the sum of `of_border`, a value per border, over its outer borders."""
+        """Return the sum of `of_border` (E,) over the outer borders of each tree node, (T,)."""
         borders = self._patches.borders
         ends = borders.pairs.copy()
         apart = np.arange(len(ends))
-        # Parents have higher numbers than children. So the lower end is replaced by its parent until both are equal.
+        # Find the lowest common ancestor of both patches. Parents have higher numbers than children, so the end with
+        # the lower number is replaced by its parent until both ends are equal.
         while len(apart):
             lower = ends[apart].argmin(axis=1)
             ends[apart, lower] = self._parent[ends[apart, lower]]
@@ -283,7 +281,7 @@ class Hierarchy:
 
 
 def components_and_borders(patches: Patches, inside: Bool) -> tuple[Float64, int]:
-    """Return the areas of the components of a part `inside` (P,) without small ones, and its number of borders."""
+    """Return the areas of the large components of a part `inside` (P,), and the number of the part's borders."""
     pairs = patches.borders.pairs.astype(np.int32)
     same = inside[pairs[:, 0]] == inside[pairs[:, 1]]
     component = _core.components(len(inside), np.zeros((0, 3), np.int32), pairs[same])
@@ -291,24 +289,26 @@ def components_and_borders(patches: Patches, inside: Bool) -> tuple[Float64, int
     own = np.zeros(len(areas), bool)
     own[component[inside]] = True
     large = areas > SMALL_COMPONENT * areas[own].max()
-    # On one component without handles, the large components form a tree, whose edges are the borders.
+    # On a connected surface of genus 0, the components of the part and of its surroundings form a tree, whose edges are
+    # the borders.
     return areas[large & own], max(int(large.sum()) - 1, 1)
 
 
 def smoothed(patches: Patches, features: Float64) -> Float64:
-    """Return principal components (P, ≤ `DIMENSIONS`) of features, smoothed except across creases and large steps.
+    """Return at most `DIMENSIONS` principal components (P, K) of `features` (P, D), smoothed except across borders.
 
-    Source: Perona and Malik, "Scale-space and edge detection using anisotropic diffusion", 1990, on a surface and with
-    a second conductance that decreases with concavity. Each round is one implicit step.
+    Borders are creases and large changes of the features. Source: Perona and Malik, "Scale-space and edge detection
+    using anisotropic diffusion", 1990. Here, the conductance also decreases with concavity. Each round is one implicit
+    step.
     """
     borders, area = patches.borders, diags_array(patches.area)
     values = features - patches.area @ features
     values = values @ np.linalg.eigh(values.T @ values)[1][:, : -DIMENSIONS - 1 : -1]
-    ease = borders.length / borders.apart * np.exp(-borders.concavity.clip(0) / CREASE)
+    by_crease = borders.length / borders.apart * np.exp(-borders.concavity.clip(0) / CREASE)
     one, other = borders.pairs.T
     for _ in range(ROUNDS):
         steps = np.square(values[one] - values[other]).sum(axis=1)
-        conductance = borders.graph(ease * np.exp(-steps / STEP**2))
+        conductance = borders.graph(by_crease * np.exp(-steps / STEP**2))
         laplacian = diags_array(np.asarray(conductance.sum(axis=1)).ravel()) - conductance
         values = splu((area + DIFFUSION * laplacian).tocsc()).solve(area @ values)
     return np.asarray(values, np.float64)

@@ -14,26 +14,20 @@ from dfd.geometry.coarse import RUN, Nodes, nodes_of
 from dfd.geometry.topology import first_at_place
 from dfd.mesh.mesh import Mesh
 
-COUNT = 2_000  # approximate number of patches; time grows with its square, and more patches find the same parts
-PACKING = 0.75  # distance between random seeds that gives COUNT patches, in patch spacings
-TURNED = 0.6  # weight of normals in distances between seeds, so that both sides of a thin sheet get seeds
-# Largest number of patches. A mesh of many components gets more than COUNT seeds. If there are more than MOST, the
-# distance between seeds is multiplied by WIDER.
-MOST, WIDER = 2 * COUNT, 1.25
+COUNT = 2_000  # approximate number of patches; the time grows with its square
+PACKING = 0.75  # distance between random seeds that gives about COUNT patches, in patch spacings
+NORMAL_WEIGHT = 0.6  # weight of normals in distances between seeds, so that both sides of a thin sheet get seeds
+MOST = 2 * COUNT  # largest number of patches; only meshes of many components have more than COUNT
+WIDER = 1.25  # while there are more than MOST seeds, the distance between seeds is multiplied by this factor
 SAMPLES = 8  # largest number of vertices per patch over which features are averaged
-# Largest distance along the surface between patches that lie beside each other, in diagonals of the box. With 0.1, a
-# handle leaves 0.010 more of a limb behind and has a lower IoU by 0.004, on 85 rigs; on 19 labelled meshes, the IoU is
-# higher by 0.006.
-BESIDE = 0.2
-STARTS = 96  # patches from which distances are measured to find the middle of a shape
-# Largest mean squared distance of patches in the middle, relative to the smallest one. With only one patch in the
-# middle, the IoU on 76 labelled meshes is 0.006 lower.
-MIDDLE = 1.5
+BESIDE = 0.2  # largest distance along the surface between patches beside each other, in diagonals of the box
+STARTS = 96  # largest number of patches from which distances are measured to find the middle of a shape
+MIDDLE = 1.5  # patches in the middle have at most MIDDLE times the smallest mean squared distance from those patches
 BRIDGE = 1.0  # concavity of a small gap between components of the mesh, which is a clear border
 
 
 class Borders:
-    """The borders between neighboring patches, or nodes, each with a center and a normal.
+    """The borders between neighboring patches, or between neighboring mesh nodes.
 
     Attributes
     ----------
@@ -57,13 +51,13 @@ class Borders:
         self.concavity[length == 0] = BRIDGE
 
     def graph(self, values: Float64) -> csr_array:
-        """Return the symmetric sparse matrix (N, N) with `values` (E,) at the pairs."""
+        """Return the symmetric sparse matrix (N, N) with `values` (E,) as the entries of the pairs."""
         one, other = self.pairs.T
         ends = np.concatenate([one, other]), np.concatenate([other, one])
         return csr_array((np.concatenate([values, values]), ends), shape=(self.count, self.count))
 
     def depth(self, inside: Bool) -> Float64:
-        """Return the distance (N,) of each patch from the border of a part `inside` (N,); 0 if there is no border."""
+        """Return each patch's distance (N,) from the border of a part `inside` (N,); 0 if the part has no border."""
         ends = np.unique(self.pairs[np.not_equal(*inside[self.pairs.T])])
         if len(ends) == 0:
             return np.zeros(self.count)
@@ -71,7 +65,7 @@ class Borders:
 
 
 class Patches:
-    """The patches of one mesh: groups of nodes, which are groups of nearby vertices (`dfd.geometry.coarse`).
+    """The patches of a mesh: groups of mesh nodes, which are groups of nearby vertices (`dfd.geometry.coarse`).
 
     Attributes
     ----------
@@ -80,7 +74,7 @@ class Patches:
     spacing
         The patch spacing: the side of a square with a patch's mean area, in diagonals of the box.
     of_node, of_vertex
-        (N,) and (V,) the patch of each node and of each vertex.
+        (N,) and (V,) the patch of each mesh node and of each vertex.
     area
         (P,) areas of the patches, as shares of the surface.
     borders, node_borders
@@ -88,7 +82,7 @@ class Patches:
     node_area
         (N,) areas of the nodes, in squared diagonals of the box.
     first
-        (N,) the first node at the position of each node; several nodes can have one position.
+        (N,) the first of the nodes that have the same position as each node, such as at a texture seam.
 
     Raises ValueError if no face of the mesh has an area.
     """
@@ -107,7 +101,7 @@ class Patches:
         pairs, length = np.concatenate([pairs, links]), np.concatenate([length, np.zeros(len(links))])
         self.node_borders = Borders(pairs, length, center, _smoothed(normal, pairs))
         apart = PACKING * self.spacing
-        places = np.column_stack([center, TURNED * apart * unit(normal)])
+        places = np.column_stack([center, NORMAL_WEIGHT * apart * unit(normal)])
         used = np.flatnonzero(nodes.used)
         seeds = used[_seeds(places[used], apart)]
         self.of_node = _nearest_seed(nodes.graph, seeds, center)
@@ -115,13 +109,13 @@ class Patches:
         count = len(seeds)
         weight = np.maximum(area, 1e-9 * area.sum())
         self.area = np.bincount(self.of_node, weight, minlength=count) / weight.sum()
-        middle = group_sums(self.of_node, center * weight[:, None], count) / (self.area * weight.sum())[:, None]
-        # Mean normals are not normalized. Around a thin limb their mean is near 0, and its direction is noise.
-        turned = group_sums(self.of_node, normal, count) / (self.area * weight.sum())[:, None]
-        self.borders = Borders(*_contracted(self.of_node, pairs, length, count), middle, turned)
+        mean_center = group_sums(self.of_node, center * weight[:, None], count) / (self.area * weight.sum())[:, None]
+        # Around a thin limb, the mean normal is near 0, and its direction is noise. So mean normals are not normalized.
+        mean_normal = group_sums(self.of_node, normal, count) / (self.area * weight.sum())[:, None]
+        self.borders = Borders(*_contracted(self.of_node, pairs, length, count), mean_center, mean_normal)
 
     def means(self, features: Callable[[Int64], NDArray[np.floating]]) -> Float64:
-        """Return the means (P, D) of `features`, a function of vertices (N,), over ≤ `SAMPLES` vertices of a patch."""
+        """Return the means (P, D) of the features that `features` returns for at most `SAMPLES` vertices per patch."""
         used = np.flatnonzero(self.nodes.used[self.nodes.of_vertex])
         order = used[np.argsort(self.of_vertex[used], kind="stable")]
         size = np.bincount(self.of_vertex[used], minlength=len(self.area))
@@ -134,7 +128,7 @@ class Patches:
 
 
 class Distal:
-    """Shortest paths along the surface from the middle of the largest component, to find the distal side of a patch."""
+    """Find the distal side of a patch: the surface beyond it, seen from the middle of the largest component."""
 
     def __init__(self, patches: Patches) -> None:
         borders = patches.borders
@@ -146,7 +140,7 @@ class Distal:
         middle = body[spread <= MIDDLE * spread.min()]
         self._distance, before, _ = dijkstra(graph, indices=middle, min_only=True, return_predecessors=True)
         self._pairs = borders.pairs.astype(np.int32)
-        # `_steps[k]` is the patch that lies 2ᵏ steps nearer to the middle on the shortest path.
+        # `_steps[k]` (P,) is the patch that lies 2ᵏ steps nearer to the middle on each patch's shortest path.
         step = np.where(before >= 0, before, np.arange(len(before)))
         self._steps = [step]
         while not np.array_equal(step, step[step]):
@@ -154,10 +148,10 @@ class Distal:
             self._steps.append(step)
 
     def beyond(self, patch: int) -> Bool:
-        """Return (P,) the patches on the distal side of a patch: beyond it, seen from the middle of the shape.
+        """Return the patches on the distal side of a patch, (P,) bool.
 
-        Shortest paths from the middle reach these patches through patches beside the given one. Patches beside it are
-        connected with it, at a distance of at most `BESIDE`, by patches at least as far from the middle as it is.
+        The shortest paths from the middle to these patches pass through a patch beside the given one. A patch is beside
+        it if their distance is at most `BESIDE`, and patches at least as far from the middle connect both.
         """
         far = self._distance >= self._distance[patch]
         component = _core.components(len(far), np.zeros((0, 3), np.int32), self._pairs[far[self._pairs].all(axis=1)])
@@ -168,7 +162,7 @@ class Distal:
 
 
 def _surface(mesh: Mesh, nodes: Nodes, size: float) -> tuple[Float64, Float64, Int64, Float64]:
-    """Return areas (N,) and area-weighted normals (N, 3) of nodes, and pairs (E, 2) and lengths (E,) of borders."""
+    """Return areas (N,) and area-weighted normals (N, 3) of mesh nodes; pairs (E, 2) and lengths (E,) of borders."""
     count = len(nodes.center)
     first = first_at_place(mesh)
     areas, normals = np.zeros(count), np.zeros((count, 3))
@@ -188,14 +182,14 @@ def _surface(mesh: Mesh, nodes: Nodes, size: float) -> tuple[Float64, Float64, I
             between = np.flatnonzero(node[:, one] != node[:, other])
             side = np.linalg.norm(corners[between, one] - corners[between, other], axis=1)
             pairs.append(np.stack([node[between, one], node[between, other]], axis=1))
-            # The border runs from the middle of a side to the center of the face: a third of the triangle's height.
+            # Length: the distance of the face's center from the side, which is a third of the triangle's height.
             lengths.append(2 / 3 * area[between] / np.maximum(side, 1e-12))
     joined = _contracted(np.arange(count), np.concatenate(pairs), np.concatenate(lengths), count)
     return areas, normals, *joined
 
 
 def _smoothed(normal: Float64, pairs: Int64) -> Float64:
-    """Return the unit normals (N, 3) of nodes, averaged over about the area of a patch."""
+    """Return the unit normals (N, 3) of mesh nodes, averaged over about the area of a patch."""
     count = len(normal)
     ends = np.concatenate([pairs, pairs[:, ::-1], np.repeat(np.arange(count), 2).reshape(-1, 2)])
     near = csr_array((np.ones(len(ends)), tuple(ends.T)), shape=(count, count))
@@ -204,20 +198,20 @@ def _smoothed(normal: Float64, pairs: Int64) -> Float64:
     return unit(normal)
 
 
-def _contracted(of: Int64, pairs: Int64, length: Float64, count: int) -> tuple[Int64, Float64]:
-    """Return the distinct pairs (E, 2) of groups, and the total length (E,) of their borders.
+def _contracted(group: Int64, pairs: Int64, length: Float64, count: int) -> tuple[Int64, Float64]:
+    """Return the distinct pairs (E, 2) of neighboring groups, and the total length (E,) of their borders.
 
-    `of` (N,) is the group of each node, `pairs` and `length` the borders between nodes, and `count` the number of
-    groups.
+    `group` (N,) is the group of each mesh node, `pairs` (K, 2) and `length` (K,) are the borders between mesh nodes,
+    and `count` is the number of groups.
     """
-    ends = of[pairs]
+    ends = group[pairs]
     apart = ends[:, 0] != ends[:, 1]
     joined, which = distinct_pairs(ends[apart], count)
     return joined, np.bincount(which, length[apart], len(joined)).astype(np.float64)
 
 
 def _links(graph: csr_array, pairs: Int64) -> Int64:
-    """Return pairs (L, 2) of nodes that `graph` joins and `pairs` lacks: across small gaps, and at one position."""
+    """Return pairs (L, 2) of nodes that `graph` connects and `pairs` lacks: across small gaps, and at one position."""
     count = graph.shape[0]
     row = np.repeat(np.arange(count, dtype=np.int64), np.diff(graph.indptr))
     key = np.setdiff1d((row * count + graph.indices)[row < graph.indices], pairs @ [count, 1])
@@ -225,10 +219,10 @@ def _links(graph: csr_array, pairs: Int64) -> Int64:
 
 
 def _seeds(points: Float64, near: float) -> Int64:
-    """Return at most `MOST` random indices of `points` (N, 6), `near` apart; `near` grows if there are more."""
+    """Return at most `MOST` indices of random `points` (N, 6) at least `near` apart; for more, `near` is increased."""
     tree = cKDTree(points)
     order = np.random.default_rng(0).permutation(len(points)).tolist()
-    while True:
+    while True:  # until at most MOST points are chosen
         free = np.ones(len(points), bool)
         chosen: list[int] = []
         for point in order:
@@ -243,7 +237,7 @@ def _seeds(points: Float64, near: float) -> Int64:
 
 
 def _nearest_seed(graph: csr_array, seeds: Int64, center: Float64) -> Int64:
-    """Return (N,) the seed nearest to each node along the surface, or in space if no seed is connected with it."""
+    """Return the number of the seed nearest to each node, (N,): along the surface, or in space without a connection."""
     _, _, source = dijkstra(graph, indices=seeds, min_only=True, return_predecessors=True)
     number = np.full(len(center) + 1, -1)
     number[seeds] = np.arange(len(seeds))

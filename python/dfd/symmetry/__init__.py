@@ -1,1 +1,1 @@
-"""Find the mirror planes of a shape, by its features and its surface."""
+"""Find the mirror planes of a shape from its features and its surface."""

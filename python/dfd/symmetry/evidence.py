@@ -1,6 +1,6 @@
-"""Measure symmetries of a shape by surface samples, their features, and pairs of samples with similar features.
+"""Measure how well a symmetry maps a shape to itself, by surface samples and their features.
 
-Normalized coordinates have their origin at the center of the box, and half its longest side is 1.
+In normalized coordinates, the origin is the center of the bounding box, and half of the box's longest side is 1.
 """
 
 from dataclasses import dataclass
@@ -15,15 +15,15 @@ from dfd.mesh.mesh import Mesh
 from dfd.mesh.normalization import Normalization, box_normalization
 from dfd.mesh.normals import face_normals
 
-POINTS = 2_000  # surface samples
-COUNTERPARTS = 6  # samples with the most similar features that are paired with a sample
-_QUERIED = 500  # samples for which similar samples are searched, which gives far more pairs than are used
-_APART = 0.1  # least distance between the samples of a pair, normalized; nearer samples always have similar features
-_BINS = 24  # intervals of distance for the mean change of features
-STAYS = 0.1  # distance, normalized, up to which a sample counts as unmoved by a symmetry
-_MOVED = 0.3  # least share of samples that a symmetry must move
-_NO_SPREAD = 1e-4  # mean change of features below which a field does not distinguish symmetries
-_TRIMMED = 0.8  # share of the samples in a score; a figure can hold an object in one hand only
+POINTS = 2_000  # number of surface samples
+COUNTERPARTS = 6  # number of samples with similar features that are paired with each queried sample
+_QUERIED = 500  # largest number of samples for which samples with similar features are searched
+_LEAST_PAIR_DISTANCE = 0.1  # pairs are farther apart, normalized, because nearby samples always have similar features
+_BINS = 24  # number of distance intervals for the mean change of features
+STAYS = 0.1  # a symmetry does not move a sample if it moves it by at most this distance, normalized
+_MOVED = 0.3  # smallest share of samples that a symmetry must move
+_NO_SPREAD = 1e-4  # a field with a smaller mean change of features does not distinguish symmetries
+_TRIMMED = 0.8  # share of the moved samples that a score uses, because a small part can lack a mirror image
 
 
 @dataclass(frozen=True)
@@ -36,31 +36,31 @@ class SurfaceFeatures:
     normals: Float64  # (N, 3) unit
     features: Float32  # (N, D)
     tree: cKDTree  # search tree of `points`
-    pairs: Int64  # (P, 2) samples with similar features, at least _APART from each other
-    change: Float64  # (B,) mean change of features between two samples, by intervals of their distance
+    pairs: Int64  # (P, 2) samples with similar features, farther than _LEAST_PAIR_DISTANCE from each other
+    change: Float64  # (B,) mean feature distance of two samples, for each interval of their distance
     farthest: float  # upper end of the last interval of `change`, normalized
     spacing: float  # typical distance of neighboring samples, normalized
 
     def dissimilarity(self, images: Float64) -> tuple[float, float]:
-        """Return two measures of the symmetry that maps `points` to `images` (N, 3), both for samples that it moves.
+        """Return the dissimilarity of the symmetry that maps `points` to `images` (N, 3), and the share on the surface.
 
-        The first is the dissimilarity: the mean change of features, over the usual change between samples at the same
-        distance, for the best four fifths of the samples. It is 0 for a perfect symmetry, and 1 for chance. It is also
-        1 if few samples move, as in the plane of a flat shape. The second is the share of images on the surface.
+        The dissimilarity is the mean feature distance of a moved sample and its image, divided by the usual feature
+        distance of samples that far apart. It uses the best four fifths of the samples. It is 0 for a perfect symmetry,
+        1 for chance, and 1 if few samples move. The share is that of the moved samples with images on the surface.
         """
         distance = np.linalg.norm(images - self.points, axis=1)
         moves = distance > STAYS
         if moves.mean() < _MOVED:
             return 1.0, 0.0
-        landed = float((self.tree.query(images[moves])[0] < 3 * self.spacing).mean())
+        on_surface = float((self.tree.query(images[moves])[0] < 3 * self.spacing).mean())
         found = np.asarray(self.field(self.frame.invert(images[moves])), np.float32)
         changed = np.linalg.norm(self.features[moves] - found, axis=1)
         places = (np.arange(len(self.change)) + 0.5) * self.farthest / len(self.change)
         usual = float(np.interp(distance[moves], np.concatenate([[0], places]), [0, *self.change]).mean())
         if usual < _NO_SPREAD:
-            return 1.0, landed
+            return 1.0, on_surface
         kept = np.argsort(changed)[: max(1, int(_TRIMMED * len(changed)))]
-        return float(changed[kept].mean() / usual), landed
+        return float(changed[kept].mean() / usual), on_surface
 
 
 def surface_features(field: Field, mesh: Mesh) -> SurfaceFeatures | None:
@@ -77,7 +77,7 @@ def surface_features(field: Field, mesh: Mesh) -> SurfaceFeatures | None:
 
 
 def _surface_points(vertices: Float64, faces: Int32) -> tuple[Float64, Float64]:
-    """Return surface samples (N, 3), and the unit normals (N, 3) of their faces; vertices if no face has an area."""
+    """Return surface samples (N, 3) and unit normals (N, 3), or vertices and normals of 0 if no face has an area."""
     areas = face_areas(vertices, faces)
     if areas.sum() == 0:
         chosen = np.unique(faces)[:: max(1, len(vertices) // POINTS)]
@@ -88,7 +88,7 @@ def _surface_points(vertices: Float64, faces: Int32) -> tuple[Float64, Float64]:
 
 
 def _change_with_distance(points: Float64, features: Float32) -> tuple[Float64, float]:
-    """Return the mean change (B,) of features by the distance of two samples, and the largest distance."""
+    """Return the mean feature distance (B,) of two samples, for each interval of their distance, and its upper end."""
     random = np.random.default_rng(0)
     a, b = random.integers(0, len(points), (2, 20 * POINTS))
     # Random pairs are seldom near each other, so neighbors along a random direction are added.
@@ -105,15 +105,15 @@ def _change_with_distance(points: Float64, features: Float32) -> tuple[Float64, 
 
 
 def _similar_pairs(points: Float64, features: Float32) -> Int64:
-    """Return pairs (P, 2): evenly strided samples, each with the distant samples that have the nearest features."""
+    """Return pairs (P, 2): every k-th sample with each of the distant samples that have the most similar features."""
     queried = np.arange(0, len(points), -(-len(points) // _QUERIED))
-    unlike = -(features[queried] @ features.T)
+    dissimilarity = -(features[queried] @ features.T)
     squared = (points**2).sum(axis=1)
     apart = squared[queried, None] + squared - 2 * points[queried] @ points.T
-    unlike[apart <= _APART**2] = np.inf
+    dissimilarity[apart <= _LEAST_PAIR_DISTANCE**2] = np.inf
     count = min(COUNTERPARTS, len(points) - 1)
     if count < 1:
         return np.zeros((0, 2), np.int64)
-    best = np.argpartition(unlike, count - 1, axis=1)[:, :count]
+    best = np.argpartition(dissimilarity, count - 1, axis=1)[:, :count]
     pairs = np.column_stack([np.repeat(queried, count), best.ravel()])
-    return pairs[np.isfinite(np.take_along_axis(unlike, best, axis=1).ravel())]
+    return pairs[np.isfinite(np.take_along_axis(dissimilarity, best, axis=1).ravel())]

@@ -1,4 +1,4 @@
-"""Define the mirror plane, reflect points across it, and read and write it as text."""
+"""Define the mirror plane `SymmetryPlane`, which reflects points, and convert it from and to text."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64
 
-if TYPE_CHECKING:  # imports SciPy, which the help of the command line does not need
+if TYPE_CHECKING:  # this module imports SciPy, which the help of the command line does not need
     from dfd.mesh.mesh import Mesh
 
-# Half width of the band in which a symmetric edit changes to the other side's, relative to the longest side. A narrower
-# band shows a crease. In a wider band, the edit of each side affects too much of the other side.
+# Half of the width of the band in which the deformations of both sides are blended, as a share of the longest side of
+# the box. A narrower band shows a crease. In a wider band, each side's deformation affects too much of the other side.
 DEFAULT_BAND = 0.03
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
 @dataclass(frozen=True)
 class SymmetryPlane:
-    """The plane {p : normal · p = offset} in mesh units, and the similarity of its two sides."""
+    """The mirror plane {p : normal · p = offset} in mesh units, and the similarity of its two sides."""
 
     normal: tuple[float, float, float]  #: (3,) unit vector
     offset: float  #: Signed distance from the origin along `normal`, in mesh units
-    #: Mean of ‖Φ(v) − Φ(R v)‖ over the vertices, which the paper compares with ε; 0 is perfect
+    #: Mean of ‖Φ(v) − Φ(R v)‖ over the vertices v, where Φ is the field and R the reflection. The paper compares it
+    #: with ε; 0 is perfect
     score: float = 0.0
-    #: Mean change of features across the plane, over the usual change between points at the same distance; 0 is
-    #: perfect, 1 is chance. Only the best four fifths of the surface samples count, because a small part can lack a
-    #: mirror image
+    #: Mean feature distance between surface samples and their mirror images, divided by the usual feature distance of
+    #: samples that far apart. 0 is perfect, 1 is chance. Only the best four fifths of the samples count
     relative_score: float = 0.0
-    #: Half width of the band in which the deformation changes to the mirrored deformation, in mesh units; with 0 it
-    #: changes at the plane, as in Eq. 8
+    #: Half of the width, in mesh units, of the band in which the deformations of both sides are blended. With 0, they
+    #: meet at the plane without a blend, as in Eq. 8
     band: float = 0.0
 
     def __post_init__(self) -> None:
@@ -58,18 +58,18 @@ class SymmetryPlane:
         return matrix
 
     def signed_distance(self, points: ArrayLike) -> Float64:
-        """Return the distance (N,) of `points` (N, 3) from the plane, in mesh units; above 0 on the normal's side."""
+        """Return the distances (N,) of `points` (N, 3) from the plane, in mesh units; above 0 on the normal's side."""
         array = check.array("SymmetryPlane", "points", points, ("N", 3), dtype=np.float64)
         return array @ np.asarray(self.normal) - self.offset
 
     def reflect(self, points: ArrayLike) -> Float64:
-        """Return the mirror images R p (N, 3) of `points` (N, 3), mesh units."""
+        """Return the mirror images (N, 3) of `points` (N, 3), in mesh units."""
         array = check.array("SymmetryPlane", "points", points, ("N", 3), dtype=np.float64)
         return array - 2.0 * self.signed_distance(array)[:, None] * np.asarray(self.normal)
 
 
 def axis_name(normal: Sequence[float]) -> str:
-    """Return the axis, "x", "y" or "z", nearest to the direction of a plane's `normal` (3,)."""
+    """Return the axis, "x", "y" or "z", whose direction is nearest to a plane's `normal` (3,)."""
     return list(AXES)[int(np.argmax(np.abs(normal)))]
 
 
@@ -87,7 +87,7 @@ def plane_from_text(text: str, mesh: Mesh) -> SymmetryPlane:
     """Return the plane that `text` describes, with a band of 3 % of the longest side of `mesh`.
 
     "x", "y" or "z" is the plane perpendicular to this axis through the center of the bounding box of `mesh`. "x=0.1" is
-    the plane x = 0.1 in mesh units. "0.6,0,0.8=0.1" has this normal, of any length, and this offset.
+    the plane x = 0.1 in mesh units. "0.6,0,0.8=0.1" has the normal (0.6, 0, 0.8), which is normalized, and offset 0.1.
 
     Raises ValueError if `text` has another form, a number is not finite, or the normal is 0.
     """

@@ -1,6 +1,6 @@
-"""Find candidate mirror planes between samples with similar features, and fit each to the surface.
+"""Find candidate mirror planes halfway between samples with similar features, and fit each plane to the surface.
 
-All coordinates are normalized (`dfd.symmetry.evidence`). A plane is a row (4,): its unit normal and its offset.
+All coordinates are normalized (`dfd.symmetry.evidence`). A plane is an array (4,): its unit normal and its offset.
 """
 
 import numpy as np
@@ -10,21 +10,21 @@ from dfd.symmetry.evidence import SurfaceFeatures
 
 Planes = Float64  # (K, 4)
 
-_SEEDS = 300  # planes between two samples for which the other pairs vote
-_MOST_REFINED = 8  # planes with the most votes that are fitted
-_PAIR_FITS = 0.12  # distance from the image of a sample to its counterpart, normalized, up to which a pair votes
-_SAME_ANGLE, _SAME_OFFSET = np.radians(8.0), 0.06  # angle and offset, normalized, below which two planes are the same
-_STEPS = 10  # Gauss-Newton steps
-# The first _COARSE_STEPS steps use every fourth sample, if more than _ENOUGH samples remain.
+_SEEDS = 300  # largest number of planes halfway between two samples, for which pairs of samples vote
+_MOST_REFINED = 8  # number of planes with the most votes that are fitted
+_PAIR_FITS = 0.12  # a pair votes for a plane that maps one sample within this distance of the other, normalized
+_SAME_ANGLE, _SAME_OFFSET = np.radians(8.0), 0.06  # planes at a smaller angle, and offset (normalized), are the same
+_STEPS = 10  # largest number of Gauss-Newton steps
+# The first _COARSE_STEPS steps use every _COARSE-th sample, if more than _ENOUGH samples remain.
 _COARSE_STEPS, _COARSE, _ENOUGH = 6, 4, 300
-# Largest distance of images from the surface, normalized, in the first step. Each step multiplies it by _SHRINK.
+# Images farther than _FIRST_REACH from the surface, normalized, are ignored. Each step multiplies this by _SHRINK.
 _FIRST_REACH, _SHRINK = 0.3, 0.7
 _LONGEST_STEP = 0.2  # largest change of a parameter in a step
-_DIFFERENCE = 1e-6  # change of a parameter for derivatives by finite differences
+_DIFFERENCE = 1e-6  # change of a parameter for finite differences
 
 
 def candidate_planes(evidence: SurfaceFeatures) -> Planes:
-    """Return fitted candidate mirror planes (K, 4), no two of them nearly the same."""
+    """Return candidate mirror planes (K, 4), fitted to the surface, no two of them nearly the same."""
     seeds = _distinct(_voted(evidence), _MOST_REFINED)
     seeds = np.concatenate([seeds, _principal(evidence.points)])
     return _distinct(np.array([_refined(evidence, plane) for plane in seeds]), len(seeds))
@@ -43,21 +43,21 @@ def same_plane(a: Float64, b: Float64, *, angle: float = _SAME_ANGLE, offset: fl
 
 
 def _voted(evidence: SurfaceFeatures) -> Planes:
-    """Return the planes halfway between the samples of pairs; planes with more votes of other pairs come first."""
+    """Return planes halfway between the samples of random pairs. Planes with the most votes of pairs come first."""
     pairs = evidence.pairs
     if len(pairs) == 0:
         return np.zeros((0, 4))
     random = np.random.default_rng(0)
     chosen = pairs[random.choice(len(pairs), min(_SEEDS, len(pairs)), replace=False)]
     planes = _between(evidence.points, chosen)
-    judged = pairs[random.choice(len(pairs), min(2_000, len(pairs)), replace=False)]
-    one, other = evidence.points[judged[:, 0]], evidence.points[judged[:, 1]]
+    voters = pairs[random.choice(len(pairs), min(2_000, len(pairs)), replace=False)]
+    one, other = evidence.points[voters[:, 0]], evidence.points[voters[:, 1]]
     votes = [float((((mirrored(one, plane) - other) ** 2).sum(axis=1) < _PAIR_FITS**2).sum()) for plane in planes]
     return planes[np.argsort(votes)[::-1]]
 
 
 def _between(points: Float64, pairs: Int64) -> Planes:
-    """Return the planes (P, 4) in which the two points of each of `pairs` (P, 2) are mirror images."""
+    """Return the plane halfway between the two points of each pair, (P, 4)."""
     one, other = points[pairs[:, 0]], points[pairs[:, 1]]
     normals = (one - other) / np.linalg.norm(one - other, axis=1, keepdims=True)
     return np.column_stack([normals, np.einsum("pd,pd->p", normals, (one + other) / 2)])
@@ -83,17 +83,17 @@ def _distinct(planes: Planes, most: int) -> Planes:
 
 
 def _refined(evidence: SurfaceFeatures, plane: Float64) -> Float64:
-    """Return the plane near `plane` whose mirror image of the surface fits the surface best.
+    """Return a plane near `plane`, across which the mirror image of the surface fits the surface best.
 
     Gauss-Newton steps minimize the distances of mirror images to the tangent planes of the nearest samples. Images far
-    from the surface are left out.
-
-    Source: Chen and Medioni, "Object modelling by registration of multiple range images", 1992.
+    from the surface are left out. Source: Chen and Medioni, "Object modelling by registration of multiple range
+    images", 1992.
     """
-    across = np.linalg.svd(plane[None, :3])[2][1:]  # (2, 3) unit vectors in the plane
+    in_plane = np.linalg.svd(plane[None, :3])[2][1:]  # (2, 3) two perpendicular unit vectors in the plane
 
     def varied(change: Float64) -> Float64:
-        turned = plane[:3] + change[:2] @ across
+        """Return the plane after a `change` (3,) of two components of its normal and of its offset."""
+        turned = plane[:3] + change[:2] @ in_plane
         return np.append(turned, plane[3] + change[2]) / np.linalg.norm(turned)
 
     parameters = np.zeros(3)

@@ -1,6 +1,6 @@
-"""Convert up directions between frames, the forms that users give, and the settings of a field.
+"""Convert up directions: from the arguments of users to frames, and from frames to the settings of a field.
 
-A frame is a rotation (3, 3), whose rows are right, up and front in the mesh's coordinates.
+A frame is a rotation matrix (3, 3). Its rows are right, up and front in the mesh's coordinates.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ AXES: dict[str, Float64] = {
     f"{sign}{name}": float(f"{sign}1") * np.eye(3)[axis] for axis, name in enumerate("xyz") for sign in "+-"
 }
 UP_WORDS = ("auto", "file", *AXES)
-LEAST_ACROSS = 0.1  # least component of a unit vector perpendicular to another one, from which a frame is built
-LEAST_EXTENT = 1e-6  # extent along an axis below which it is taken as 0, relative to the longest side
+LEAST_PERPENDICULAR = 0.1  # if right has a smaller component perpendicular to up, another right is chosen
+LEAST_EXTENT = 1e-6  # a smaller extent along a direction counts as 0, as a share of the box's longest side
 
 
 @dataclass(frozen=True, eq=False)
 class Up:
     """The up direction of a mesh."""
 
-    frame: Float64 = field(default_factory=lambda: np.eye(3))  # (3, 3); by default that of +y, the convention of files
+    frame: Float64 = field(default_factory=lambda: np.eye(3))  # (3, 3); by default, up is +y, as in most files
     # Probability, in [0, 1], that the axis of this direction, or a nearly parallel axis, is upright; 1 if given.
     confidence: float = 0.0
-    # "said" if the user gave it; "file" if +y is the likeliest, or +y with confidence 0; "found" if another axis is
-    # the likeliest; "averaged" if the axis is uncertain, so that the features of two directions are concatenated.
+    # "said": the user gave the direction. "file": +y is the most probable, or nothing was measured (confidence 0).
+    # "found": another direction is the most probable. "averaged": features of the two most probable are concatenated.
     source: Literal["said", "file", "found", "averaged"] = "file"
     # `shared` and `shares` are None if pictures are rendered for `frame` only.
-    shared: Float64 | None = None  # (K, 3, 3) the frames for which pictures are rendered, the likeliest first
-    shares: Float64 | None = None  # (K,) their probabilities, with sum 1
+    shared: Float64 | None = None  # (K, 3, 3) the frames for which pictures are rendered, the most probable first
+    shares: Float64 | None = None  # (K,) the probabilities of `shared`, with sum 1
 
     @property
     def frames(self) -> Float64:
@@ -46,7 +46,7 @@ class Up:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Return the entries for a field's settings, JSON values."""
+        """Return the entries for a field's settings, as JSON values."""
         shared = {}
         if self.shared is not None and self.shares is not None:
             shared = {"up_shared": self.shared[:, 1].tolist(), "up_shares": self.shares.tolist()}
@@ -68,12 +68,12 @@ class Up:
 
     @property
     def sentence(self) -> str:
-        """Return `up_sentence` for the settings."""
+        """Return `up_sentence(settings)`."""
         return up_sentence(self.settings)
 
 
 def up_sentence(settings: Mapping[str, Any]) -> str:
-    """Return a text for users on the up direction in a field's `settings`; "" if there is none."""
+    """Return a text for users about the up direction in a field's `settings`, or "" if they contain none."""
     if "up_source" not in settings:
         return ""
     up, source, sure = _named(settings["up_direction"]), settings["up_source"], settings["up_confidence"]
@@ -96,7 +96,7 @@ def _named(direction: ArrayLike) -> str:
 
 
 def axis_frames(frame: Float64) -> list[Float64]:
-    """Return the six frames (3, 3) whose up is an axis of `frame` or its opposite: +right, −right, +up, −up, …"""
+    """Return six frames (3, 3), one for each up: right of `frame`, −right, up, −up, front, −front."""
     found = []
     for axis in range(3):
         for sign in (1.0, -1.0):
@@ -106,9 +106,9 @@ def axis_frames(frame: Float64) -> list[Float64]:
 
 
 def check_up(up: Any) -> str | tuple[float, float, float]:
-    """Return `up` as one of `UP_WORDS`, or as a unit direction; a direction can be a text such as "0, 0, 1".
+    """Return `up` as one of `UP_WORDS`, or as a unit direction. `up` can be a text such as "0, 0, 1".
 
-    Raises ValueError if `up` is neither, or the direction is 0.
+    Raises ValueError if `up` is neither a word nor a direction, or the direction is 0.
     """
     word = f"+{up}" if isinstance(up, str) and up in ("x", "y", "z") else up
     if isinstance(word, str) and word in UP_WORDS:
@@ -126,7 +126,7 @@ def check_up(up: Any) -> str | tuple[float, float, float]:
 
 
 def explicit_up(mesh: Mesh, up: str | tuple[float, float, float]) -> Up:
-    """Return the direction `up`, a result of `check_up` except "auto"; ValueError if `mesh` has no extent along it."""
+    """Return the direction for `up`, which `check_up` returned; ValueError if `mesh` has no extent along it."""
     if up == "file":
         return Up(np.eye(3), 1.0, "said")
     direction = AXES[up] if isinstance(up, str) else np.array(up)
@@ -140,9 +140,9 @@ def explicit_up(mesh: Mesh, up: str | tuple[float, float, float]) -> Up:
 
 
 def frame_facing(up: Float64, right: Float64) -> Float64:
-    """Return the frame (3, 3) with `up` whose right is nearest to `right`; both are unit vectors (3,)."""
-    across = right - (right @ up) * up
-    if np.linalg.norm(across) < LEAST_ACROSS:
-        across = np.cross(up, np.eye(3)[np.abs(up).argmin()])
-    across /= np.linalg.norm(across)
-    return np.stack([across, up, np.cross(across, up)])
+    """Return the frame (3, 3) with the given `up` and the right nearest to `right`; both are unit vectors (3,)."""
+    perpendicular = right - (right @ up) * up
+    if np.linalg.norm(perpendicular) < LEAST_PERPENDICULAR:
+        perpendicular = np.cross(up, np.eye(3)[np.abs(up).argmin()])
+    perpendicular /= np.linalg.norm(perpendicular)
+    return np.stack([perpendicular, up, np.cross(perpendicular, up)])

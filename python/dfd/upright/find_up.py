@@ -1,4 +1,4 @@
-"""Find the up direction of a shape; weights are worse if the pictures show the shape on its side."""
+"""Find the up direction of a shape. Weights are less accurate if pictures for the field show the shape on its side."""
 
 from __future__ import annotations
 
@@ -20,17 +20,14 @@ if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
     from dfd.mesh.mesh import Mesh
 
-# Probability of the likeliest axis below which pictures are rendered for the two likeliest axes.
-CLEAR = 0.9
-# Probability of an axis, after four pictures around the file's up and without the prior, at which the search ends.
-# Twenty more pictures then hardly ever change the result.
+CLEAR = 0.9  # if the most probable axis has a lower probability, pictures for the field show the two most probable axes
+# If an axis has this probability after the pictures for +y, without the prior, the search ends: more pictures hardly
+# ever change the result.
 EARLY_STOP_CONFIDENCE = 0.95
-SURE = 0.97  # probability of an axis, after pictures around all axes, at which no pictures from the corners are added
-SAME = np.cos(np.radians(8))  # cosine of the angle below which two directions are one candidate
-ALIKE = np.cos(np.radians(20))  # cosine of the angle below which the probabilities of two axes are added
-# Log-odds of +y in glTF files, whose standard defines +y as up, in addition to the learned prior of all files. In 80 of
-# 360 upright glTF files, pictures and stability favored another axis; in 14, by more than these log-odds.
-GLTF_UP = 2.5
+SURE = 0.97  # if an axis has this probability after pictures around all axes, none are rendered from the corners
+SAME = np.cos(np.radians(8))  # directions at a smaller angle (a larger cosine) than this are one candidate
+NEARLY_PARALLEL = np.cos(np.radians(20))  # probabilities of axes at a smaller angle than this are added
+GLTF_UP = 2.5  # log-odds of +y added for glTF files, because the glTF standard defines +y as up
 UNALIGNED_PRIOR = 0.5  # factor of the prior if the shape is not aligned with the axes of the file
 
 
@@ -40,12 +37,11 @@ def resolve_up(mesh: Mesh, encoder: Encoder, up: str | tuple[float, float, float
 
 
 def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stages: Stages | None = None) -> Up:
-    """Return the up direction of `mesh`, found from the tokens of pictures and from cues of the surface.
+    """Return the up direction of `mesh`, found from the encoder's tokens of pictures and from cues of the surface.
 
-    First the upright axis is chosen, because weights are worse for a shape on its side, but not upside down. Then its
-    upper end is chosen. If no axis is clear, pictures are rendered for the two likeliest axes.
+    The upright axis is chosen first, and then its upper end. If no axis is clear, the result has the two most probable.
 
-    `probe` was learned from the tokens of `encoder`; None takes the package's probe. Without a probe, the result is +y.
+    `probe` must be learned from the tokens of `encoder`. None takes the package's probe. Without one, the result is +y.
 
     Raises ValueError if `probe` was learned from another encoder.
     """
@@ -67,7 +63,7 @@ def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stage
 
 
 def _among_file_axes(cues: StabilityCues, frame: Float64, cameras: ProbeCameras, probe: UpProbe) -> Up:
-    """Choose an axis of the file; pictures are added until the result is conclusive."""
+    """Return the up direction of a shape aligned with the file's axes. Pictures are added until the result is clear."""
     frames = np.stack(axis_frames(frame))
     ups, evidence = frames[:, 1], np.stack([cues.evidence(each) for each in frames])
     before = np.array([prior(probe, each) for each in frames])
@@ -85,10 +81,10 @@ def _among_file_axes(cues: StabilityCues, frame: Float64, cameras: ProbeCameras,
 
 
 def _among_candidates(cues: StabilityCues, frame: Float64, cameras: ProbeCameras, probe: UpProbe) -> Up:
-    """Choose the up of a shape that is not aligned with the file; the first row of `frame` is its mirror normal.
+    """Return the up direction of a shape not aligned with the file. The first row of `frame` is its mirror normal.
 
-    Pictures around all axes of the file give a first estimate. Then pictures around its likeliest candidates are added.
-    The axes of the file remain candidates, because the mirror normal may be wrong.
+    Pictures around all axes of the file give a first estimate. Then pictures around its most probable candidates are
+    added. The axes of the file remain candidates, because the mirror normal may be wrong.
     """
 
     def found() -> Up:
@@ -105,8 +101,8 @@ def _among_candidates(cues: StabilityCues, frame: Float64, cameras: ProbeCameras
 def candidates(cues: StabilityCues, frame: Float64, form: Float64) -> Float64:
     """Return the frames (2K, 3, 3) in which a tilted shape may be upright, each followed by its upside-down frame.
 
-    Candidates are the axes of the file, the stable poses with an upright mirror plane, and the two main axes of the
-    pictures' quadratic form `form` (3, 3), with and without projection to the mirror plane.
+    Candidates are the axes of the file, the stable poses with an upright mirror plane, and two eigenvectors of `form`
+    (3, 3), the pictures' quadratic form. Both eigenvectors are also projected to the mirror plane.
     """
     normal = frame[0]
     main = np.linalg.eigh(form)[1].T[::-1][:2]
@@ -119,7 +115,7 @@ def candidates(cues: StabilityCues, frame: Float64, form: Float64) -> Float64:
 
 
 def prior(probe: UpProbe, frame: Float64) -> float:
-    """Return the prior log-odds of `frame` by the conventions of files."""
+    """Return the prior log-odds of `frame`, because most files have a conventional up direction."""
     if np.allclose(frame[1], AXES["+y"]):
         return probe.file_up
     if np.allclose(frame[1], AXES["-y"]):
@@ -128,19 +124,19 @@ def prior(probe: UpProbe, frame: Float64) -> float:
 
 
 def decide(frames: Float64, odds: Float64) -> Up:
-    """Return the likeliest of `frames` (2K, 3, 3), each followed by its upside-down frame, by their log-odds (2K,).
+    """Return the most probable of `frames` (2K, 3, 3) by their log-odds; every second one is the previous upside down.
 
-    Probabilities of nearly parallel axes are added, because their pictures hardly differ.
+    Probabilities of nearly parallel axes are added, because pictures around them hardly differ.
     """
     chances = np.exp(odds - odds.max())
     of_axes = chances.reshape(-1, 2).sum(axis=1) / chances.sum()
     ups = frames[::2, 1]
-    alike = np.abs(ups @ ups.T) > ALIKE
+    parallel = np.abs(ups @ ups.T) > NEARLY_PARALLEL
     first = int(of_axes.argmax())
-    second = int(np.where(alike[first], 0, of_axes).argmax())
+    second = int(np.where(parallel[first], 0, of_axes).argmax())
     best, other = frames[[2 * each + int(odds[2 * each + 1] > odds[2 * each]) for each in (first, second)]]
-    sure = float(of_axes[alike[first]].sum())
+    sure = float(of_axes[parallel[first]].sum())
     if sure < CLEAR:
-        shares = np.array([sure, of_axes[alike[second] & ~alike[first]].sum()])
+        shares = np.array([sure, of_axes[parallel[second] & ~parallel[first]].sum()])
         return Up(best, sure, "averaged", np.stack([best, other]), shares / shares.sum())
     return Up(best, sure, "file" if np.allclose(best[1], AXES["+y"]) else "found")

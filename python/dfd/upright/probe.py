@@ -1,9 +1,10 @@
-"""Vote for up directions by an up probe: a linear map of tokens, learned once per encoder.
+"""Vote for up directions by an up probe: a linear map of an encoder's tokens, learned once for each encoder.
 
 The tokens of a picture give two votes in the axes of the camera: a quadratic form for the upright axis, and a vector
 for its upper end. Votes are rotated to the mesh's axes and averaged over all pictures. A mirrored picture must give the
-mirrored vote. So components along the camera's right are linear in the difference of the picture's halves, and other
-components in its mean token. Votes and cues of the surface (`dfd.upright.stability`) give the log-odds of a candidate.
+mirrored vote. So the entries of a vote that change sign under a mirroring are linear in the difference between the
+picture's halves. The other entries are linear in its mean token. The log-odds of a candidate are a weighted sum of its
+votes and of cues of the surface (`dfd.upright.stability`).
 """
 
 from __future__ import annotations
@@ -25,13 +26,13 @@ if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
 
 KIND = "dfd up probe 2"  # format version 2
-LOOKS = ("looks upright", "looks right side up")  # "looks upright" includes upside down
+LOOKS = ("looks upright", "looks right side up")  # the votes: "looks upright" is for an axis, so also upside down
 TERMS = (*LOOKS, *EVIDENCE)
 FOLDER = Path(__file__).with_name("probes")
 
 _HALF = np.sqrt(3) / 2
-# A basis, of equal norms, of the traceless symmetric matrices in the right, up and back of a camera. Their values at
-# unit vectors are the real spherical harmonics of degree two.
+# An orthogonal basis of the traceless symmetric matrices, in the right, up and back of a camera. At unit vectors, these
+# quadratic forms are the real spherical harmonics of degree two.
 FORMS = np.array(
     [
         [[-0.5, 0, 0], [0, 1, 0], [0, 0, -0.5]],
@@ -60,8 +61,8 @@ class UpProbe:
     mean: Float32  # (D,) subtracted from a picture's mean token
     form: Float32  # (5, D) the map of tokens to coefficients of `FORMS`
     vector: Float32  # (3, D) the map of tokens to coefficients of `VECTORS`
-    # (3, 9) log-odds per unit of each of `TERMS`: for pictures around the file's up alone, for pictures around all axes
-    # of the file, and for a shape that is not aligned with the file.
+    # (3, 9) log-odds per unit of each of `TERMS`. The rows are for pictures around +y alone, for pictures around all
+    # axes of the file, and for a shape that is not aligned with the file.
     odds: Float64
     file_up: float  # prior log-odds of +y
     file_down: float  # prior log-odds of −y
@@ -79,7 +80,7 @@ class UpProbe:
         return form, vector
 
     def terms(self, seen: ViewTokens, ups: Float64, evidence: Float64) -> Float64:
-        """Return the `TERMS` (K, 9) of unit `ups` (K, 3); `evidence` (K, 7) are the `EVIDENCE` of `ups`."""
+        """Return the `TERMS` (K, 9) of unit directions `ups` (K, 3), given their `EVIDENCE` (K, 7)."""
         form, vector = self.votes(seen)
         return np.column_stack([np.einsum("ka,ab,kb->k", ups, form, ups), ups @ vector, evidence])
 
@@ -88,7 +89,7 @@ class UpProbe:
         return (self.encoder_weights, self.encoder_block) == encoder_identity(encoder)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write a .safetensors file atomically; equal probes give equal bytes."""
+        """Write a .safetensors file atomically. Equal probes give files with equal bytes."""
         arrays: dict[str, NDArray[Any]] = {
             "mean": self.mean,
             "form": self.form,
@@ -102,8 +103,8 @@ class UpProbe:
     def load(cls, path: str | os.PathLike[str]) -> UpProbe:
         """Return the probe in a file that `save` wrote.
 
-        Raises ValueError if the file is truncated, has another format, or has arrays of wrong shape or not finite.
-        Raises OSError if the file cannot be read.
+        Raises ValueError if the file is truncated, has another format, or contains an array of the wrong array shape or
+        with a number that is not finite. Raises OSError if the file cannot be read.
         """
         arrays, identity = read_learned("UpProbe.load", path, KIND, SHAPES)
         mean, form, vector = (arrays[name].astype(np.float32) for name in ("mean", "form", "vector"))
@@ -112,6 +113,6 @@ class UpProbe:
 
 
 def find_probe(encoder: Encoder) -> UpProbe | None:
-    """Return the package's probe for the weights and block of `encoder`, or None."""
+    """Return the package's probe for the weights and block of `encoder`, or None if there is none."""
     probes = (UpProbe.load(path) for path in sorted(FOLDER.glob("*.safetensors")))
     return next((probe for probe in probes if probe.fits(encoder)), None)

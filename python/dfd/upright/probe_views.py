@@ -19,15 +19,14 @@ if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
     from dfd.mesh.mesh import Mesh
 
-PATCHES = 16  # patches along a picture's side
-SHOWN = 0.3  # least share of a patch's pixels that the shape covers; tokens of other patches are left out
+PATCHES = 16  # number of the encoder's patches along a picture's side
+SHOWN = 0.3  # tokens are used if the shape covers more than this share of their patch's pixels
 
 
 def _square(first: float, height: float) -> Float64:
     """Return the directions (4, 3) of four cameras around a shape, which differ by quarter turns.
 
-    The first camera is `first` degrees from the front, and all are `height` degrees above the horizon. The votes for a
-    candidate do not depend on its front, because the cameras are symmetric to the planes between them.
+    The first camera is `first` degrees from the front, and all are `height` degrees above the horizon.
     """
     turns, height = np.radians(first + 90 * np.arange(4)), np.radians(height)
     return np.stack(
@@ -35,14 +34,14 @@ def _square(first: float, height: float) -> Float64:
     )
 
 
-SIDES, CORNERS = _square(0, 20), _square(45, 15)  # cameras at the sides and the corners of a square around the shape
+SIDES, CORNERS = _square(0, 20), _square(45, 15)  # cameras in the middles of a square's sides, and at its corners
 
 
 @dataclass(frozen=True, eq=False)
 class ViewTokens:
-    """The mean tokens of N pictures."""
+    """The mean tokens of N pictures: feature vectors of an encoder, averaged over the patches that show the shape."""
 
-    # (N, 2, D) the mean token of the shape in each picture, and the mean of its right half less that of its left half
+    # (N, 2, D) the mean token of each picture, and the mean token of its right half minus that of its left half
     tokens: Float32
     axes: Float64  # (N, 3, 3) right, up and back of each camera, in the mesh's coordinates
 
@@ -52,7 +51,7 @@ class ViewTokens:
 
 
 class ProbeCameras:
-    """The mesh and encoder for small pictures; everything that all pictures share is computed once."""
+    """Render small pictures of a mesh and encode them. Everything that all pictures share is computed once."""
 
     def __init__(self, mesh: Mesh, encoder: Encoder) -> None:
         center, scale = normalization(mesh)
@@ -63,7 +62,7 @@ class ProbeCameras:
         self._resolution = encoder.nearest_resolution(PATCHES * encoder.patch)
 
     def seen(self, frames: Float64, eyes: Float64) -> ViewTokens:
-        """Return the tokens of K·E pictures: from the directions `eyes` (E, 3) in each of `frames` (K, 3, 3).
+        """Return the tokens of K·E pictures: one from each direction of `eyes` (E, 3) in each of `frames` (K, 3, 3).
 
         Raises ValueError if no camera ray hits the mesh.
         """
@@ -86,16 +85,16 @@ class ProbeCameras:
 
 
 def _halves(tokens: Float32, covered: Bool) -> Float32:
-    """Return (2, D): the mean of a picture's `tokens` (h, w, D) on the shape, and that of its right half less its left.
+    """Return the mean of a picture's tokens, and the mean of its right half minus that of its left half, (2, D).
 
-    `covered` (R, R) says whether a pixel shows the shape.
+    `tokens` are (h, w, D). `covered` (R, R) is True for pixels that show the shape; only their patches are used.
     """
     side = len(tokens)
     within = len(covered) // side
     shown = covered[: side * within, : side * within].reshape(side, within, side, within).mean(axis=(1, 3))
     if not shown.any():
         return np.zeros((2, tokens.shape[2]), np.float32)
-    rows, columns = np.nonzero(shown > min(SHOWN, 0.99 * shown.max()))  # a thin wire covers less than SHOWN anywhere
+    rows, columns = np.nonzero(shown > min(SHOWN, 0.99 * shown.max()))  # a thin wire covers less than SHOWN everywhere
     own, across = tokens[rows, columns], 2 * columns - (columns.min() + columns.max())
     mean = own.mean(axis=0)
     if not across.any():  # a single column has no halves

@@ -1,6 +1,6 @@
 """Measure cues of the surface for the up direction: stable poses, the base, and mirror planes.
 
-Source: Fu, Cohen-Or, Dror, Sheffer, "Upright orientation of man-made objects" (SIGGRAPH 2008), for stability and base.
+Stability and base are from Fu, Cohen-Or, Dror, Sheffer, "Upright orientation of man-made objects" (SIGGRAPH 2008).
 """
 
 from collections.abc import Iterable
@@ -16,21 +16,21 @@ from dfd.mesh.normals import face_normals
 from dfd.views.cameras import fibonacci_directions
 
 EVIDENCE = ("stable", "facing up", "base", "near the base", "middle", "mirrors upright", "mirrors flat")
-POINTS = 2000  # surface samples
-REFLECTED = 500  # surface samples whose mirror images are compared with the surface
-BASE = 0.03  # height of the base above the lowest point, in diagonals of the box
-FACES_UP = 0.9  # least cosine between up and a normal that faces up
-ALIGNED = 1.25  # a file axis is a mirror normal if its mirror error is at most this times the least one
-LEAST_ERROR = 0.004  # least mirror error, in diagonals of the box: random samples give it to an exact mirror plane
-LEAST_HEIGHT = 1e-6  # least height in a denominator, in diagonals of the box, for flat shapes
-DIRECTIONS = 200  # candidate normals of mirror planes, over half the sphere
-RESTS = 4  # stable poses that become candidates
-_NEARLY = np.cos(np.radians(8))  # cosine of the angle below which two directions are nearly parallel
+POINTS = 2000  # number of surface samples
+REFLECTED = 500  # number of surface samples whose mirror images are compared with the surface
+BASE = 0.03  # vertices up to this height above the lowest vertex are the base, in diagonals of the box
+FACES_UP = 0.9  # normals whose cosine with up is larger face up
+ALIGNED = 1.25  # an axis of the file is a mirror normal if its mirror error is at most this times the smallest one
+LEAST_ERROR = 0.004  # mirror error of an exact mirror plane by the random samples, in diagonals of the box
+LEAST_HEIGHT = 1e-6  # smallest divisor for heights, in diagonals of the box; flat shapes have height 0
+DIRECTIONS = 200  # number of candidate normals of mirror planes, over half of the sphere
+RESTS = 4  # number of stable poses that become candidates
+_NEARLY_PARALLEL = np.cos(np.radians(8))  # directions at a smaller angle (a larger cosine) are nearly parallel
 _SHRINKING = (0.15, 0.07, 0.03, 0.015, 0.007)  # steps of the search for the exact normal of a plane, in radians
 
 
 class StabilityCues:
-    """Cues of a surface of `vertices` (V, 3), in any units, and `faces` (F, 3), of which one must have an area."""
+    """Cues of a surface with `vertices` (V, 3), in any unit, and `faces` (F, 3). One face must have an area."""
 
     def __init__(self, vertices: NDArray[np.floating], faces: Int32) -> None:
         generator = np.random.default_rng(0)
@@ -89,7 +89,7 @@ class StabilityCues:
             self._mirror_errors[_key(normal)] = float(of_images.mean()) / self.diagonal
 
     def mirror_normal(self) -> Float64:
-        """Return the unit normal (3,) of the plane with the least mirror error."""
+        """Return the unit normal (3,) of the plane with the smallest mirror error."""
         spread = self.points - self.middle
         around = fibonacci_directions(2 * DIRECTIONS)[:DIRECTIONS]
         # Principal axes are candidates, because the normal of an exact mirror plane is one of them.
@@ -99,20 +99,21 @@ class StabilityCues:
         return min((self._refined(normal) for normal in ranked), key=self.mirror_error)
 
     def stable_ups(self, frame: Float64) -> Float64:
-        """Return the up directions (K, 3) of stable poses, K ≤ `RESTS`, no two of them nearly parallel.
+        """Return the up directions (K, 3) of at most `RESTS` stable poses, no two of them nearly parallel.
 
-        The shape is projected along the first row of `frame` (3, 3); its outline is the convex hull. In a stable pose,
-        it rests on one of the longest edges, with its middle above the edge. If there are fewer than `RESTS`, the
-        second and third rows of `frame` are added.
+        The shape is projected along the first row of `frame` (3, 3), and its outline is the convex hull. In a stable
+        pose, it rests on an edge of the outline, with its middle above the edge. Long edges come first. If there are
+        fewer than `RESTS`, the second and third rows of `frame` are added.
         """
         plane = frame[1:]
         kept: list[Float64] = []
         for up in [*_resting_ups(self.hull @ plane.T, self.middle @ plane.T), *np.eye(2)]:
-            if len(kept) < RESTS and all(abs(up @ other) < _NEARLY for other in kept):
+            if len(kept) < RESTS and all(abs(up @ other) < _NEARLY_PARALLEL for other in kept):
                 kept.append(up)
         return np.stack(kept) @ plane
 
     def _refined(self, normal: Float64) -> Float64:
+        """Return a unit normal (3,) near `normal` with a locally smallest mirror error."""
         for step in _SHRINKING:
             for _ in range(3):
                 one = _across(normal)
@@ -125,7 +126,7 @@ class StabilityCues:
         return normal
 
     def frame(self) -> Float64:
-        """Return the axes (3, 3) of the shape.
+        """Return the axes (3, 3) of the shape, in rows.
 
         If one axis of the file is a mirror normal, these are the axes of the file. Otherwise they are the normal of the
         best mirror plane, and the sides of the smallest rectangle around the shape's projection onto this plane.
@@ -145,12 +146,12 @@ class StabilityCues:
 
 
 def _key(normal: Float64) -> tuple[float, ...]:
-    """Return a key of a plane that does not depend on the sign of its normal."""
+    """Return a key of a plane, which is equal for `normal` and −`normal`."""
     return tuple(np.round(normal * np.sign(normal[np.abs(normal).argmax()]), 9))
 
 
 def _resting_ups(outline: Float64, middle: Float64) -> list[Float64]:
-    """Return the inward unit normals (2,) of those edges of `outline` onto which `middle` projects, longest first."""
+    """Return the inward unit normals (2,) of the edges of `outline` onto which `middle` projects; longest first."""
     hull = _hull_of(outline)
     found = []
     for edge, equation in zip(hull.simplices, hull.equations, strict=True) if hull is not None else ():

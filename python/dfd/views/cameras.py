@@ -1,4 +1,4 @@
-"""Place cameras around a shape, in directions on a Fibonacci sphere, so that the shape fills each picture."""
+"""Place cameras around a shape, in the directions of a Fibonacci sphere, so that the shape fills each picture."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ Framing = Literal["shape", "paper"]
 
 FIELD_OF_VIEW = 60.0  # degrees, as in the paper and the public reference
 PAPER_DISTANCE = 2.8  # distance of cameras from the origin, normalized, as in the paper and the public reference
-MARGIN = 1.06  # width of the picture over that of the shape, so that patches at the outline lie in the picture
-CLEARANCE = 0.2  # least distance of the shape from the eye, relative to half its size; a needle can point at the eye
+MARGIN = 1.06  # width of the picture, divided by that of the shape; the patches at the outline then lie in the picture
+CLEARANCE = 0.2  # smallest distance of the shape from the eye, divided by half of the shape's largest extent
 _MIRROR_IMAGES = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0], [1.0, 1.0, -1.0], [-1.0, 1.0, -1.0]])
-_CHUNK = 1 << 12  # points per product, which then fits the processor's cache
+_CHUNK = 1 << 12  # number of points per matrix product, which then fits the processor's cache
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
     """A pinhole camera with a square picture, in normalized coordinates.
 
-    The axes right, up and back are orthonormal; the camera looks along −back. A mirrored camera has its right axis
-    negated, so its picture is the mirror image.
+    The axes right, up and back are orthonormal, and the camera looks along −back. The right axis of a mirrored camera
+    is negated, so that the picture is a mirror image.
     """
 
     position: Float64  # (3,) the eye
@@ -49,12 +49,12 @@ class Camera:
         return np.ascontiguousarray((np.array([self.right, self.up, self.back]).T @ local).T, np.float32)
 
     def in_mesh(self, frame: Float64) -> Camera:
-        """Return the camera in the mesh's coordinates, in which the rows of `frame` (3, 3) are its present axes."""
+        """Return the camera in the mesh's coordinates, in which the present x, y and z axes are the rows of `frame`."""
         axes = (self.position @ frame, self.right @ frame, self.up @ frame, self.back @ frame)
         return Camera(*axes, self.field_of_view)
 
     def project(self, points: NDArray[np.floating[Any]], resolution: int) -> tuple[Float64, Float64]:
-        """Return the row (N,) and column (N,) of `points` (N, 3), in pixels; whole numbers are pixel centers."""
+        """Return the rows (N,) and columns (N,) of `points` (N, 3), in pixels; whole numbers are pixel centers."""
         offset = points - self.position
         depth = -(offset @ self.back) * self.half_width
         column = (offset @ self.right / depth + 1) / 2 * resolution - 0.5
@@ -63,10 +63,10 @@ class Camera:
 
 
 def fibonacci_directions(count: int, *, mirrored: bool = False) -> Float64:
-    """Return unit directions (count, 3), spread evenly over the sphere.
+    """Return unit directions (count, 3) at even density on the sphere.
 
-    With `mirrored`, they form groups of four that are mirror images in the planes x = 0 and z = 0. If `count` is not a
-    multiple of four, the remaining directions lie in these planes.
+    If `mirrored` is True, they form groups of four that are mirror images in the planes x = 0 and z = 0. If `count` is
+    not a multiple of four, the remaining directions lie in these planes.
 
     Raises ValueError if `count` is less than 1.
     """
@@ -75,7 +75,7 @@ def fibonacci_directions(count: int, *, mirrored: bool = False) -> Float64:
         index = np.arange(count) + 0.5
         return _sphere(1 - 2 * index / count, np.pi * (1 + np.sqrt(5)) * index)
     # Near the planes, directions of a Fibonacci spiral would be close to their mirror images. So a quarter of the
-    # directions lies on a few meridians inside a quarter of the sphere.
+    # directions is placed on a few meridians inside a quarter of the sphere.
     index = np.arange(count // 4) + 0.5
     meridians = max(2, round(np.sqrt(len(index) / 2.5)))
     quarter = _sphere(1 - 2 * index / max(len(index), 1), np.pi / 2 * (index % meridians) / meridians)
@@ -87,7 +87,7 @@ def fibonacci_directions(count: int, *, mirrored: bool = False) -> Float64:
 def camera_towards(
     direction: ArrayLike, points: NDArray[np.floating[Any]], *, field_of_view: float = FIELD_OF_VIEW
 ) -> Camera:
-    """Return a camera in `direction` (3,), of any length, whose picture contains all `points` (N, 3).
+    """Return a camera in `direction` (3,) from the origin whose picture contains all `points` (N, 3).
 
     Raises ValueError if `direction` is 0.
     """
@@ -101,14 +101,14 @@ def camera_towards(
 def place_cameras(
     count: int, points: NDArray[np.floating[Any]], *, framing: Framing = "shape", mirrored: bool = False
 ) -> list[Camera]:
-    """Return `count` cameras around a shape of vertices `points` (N, 3), in normalized coordinates.
+    """Return `count` cameras around a shape with the vertices `points` (N, 3), in normalized coordinates.
 
-    With `framing` "shape", each picture contains the whole shape with a small margin, from the smallest distance. No
-    point is nearer to the eye than a tenth of the shape's size. With "paper", cameras look at the origin from a
-    distance of 2.8.
+    With `framing` "shape", each camera is as near as possible, such that its picture contains the whole shape with a
+    small margin. The eye's distance from the shape is at least a tenth of the shape's largest extent. With "paper",
+    cameras look at the origin from a distance of 2.8.
 
-    With `mirrored`, cameras form groups of four that are mirror images in the planes x = 0 and z = 0. Pictures of a
-    shape that is symmetric in one of these planes then show both sides equally.
+    If `mirrored` is True, cameras form groups of four that are mirror images in the planes x = 0 and z = 0. Pictures
+    of a shape that is symmetric in one of these planes then show both sides equally.
 
     Raises ValueError if `count` is less than 1 or `framing` is unknown.
     """
@@ -121,16 +121,16 @@ def place_cameras(
 def _place(
     directions: Float64, points: NDArray[np.floating[Any]], framing: Framing, field_of_view: float, flipped: Bool
 ) -> list[Camera]:
-    """Return a camera in each of `directions` (K, 3), mirrored if `flipped` (K,); see `place_cameras`."""
+    """Return a camera in each of `directions` (K, 3), mirrored if `flipped` (K,) is True; see `place_cameras`."""
     check.choice("place_cameras", "framing", framing, Framing)
     field_of_view = check.number("place_cameras", "field_of_view", field_of_view, minimum=1.0, maximum=170.0)
     bases = [_basis(direction, turn) for direction, turn in zip(directions, flipped, strict=True)]
     if framing == "paper":
         return [Camera(PAPER_DISTANCE * basis[2], *basis, field_of_view) for basis in bases]
     slope = np.tan(np.radians(field_of_view) / 2) / MARGIN
-    # Let a camera at distance d have its axis at c. It sees a point q, in right, up and back, if
-    # |q_x − c_x| ≤ slope (d − q_z), and likewise in y. The bounds are linear in q, so one matrix product gives the
-    # extremes for all cameras. The fifth row gives the point nearest to the eye.
+    # Coordinates along right, up and back: a camera at (c_x, c_y, d) sees a point q if |q_x − c_x| ≤ slope (d − q_z),
+    # and likewise for y. The bounds are linear in q, so one matrix product gives the extremes for all cameras. The
+    # fifth row gives the point nearest to the eye.
     bounds = [
         [right + slope * back, slope * back - right, up + slope * back, slope * back - up, back]
         for right, up, back in bases
@@ -147,7 +147,7 @@ def _place(
 
 
 def _largest_along(normals: Float64, points: NDArray[np.floating[Any]]) -> Float64:
-    """Return, for each of `normals` (K, 3), the largest product (K,) with any of `points` (N, 3)."""
+    """Return the largest scalar product of each of `normals` (K, 3) with any of `points` (N, 3), (K,)."""
     rows = normals.astype(np.float32)
     largest = np.full(len(normals), -np.inf, np.float32)
     for start in range(0, len(points), _CHUNK):
@@ -157,7 +157,7 @@ def _largest_along(normals: Float64, points: NDArray[np.floating[Any]]) -> Float
 
 
 def _basis(direction: Float64, flipped: bool) -> tuple[Float64, Float64, Float64]:
-    """Return right, up and back of an upright camera in `direction` (3,); its up is −z above and z below."""
+    """Return right, up and back of an upright camera in `direction` (3,). Straight above, up is −z; below, it is z."""
     upright = np.array([0.0, 1.0, 0.0]) if abs(direction[1]) < 0.999 else np.array([0.0, 0.0, -np.sign(direction[1])])
     right = np.cross(upright, direction)
     right /= np.linalg.norm(right)

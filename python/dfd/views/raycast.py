@@ -17,7 +17,7 @@ from dfd.common.linear_algebra import Bool, Float32, Int32, Int64
 class Hits:
     """The first intersection of each ray that hits the surface."""
 
-    ray: Int64  # (K,) index of the ray, ascending
+    ray: Int64  # (K,) indices of the rays, ascending
     face: Int32  # (K,) the face that the ray hits
     barycentric: Float32  # (K, 3) weights of the face's corners, at least 0 and with sum 1
     distance: Float32  # (K,) distance along the ray, in lengths of its direction
@@ -28,14 +28,14 @@ class Hits:
 
 
 class Scene:
-    """The search tree of triangles; rays hit the front and the back of a face, but no face without area.
+    """The search tree of triangles. Rays hit the front and the back of a face, but no face without area.
 
-    Several threads may cast rays in parallel. `vertices` (V, 3) must be normalized, because Embree computes in float32
+    Several threads can cast rays in parallel. `vertices` (V, 3) must be normalized, because Embree computes in float32
     and misses hits far from the origin. `faces` (F, 3) must be valid indices.
     """
 
     def __init__(self, vertices: NDArray[np.floating[Any]], faces: NDArray[np.integer[Any]]) -> None:
-        # Of the rays to a common edge or vertex of faces, one in 200 misses with `robust`, and one in seven without it.
+        # With `robust`, one in 200 rays to an edge or a vertex between faces misses; without it, one in seven.
         self._scene = EmbreeScene(robust=True)
         corners = np.ascontiguousarray(faces, dtype=np.int32)
         TriangleMesh(self._scene, np.ascontiguousarray(vertices, dtype=np.float32), corners)
@@ -43,7 +43,7 @@ class Scene:
         self.cast(np.zeros(3), np.ones((1, 3)))
 
     def cast(self, origins: NDArray[np.floating[Any]], directions: NDArray[np.floating[Any]]) -> Hits:
-        """Return the hits of rays along `directions` (N, 3) from `origins` (N, 3), or from one point (3,)."""
+        """Return the hits of rays along `directions` (N, 3) from `origins` (N, 3), or from a single origin (3,)."""
         directions = np.ascontiguousarray(directions, dtype=np.float32)
         origins = np.ascontiguousarray(np.broadcast_to(origins, directions.shape), dtype=np.float32)
         if len(directions) == 0:
@@ -60,7 +60,7 @@ class Scene:
     def hides(self, eye: NDArray[np.floating[Any]], points: NDArray[np.floating[Any]], tolerance: float) -> Bool:
         """Return a mask (N,) of the `points` (N, 3) that the surface hides from `eye` (3,).
 
-        A point on the surface does not hide itself: rays end before it, by the share `tolerance` of their length.
+        Rays end before their points, by the share `tolerance` of their length. So the surface at a point is not hit.
         """
         if len(points) == 0:
             return np.zeros(0, bool)

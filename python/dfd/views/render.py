@@ -32,13 +32,13 @@ LARGEST_VIEWS = 32767  # view numbers have 16 bits
 class Views:
     """Pictures of a shape, and the surface points of their pixels."""
 
-    images: UInt8  # (n, R, R, 3) 8-bit red, green and blue as displayed, on white
+    images: UInt8  # (n, R, R, 3) 8-bit sRGB, on a white background
     covered: Bool  # (n, R, R) whether a pixel shows the shape
-    cameras: list[Camera]  # one for each picture
+    cameras: list[Camera]  # the camera of each picture
     points: Float32  # (P, 3) surface points in normalized coordinates: (p − `center`) · `scale` for p in mesh units
-    view: NDArray[np.int16]  # (P,) the picture that shows each point
+    view: NDArray[np.int16]  # (P,) the index of the picture that shows each point
     row: Float32  # (P,) row of each point in its picture, in pixels; whole numbers are pixel centers
-    column: Float32  # (P,) column of each point in its picture
+    column: Float32  # (P,) column of each point in its picture, in pixels
     face: Int32  # (P,) the face of each point; empty if the points are vertices
     vertices: Float32  # (V, 3) normalized vertices of the rendered surface, which may be a simplified copy
     faces: Int32  # (F, 3) faces of the rendered surface
@@ -75,12 +75,12 @@ def render(
     mirrored
         Whether cameras form groups of four that are mirror images of each other; see `place_cameras`.
     simplify_to
-        Number of faces of a simplified copy (quadric errors) that is rendered; None renders the mesh itself.
+        The number of faces of a simplified copy, which is rendered in place of the mesh; None renders the mesh itself.
     supervision
-        Choice of the points: "barycentric" for the surface points of all covered pixels, "vertex" for the visible
+        The points of the result: "barycentric" for the surface points of all covered pixels, "vertex" for the visible
         vertices.
     frame
-        (3, 3) rotation: right, up and front of the cameras in the mesh's coordinates; None takes the mesh's axes.
+        (3, 3) right, up and front of the shape in the mesh's coordinates, in rows; None takes the mesh's axes.
 
     Raises ValueError if an argument is out of its range, or no camera ray hits the mesh.
     """
@@ -107,7 +107,7 @@ def render(
         cameras = [camera.in_mesh(axes) for camera in placed]
         images = np.empty((views, resolution, resolution, 3), np.uint8)
         covered = np.zeros((views, resolution, resolution), bool)
-        hit = np.zeros(views, bool)  # whether a ray of a picture hit the surface
+        hit = np.zeros(views, bool)  # whether any ray of each picture hits the surface
 
         def take(index: int) -> tuple[Float32, Float32, Float32, Int32]:  # points, rows, columns and faces
             images[index], hits = shading.picture(cameras[index], resolution)
@@ -142,7 +142,7 @@ def render(
 
 
 def used_vertices(vertices: Float32, faces: Int32) -> Float32:
-    """Return those of `vertices` (V, 3) that are corners of faces, (N, 3)."""
+    """Return the vertices (N, 3), among `vertices` (V, 3), that are corners of faces."""
     used = np.zeros(len(vertices), bool)
     used[faces] = True
     return vertices if used.all() else vertices[used]

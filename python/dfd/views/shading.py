@@ -1,4 +1,4 @@
-"""Shade pixels by a light at the eye, smooth normals and the surface's own color, on white."""
+"""Shade pixels with a light at the eye, smooth normals and the color of the surface, on a white background."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ if TYPE_CHECKING:
     from dfd.views.cameras import Camera
 
 AMBIENT, DIFFUSE = 0.6, 0.4  # shares of ambient and diffuse light, as in the public reference
-_LAYERS = 8  # most transparent surfaces along a ray
-_CANCELLED = 0.2  # length below which an interpolated unit normal is unreliable
-_STEP = 1e-4  # distance behind a transparent surface at which a ray continues, normalized
+_LAYERS = 8  # largest number of transparent surfaces along a ray
+_CANCELLED = 0.2  # an interpolated normal that is shorter than this is unreliable
+_STEP = 1e-4  # a ray continues at this distance behind a transparent surface, normalized
 
 
 class Shading:
     """The renderer of one scene."""
 
     def __init__(self, scene: Scene, mesh: Mesh, vertices: Float32) -> None:
-        """Store `mesh`, and its normalized `vertices` (V, 3), which `scene` contains."""
+        """Store `scene`, which contains the normalized `vertices` (V, 3) and the faces of `mesh`."""
         self._scene = scene
         self._vertices = vertices
         self._faces = mesh.faces
@@ -33,9 +33,9 @@ class Shading:
         self._appearance = mesh.appearance
 
     def picture(self, camera: Camera, resolution: int) -> tuple[UInt8, Hits]:
-        """Return a picture (R, R, 3), and for each pixel the first hit on a surface that is at least half opaque.
+        """Return a picture (R, R, 3), and the first hit of each pixel on a surface that is at least half opaque.
 
-        `Hits.ray` is the index of the pixel.
+        `Hits.ray` contains indices of pixels.
         """
         origin = camera.position.astype(np.float32)
         directions = camera.ray_directions(resolution)
@@ -50,7 +50,7 @@ class Shading:
         return image.reshape(resolution, resolution, 3), hits
 
     def colors(self, hits: Hits, directions: Float32) -> Float32:
-        """Return the lit color and opacity of each hit, (K, 4) in [0, 1], for the `directions` (N, 3) of all rays."""
+        """Return the lit color and opacity (K, 4) of each hit, in [0, 1]. `directions` (N, 3) are those of all rays."""
         if self._appearance is None:
             rgba = np.full((len(hits.ray), 4), GRAY, np.float32)
             rgba[:, 3] = 1
@@ -61,7 +61,7 @@ class Shading:
         return rgba
 
     def _see_through(self, origin: Float32, directions: Float32, hits: Hits, rgba: Float32) -> tuple[Hits, Float32]:
-        """Return the first hit of each ray that is at least half opaque, and the color (N, 3) of all rays.
+        """Return the first hit of each ray on a surface that is at least half opaque, and the color (N, 3) of each ray.
 
         Transparent surfaces are blended from front to back, with white behind them.
         """
@@ -96,9 +96,9 @@ def facing(
     hits: Hits,
     directions: Float32,  # (N, 3) unit, of all rays
 ) -> Float32:
-    """Return |n · d| of each hit, (K,): 1 if the front or the back of the surface faces the eye, 0 if seen edge on.
+    """Return |n · d| of each hit, (K,), for the normal n and the ray's direction d: 1 if seen face on, 0 if edge on.
 
-    n is the interpolated normal, or the face's normal if normals of opposite direction nearly cancel.
+    The normal is interpolated, or is the face's normal if normals of opposite directions nearly cancel.
     """
     corners = faces.take(hits.face, axis=0)
     normal = blend(normals, corners, hits.barycentric)

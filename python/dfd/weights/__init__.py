@@ -1,1 +1,1 @@
-"""Compute how much each vertex follows each handle."""
+"""Compute weights: how much each vertex follows each handle."""

@@ -1,4 +1,4 @@
-"""Compute weights of vertices for handles by feature distance, fixed points and locality (Eq. 4-7)."""
+"""Compute the weight of each vertex for each handle, from feature distances, fixed points and locality (Eq. 4-7)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Out = TypeVar("Out")
 
 
 class BindOptions(TypedDict, total=False):
-    """The arguments of `bind` besides features, handles and `out`."""
+    """The arguments of `bind`, except `features`, `handles` and `out`."""
 
     fixed: Any
     strength: ArrayLike | None
@@ -57,49 +57,50 @@ def bind(
 ) -> Any:
     """Return the weight of each vertex for each handle, in [0, 1].
 
-    The weight at a handle itself is 1, less the weight that fixed points remove there.
+    Without fixed points, the weight at a handle itself is 1.
 
     Parameters
     ----------
     features
-        (V, D) rows, usually of unit length; they are not normalized. float32 is read in place. The result of
-        `dfd.compact` is accepted too, and is many times faster within its tolerance.
+        (V, D) feature rows, usually of unit length; they are not normalized. float32 is read in place. The result of
+        `dfd.compact` is accepted too. Binding it is many times faster, and the weights agree within its tolerance.
     handles
         (H,) distinct vertex indices, or (H, D) feature rows for points in space. A sequence of H items also permits
         regions: each item is a vertex index, a list of vertex indices, or (N, D) rows. The weight for a region comes
-        from its member with the nearest feature. Members within 0.001 of another one are left out, and at most 32
-        members with distant features are used. Of more than 8,192 members, 8,192 evenly chosen ones are considered.
+        from its member with the nearest feature. At most 32 members with distant features are used, and none within a
+        feature distance of 0.001 of another one. They are chosen from at most 8,192 members, evenly spaced in the item.
     fixed
         Points or regions that stay in place with all surface that looks like them: (P,), (P, D) or a sequence of P
         items, as for `handles`.
     strength
-        The share of weight that `fixed` removes, in [0, 1]: one number, or (P,). The default 1 is Eq. 6.
+        The factor s in [0, 1] of the weight that each fixed point subtracts: one number, or (P,). None is 1 (Eq. 6).
     geodesic
-        (H, V) distances along the surface from each handle, in [0, 1]. float32 is read in place.
+        (H, V) distances G along the surface from each handle, in [0, 1]. float32 is read in place.
     locality
-        λ ≥ 0: one number, or (H,). 0 ignores `geodesic`; a larger λ lowers weights more with the distance.
+        The exponent λ ≥ 0 of Eq. 7: one number, or (H,). 0 ignores `geodesic`. A larger λ lowers the weights of
+        distant vertices more.
     reach
-        r > 0: one number, or (H,). The feature distance at which the weight is 0. Unit rows differ by at most 2, so a
-        reach above 2 includes all vertices.
+        The feature distance r > 0 at which the weight is 0: one number, or (H,). Unit rows have a distance of at most
+        2, so a reach above 2 includes all vertices.
     falloff
-        The curve f of x = 1 − d / r for the feature distance d: one name, or H names. linear: x, smooth: x² (3 − 2x),
-        sharp: x², root: √x, sphere: √(x (2 − x)), constant: 1. The names are those of Blender's proportional editing.
+        The curve f(x) with x = 1 − d / r, where d is the feature distance: one name, or H names. "linear": x,
+        "smooth": x² (3 − 2x), "sharp": x², "root": √x, "sphere": √(x (2 − x)), "constant": 1 if x > 0. Blender's
+        proportional editing uses the same names.
     out
-        (V, H) float32 array for the result; None makes a new one. Its rows or columns must be contiguous. In a
-        column-major array, columns can be written one at a time.
+        (V, H) float32 array for the result; None makes a new one. Its rows or its columns must be contiguous.
 
     Returns
     -------
     weights
         (V, H) float32; a torch tensor if `features` is one.
 
-    Raises ValueError if shapes disagree, a value is not finite, an index is out of range or repeated, or a region is
-    empty. Raises ValueError if a distance or strength lies outside [0, 1], a reach is not above 0, an array is masked,
-    a tensor requires gradients, or `out` has another shape or type.
+    Raises ValueError if array shapes disagree, a value is not finite, an index is out of range or repeated, or a region
+    is empty. Raises ValueError if a distance or strength lies outside [0, 1], a reach is not above 0, an array is
+    masked, a tensor requires gradients, or `out` has another array shape or type.
 
-    Equations 4 and 5: W = f(max(1 − ‖Z_i − Z_j‖ / r, 0)); the paper has r = 1 and f(x) = x. Then Equation 6:
-    W ← max(W − max_p s_p W_p, 0), where W_p = max(1 − ‖Z_i − Z_p‖, 0); the paper has s = 1. Then Equation 7:
-    W ← W (1 − G)^λ.
+    Equations 4 and 5: W_ij = f(max(1 − ‖Z_i − Z_j‖ / r, 0)) for vertex i, handle j and features Z; the paper has r = 1
+    and f(x) = x. Then Equation 6: W_ij ← max(W_ij − max_p s_p W_ip, 0) for the fixed points p, with
+    W_ip = max(1 − ‖Z_i − Z_p‖, 0); the paper has s = 1. Then Equation 7: W_ij ← W_ij (1 − G_ji)^λ, with G = `geodesic`.
     """
     if tensors.tracked(features, handles, fixed, geodesic, out):
         raise ValueError("bind: weights have no gradients: detach the tensors that require gradients")
@@ -113,7 +114,7 @@ def bind(
             raise ArgumentError("features", f"must have at least one dimension, got {source.shape}", "bind")
     wanted = resolve_points("handles", handles, source)
     held = None if fixed is None else resolve_points("fixed", fixed, source)
-    fixed_points, fixed_missed = (None, None) if held is None else (held.points, held.missed)
+    fixed_points, fixed_offsets = (None, None) if held is None else (held.points, held.offsets)
     shape = (source.shape[0], len(wanted))
     distances, exponents = _locality(geodesic, locality, shape)
     reaches, falloffs = _extents(reach, falloff, shape[1])
@@ -128,12 +129,12 @@ def bind(
         shape[0],
         step,
         wanted.points,
-        wanted.missed,
+        wanted.offsets,
         wanted.members,
         reaches,
         falloffs,
         fixed_points,
-        fixed_missed,
+        fixed_offsets,
         _strengths(strength, held),
         distances,
         exponents,
@@ -144,7 +145,7 @@ def bind(
 
 
 def _strengths(strength: ArrayLike | None, held: Targets | None) -> Float32 | None:
-    """Return the strength (N,) of each fixed point; None if all are 1."""
+    """Return the strength (N,) of each fixed point or member of a fixed region; None if `strength` is None."""
     if strength is None:
         return None
     if held is None:
@@ -158,7 +159,7 @@ def _strengths(strength: ArrayLike | None, held: Targets | None) -> Float32 | No
 def _extents(
     reach: ArrayLike, falloff: Falloff | Sequence[Falloff], handle_count: int
 ) -> tuple[Float32 | None, Int32 | None]:
-    """Return the reach (H,) and the number of the falloff (H,) of each handle, or (None, None) for the paper's."""
+    """Return each handle's reach (H,) and index of its falloff (H,); (None, None) for reach 1 and linear falloff."""
     if type(reach) is float and reach == 1.0 and falloff == "linear":
         return None, None
     reaches = _for_each("reach", reach, handle_count, minimum=0.0, exclusive=True)
@@ -174,7 +175,7 @@ def _extents(
 
 
 def _locality(geodesic: Any, locality: ArrayLike, shape: tuple[int, int]) -> tuple[Float32 | None, Float32 | None]:
-    """Return distances (H, V) and exponents λ (H,), or (None, None) without locality."""
+    """Return the distances (H, V) and exponents λ (H,), or (None, None) without locality."""
     if geodesic is None and type(locality) is float and locality == 0:
         return None, None
     vertex_count, handle_count = shape
@@ -187,7 +188,7 @@ def _locality(geodesic: Any, locality: ArrayLike, shape: tuple[int, int]) -> tup
 
 
 def _for_each(name: str, value: ArrayLike, count: int, *, minimum: float, exclusive: bool = False) -> Float32:
-    """Return `value`, one number or `count` numbers, as numbers (count,)."""
+    """Return `value`, which is one number or `count` numbers, as an array (count,)."""
     if np.ndim(tensors.shared("bind", name, value)) == 0:
         number = check.number("bind", name, value, minimum=minimum, exclusive=exclusive)
         numbers = np.full(count, np.clip(number, 0, np.finfo(np.float32).max), np.float32)
@@ -196,4 +197,4 @@ def _for_each(name: str, value: ArrayLike, count: int, *, minimum: float, exclus
         if (numbers < minimum).any() or (exclusive and (numbers == minimum).any()):
             bound = "above" if exclusive else "at least"
             raise ArgumentError(name, f"must be {bound} {minimum:g}, got {numbers.min():g}", "bind")
-    return np.maximum(numbers, np.finfo(np.float32).tiny) if exclusive else numbers  # small numbers round to 0
+    return np.maximum(numbers, np.finfo(np.float32).tiny) if exclusive else numbers  # above 0 in float32 too

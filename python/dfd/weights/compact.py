@@ -1,8 +1,8 @@
-"""Compact features for `dfd.bind` to about a tenth of the bytes, within a given tolerance of the weights.
+"""Compact the features for `dfd.bind` to about a tenth of their bytes, within a given error of the weights.
 
 The features of one shape vary mostly along a few directions. They are projected to as few directions as the tolerance
 permits, and stored in 8 or 16 bits in the order in which the kernels read them. Equal features have equal entries, so
-the weight of a handle at itself is still exactly 1.
+the weight at a handle itself is still exactly 1.
 """
 
 from collections.abc import Callable
@@ -18,32 +18,31 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.common.threads import get_num_threads, one_blas_thread
 
-BLOCK = 16  # vertices that the kernels read together
-BATCH = 512  # rows that are projected together, as many as a field evaluates together; they fit a core's cache
+BLOCK = 16  # number of vertices that the kernels read together
+BATCH = 512  # number of rows that are projected together; they fit the cache of a core
 SPAN = 127  # largest absolute value of an int8 entry, in steps
-# Numbers of vertices for the principal directions, and of vertices and handles for the comparison of weights. The
-# largest sampled error grows slowly with the number of samples.
-DIRECTION_SAMPLE, VERTEX_SAMPLE, HANDLE_SAMPLE = 16_384, 4_096, 128
-SAFETY = 0.8  # a number of dimensions is accepted if its sampled error is at most this times the tolerance
+DIRECTION_SAMPLE = 16_384  # largest number of vertices from which the principal directions are computed
+VERTEX_SAMPLE, HANDLE_SAMPLE = 4_096, 128  # largest numbers of vertices and handles whose weights are compared
+SAFETY = 0.8  # the sampled error of an accepted number of dimensions is at most SAFETY times the tolerance
 
 Precision = Literal["int8", "float16"]
 
 
 @dataclass(frozen=True, eq=False)
 class CompactFeatures:
-    """Features (V, D) of a shape's vertices, projected and rounded, which `dfd.bind` accepts in place of the features.
+    """Features (V, D) of a shape's vertices, projected and rounded. `dfd.bind` accepts them in place of the features.
 
-    A feature z is stored as d entries, (z − mean) @ basis, in multiples of `step`.
+    A feature z is stored as d entries: (z − mean) @ basis, in multiples of `step`.
     """
 
     shape: tuple[int, int]  #: (V, D) of the original features
     precision: Precision  #: type of an entry
-    #: The entries, in blocks of 16 vertices. float16: (B, d, 16) uint16, the bits of the entries. int8:
-    #: (B, d / 4 + 1, 16, 4) uint8, entries + 128 in groups of four, then the squared length as int32
+    #: The entries, in blocks of 16 vertices. For "float16": (B, d, 16) uint16, the bits of the entries. For "int8":
+    #: (B, d / 4 + 1, 16, 4) uint8, which are entries + 128 in groups of four, then the squared length as int32.
     blocks: NDArray[Any]
     basis: Float32  #: (D, d) orthonormal columns
     mean: Float32  #: (D,)
-    step: float  #: the unit of an int8 entry; 1 for float16
+    step: float  #: the unit of an "int8" entry; 1 for "float16"
     radius: float  #: largest distance between the feature of a sampled vertex and its stored entries
     tolerance: float  #: the requested largest error of a weight
     error: float  #: the largest error of a weight on the samples
@@ -57,7 +56,7 @@ class CompactFeatures:
 
     @property
     def dimensions(self) -> int:
-        """Return the number d of entries of a vertex."""
+        """Return the number d of entries per vertex."""
         return int(self.basis.shape[1])
 
     @property
@@ -66,7 +65,7 @@ class CompactFeatures:
         return self.blocks.nbytes
 
     def stored(self, indices: NDArray[np.integer[Any]]) -> Float32:
-        """Return the entries (N, d) of vertices, in steps."""
+        """Return the entries (N, d) of the vertices `indices` (N,), in steps."""
         block, lane = np.divmod(indices, BLOCK)
         if self.precision == "float16":
             return self.blocks[block, :, lane].view(np.float16).astype(np.float32)
@@ -74,7 +73,7 @@ class CompactFeatures:
         return entries.astype(np.float32) - 128
 
     def rows(self, indices: NDArray[np.integer[Any]]) -> Float32:
-        """Return the approximate features (N, D) of vertices; `project` maps them to the same entries."""
+        """Return the approximate features (N, D) of the vertices `indices` (N,); `project` returns the same entries."""
         stored = self.stored(indices)
         stored *= self.step
         return stored @ self.basis.T + self.mean
@@ -82,13 +81,13 @@ class CompactFeatures:
     def principal(self, count: int) -> Float32:
         """Return the coordinates (V, min(`count`, d)) of all features along their first principal directions.
 
-        The largest component of each direction is positive, so that results are reproducible.
+        In each direction (D,), the number with the largest magnitude is positive, so that results are reproducible.
         """
         sample = self.stored(np.arange(0, len(self), -(-len(self) // DIRECTION_SAMPLE))).astype(np.float64)
         mean = sample.mean(axis=0)
         axes = np.linalg.eigh((sample - mean).T @ (sample - mean))[1][:, ::-1][:, :count]
-        parts = self.basis @ axes
-        axes *= self.step * np.where(np.take_along_axis(parts, np.abs(parts).argmax(axis=0)[None], axis=0) < 0, -1, 1)
+        full = self.basis @ axes
+        axes *= self.step * np.where(np.take_along_axis(full, np.abs(full).argmax(axis=0)[None], axis=0) < 0, -1, 1)
         coordinates = np.empty((len(self), axes.shape[1]), np.float32)
         for start in range(0, len(self), BATCH):
             stored = self.stored(np.arange(start, min(start + BATCH, len(self))))
@@ -96,21 +95,21 @@ class CompactFeatures:
         return coordinates
 
     def project(self, rows: Float32) -> tuple[Float32, Float32]:
-        """Return the entries (N, d) of features `rows` (N, D), and the squared residuals (N,), above those of vertices.
+        """Return the entries (N, d) of features `rows` (N, D), and their offsets (N,) of squared feature distances.
 
-        A residual up to `radius` counts as 0, because the shape's own vertices have residuals of this size.
+        An offset is the squared distance between a feature and its entries, minus `radius`², and at least 0.
         """
         centered = rows - self.mean
         stored = _rounded(centered @ self.basis, self.precision, self.step)
-        missed = np.square(centered - self.step * stored @ self.basis.T, dtype=np.float64).sum(axis=1)
-        return stored, np.maximum(missed - self.radius**2, 0.0).astype(np.float32)
+        residuals = np.square(centered - self.step * stored @ self.basis.T, dtype=np.float64).sum(axis=1)
+        return stored, np.maximum(residuals - self.radius**2, 0.0).astype(np.float32)
 
 
 @one_blas_thread()
 def compact(
     features: Any, points: Any = None, *, tolerance: float = 0.01, progress: Callable[[int], object] | None = None
 ) -> CompactFeatures:
-    """Return features with as few dimensions and bits as `tolerance` of the weights permits.
+    """Return features with as few dimensions and bits as the `tolerance` permits.
 
     Parameters
     ----------
@@ -120,12 +119,12 @@ def compact(
     points
         (V, 3) points at which a field is evaluated, in mesh units; only for a field.
     tolerance
-        Largest difference from weights of the full features in float64, on a sample of vertices and handles.
+        Largest difference of a weight from that of the full features in float64, on a sample of vertices and handles.
     progress
-        A callback that takes the number of newly finished rows; a negative number if rows are computed again.
+        A callback that takes the number of newly finished rows. It is negative if finished rows are computed again.
 
-    Raises ValueError if `features` or `points` have the wrong shape, are empty or are not finite, or 16 bits are too
-    few for the tolerance.
+    Raises ValueError if `features` or `points` have the wrong array shape, are empty or are not finite, or 16 bits are
+    too few for the tolerance.
     """
     wanted = check.number("compact", "tolerance", tolerance, minimum=0, exclusive=True)
     source = _Source(features, points)
@@ -145,7 +144,7 @@ def compact(
         kept = min(dimensions, source.dimension)
         rotation = np.eye(kept)
         step = 1.0
-        if precision == "int8":  # all dimensions share one step, so a random rotation makes their variances similar
+        if precision == "int8":  # all dimensions have the same step, so a random rotation makes their ranges similar
             rotation = np.linalg.qr(random.standard_normal((kept, kept)))[0]
             step = float(1.02 * np.abs(centered[:, :kept] @ rotation).max() / SPAN or 1.0)
         if max(trial.error(rotation, precision, step) for trial in trials) <= SAFETY * wanted:
@@ -170,7 +169,7 @@ def compact(
 
 
 class _Source:
-    """Rows of features, from an array or from a field."""
+    """Feature rows, read from an array or computed by a field."""
 
     def __init__(self, features: Any, points: Any) -> None:
         from dfd.field.field import FieldOnMesh  # `import dfd` needs no field
@@ -203,11 +202,11 @@ class _Source:
 
 
 class _Trial:
-    """A comparison of weights of full features in float64 with weights of entries, on sampled vertices and handles.
+    """Compare the weights by entries with those by full features in float64, on sampled vertices and handles.
 
-    `features` (N, D) are the full features, and `along` (N, D) their coordinates along all principal directions.
-    Reference weights come from full features, because coordinates far from the mean have rounding errors. The first d
-    coordinates are multiplied by `rotation` (d, d) and rounded.
+    `features` (N, D) are the full features, `along` (N, D) are their coordinates along all principal directions, and
+    `handles` are the rows of the handles. The reference weights are those of `features`, because coordinates far from
+    the mean have rounding errors. Entries are the first d coordinates, multiplied by `rotation` (d, d) and rounded.
     """
 
     def __init__(self, features: Float64, along: Float64, handles: Int64) -> None:
@@ -215,17 +214,17 @@ class _Trial:
         self._weights = _weights(features[:VERTEX_SAMPLE], features[handles])
 
     def error(self, rotation: Float64, precision: Precision, step: float) -> float:
-        """Return the largest difference between two weights."""
+        """Return the largest difference between a weight by entries and the reference weight."""
         vertices, handles = (_stored(rows, rotation, precision, step) for rows in (self._vertices, self._handles))
         if not (np.isfinite(vertices).all() and np.isfinite(handles).all()):
             return np.inf
         return float(np.abs(_weights(vertices, handles) - self._weights).max())
 
     def radius(self, rotation: Float64, precision: Precision, step: float) -> float:
-        """Return the largest distance of a vertex's feature from its entries."""
-        missed = self._vertices.copy()
-        missed[:, : len(rotation)] -= _stored(self._vertices, rotation, precision, step) @ rotation.T
-        return float(np.linalg.norm(missed, axis=1).max())
+        """Return the largest distance between a vertex's feature and its entries."""
+        residuals = self._vertices.copy()
+        residuals[:, : len(rotation)] -= _stored(self._vertices, rotation, precision, step) @ rotation.T
+        return float(np.linalg.norm(residuals, axis=1).max())
 
 
 def _stored(rows: Float64, rotation: Float64, precision: Precision, step: float) -> Float64:
@@ -244,7 +243,7 @@ def _sample(random: np.random.Generator, count: int, size: int) -> Int64:
 
 
 def _candidates(dimension: int) -> list[tuple[int, Precision, int]]:
-    """Return bytes per vertex, precisions and numbers of dimensions, the fewest bytes first."""
+    """Return (bytes per vertex, precision, number of dimensions) of each storage to try, the fewest bytes first."""
     options: list[tuple[int, Precision, int]] = []
     for size in (*range(8, 64, 8), *range(64, 256, 16), *range(256, dimension + 64, 64)):
         size = min(size, -(-dimension // 4) * 4)
@@ -268,14 +267,14 @@ def _packed(
     step: float,
     progress: Callable[[int], object] | None,
 ) -> tuple[NDArray[Any], float]:
-    """Return the blocks of all rows, and the step, which is increased if a row outside the samples needs it."""
+    """Return the blocks of all rows, and the step. The step is increased if a row outside the samples needs it."""
     count, dimensions, is_float16 = source.count, basis.shape[1], precision == "float16"
     shape = (dimensions, BLOCK) if is_float16 else (dimensions // 4 + 1, BLOCK, 4)
-    # np.empty, because np.zeros allocates small memory pages
+    # np.empty allocates huge memory pages, and np.zeros does not.
     blocks: NDArray[Any] = np.empty((-(-count // BLOCK), *shape), np.uint16 if is_float16 else np.uint8)
 
     def pack(start: int) -> float:
-        """Fill the blocks of a batch; return the largest magnitude before rounding."""
+        """Fill the blocks of the batch from row `start`, and return its largest magnitude before rounding."""
         stop = min(start + BATCH, count)
         projected = (source.rows(slice(start, stop)) - mean) @ basis
         padded = np.zeros((-(-(stop - start) // BLOCK) * BLOCK, dimensions), np.float32)

@@ -1,4 +1,4 @@
-"""Convert handles and fixed points for the kernels: single points, or regions of several members."""
+"""Convert handles and fixed points for the kernels. Each is a single point or a region, which has several members."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,9 +12,9 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Int64
 from dfd.weights.compact import CompactFeatures
 
-MERGED = 1e-3  # feature distance within which a member is left out; weights change by at most as much
-MOST_MEMBERS = 32  # most members of a region that are used
-MOST_CONSIDERED = 8_192  # most members that are considered; with more, this choice takes longer than binding
+MERGED = 1e-3  # members within this feature distance of another one are left out; it bounds the error of a weight
+MOST_MEMBERS = 32  # largest number of members of a region that are used
+MOST_CONSIDERED = 8_192  # largest number of members from which these are chosen, so that the choice takes little time
 
 Source = Float32 | CompactFeatures
 
@@ -23,18 +23,18 @@ Source = Float32 | CompactFeatures
 class Targets:
     """The points from which a kernel measures feature distances."""
 
-    points: Int64 | Float32  # (N,) vertices, or (N, d) rows; for compact features, their entries in steps
-    missed: Float32 | None  # (N,) squared distances that entries miss; None for vertices and for full features
-    members: NDArray[np.uint32] | None  # (H,) number of consecutive points of each handle; None if all are 1
+    points: Int64 | Float32  # (N,) vertex indices, or (N, d) rows: features, or entries of compact features in steps
+    offsets: Float32 | None  # (N,) numbers added to squared distances from entries; None for vertices and features
+    members: NDArray[np.uint32] | None  # (H,) numbers of consecutive points of each handle; None if all are 1
 
     def __len__(self) -> int:
         return len(self.points if self.members is None else self.members)
 
 
 def resolve_points(name: str, value: Any, source: Source) -> Targets:
-    """Return the points of the argument `name` of `dfd.bind`, "handles" or "fixed".
+    """Return the points of an argument of `dfd.bind`, whose `name` is "handles" or "fixed".
 
-    Raises ValueError if `value` is not vertices, feature rows or a sequence of regions, or a region has no member.
+    Raises ValueError if `value` is not vertices, feature rows or a sequence of regions, or if a region is empty.
     """
     items = _items(name, value)
     if items is None:
@@ -45,12 +45,12 @@ def resolve_points(name: str, value: Any, source: Source) -> Targets:
         return Targets(np.concatenate([region.points for region in regions]).astype(np.int64), None, members)
     regions = [_as_rows(region, source) for region in regions]
     points = np.ascontiguousarray(np.concatenate([region.points for region in regions]), np.float32)
-    missed = [np.zeros(len(each.points), np.float32) if each.missed is None else each.missed for each in regions]
-    return Targets(points, np.concatenate(missed) if isinstance(source, CompactFeatures) else None, members)
+    offsets = [np.zeros(len(each.points), np.float32) if each.offsets is None else each.offsets for each in regions]
+    return Targets(points, np.concatenate(offsets) if isinstance(source, CompactFeatures) else None, members)
 
 
 def _items(name: str, value: Any) -> list[NDArray[Any]] | None:
-    """Return the items of a sequence that contains a region; None for an array or a sequence of single points."""
+    """Return the items of a sequence that contains a region, or None for an array or a sequence of single points."""
     if not isinstance(value, Sequence) or isinstance(value, str):
         return None
     items = []
@@ -73,10 +73,10 @@ def _is_row(item: NDArray[Any]) -> bool:
 
 
 def _points(name: str, array: NDArray[Any], source: Source, *, region: bool = False) -> Targets:
-    """Return the points of handles of one member, or the members of one handle with `region`.
+    """Return the points of an `array` of handles, or the members of a single handle if `region` is True.
 
-    The kernel checks that vertices exist and are distinct. Vertices of a region are checked here, because `_thinned`
-    reads their features.
+    The kernel checks that vertex indices are valid and distinct. Those of a region are checked here, because
+    `_thinned` reads their features.
     """
     if region and len(array) == 0:
         raise ArgumentError(name, "must have at least one member", "bind")
@@ -84,15 +84,15 @@ def _points(name: str, array: NDArray[Any], source: Source, *, region: bool = Fa
         rows = check.array("bind", name, array, ("N", source.shape[1]))
         if not isinstance(source, CompactFeatures):
             return Targets(rows, None, None)
-        stored, missed = source.project(rows)
-        return Targets(np.ascontiguousarray(stored), missed, None)
+        stored, offsets = source.project(rows)
+        return Targets(np.ascontiguousarray(stored), offsets, None)
     if array.ndim == 1 and array.dtype == np.int64 and not region:
         return Targets(np.ascontiguousarray(array), None, None)
     return Targets(check.vertex_indices("bind", name, array, source.shape[0]), None, None)
 
 
 def _as_rows(region: Targets, source: Source) -> Targets:
-    """Return a region with feature rows in place of vertices."""
+    """Return a region with feature rows in place of vertex indices."""
     if region.points.ndim == 2:
         return region
     vertices = region.points.astype(np.int64)
@@ -100,7 +100,7 @@ def _as_rows(region: Targets, source: Source) -> Targets:
 
 
 def _thinned(region: Targets, source: Source) -> Targets:
-    """Return at most `MOST_MEMBERS` of a region's points: the first, then always the farthest from all chosen ones."""
+    """Return the region with at most `MOST_MEMBERS` points: its first, then repeatedly the farthest from those kept."""
     count = len(region.points)
     if count <= 1:
         return region
@@ -115,4 +115,4 @@ def _thinned(region: Targets, source: Source) -> Targets:
         chosen.append(int(distances.argmax()))
         np.minimum(distances, np.linalg.norm(rows - rows[chosen[-1]], axis=1), out=distances)
     kept = considered[chosen]
-    return replace(region, points=region.points[kept], missed=None if region.missed is None else region.missed[kept])
+    return replace(region, points=region.points[kept], offsets=None if region.offsets is None else region.offsets[kept])

@@ -1,4 +1,4 @@
-"""Test the clustering of a fine mesh into nodes, its memory, and its shares."""
+"""Test the clustering of a fine mesh into nodes, its memory use, and the shares of vertices."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from dfd.segmentation.parts import Grip
 
 @pytest.fixture
 def small_runs(monkeypatch):
-    """Cluster meshes of a few thousand vertices, in many batches."""
+    """Lower the limits, so that meshes of a few thousand vertices are clustered, in many batches."""
     monkeypatch.setattr(coarse, "MOST_NODES", 500)
     monkeypatch.setattr(coarse, "CELLS", 12)
     monkeypatch.setattr(coarse, "RUN", 300)

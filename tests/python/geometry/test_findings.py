@@ -24,7 +24,7 @@ def test_nothing_is_odd_about_a_good_mesh() -> None:
 @pytest.mark.parametrize(
     ("offset", "message"),
     [
-        (1.01, "2 components that no edge connects. Each touches or nearly touches another"),
+        (1.01, "2 components that no edge connects. Each touches or nearly touches another one"),
         (3.0, "2 components that no edge connects. Gaps separate 2 groups"),
     ],
 )
@@ -39,7 +39,7 @@ def test_defects_are_counted_in_words() -> None:
     assert "1 face has no area." in said(FINE.vertices, np.vstack([faces, [(0, 0, 1)]]))
     assert "2 faces repeat an earlier one." in said(FINE.vertices, np.vstack([faces, faces[:2]]))
     assert "3 edges have more than two faces." in said(FINE.vertices, np.vstack([faces, faces[:1]]))
-    assert "1 vertex is of no face." in said(np.vstack([FINE.vertices, [(0, 0, 0)]]), faces)
+    assert "1 vertex belongs to no face." in said(np.vstack([FINE.vertices, [(0, 0, 0)]]), faces)
 
 
 def test_flat_far_coarse_and_empty_shapes() -> None:

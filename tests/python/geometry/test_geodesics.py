@@ -1,4 +1,4 @@
-"""Test distances along the surface: exact ones, those of the twin, across gaps, and on defective meshes."""
+"""Test distances along the surface: exact values, a slow reference, gaps, and defective meshes."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ def sphere() -> Mesh:
 
 
 def on_sphere(mesh: Mesh, handle: int) -> np.ndarray:
-    """Return the exact distance on a unit sphere, divided by the largest."""
+    """Return the exact distances (V,) from `handle` on a unit sphere, divided by the largest distance π."""
     return np.arccos(np.clip(mesh.vertices @ mesh.vertices[handle], -1, 1)) / np.pi
 
 
 @pytest.mark.parametrize(("subdivisions", "sampled"), [(4, True), (6, True), (6, False)])
 def test_distances_on_a_sphere_are_angles(subdivisions: int, sampled: bool) -> None:
-    """Use all vertices, samples of 40,962 vertices, and all 40,962 vertices."""
+    """The solver uses all 2,562 vertices, samples of 40,962 vertices, and all 40,962 vertices."""
     mesh = sphere_of(subdivisions)
     geodesics = Geodesics(mesh, sampled=sampled)
     assert geodesics.extent == pytest.approx(np.pi, rel=0.01)
@@ -53,7 +53,7 @@ def test_distances_on_a_sphere_are_angles(subdivisions: int, sampled: bool) -> N
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(3, 40), st.integers(0, 60), st.integers(0, 5))
 def test_the_kernel_agrees_with_its_twin(seed: int, count: int, face_count: int, link_count: int) -> None:
-    """Use random faces: non-manifold, repeated and without area."""
+    """Random faces include non-manifold edges, repeated faces, and faces without area."""
     random = np.random.default_rng(seed)
     vertices = random.uniform(-1, 1, (count, 3))
     faces = random.integers(0, count, (face_count, 3)).astype(np.int32)

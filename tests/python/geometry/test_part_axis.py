@@ -9,7 +9,7 @@ from dfd.geometry.part_axis import PartAxes
 
 
 def upper(mesh, low=1.0, slant=0.0):
-    """Return the part of an upright tube above a plane, which may be slanted."""
+    """Return the vertices of an upright tube above a plane, (V,) bool. `slant` is the slope of the plane."""
     return mesh.vertices[:, 1] + slant * mesh.vertices[:, 0] > low
 
 
@@ -17,7 +17,7 @@ def upper(mesh, low=1.0, slant=0.0):
 def test_the_axis_of_a_tube_is_its_middle_however_its_border_runs(slant):
     mesh = straight()
     (axis,) = PartAxes(mesh).of(upper(mesh, slant=slant))
-    # Near an oblique border the part has only one side of the tube.
+    # Near an oblique border, the part contains only one side of the tube.
     assert np.abs(axis.nodes[8:, [0, 2]]).max() < 0.02
     assert np.abs(axis.nodes[:, [0, 2]]).max() < 0.2
     assert axis.length == pytest.approx(3.0, abs=0.15)
@@ -64,7 +64,7 @@ def test_a_wheel_is_no_limb_and_turns_about_its_hub():
     mesh = Mesh(*(lambda both: (both.vertices, both.faces))(trimesh.util.concatenate([wheel, body])))
     (axis,) = PartAxes(mesh).of(np.arange(len(mesh.vertices)) < len(wheel.vertices))
     assert axis.borders == 1
-    assert axis.base[1] > 0.5  # of the body, above the hub
+    assert axis.base[1] > 0.5  # the base is at the body, above the hub
     assert not axis.is_limb
     np.testing.assert_allclose(axis.middle, 0.0, atol=0.02)
 

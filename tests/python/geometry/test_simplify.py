@@ -1,4 +1,4 @@
-"""Test copies with fewer faces: they have the same shape and colors."""
+"""Test that copies with fewer faces have the same shape and colors."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_textured_colors_are_looked_up() -> None:
 
 
 def test_faces_without_area_do_not_stand_in_the_way(quadruped: Mesh) -> None:
-    # The first edge of every face, repeated as a face without area: a collapse beside it must not count as a fold.
+    # Each first edge is also a face without area. The simplifier must not reject collapses beside these faces.
     slivers = quadruped.faces[:, [0, 1, 1]]
     coarse = simplify(Mesh(quadruped.vertices, np.concatenate([slivers, quadruped.faces])), 1500)
     assert len(coarse.faces) <= 1500

@@ -50,7 +50,7 @@ def test_components_that_are_truly_separate_stay_apart() -> None:
 def test_legs_that_meet_at_the_hips_are_not_bridged_at_the_knees() -> None:
     hips, left, right = (trimesh.creation.box(size) for size in ((1, 0.2, 1), (0.4, 2, 0.4), (0.4, 2, 0.4)))
     left.apply_translation((-0.215, -1.1, 0))
-    right.apply_translation((0.215, -1.1, 0))  # 0.03 apart along their length, about 1.2 % of the diagonal
+    right.apply_translation((0.215, -1.1, 0))  # the legs are 0.03 apart, about 1.2 % of the diagonal
     body = trimesh.util.concatenate([hips, left, right])
     for _ in range(3):
         body = body.subdivide()
@@ -108,7 +108,7 @@ def test_confetti_gives_a_symmetric_graph_that_keeps_every_edge(seed: int, count
 
 
 def test_bridges_of_dense_confetti_stay_few() -> None:
-    """Use many components at one position: pairs must not grow with the square of their number."""
+    """With many components near each other, the number of bridges must not grow with the square of their number."""
     random = np.random.default_rng(0)
     corners = random.uniform(0, 1, (20_000, 1, 3)) + random.uniform(-0.01, 0.01, (20_000, 3, 3))
     corners[:, :, 2] *= 0.001

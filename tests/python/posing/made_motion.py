@@ -1,4 +1,4 @@
-"""Made input for the tests of posing: vertices, weights and transforms."""
+"""Make vertices, weights and transforms for the tests of posing."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ import numpy as np
 
 
 def rotation(axis, angle):
-    """(3, 3) by `angle` in radians about `axis`."""
+    """Return the rotation matrix (3, 3) by `angle` in radians about `axis` (3,)."""
     x, y, z = np.asarray(axis, float) / np.linalg.norm(axis)
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
 
 
 def about(pivot, linear, translation=(0.0, 0.0, 0.0)):
-    """(3, 4) that applies `linear` about `pivot`, then moves on."""
+    """Return the matrix (3, 4) that applies `linear` (3, 3) about `pivot`, and then `translation`."""
     matrix = np.empty((3, 4))
     matrix[:, :3], matrix[:, 3] = linear, pivot + np.asarray(translation) - linear @ pivot
     return matrix
 
 
 def scene(vertex_count, handle_count, *, seed=0, dtype=np.float32):
-    """Vertices, weights that sum to less and to more than 1, and affine transforms."""
+    """Return random vertices, weights with sums below and above 1, and affine transforms."""
     random = np.random.default_rng(seed)
     vertices = random.standard_normal((vertex_count, 3)).astype(dtype)
     weights = (random.random((vertex_count, handle_count)) * 2.5 / max(handle_count, 1)).astype(np.float32)
@@ -29,7 +29,7 @@ def scene(vertex_count, handle_count, *, seed=0, dtype=np.float32):
 
 
 def turning_scene(vertex_count, handle_count, *, seed=0, dtype=np.float32, stretch=0.2):
-    """The same with transforms that turn by up to 150° and stretch; handle k stands at vertex k and weighs 1 there."""
+    """Return a `scene` whose transforms rotate by up to 150° and stretch. Handle k is at vertex k, with weight 1."""
     random = np.random.default_rng(seed)
     vertices, weights, _ = scene(vertex_count, handle_count, seed=seed, dtype=dtype)
     transforms = np.empty((handle_count, 3, 4))

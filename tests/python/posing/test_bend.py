@@ -1,4 +1,4 @@
-"""Bend and twist: rigid cross-sections, angles that arrive, and nothing else that moves."""
+"""Test bend and twist: rigid cross-sections, the angle of the tip, and vertices that stay."""
 
 import numpy as np
 import pytest
@@ -54,7 +54,7 @@ def test_girths_are_kept_and_nothing_beyond_the_part_moves(x, z, twist, joint):
 def test_the_tip_turns_by_the_angle(z, joint):
     ends = rings(moved((0, 0, z), 0, joint))[-6:].mean(axis=1)
     along = ends[-1] - ends[0]
-    # Over the last rings, a spread bend has not all of its angle yet.
+    # At the last rings, a bend over the whole length has not reached its full angle.
     assert np.degrees(np.arctan2(-along[0], along[1])) == pytest.approx(
         z, abs=0.5 + (0.1 * abs(z) if joint is None else 0)
     )
@@ -64,7 +64,7 @@ def test_the_tip_turns_by_the_angle(z, joint):
 def test_a_twist_and_its_reverse_return(twist, joint):
     there = moved(twist=twist, joint=joint)
     np.testing.assert_allclose(moved(twist=-twist, joint=joint, points=there), STANDING.vertices, atol=2e-3)
-    # Heights stay: about a straight axis a twist moves nothing along it.
+    # A twist about a straight vertical axis keeps all heights.
     np.testing.assert_allclose(there[:, 1], STANDING.vertices[:, 1], atol=2e-3)
 
 

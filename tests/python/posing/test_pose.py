@@ -1,4 +1,4 @@
-"""Posed vertices against their slow twin, by analysis, and with bad input."""
+"""Test posed vertices: against the slow reference implementation, against exact values, and with bad input."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_agrees_with_the_twin(vertex_count, handle_count, seed, dtype, band, wit
         plane = dfd.SymmetryPlane(PLANE.normal, PLANE.offset, band=band)
         places = np.random.default_rng(seed + 1).standard_normal((handle_count, 3))
         posed = dfd.pose(vertices, weights, transforms, default=default, symmetry=plane, handles=places)
-        if band == 0:  # a vertex this close to the plane may fall to either side
+        if band == 0:  # rounding can put a vertex near the plane on either side
             keep = np.abs(vertices @ np.array(plane.normal) - plane.offset) > 1e-6
             vertices, weights, posed = vertices[keep], weights[keep], posed[keep]
         wanted = reference.pose(vertices, weights, transforms, default=default, symmetry=plane, handles=places)
@@ -103,7 +103,7 @@ def test_normals_turn_with_the_surface(dtype):
     np.testing.assert_array_equal(posed, dfd.pose(vertices, weights, transforms, symmetry=plane))
     assert turned.dtype == dtype
     np.testing.assert_allclose(np.linalg.norm(turned, axis=1), 1, atol=1e-5)
-    # Away from the band the weights stay as they are, so tangents move as differences of vertices do.
+    # Outside the band, nearby points have equal blends, so differences of points move like tangents.
     places = vertices[weights.argmax(axis=0)]
     aside = np.abs(vertices @ np.array(plane.normal) - plane.offset) > 0.6
     moved = [
@@ -156,7 +156,7 @@ def test_other_types_and_layouts_are_taken():
     assert dfd.pose(np.arange(9).reshape(3, 3), np.ones((3, 1)), np.eye(3, 4)[None]).dtype == np.float64
     for dtype in (np.float16, ">f4"):
         assert dfd.pose(np.zeros((3, 3), dtype), np.ones((3, 1)), np.eye(3, 4)[None]).dtype == np.float32
-    for count in (1, 3):  # strided weights are copied, also of one vertex
+    for count in (1, 3):  # strided weights are copied, even those of one vertex
         strided = np.zeros((count, 6), np.float32)[:, ::2]
         assert dfd.pose(np.zeros((count, 3)), strided, np.tile(np.eye(3, 4), (3, 1, 1))).shape == (count, 3)
 

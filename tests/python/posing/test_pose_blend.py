@@ -1,4 +1,4 @@
-"""Blends, weights whose sum passes 1, and handles that arrive: against the twin, and what they are for."""
+"""Test `blend` and `overlap`: against the slow reference implementation, and by their purposes."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ def test_agrees_with_the_twin(vertex_count, handle_count, seed, dtype, band, wit
     posed, turned = dfd.pose(vertices, weights, transforms, **options)
     wanted, wanted_normals = reference.pose(vertices, weights, transforms, **options)
     assert posed.dtype == turned.dtype == dtype
-    aside = np.abs(vertices @ np.array(PLANE.normal) - PLANE.offset) > 1e-6  # one so close may fall to either side
-    # Turns that nearly cancel leave a quaternion of few digits, and handles that look alike few of their weights.
+    aside = np.abs(vertices @ np.array(PLANE.normal) - PLANE.offset) > 1e-6  # others can be on either side
+    # Rotations that nearly cancel leave a quaternion with few digits. So do similar handles with "interpolate".
     lost = max(1.0, np.linalg.cond(weights[:handle_count]) / 10) if overlap == "interpolate" else 1.0
     digits = {"linear": 1e-5, "dual_quaternion": 3e-5}[blend]
     np.testing.assert_allclose(posed[aside], wanted[aside], rtol=0, atol=lost * digits * max(1.0, np.abs(wanted).max()))
@@ -82,7 +82,7 @@ def test_a_twisted_bar_keeps_its_volume():
     np.testing.assert_allclose(radii, 0.1, rtol=1e-6)
     np.testing.assert_allclose(posed[:, 2], bar[:, 2], atol=1e-7)
     linear = np.linalg.norm(dfd.pose(bar, weights, twist[None])[:, :2], axis=1)
-    assert linear.min() < 0.03  # the candy wrapper
+    assert linear.min() < 0.03  # the candy-wrapper artifact of a linear blend
 
 
 def test_opposite_turns_that_cancel_leave_no_nan():

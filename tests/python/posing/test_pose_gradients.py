@@ -1,4 +1,4 @@
-"""Gradients of a linear blend, and refusals where there are none."""
+"""Test the gradients of a linear blend, and the errors for options without gradients."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_gradients_are_those_of_finite_differences(overlap, symmetry, default):
         assert tensor.grad.dtype == tensor.dtype
         assert tensor.grad.shape == tensor.shape
         step = (1e-3 if k == 1 else 1e-6) * random.standard_normal(tensor.shape)
-        if k == 1:  # weights are float32; the blend is linear in them but where their sum crosses 1
+        if k == 1:  # a larger step for float32: the blend is linear in weights, except at sum 1
             keep = np.abs(arrays[1].sum(axis=1) - 1) > 0.01
             step *= keep[:, None]
         ahead, behind = (

@@ -1,4 +1,4 @@
-"""Transforms about a pivot: what they do to points, and what they refuse."""
+"""Test transforms about a pivot: their effect on points, and the values that they refuse."""
 
 import math
 import re

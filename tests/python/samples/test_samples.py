@@ -1,4 +1,4 @@
-"""Test generated shapes: closed, exactly symmetric, labelled, and of any number of faces."""
+"""Test that generated shapes are closed, exactly symmetric and labelled, with the requested number of faces."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_a_sample_is_one_closed_manifold(made: tuple[Callable[..., Sample], Samp
     assert (found.components, found.boundary_edges, found.non_manifold_edges) == (1, 0, 0)
     assert (found.degenerate_faces, found.duplicate_faces, found.unreferenced_vertices) == (0, 0, 0)
     corners = made[1].mesh.vertices[made[1].mesh.faces]
-    assert np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() > 0  # outward
+    assert np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() > 0  # faces point outward
 
 
 def test_a_sample_is_its_own_mirror_image(made: tuple[Callable[..., Sample], Sample]) -> None:

@@ -1,4 +1,4 @@
-"""Parts at a click, on samples whose parts are known, with features that tell them apart but for noise."""
+"""Test the parts at a vertex or point, on samples with known parts, with noisy features that differ by part."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from dfd.segmentation.patches import Distal, Patches
 
 
 def noisy(sample, seed=0):
-    """Features of a sample's vertices: a direction a part, and noise half as large."""
+    """Return features of a sample's vertices: one random vector for each part, and noise half as large."""
     random = np.random.default_rng(seed)
     directions = random.normal(size=(len(sample.parts), 16))
     rows = directions[sample.labels] + 0.5 * random.normal(size=(len(sample.labels), 16))
@@ -24,7 +24,7 @@ def parts_of(sample):
 
 
 def foot_of(chair):
-    """A vertex at the end of a leg."""
+    """Return the lowest vertex of a leg."""
     leg = chair.vertices_of("leg", 0)
     return int(leg[chair.mesh.vertices[leg, 1].argmin()])
 
@@ -96,13 +96,13 @@ def test_the_same_parts_are_found_again_and_after_a_turn(chair):
 
 def test_a_fine_mesh_has_the_same_parts():
     chair = dfd.samples.chair(60_000)
-    assert len(chair.mesh.vertices) > 20_000  # it is gathered into nodes
+    assert len(chair.mesh.vertices) > 20_000  # so vertices are clustered into nodes
     vertex = foot_of(chair)
     assert overlap(parts_of(chair).part(vertex).mask, chair.labels == chair.labels[vertex]) > 0.85
 
 
 def test_vertices_at_one_position_belong_to_one_part(chair):
-    """A file with seams of textures has each of them several times."""
+    """Repeat each vertex for each face, as at the texture seams of a file."""
     corners = chair.mesh.faces.ravel()
     torn = dfd.Mesh(chair.mesh.vertices[corners], np.arange(len(corners)).reshape(-1, 3))
     rows = noisy(chair)
@@ -126,7 +126,7 @@ def test_a_grip_holds_the_part_whole_and_fades_over_a_narrow_seam(chair, chair_p
 
 
 def test_a_trunk_fades_over_a_wider_seam_than_a_limb():
-    """The torso has borders with four limbs and a head: pulled by itself it would tear from them."""
+    """The torso has borders with four limbs and a head. A narrow blend band would stretch the surface at them."""
     robot = dfd.samples.robot(4_000)
     parts, vertices, widest = parts_of(robot), robot.mesh.vertices, []
     for name in ("head", "torso"):
@@ -166,9 +166,9 @@ def test_a_handle_on_the_seam_weighs_1(chair, chair_parts):
 @pytest.mark.parametrize(
     ("towards", "components"),
     [
-        (2 * np.random.default_rng(5).normal(size=16), 4),  # a little: what is above them holds all four
-        (6 * np.random.default_rng(5).normal(size=16), 4),  # much, and all of them more from the seat
-        ("seat", 2),  # hind legs look rather like the seat than like front legs
+        (2 * np.random.default_rng(5).normal(size=16), 4),  # hind legs differ a little from front legs
+        (6 * np.random.default_rng(5).normal(size=16), 4),  # they differ much, but more from the seat
+        ("seat", 2),  # hind legs are more similar to the seat than to front legs
     ],
 )
 def test_equal_legs_are_held_together_unless_their_surroundings_are_more_alike(chair, towards, components):
@@ -184,7 +184,10 @@ def test_equal_legs_are_held_together_unless_their_surroundings_are_more_alike(c
 
 
 def relief(peaks, ridges=0):
-    """A plate with peaks: of each its label, place, radius, width of its slope and height; ridges have `ridges`."""
+    """Return a plate with peaks and ridges, and the label of each vertex.
+
+    Each of `peaks` is its label, center, radius, width of the slope, and height. The ridges have the label `ridges`.
+    """
     side = np.linspace(0, 1, 97)
     x, y = (each.ravel() for each in np.meshgrid(side, side, indexing="ij"))
     height, label = np.zeros_like(x), np.zeros(len(x), int)
@@ -208,7 +211,7 @@ def parts_by(mesh, label, look, noise, random):
 
 
 def test_who_takes_hold_of_an_arm_does_not_mean_the_whole_body_below_the_head():
-    """All but the high peak ends as clearly as that peak does; the low ones differ little from what is around them."""
+    """The plate without the high peak has as clear a border as the peak. Low peaks differ little from the plate."""
     mesh, label = relief([*((1, (x, 0.35), 0.17, 0.085, 0.15) for x in (0.25, 0.75)), (2, (0.5, 0.8), 0.1, 0.03, 0.5)])
     random = np.random.default_rng(0)
     look = random.normal(size=(3, 16))
@@ -220,7 +223,7 @@ def test_who_takes_hold_of_an_arm_does_not_mean_the_whole_body_below_the_head():
 
 
 def test_who_takes_hold_of_a_neck_in_its_middle_takes_the_head_along():
-    """A bib on the sides of the neck differs much from it and creases off; alone it would leave the head behind."""
+    """A bib on the neck has other features and creased borders. If a handle held only the bib, the head would stay."""
     animal, random = dfd.samples.quadruped(4_000), np.random.default_rng(0)
     labels, vertices = animal.labels.copy(), animal.mesh.vertices.copy()
     neck = animal.vertices_of("neck", 0)
@@ -252,7 +255,7 @@ def test_the_lower_half_of_a_leg_is_beyond_its_middle_and_the_head_is_not():
 
 
 def test_a_grip_does_not_pass_from_one_component_to_another_beside_it():
-    """A peg that stands in a plate without touching it: nothing of the plate moves along, however near it is."""
+    """Put one chair above another without contact. A handle on the lower chair must not move the upper one."""
     chair = dfd.samples.chair(4_000)
     above = dfd.Mesh(chair.mesh.vertices + [0, 1.001 * np.ptp(chair.mesh.vertices[:, 1]), 0], chair.mesh.faces)
     vertices = np.concatenate([chair.mesh.vertices, above.vertices])
@@ -309,7 +312,7 @@ def test_a_mesh_without_area_has_no_parts():
 
 
 def loose(mesh, kind, count, seed=0):
-    """The mesh with `count` vertices that no face uses, or triangles that touch nothing, all about it."""
+    """Return the mesh with `count` random vertices that no face uses, or with `count` separate triangles."""
     random = np.random.default_rng(seed)
     low, high = mesh.bounds
     if kind == "vertices":
@@ -321,7 +324,7 @@ def loose(mesh, kind, count, seed=0):
 
 
 def test_vertices_that_no_face_uses_change_no_part(chair):
-    whole = loose(chair.mesh, "vertices", 15_000)  # with them the vertices are still nodes of their own
+    whole = loose(chair.mesh, "vertices", 15_000)  # few enough that each vertex is a node
     rows = np.concatenate([noisy(chair), np.random.default_rng(1).normal(size=(15_000, 16)).astype(np.float32)])
     found = [Parts(mesh, lambda some: rows[some]).part(foot_of(chair)) for mesh in (chair.mesh, whole)]
     count = len(chair.mesh.vertices)

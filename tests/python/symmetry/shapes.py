@@ -13,7 +13,7 @@ Fold = Callable[[np.ndarray], np.ndarray]
 
 
 class FoldedField:
-    """Smooth features that are equal at all points that `fold` maps to one."""
+    """A field of smooth features. They are equal at points that `fold` maps to the same point."""
 
     def __init__(self, fold: Fold, turn: np.ndarray | None = None, offset: tuple[float, float, float] = (0, 0, 0)):
         self._fold, self._turn, self._offset = fold, np.eye(3) if turn is None else turn, np.asarray(offset)
@@ -53,7 +53,7 @@ def box(size: tuple[float, float, float], place: tuple[float, float, float]) -> 
 
 
 def creature(turn: np.ndarray | None = None, offset: tuple[float, float, float] = (0, 0, 0), *, armed: bool = False):
-    """Return a body with a head, two arms and two legs, symmetric at x = 0; one hand may hold a bow."""
+    """Return a body with a head, two arms and two legs, symmetric in x = 0. If `armed`, one hand holds a bow."""
     parts = [box((1, 1.6, 0.5), (0, 0, 0)), box((0.6, 0.5, 0.8), (0, 1.05, 0.3))]
     for side in (-1, 1):
         parts += [box((0.7, 0.25, 0.25), (side * 0.85, 0.5, 0.1)), box((0.3, 1.0, 0.35), (side * 0.3, -1.3, 0))]

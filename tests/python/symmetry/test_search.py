@@ -1,4 +1,4 @@
-"""Test the search for mirror planes at any place, with asymmetric parts, and on asymmetric shapes."""
+"""Test the search for mirror planes: at any position, with asymmetric parts, and on asymmetric shapes."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ def test_a_plane_that_is_nearly_of_the_coordinates_is_of_them() -> None:
 
 def test_several_planes_are_ranked_and_merged() -> None:
     planes = dfd.symmetry_planes(FoldedField(about_y(4)), table(4))
-    assert not planes  # the features have the rotations of the table, but no mirror plane
+    assert not planes  # the features have rotational symmetry, but no mirror plane
     both = dfd.symmetry_planes(FoldedField(mirror_xz), table(4))
     assert sorted(plane.normal for plane in both) == [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0)]
     assert [plane.relative_score for plane in both] == sorted(plane.relative_score for plane in both)
 
 
 def test_features_decide_and_not_the_form_alone() -> None:
-    """Use a ball, which has every plane, with features that have one."""
+    """Every plane through the center of a ball is a mirror plane, but its features have only one."""
     ball = trimesh.creation.icosphere(4)
     planes = dfd.symmetry_planes(FoldedField(mirror_x), Mesh(ball.vertices, ball.faces))
     assert [plane.normal for plane in planes] == [(1.0, 0.0, 0.0)]

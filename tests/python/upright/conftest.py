@@ -1,4 +1,4 @@
-"""The encoder of the tests of the up direction."""
+"""Provide an encoder for the tests of the up direction."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Test the up direction: accepted values, the search, and its effect on pictures."""
+"""Test the up direction: accepted values, the search for it, and its effect on pictures."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_a_mesh_without_extent_along_up_is_refused():
     sheet = dfd.Mesh([[0, 0, 0], [1, 0, 0], [0, 0, 1]], [[0, 1, 2]])
     with pytest.raises(ValueError, match=r"`up` must be a direction along which `mesh` has an extent, got '\+y'"):
         explicit_up(sheet, "+y")
-    assert explicit_up(sheet, "file").direction.tolist() == [0, 1, 0]  # "file" needs no extent
+    assert explicit_up(sheet, "file").direction.tolist() == [0, 1, 0]  # "file" does not require an extent along +y
 
 
 @given(st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda up: np.linalg.norm(up) > 1e-3))
@@ -52,7 +52,7 @@ def test_frames_are_rotations_with_that_up(up):
 
 
 def voting_for(seen, up, encoder):
-    """Return a form and a vector of least length, by which pictures vote for `up` alone."""
+    """Return the smallest `form` and `vector` of a probe that votes only for `up`, given the pictures `seen`."""
     at = np.einsum("nai,ki->nka", seen.axes, np.eye(3))
     forms = np.einsum("nka,jab,nkb,njd->kjd", at, FORMS, at, seen.tokens[:, FORM_TOKENS], optimize=True)
     vectors = np.einsum("nka,ja,njd->kjd", at, VECTORS, seen.tokens[:, VECTOR_TOKENS], optimize=True)
@@ -78,7 +78,7 @@ def test_pictures_decide_when_the_surface_says_nothing(encoder):
     ("at_once", "then", "pictures"), [("sure", "sure", 4), ("doubtful", "sure", 24), ("doubtful", "doubtful", 48)]
 )
 def test_few_pictures_are_enough_where_they_leave_no_doubt(encoder, monkeypatch, at_once, then, pictures):
-    """Count the pictures: 4 around the file's up, then 20 along the other axes, then 24 from the corners."""
+    """Count the pictures: 4 around +y, then 20 around the other five directions, then 24 from the corners."""
     looked, encode = [], encoder.encode
     monkeypatch.setattr(
         encoder, "encode", lambda images, **more: (looked.append(len(images)), encode(images, **more))[1]
@@ -105,7 +105,7 @@ def test_without_a_clear_axis_the_two_likeliest_are_combined():
 
 @pytest.mark.parametrize("up", range(6))
 def test_a_table_is_found_whichever_way_it_lies(encoder, up):
-    rotation = axis_frames(np.eye(3))[up].T  # takes +y to that axis
+    rotation = axis_frames(np.eye(3))[up].T  # rotates +y to that direction
     mesh = table()
     lying = dfd.Mesh(mesh.vertices @ rotation.T, mesh.faces)
     before = lying.vertices.copy()
@@ -157,7 +157,7 @@ def test_another_encoders_probe_is_refused_and_without_one_the_files_up_stays(en
 
 
 def test_pictures_in_a_frame_are_those_of_the_turned_mesh():
-    """Compare a mesh on its side, rendered in its upright frame, with the upright mesh."""
+    """Compare pictures of a mesh on its side, rendered in its upright frame, with those of the upright mesh."""
     mesh = table()
     z_up = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
     lying = dfd.Mesh(mesh.vertices @ z_up.T, mesh.faces)
@@ -170,7 +170,7 @@ def test_pictures_in_a_frame_are_those_of_the_turned_mesh():
     both = (seen.covered & standing.covered)[..., None]
     assert np.abs(np.where(both, seen.images.astype(int) - standing.images, 0)).mean() < 0.5
     assert np.array_equal(seen.frame, frame)
-    back = seen.points @ z_up  # the points are in the mesh's own coordinates
+    back = seen.points @ z_up  # points are in the mesh's coordinates
     assert np.allclose(
         [back.min(axis=0), back.max(axis=0)], [standing.points.min(axis=0), standing.points.max(axis=0)], atol=0.05
     )

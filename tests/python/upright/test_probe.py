@@ -14,7 +14,7 @@ from dfd.upright.probe_views import SIDES, ProbeCameras, ViewTokens
 
 
 def test_what_is_seen_around_a_candidate_does_not_depend_on_where_it_lies(encoder):
-    """Compare the pictures around each axis of a table with those of the rotated table."""
+    """Compare the tokens of pictures around each direction of a table with those of the rotated table."""
     mesh = table()
     frames = np.stack(axis_frames(np.eye(3)))
 
@@ -57,7 +57,7 @@ def test_votes_turn_with_the_pictures_and_mirror_with_them(encoder):
     turned = probe.votes(ViewTokens(seen.tokens, seen.axes @ rotation.T))
     assert np.allclose(turned[0], rotation @ form @ rotation.T)
     assert np.allclose(turned[1], rotation @ vector)
-    # The mirrored camera has its right axis negated, and the halves of the picture are exchanged.
+    # In a mirrored picture, the right axis of the camera is negated, and both halves of the picture are exchanged.
     mirror = np.diag([-1.0, 1, 1])
     mirrored = ViewTokens(seen.tokens * np.float32([1, -1])[:, None], np.diag([-1.0, 1, 1]) @ seen.axes @ mirror)
     assert np.allclose(probe.votes(mirrored)[0], mirror @ form @ mirror)

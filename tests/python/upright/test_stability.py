@@ -21,13 +21,13 @@ def test_evidence_of_a_table():
     assert upright["base"] == pytest.approx(1.9 * 0.9 / (2 * 1), rel=1e-6)
     assert upside_down["base"] == pytest.approx(1, rel=1e-6)
     assert upright["near the base"] < upside_down["near the base"]
-    assert upright["middle"] > 0.85  # most of its surface is its top
+    assert upright["middle"] > 0.85  # most of the surface is at the top
     assert upright["middle"] + upside_down["middle"] == pytest.approx(1)
     assert upright["mirrors upright"] < 0.02 < upright["mirrors flat"]
 
 
 def test_a_shape_rests_where_its_middle_is_above_an_edge():
-    """Test that an upright triangle rests on each of its sides, and a strongly leaning one on two."""
+    """An upright triangle rests stably on each of its three sides, and a strongly oblique triangle on two."""
     frame = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
     for tip, ways in (((0.5, 0.8, 0), 3), ((3.0, 0.5, 0), 2)):
         mesh = dfd.Mesh([[0, 0, 0], [1, 0, 0], tip], [[0, 1, 2]])

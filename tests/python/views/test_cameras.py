@@ -62,7 +62,7 @@ def test_rays_and_projection_agree_on_pixel_centers() -> None:
     row, column = camera.project(camera.position + 2.5 * directions, 7)
     assert row == pytest.approx(np.repeat(np.arange(7), 7), abs=1e-5)
     assert column == pytest.approx(np.tile(np.arange(7), 7), abs=1e-5)
-    # The first pixel lies to the upper left.
+    # The first pixel is at the upper left.
     assert directions[0] @ camera.up > 0 > directions[0] @ camera.right
     assert camera.ray_directions(1) == pytest.approx(-camera.back[None], abs=1e-6)
 

@@ -1,4 +1,4 @@
-"""Test rays and triangles: the conventions of Embree, and rays without a hit."""
+"""Test intersections of rays with triangles: the conventions of Embree, and rays without a hit."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ def test_rays_hardly_slip_through_common_edges() -> None:
         [np.stack([corner, corner + n, corner + n + 1], 1), np.stack([corner, corner + n + 1, corner + 1], 1)]
     )
     scene = Scene(np.column_stack([grid, np.sin(3 * grid[:, 0])]), faces)
-    # Rays at the vertices and at the middles of the diagonals.
+    # Rays aim at the vertices, and at the middles of the diagonals.
     aims = np.concatenate([grid, (grid[corner] + grid[corner + n + 1]) / 2])
     aims = aims[np.abs(aims).max(axis=1) < 0.99]
     eye = np.array([0.1, 0.2, 5.0])
     hits = scene.cast(eye, np.column_stack([aims, np.sin(3 * aims[:, 0])]) - eye)
-    assert len(hits.ray) >= 0.99 * len(aims)  # six in seven if Embree is not robust
+    assert len(hits.ray) >= 0.99 * len(aims)  # without `robust`, only six of seven rays hit
     assert hits.barycentric.min() >= 0
     assert hits.barycentric.sum(axis=1) == pytest.approx(1, abs=1e-6)
 

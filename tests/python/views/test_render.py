@@ -1,4 +1,4 @@
-"""Test views: the surface point of every pixel by Eq. 2, and pictures that depend on the shape alone."""
+"""Test views: the surface point of each pixel (Eq. 2), and pictures that depend only on the shape."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def lopsided() -> Mesh:
 
 
 def same(one: Views, other: Views, tolerance: float) -> None:
-    """Assert that two sets of views show the same, but for rounding at a few outlines."""
+    """Assert that two sets of views are equal, except for rounding at a few pixels of outlines."""
     differs = np.abs(one.images.astype(int) - other.images).max(axis=-1) > 1
     assert differs.mean() < 2e-3
     assert abs(len(one.points) - len(other.points)) < 2e-3 * len(one.points)
@@ -50,7 +50,7 @@ def test_points_lie_on_the_nearest_triangle() -> None:
     for index, camera in enumerate(views.cameras):
         directions = camera.ray_directions(24).astype(np.float64)
         nearest = np.full(len(directions), np.inf)
-        for corners in places[mesh.faces]:  # Cramer's rule for o + t d = B·T
+        for corners in places[mesh.faces]:  # solve o + t d = B·T for each ray
             system = np.stack(
                 np.broadcast_arrays(corners[1] - corners[0], corners[2] - corners[0], -directions), axis=-1
             )
@@ -61,7 +61,7 @@ def test_points_lie_on_the_nearest_triangle() -> None:
         here = views.view == index
         pixel = (views.row[here] * 24 + views.column[here]).astype(int)
         hit = np.isfinite(nearest)
-        assert np.setxor1d(pixel, np.flatnonzero(hit)).size <= 1  # one pixel may lie on the outline itself
+        assert np.setxor1d(pixel, np.flatnonzero(hit)).size <= 1  # one pixel can be exactly on the outline
         pixel_hit = hit[pixel]
         expected = camera.position + nearest[pixel[pixel_hit], None] * directions[pixel[pixel_hit]]
         assert views.points[here][pixel_hit] == pytest.approx(expected, abs=1e-5)

@@ -17,7 +17,7 @@ TWO = np.array([[0, 1, 2], [0, 2, 3]])
 
 
 def squares(*layers: tuple[float, Material]) -> Mesh:
-    """Return squares one behind another, each with its own height and material."""
+    """Return parallel squares, each with its z and its material."""
     vertices = np.concatenate([SQUARE + [0, 0, z] for z, _ in layers])
     faces = np.concatenate([TWO + 4 * index for index in range(len(layers))]).astype(np.int32)
     appearance = Appearance(
@@ -38,7 +38,7 @@ def look(mesh: Mesh, direction: tuple[float, float, float] = (0, 0, 1), resoluti
 
 
 def lit(value: float, camera: Camera, resolution: int = 21, row: int = 10, column: int = 10) -> float:
-    """Return the pixel of a surface of this color that faces +z."""
+    """Return the expected pixel, from 0 to 255, of a surface that faces +z and has the gray `value` in [0, 1]."""
     direction = camera.ray_directions(resolution)[row * resolution + column]
     return value * (AMBIENT + DIFFUSE * abs(direction[2])) * 255
 
@@ -113,7 +113,7 @@ def test_glass_tints_what_lies_behind_and_is_not_the_surface() -> None:
     expected = 0.25 * np.array([0, 0, 1]) + 0.75 * np.array([0.8, 0.4, 0])
     assert image[10, 10] == pytest.approx(expected * share * 255, abs=0.6)
     assert dict(zip(hits.ray.tolist(), hits.face.tolist(), strict=True))[10 * 21 + 10] in (2, 3)
-    # Without the opaque square, it tints the white background and is no hit.
+    # Without the opaque square, the glass tints the white background, and no ray has a hit.
     image, hits, _ = look(squares((0.5, glass)))
     assert len(hits.ray) == 0
     assert image[10, 10] == pytest.approx([0.75 * 255, 0.75 * 255, (0.25 * share + 0.75) * 255], abs=0.6)

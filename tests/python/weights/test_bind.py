@@ -1,4 +1,4 @@
-"""Weights against their slow twin, by analysis, and with bad input."""
+"""Test weights: against the slow reference implementation, against exact values, and with bad input."""
 
 from __future__ import annotations
 
@@ -146,7 +146,7 @@ def test_every_falloff(falloff, reach):
     features = np.column_stack([np.cos(angles), np.sin(angles)]).astype(np.float32)
     weights = dfd.bind(features, [0], reach=reach, falloff=falloff)[:, 0]
     distances = np.linalg.norm(features.astype(np.float64) - features[0], axis=1)
-    apart = np.abs(distances - reach) > 1e-5  # where they end, √ and constant are steep
+    apart = np.abs(distances - reach) > 1e-5  # at the reach, "root" and "constant" are steep
     wanted = reference.bind(features, [0], reach=reach, falloff=falloff)[:, 0]
     np.testing.assert_allclose(weights[apart], wanted[apart], rtol=0, atol=1e-4)
     assert weights[0] == 1

@@ -1,4 +1,4 @@
-"""Binding beside other threads, at Ctrl-C and while the interpreter goes."""
+"""Test that Ctrl-C interrupts `bind`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-# Seconds of work on the slowest kernels, and little memory.
+# A bind with the slowest kernels takes seconds, and little memory.
 LONG = """
 import signal, sys, threading, numpy as np, dfd
 signal.signal(signal.SIGINT, signal.default_int_handler)

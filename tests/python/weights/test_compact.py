@@ -1,4 +1,4 @@
-"""Compact features: weights within the tolerance, exact 1 at the handle, and the same bits on every instruction set."""
+"""Test compact features: weights within the tolerance, exactly 1 at a handle, nearly equal on all instruction sets."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from dfd.pictures.colors import feature_colors
 
 
 def features_of_low_rank(count=3000, dimension=96, rank=20, *, seed=0):
-    """(count, dimension) float32 unit rows near a few directions, as a field gives them."""
+    """Return (count, dimension) float32 unit rows that vary mostly along a few directions, as those of a field do."""
     random = np.random.default_rng(seed)
     basis = random.standard_normal((rank, dimension)) * np.exp(-np.arange(rank) / 5)[:, None]
     rows = random.standard_normal((count, rank)) @ basis + 1.5 * random.standard_normal(dimension)
@@ -63,9 +63,9 @@ def test_rows_give_back_what_is_stored(compact):
     rows = compact.rows(HANDLES)
     assert rows.dtype == np.float32
     np.testing.assert_allclose(rows, FEATURES[HANDLES], rtol=0, atol=1.001 * compact.radius)
-    stored, missed = compact.project(rows)
+    stored, offsets = compact.project(rows)
     np.testing.assert_allclose(stored, compact.stored(HANDLES), rtol=1e-3, atol=1e-6)
-    np.testing.assert_array_equal(missed, 0)
+    np.testing.assert_array_equal(offsets, 0)
 
 
 def test_principal_coordinates_are_those_of_the_full_features(compact):
@@ -113,7 +113,7 @@ def test_a_field_is_asked_in_parts():
 def test_a_row_out_of_all_proportion_is_refused_and_not_called_exact(count, tolerance):
     features = features_of_low_rank(count)
     sample = np.random.default_rng(0).choice(count, min(count, 16_384), replace=False)
-    others = np.setdiff1d(np.arange(count), sample)  # what the first sample does not see
+    others = np.setdiff1d(np.arange(count), sample)  # vertices outside the first sample
     features[others[0] if len(others) else 7] *= 1e18
     with pytest.raises(ValueError, match=r"^compact: (`tolerance` must be larger|`features` have a row (so|too) far)"):
         dfd.compact(features, tolerance=tolerance)
@@ -157,7 +157,7 @@ np.savez(sys.argv[2], **results)
         results.append(dict(np.load(out)))
         assert results[-1].pop("name") == name
     for other in results[1:]:
-        np.testing.assert_array_equal(other["int81"], results[0]["int81"])  # whole numbers
+        np.testing.assert_array_equal(other["int81"], results[0]["int81"])  # exact, because entries are whole numbers
         for kind, wanted in results[0].items():
             np.testing.assert_allclose(other[kind], wanted, rtol=1e-5, atol=2e-5, err_msg=kind)
 

@@ -1,4 +1,4 @@
-"""Handles and fixed sets that are regions: they weigh by their nearest member."""
+"""Test handles and fixed points that are regions: their weight comes from the member with the nearest feature."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_agrees_with_the_twin(count, dimension, sizes, held, seed, reach):
     strength = random.uniform(0, 1, len(fixed))
     weights = dfd.bind(features, handles, fixed=fixed, strength=strength, reach=reach)
     wanted = reference.bind(features, handles, fixed=fixed, strength=strength, reach=reach)
-    np.testing.assert_allclose(weights, wanted, rtol=0, atol=2e-3 / reach)  # merged members lie within 0.001
+    np.testing.assert_allclose(weights, wanted, rtol=0, atol=2e-3 / reach)  # members within 0.001 are left out
 
 
 @pytest.mark.parametrize("tolerance", [None, 0.05, 0.002])
@@ -54,7 +54,7 @@ def test_large_regions_are_thinned_to_members_far_apart():
     np.testing.assert_array_equal(region.points, again.points)
     gaps = np.diff(np.sort(angles[region.points]))
     assert gaps.max() < 0.1
-    assert dfd.bind(features, [np.arange(20_000)]).min() > 0.95  # the largest distance is half a gap
+    assert dfd.bind(features, [np.arange(20_000)]).min() > 0.95  # no vertex is farther than half a gap
 
 
 def test_regions_alone_and_among_others_and_on_many_threads():
