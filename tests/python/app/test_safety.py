@@ -140,8 +140,8 @@ def test_every_answer_holds_the_page_to_itself(known: bool) -> None:
 
 def test_a_server_for_other_machines_goes_by_numbers_and_not_by_any_name() -> None:
     rules = Rules(host="0.0.0.0")
-    assert rules.knows_host("192.168.3.4")
-    assert rules.knows_host("localhost")
-    assert not rules.knows_host("evil.example")
-    assert not Rules(host="127.0.0.1").knows_host("192.168.3.4")
-    assert Rules(host="workstation.lab").knows_host("workstation.lab")
+    assert rules.is_own_host("192.168.3.4")
+    assert rules.is_own_host("localhost")
+    assert not rules.is_own_host("evil.example")
+    assert not Rules(host="127.0.0.1").is_own_host("192.168.3.4")
+    assert Rules(host="workstation.lab").is_own_host("workstation.lab")
