@@ -1,4 +1,4 @@
-"""Exports weights as plain arrays, with their names and settings."""
+"""Export the weights of a session as plain arrays, with the names of the handles and the settings."""
 
 import json
 import os
@@ -22,7 +22,7 @@ VERSION = 1
 
 
 def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
-    """Write the weights of a session as arrays, with all that `dfd.pose` needs to reproduce its shape.
+    """Write the weights of a session as arrays, with everything that `dfd.pose` needs to compute the posed shape.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
         raise ArgumentError("session", "must have a handle, got none: there would be no weights", "export_weights")
     weights, columns = session.bound.columns(edit)
     held = [edit.handles[column.handle] for column in columns]
-    names = UniqueNames()  # a number is added for each further counterpart
+    names = UniqueNames()  # further counterparts get the handle's name and a number
     arrays: dict[str, np.ndarray[Any, Any]] = {
         "vertices": session.bound.bent(edit).copy(),
         "faces": mesh.faces.copy(),

@@ -133,7 +133,7 @@ def test_another_blend_is_named(session, tmp_path, monkeypatch):
     monkeypatch.undo()  # blend as the preset does
     session.add(40, rotation=(0, 90, 0))
     report = dfd.export_rig(session, tmp_path / "rig.glb")
-    assert "the edit blends as dual_quaternion, and a skin linearly" in str(report)
+    assert "the edit blends as dual_quaternion, but a skin blends linearly" in str(report)
     assert report.largest > 1e-3 * report.size
 
 
