@@ -12,7 +12,7 @@ import numpy as np
 
 from .shapes import Shape
 
-_kept: dict[int, tuple[object, Shape]] = {}  # by the object's `session_uid`: the inputs of the shape, and it
+_kept: dict[int, tuple[object, Shape]] = {}  # by `session_uid` of the object: the shape's inputs, and the shape
 
 
 def forget() -> None:

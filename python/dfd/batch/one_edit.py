@@ -23,8 +23,8 @@ from dfd.mesh.mesh import Mesh, load
 
 CONFIDENT = 0.5  # the default threshold; with a lower confidence, a handle more likely moves another part
 # The cosine between the features of a handle on both shapes that gives the confidence 0.5. It is lower for fields with
-# a learned metric, because such a metric sets shapes farther apart. For a handle on a chair's leg, the cosine was 0.40
-# to 0.71 on the legs of other seats, and 0.29 to 0.34 on a bird.
+# a learned metric, because the metric increases differences between shapes. For a handle on a chair's leg, the cosine
+# was 0.40 to 0.71 on the legs of other seats, and 0.29 to 0.34 on a bird.
 SIMILAR, SIMILAR_LEARNED = 0.45, 0.25
 
 
@@ -56,7 +56,7 @@ class Original:
 
 
 class UnlikeError(ValueError):
-    """Raised if the other shape seems to lack an edited part. `confidence` is that of `Carried`."""
+    """Raised if the other shape seems to lack an edited part. `confidence` is a mapping as in `Carried`."""
 
     def __init__(self, message: str, confidence: Mapping[str, float]) -> None:
         super().__init__(message)
@@ -68,7 +68,7 @@ class Carried:
     """An edit transferred to another shape."""
 
     deformer: Deformer  # a session of the other shape with the edit
-    # Confidence in [0, 1] by name. For a handle it is the probability that the handle moves the same part
+    # Confidence in [0, 1] by name. For a handle it is at most the probability that the handle moves the same part
     # (`dfd.editing.agreement`). For a fixed point it grows with the similarity of features (`dfd.editing.transfer`).
     confidence: dict[str, float]
     unsure: tuple[str, ...] = ()  # names with a confidence below the threshold, which `force` accepted
@@ -142,7 +142,7 @@ class EditSource(BaseModel):
 def find_files(edit: Path, made_on: Path | None = None) -> EditSource:
     """Find the mesh and the field on which an edit was made. `made_on` replaces the mesh that the edit names.
 
-    The field is the one that the edit names, or the file next to the mesh if that field is of another mesh or changed.
+    The field is the one that the edit names if it is unchanged and of that mesh, or else the file next to the mesh.
     Raises ValueError if `edit` is no edit, or no mesh is known. Raises OSError if a file is missing or unreadable.
     """
     named, field, sha256 = read_made_on(edit)

@@ -29,7 +29,7 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
     session
         The shape with its handles.
     path
-        An .npz or .safetensors file. Its arrays are `vertices` (V, 3) float64 and `faces` (F, 3) of the resting mesh;
+        An .npz or .safetensors file. Its arrays are `vertices` (V, 3) float64, at rest but bent and twisted; `faces`;
         `weights` (V, C) float32, a column for each handle and each of its counterparts; `transforms` (C, 3, 4) float64,
         mesh units; `handles` (C, 3), the position of each column; `handle_ids` (C,); and `default` (3, 4), D₀. Its
         texts, which safetensors stores in its metadata, are `format`, `version`, `names` (a JSON list of C names),

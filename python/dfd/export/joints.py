@@ -37,7 +37,7 @@ class Local:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A joint, whose transform vertices follow."""
+    """A joint: vertices follow its transform with their weights."""
 
     name: str  # unique in the rig
     handle: int | None  # the id of its handle; None for the root and for D₀

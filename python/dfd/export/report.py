@@ -18,7 +18,7 @@ class RigReport:
     influences: int = 0  # the largest number of joints that a vertex follows
     targets: int = 0  # number of morph targets
     pruned: float = 0.0  # the largest share of a vertex's weight that was pruned, in [0, 1]
-    normalized: int = 0  # number of vertices whose weights summed to more than 1 or were negative, which no file stores
+    normalized: int = 0  # number of vertices with a negative weight or a sum above 1, which no format can store
     # largest, mean: distances between the vertices in the file and those of `dfd.pose`, mesh units, in the pose `at`
     largest: float
     mean: float

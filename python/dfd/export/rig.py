@@ -79,8 +79,8 @@ class Rig:
 def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
     """Return the rig of a session's present edit.
 
-    A handle has a joint for each counterpart. With a plane of symmetry, it has a second joint for the mirror image of
-    each.
+    A handle has a joint for each counterpart. With a plane of symmetry, each counterpart has a second joint for its
+    mirror image.
     """
     edit = session.edit
     weights, columns = session.bound.columns(edit)

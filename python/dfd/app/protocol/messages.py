@@ -40,7 +40,7 @@ Place = Index | Region  # a vertex or a region
 GIVEN: dict[str, Any] = {
     "radius": float | str,
     "mask": Region | Literal["everywhere", "part"],
-    "excluded_counterparts": Annotated[tuple[Index, ...], Field(max_length=1000)],  # a vertex on each
+    "excluded_counterparts": Annotated[tuple[Index, ...], Field(max_length=1000)],  # a vertex of each
 }
 SHOWN: dict[str, Any] = {
     "reach": float,  # a number also for the reach "part"
@@ -111,7 +111,7 @@ KeyPoses = Annotated[tuple[KeyPose, ...], Field(max_length=1000)]
 
 
 class Answer(Model):
-    """The base class of all messages of the server. `id` is the `id` of the answered request, or 0 without one."""
+    """The base class of all messages of the server. `id` is that of the answered request, or 0 without a request."""
 
     id: int = 0
 

@@ -23,7 +23,7 @@ class Request(Model):
 
 
 class RequestError(ValueError):
-    """Raised for a text that is not a valid request. `number` is the `id` in the text, or 0 without one."""
+    """Raised for a text that is not a valid request. `number` is the `id` in the text, or 0 if the text has no `id`."""
 
     def __init__(self, number: int, reason: str) -> None:
         super().__init__(f"The message was not understood: {reason}")
@@ -69,7 +69,7 @@ def read_request(text: str) -> Request:
 
 
 def _number_in(text: str) -> int:
-    """Return the `id` in a text that is not a valid request, or 0 without one."""
+    """Return the `id` in a text that is not a valid request, or 0 if the text has no `id`."""
     try:
         number = json.loads(text)["id"]
     except (ValueError, TypeError, KeyError, RecursionError):

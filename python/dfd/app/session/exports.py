@@ -26,7 +26,7 @@ LONGEST_STEM = 80  # characters
 
 
 def export(deformer: Deformer, kind: Kind, name: str, folder: Path, poses: messages.KeyPoses = ()) -> tuple[Path, str]:
-    """Write a file of the format `kind` into `folder`. Return its path and, for a rig, a report of its deviation.
+    """Write a file of the format `kind` into `folder`. Return its path and, for a rig, the report of the export.
 
     `name` is the name of the shape, and `poses` are the key poses of the timeline.
 

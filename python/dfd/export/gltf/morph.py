@@ -38,7 +38,7 @@ class MorphTargets:
 
 
 def targets_of(rig: Rig) -> MorphTargets:
-    """Return the targets of a rig: one for each handle that moves and for D₀, or with key poses one for each pose.
+    """Return the targets of a rig: one for each handle that moves and for D₀, or, with key poses, one for each pose.
 
     Raises ValueError if nothing moves and there is no key pose.
     """
@@ -57,9 +57,9 @@ def targets_of(rig: Rig) -> MorphTargets:
 
 
 def add_targets(document: GltfDocument, rig: Rig, targets: MorphTargets) -> list[int]:
-    """Add the targets, with the weights of the edit, to all displayed nodes, which have none. Return the nodes."""
-    rest = _at_rows(document, rig.mesh.vertices)
-    moved = [_at_rows(document, shape) for shape in targets.shapes]
+    """Add the targets, with the weights of the edit, to all displayed nodes, which lack targets. Return the nodes."""
+    rest = _document_positions(document, rig.mesh.vertices)
+    moved = [_document_positions(document, shape) for shape in targets.shapes]
     normals = [moved_normals(each, rest, document.scene) for each in moved]
     number_of = {id(each): number for number, each in enumerate(document.scene.primitives)}
     nodes = []
@@ -113,8 +113,8 @@ def _target(
     return target
 
 
-def _at_rows(document: GltfDocument, vertices: Float64) -> Float64:
-    """Return `vertices` (V, 3) of the mesh as positions of the document's vertices, which may merge some of them."""
+def _document_positions(document: GltfDocument, vertices: Float64) -> Float64:
+    """Return the positions of the document's vertices if the vertices of the mesh are at `vertices` (V, 3)."""
     scene = document.scene
     result = scene.vertices.copy()
     known = (scene.vertex >= 0) & (document.vertex >= 0)

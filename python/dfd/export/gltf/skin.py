@@ -100,7 +100,7 @@ def _weigh(document: GltfDocument, node: int, primitives: list[Primitive], skin:
 
 
 def _at(skin: Skin, vertex: Int64, default: int) -> tuple[Int64, Float32]:
-    """Return the joints and weights of rows, in multiples of four. `vertex` is the vertex of each row, or -1."""
+    """Return joints and weights (R, K) of rows; 4 divides K. `vertex` (R,) is the vertex of each row, or -1."""
     count = skin.joints.shape[1]
     joints = np.zeros((len(vertex), -(-count // SET) * SET), np.int64)
     weights = np.zeros(joints.shape, np.float32)
