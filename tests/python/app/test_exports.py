@@ -1,4 +1,4 @@
-"""Files for download: shapes, rigs, animations, the edit and the field."""
+"""Test the files for download: shapes, rigs, animations, the edit and the field."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from dfd.editing.deformer import Deformer
 
 
 def header_of(path: Path) -> Any:
-    """The JSON of a GLB file."""
+    """Return the JSON of a GLB file."""
     data = path.read_bytes()
     return json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
 

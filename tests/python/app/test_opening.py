@@ -1,4 +1,4 @@
-"""Files that a page sends to the real server."""
+"""Test the files that a page uploads to the real server."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The guard: nobody but the page that this server gave to its own person gets through, over HTTP or WebSocket."""
+"""Test that the guard accepts requests only from the page of this server, over HTTP and WebSocket."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_only_a_get_takes_the_token() -> None:
 
 
 def test_who_followed_a_link_takes_one_more_step() -> None:
-    """A strict cookie does not come with a redirect that began on another site."""
+    """Browsers omit a strict cookie from a redirect that began on another site."""
     headers = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate"}
     response = client(known=False).get("/", headers=headers)
     assert response.headers["refresh"] == "0; url=/"

@@ -1,4 +1,4 @@
-"""Morph targets, read again by other code, against `dfd.pose`."""
+"""Compare written morph targets with `dfd.pose`. They are read by code that is independent of the exporter."""
 
 import numpy as np
 import pytest
