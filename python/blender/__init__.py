@@ -1,4 +1,4 @@
-"""Deep Feature Deformation weights in Blender: vertex groups of all vertices that look like the selected ones."""
+"""Deep Feature Deformation weights in Blender: vertex groups of all vertices that look like the selected vertices."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ CLASSES = (*properties.CLASSES, *operators.CLASSES, *distill.CLASSES, *panel.CLA
 
 
 def register() -> None:
-    """Register the classes, and add the settings of each object."""
+    """Register the classes, and add the property `dfd` with the settings to all objects."""
     for each in CLASSES:
         bpy.utils.register_class(each)
     bpy.types.Object.dfd = bpy.props.PointerProperty(type=properties.ObjectSettings)
 
 
 def unregister() -> None:
-    """Unregister the classes and remove the settings; vertex groups stay."""
+    """Unregister the classes and remove the settings. Vertex groups stay."""
     del bpy.types.Object.dfd
     for each in reversed(CLASSES):
         bpy.utils.unregister_class(each)

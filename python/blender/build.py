@@ -1,7 +1,7 @@
-"""Build the extension: one zip of its files, dfd's wheel and the wheels that it imports inside Blender.
+"""Build the extension: one ZIP file with its modules, the wheel of dfd, and the wheels that dfd imports in Blender.
 
-python python/blender/build.py FOLDER, where FOLDER contains dfd's wheel and receives the zip. The zip fits
-the platform and Python version of the build: Blender 5.0 has Python 3.11.
+Run `python python/blender/build.py FOLDER`. FOLDER contains the wheel of dfd, and the ZIP file is written there. It
+fits the platform and the Python version of the build. Blender 5.0 has Python 3.11.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ import zipfile
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-# Packages that reading a field, binding and geodesic distances import. Blender has NumPy.
+# Packages that dfd imports to read a field, bind handles and compute geodesic distances. Blender has NumPy.
 NEEDED = ("nanobind-backend", "pillow", "safetensors", "scipy", "threadpoolctl", "trimesh")
 MANIFEST = "blender_manifest.toml"
 
 
 def main(folder: Path) -> Path:
-    """Build the zip and return its path.
+    """Build the ZIP file and return its path.
 
     Raises FileNotFoundError if the folder contains no wheel of dfd.
     """
@@ -50,7 +50,7 @@ def main(folder: Path) -> Path:
 
 
 def with_wheels(names: list[str]) -> str:
-    """Return the manifest with the list of wheels."""
+    """Return the text of the manifest with a list of the wheels `names`."""
     listed = "".join(f'  "./wheels/{name}",\n' for name in names)
     top, tables = (HERE / MANIFEST).read_text().split("\n[", 1)
     return f"{top}wheels = [\n{listed}]\n\n[{tables}"

@@ -1,4 +1,4 @@
-"""Distillation of a field by the command `dfd distill` in another process, because Blender has no torch."""
+"""Distill a field with the command `dfd distill` in another process, because Blender has no torch."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import bpy
 from .operators import OfMesh
 from .vertex_groups import object_mode
 
-SECONDS = 0.5  # between checks whether the process has ended
+CHECK_INTERVAL = 0.5  # seconds between checks whether the process has ended
 
 
 class DFD_OT_distill(OfMesh, bpy.types.Operator):  # noqa: N801
@@ -29,19 +29,19 @@ class DFD_OT_distill(OfMesh, bpy.types.Operator):  # noqa: N801
     options: bpy.props.StringProperty(name="Options", description="Further options of dfd distill")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Start the process; in background mode, wait for it."""
-        self._of_name = context.object.name
+        """Start the process. In background mode, wait until it ends."""
+        self._object_name = context.object.name
         self._path = Path(bpy.path.abspath(self.output)) if self.output else _beside_blend(context.object)
         self._folder = tempfile.TemporaryDirectory(prefix="dfd-")
         mesh = Path(self._folder.name) / "mesh.glb"
         command = context.preferences.addons[__package__].preferences.command
-        self._said: IO[bytes] = (Path(self._folder.name) / "said").open("w+b")
+        self._log: IO[bytes] = (Path(self._folder.name) / "log").open("w+b")
         try:
             export(context.object, mesh)
             self._process = subprocess.Popen(
                 [command, "distill", mesh, "--output", self._path, "--up", "+z", *self.options.split()],
                 stdin=subprocess.DEVNULL,
-                stdout=self._said,
+                stdout=self._log,
                 stderr=subprocess.STDOUT,
             )
         except (OSError, RuntimeError) as error:
@@ -51,13 +51,13 @@ class DFD_OT_distill(OfMesh, bpy.types.Operator):  # noqa: N801
         if bpy.app.background:
             self._process.wait()
             return self._finish()
-        self._timer = context.window_manager.event_timer_add(SECONDS, window=context.window)
+        self._timer = context.window_manager.event_timer_add(CHECK_INTERVAL, window=context.window)
         context.window_manager.modal_handler_add(self)
         context.workspace.status_text_set("dfd distill: Escape stops it")
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Finish if the process has ended, or stop it on Escape."""
+        """Finish if the process has ended, or stop the process if Escape is pressed."""
         stopped = event.type == "ESC"
         if stopped:
             self._process.terminate()
@@ -73,32 +73,32 @@ class DFD_OT_distill(OfMesh, bpy.types.Operator):  # noqa: N801
 
     def _finish(self) -> set[str]:
         """Set the object's field to the written file, or report the error."""
-        self._said.seek(0)
-        said = self._said.read().decode(errors="replace").strip()
+        self._log.seek(0)
+        log = self._log.read().decode(errors="replace").strip()
         failed = self._process.returncode != 0
         self._close()
         if failed:
-            self.report({"ERROR"}, f"dfd distill failed: {said.splitlines()[-1] if said else 'no output'}")
+            self.report({"ERROR"}, f"dfd distill failed: {log.splitlines()[-1] if log else 'no output'}")
             return {"CANCELLED"}
-        of = bpy.data.objects.get(self._of_name)
-        if of is not None:
-            of.dfd.axes = "SAME"
-            of.dfd.field = str(self._path)
+        obj = bpy.data.objects.get(self._object_name)
+        if obj is not None:
+            obj.dfd.axes = "SAME"
+            obj.dfd.field = str(self._path)
         return {"FINISHED"}
 
     def _close(self) -> None:
-        self._said.close()
+        self._log.close()
         self._folder.cleanup()
 
 
-def export(of: bpy.types.Object, path: Path) -> None:
+def export(obj: bpy.types.Object, path: Path) -> None:
     """Write the mesh and its materials to `path`, in the object's own coordinates."""
-    # A copy at the origin without modifiers.
-    collection, alone = bpy.data.collections.new("dfd"), bpy.data.objects.new("dfd", of.data)
+    # The exporter gets a copy of the object at the origin and without modifiers.
+    collection, alone = bpy.data.collections.new("dfd"), bpy.data.objects.new("dfd", obj.data)
     bpy.context.scene.collection.children.link(collection)
     collection.objects.link(alone)
     try:
-        with object_mode(of):
+        with object_mode(obj):
             bpy.ops.export_scene.gltf(
                 filepath=str(path),
                 collection=collection.name,
@@ -113,9 +113,9 @@ def export(of: bpy.types.Object, path: Path) -> None:
         bpy.data.collections.remove(collection)
 
 
-def _beside_blend(of: bpy.types.Object) -> Path:
+def _beside_blend(obj: bpy.types.Object) -> Path:
     folder = Path(bpy.data.filepath).parent if bpy.data.filepath else Path(bpy.app.tempdir)
-    return folder / f"{bpy.path.clean_name(of.name)}.field.safetensors"
+    return folder / f"{bpy.path.clean_name(obj.name)}.field.safetensors"
 
 
 CLASSES = (DFD_OT_distill,)

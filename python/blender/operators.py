@@ -1,4 +1,4 @@
-"""Operators of the panel's buttons."""
+"""The operators that the buttons of the panel call."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import numpy as np
 
 from .vertex_groups import cut, object_mode, weigh
 
-MOST_AT_ONCE = 64  # vertex groups of one click
+MOST_AT_ONCE = 64  # largest number of vertex groups that one click makes
 
 
 class OfMesh:
-    """Base of operators and panels that need a mesh."""
+    """Base class of operators and panels that need a mesh."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -20,7 +20,7 @@ class OfMesh:
 
 
 class Step(OfMesh):
-    """Base of operators that change a mesh: `work` returns a report, or raises ValueError or OSError."""
+    """Base class of operators that change a mesh. `work` returns a report, or raises ValueError or OSError."""
 
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
@@ -37,23 +37,23 @@ class Step(OfMesh):
 
 
 class DFD_OT_weigh(Step, bpy.types.Operator):  # noqa: N801
-    """Make a vertex group for each selected vertex, of all vertices that look like it"""
+    """Make a vertex group for each selected vertex; it contains all vertices that look like the selected vertex"""
 
     bl_idname = "dfd.weigh"
     bl_label = "Weigh Selected Vertices"
 
-    def work(self, of: bpy.types.Object) -> str:
-        """Add a handle for each selected vertex and write its vertex group."""
-        chosen = _selected(of)
+    def work(self, obj: bpy.types.Object) -> str:
+        """Add a handle for each selected vertex, and write the handle's vertex group."""
+        chosen = _selected(obj)
         for vertex in chosen:
-            handle = of.dfd.handles.add()
-            handle.vertex, handle.name = vertex, of.vertex_groups.new(name=f"dfd {vertex}").name
+            handle = obj.dfd.handles.add()
+            handle.vertex, handle.name = vertex, obj.vertex_groups.new(name=f"dfd {vertex}").name
             try:
-                weigh(of, handle)
-                if of.dfd.preset != "default":
-                    of.dfd.start(handle)
+                weigh(obj, handle)
+                if obj.dfd.preset != "default":
+                    obj.dfd.start(handle)
             except BaseException:
-                _remove(of, len(of.dfd.handles) - 1)
+                _remove(obj, len(obj.dfd.handles) - 1)
                 raise
         return f"{len(chosen)} vertex {'group' if len(chosen) == 1 else 'groups'}"
 
@@ -64,9 +64,9 @@ class DFD_OT_parts(Step, bpy.types.Operator):  # noqa: N801
     bl_idname = "dfd.parts"
     bl_label = "Vertex Groups from Parts"
 
-    def work(self, of: bpy.types.Object) -> str:
+    def work(self, obj: bpy.types.Object) -> str:
         """Cut the shape into parts and write their vertex groups."""
-        return f"{cut(of)} parts"
+        return f"{cut(obj)} parts"
 
 
 class DFD_OT_remove(Step, bpy.types.Operator):  # noqa: N801
@@ -77,30 +77,30 @@ class DFD_OT_remove(Step, bpy.types.Operator):  # noqa: N801
 
     index: bpy.props.IntProperty(min=0)
 
-    def work(self, of: bpy.types.Object) -> str:
+    def work(self, obj: bpy.types.Object) -> str:
         """Remove the handle and its vertex group."""
-        if self.index >= len(of.dfd.handles):
+        if self.index >= len(obj.dfd.handles):
             raise ValueError(f"There is no handle {self.index}")
-        return f"Removed {_remove(of, self.index)}"
+        return f"Removed {_remove(obj, self.index)}"
 
 
-def _selected(of: bpy.types.Object) -> list[int]:
-    chosen = np.zeros(len(of.data.vertices), bool)
-    of.data.vertices.foreach_get("select", chosen)
+def _selected(obj: bpy.types.Object) -> list[int]:
+    chosen = np.zeros(len(obj.data.vertices), bool)
+    obj.data.vertices.foreach_get("select", chosen)
     indices: list[int] = np.flatnonzero(chosen).tolist()
     if not indices:
         raise ValueError("Select at least one vertex")
     if len(indices) > MOST_AT_ONCE:
-        raise ValueError(f"Select at most {MOST_AT_ONCE} vertices: each gets a group of its own, got {len(indices)}")
+        raise ValueError(f"Select at most {MOST_AT_ONCE} vertices, because each gets its own group; got {len(indices)}")
     return indices
 
 
-def _remove(of: bpy.types.Object, index: int) -> str:
-    """Remove a handle and its group, and return its name."""
-    name: str = of.dfd.handles[index].name
-    if name in of.vertex_groups:
-        of.vertex_groups.remove(of.vertex_groups[name])
-    of.dfd.handles.remove(index)
+def _remove(obj: bpy.types.Object, index: int) -> str:
+    """Remove a handle and its vertex group, and return their name."""
+    name: str = obj.dfd.handles[index].name
+    if name in obj.vertex_groups:
+        obj.vertex_groups.remove(obj.vertex_groups[name])
+    obj.dfd.handles.remove(index)
     return name
 
 

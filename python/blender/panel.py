@@ -11,7 +11,7 @@ from .properties import PROPERTIES
 
 
 class DFD_PT_weights(OfMesh, bpy.types.Panel):  # noqa: N801
-    """Field, handles and their sliders"""
+    """The field, the handles and the controls of the handles"""
 
     bl_idname = "DFD_PT_weights"
     bl_label = "Feature Weights"
@@ -20,10 +20,10 @@ class DFD_PT_weights(OfMesh, bpy.types.Panel):  # noqa: N801
     bl_category = "dfd"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the controls in the order of use."""
+        """Draw the settings, buttons and handles, in the order in which users need them."""
         layout, settings = self.layout, context.object.dfd
         layout.use_property_split = True
-        layout.use_property_decorate = False  # weights change with the slider only, and cannot be animated
+        layout.use_property_decorate = False  # no keyframe buttons: weights cannot be animated
         layout.prop(settings, "field")
         if settings.field:
             layout.prop(settings, "axes")

@@ -1,4 +1,4 @@
-"""Settings of an object: its field, and the handles of its vertex groups."""
+"""The settings of an object: its field, and the handles of its vertex groups."""
 
 from __future__ import annotations
 
@@ -14,36 +14,36 @@ from .vertex_groups import refresh
 
 PRESET_ITEMS = [("default", "Default", "The defaults of dfd"), ("paper", "Paper", "The paper's equations exactly")]
 AXES = [
-    ("AUTO", "Best fit", "The object's or glTF's axes, by the bounding box of the field's shape"),
-    ("SAME", "The object's own", "The field has the mesh's coordinates in Blender"),
-    ("Y_UP", "Y up, as glTF", "Blender rotated the file by 90 degrees during import"),
+    ("AUTO", "Best fit", "The object's or glTF's axes, whichever fit the bounding box of the field's shape better"),
+    ("SAME", "The object's own", "The field has the same axes as the mesh in Blender"),
+    ("Y_UP", "Y up, as glTF", "The field has the axes of a file that Blender rotated by 90 degrees during import"),
 ]
 
 
-def _again(handle: HandleSettings, context: bpy.types.Context) -> None:
-    """Update the handle's vertex group after a change, and show this group in weight painting."""
+def _update(handle: HandleSettings, context: bpy.types.Context) -> None:
+    """Update the handle's vertex group after a change of a control, and show this group in weight painting."""
     refresh(handle.id_data, handle)
     group = handle.id_data.vertex_groups.get(handle.name)
     if group is not None:
         handle.id_data.vertex_groups.active_index = group.index
 
 
-def _another(settings: ObjectSettings, context: bpy.types.Context) -> None:
+def _update_all(settings: ObjectSettings, context: bpy.types.Context) -> None:
     """Update every vertex group after a change of the field or the axes."""
     for handle in settings.handles:
         refresh(settings.id_data, handle)
 
 
-def _preset(settings: ObjectSettings, context: bpy.types.Context) -> None:
+def _reset(settings: ObjectSettings, context: bpy.types.Context) -> None:
     """Set the controls of every handle to the preset's values, which updates every vertex group."""
     for handle in settings.handles:
         settings.start(handle)
 
 
-PROPERTIES: dict[str, Any] = {}  # of the controls that change weights
-WORDS: dict[str, tuple[str, str]] = {}  # switch: its control, and the word that it sets
+PROPERTIES: dict[str, Any] = {}  # a Blender property for each control that changes weights
+WORDS: dict[str, tuple[str, str]] = {}  # for each switch, such as "reach_part": its control, and the word that it sets
 for name, (kind, said) in about(Controls).items():
-    default, how = getattr(Controls, name), {"name": said.called(name), "description": said.text, "update": _again}
+    default, how = getattr(Controls, name), {"name": said.called(name), "description": said.text, "update": _update}
     if said.affects != "weights":
         continue
     if said.slider is not None:
@@ -65,13 +65,13 @@ for name, (kind, said) in about(Controls).items():
 
 
 class HandleSettings(bpy.types.PropertyGroup):
-    """One handle with its controls; its `name` is that of its vertex group."""
+    """One handle with its controls. Its `name` is also the name of its vertex group."""
 
     vertex: bpy.props.IntProperty(name="Vertex", min=0)
     note: bpy.props.StringProperty(description="Error of the last change")
 
     def controls(self) -> dict[str, Any]:
-        """Return the controls in a session's form, without empty ones whose default is None."""
+        """Return the controls as in a session of dfd, without empty values of controls whose default is None."""
         given = {name: getattr(self, name) for name in PROPERTIES if name not in WORDS}
         given |= {control: word for switch, (control, word) in WORDS.items() if getattr(self, switch)}
         return {name: value for name, value in given.items() if value or getattr(Controls, name) is not None}
@@ -81,14 +81,14 @@ HandleSettings.__annotations__.update(PROPERTIES)
 
 
 class ObjectSettings(bpy.types.PropertyGroup):
-    """The settings of an object."""
+    """The settings of an object, as its property `dfd`."""
 
     field: bpy.props.StringProperty(
-        name="Field", description="A .field.safetensors of this shape", subtype="FILE_PATH", update=_another
+        name="Field", description="A .field.safetensors file of this shape", subtype="FILE_PATH", update=_update_all
     )
-    axes: bpy.props.EnumProperty(name="Axes", items=AXES, default="AUTO", update=_another)
+    axes: bpy.props.EnumProperty(name="Axes", items=AXES, default="AUTO", update=_update_all)
     preset: bpy.props.EnumProperty(
-        name="Preset", description="Initial controls of handles", items=PRESET_ITEMS, default="default", update=_preset
+        name="Preset", description="Initial controls of handles", items=PRESET_ITEMS, default="default", update=_reset
     )
     handles: bpy.props.CollectionProperty(type=HandleSettings)
 
@@ -103,7 +103,7 @@ class ObjectSettings(bpy.types.PropertyGroup):
 
 
 class Preferences(bpy.types.AddonPreferences):
-    """The path of the command `dfd`: distillation needs torch, which Blender does not have."""
+    """The path of the command `dfd`, which distills fields outside Blender, because Blender has no torch."""
 
     bl_idname = __package__
     command: bpy.props.StringProperty(

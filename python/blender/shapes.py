@@ -1,4 +1,4 @@
-"""Weights and parts of a mesh by its field, with the data that is computed once per shape.
+"""Compute the weights and the parts of a mesh from its field. Data that needs no handle is computed once per shape.
 
 The module does not import bpy, torch or pydantic.
 """
@@ -19,18 +19,18 @@ from dfd.field.compatibility import check_compatible
 
 Axes = Literal["AUTO", "SAME", "Y_UP"]
 
-SAME_BOX = 1e-3  # of the longest side; simplification changes a bounding box by less
+SAME_BOX = 1e-3  # tolerance relative to half the longest side; simplification changes a bounding box by less
 
 
 class Shape:
     """A mesh and the field that was distilled from it.
 
-    `vertices` (V, 3) are in the object's own coordinates, `field` is the path of a `.field.safetensors`. `axes` says
-    the axes of the field: "SAME" for the object's, "Y_UP" for those of a glTF file, which Blender rotates by 90
-    degrees during import, or "AUTO" for the better fit of the two.
+    `vertices` (V, 3) are in the object's own coordinates, and `field` is the path of a `.field.safetensors` file.
+    `axes` are the axes of the field: "SAME" are the object's axes, "Y_UP" are those of a glTF file, which Blender
+    rotates by 90 degrees during import. "AUTO" takes the axes that fit the field's shape better.
 
-    Raises ValueError if the field cannot be read, or belongs to a shape of another size or position. Raises OSError if
-    the file does not exist.
+    Raises ValueError if the field cannot be read, or belongs to another shape. Raises OSError if the file does not
+    exist.
     """
 
     def __init__(self, vertices: np.ndarray, triangles: np.ndarray, field: Path, axes: Axes) -> None:
@@ -50,22 +50,22 @@ class Shape:
         return self._weights.by_features.of(edit)[0][:, 0]
 
     def parts(self) -> list[np.ndarray]:
-        """Return the vertices (N,) of each part of the shape, see `dfd.parts`."""
+        """Return the vertices (N,) of each part of the shape, as `dfd.parts` finds them."""
         return [part.vertices for part in self._weights.grips.parts.cut()]
 
 
 def _turned(vertices: np.ndarray) -> np.ndarray:
-    """Rotate (x, −z, y) in Blender to (x, y, z) in the file."""
+    """Return vertices (V, 3) in the file's axes: (x, z, −y) for the vertex (x, y, z) in Blender."""
     return np.stack([vertices[:, 0], vertices[:, 2], -vertices[:, 1]], axis=1)
 
 
 def _miss(field: dfd.Field, mesh: dfd.Mesh) -> float:
-    """Return the difference in position or size of the mesh's and field's boxes, over half the field's longest side."""
+    """Return the largest difference between the mesh's and the field's boxes, relative to half the longest side."""
     low, high = (np.asarray(mesh.bounds) - field.center) * field.scale
     return float(max(np.abs(low + high).max() / 2, abs((high - low).max() / 2 - 1)))
 
 
 def _fits_turned(field: dfd.Field, mesh: dfd.Mesh) -> bool:
-    """Return whether the rotated mesh fits the field's box at least as well; files usually have y up."""
+    """Return whether the rotated mesh fits the field's box at least as well. On a tie, y is up, as in most files."""
     same, turned = _miss(field, mesh), _miss(field, dfd.Mesh(_turned(mesh.vertices), mesh.faces))
     return turned <= same + SAME_BOX

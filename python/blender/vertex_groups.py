@@ -1,4 +1,4 @@
-"""Vertex groups from a mesh, its field and a handle's settings."""
+"""Write vertex groups from a mesh, its field and the settings of a handle."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from .shapes import Shape
 
-_kept: dict[int, tuple[object, Shape]] = {}  # by `session_uid` of the object: the inputs of the shape, and the shape
+_kept: dict[int, tuple[object, Shape]] = {}  # by `session_uid` of the object: the shape's inputs, and the shape
 
 
 def forget() -> None:
@@ -20,20 +20,20 @@ def forget() -> None:
     _kept.clear()
 
 
-def refresh(of: bpy.types.Object, handle: bpy.types.PropertyGroup) -> None:
-    """Write the handle's vertex group again; an error goes to its `note`, because a slider cannot report one."""
+def refresh(obj: bpy.types.Object, handle: bpy.types.PropertyGroup) -> None:
+    """Write the handle's vertex group again. Store an error in `handle.note`, because a slider cannot report it."""
     try:
-        with object_mode(of):
-            weigh(of, handle)
+        with object_mode(obj):
+            weigh(obj, handle)
         handle.note = ""
     except (ValueError, OSError) as error:
         handle.note = str(error)
 
 
 @contextmanager
-def object_mode(of: bpy.types.Object) -> Iterator[None]:
-    """Switch to object mode, in which Python can write vertex groups and read selections."""
-    mode = of.mode
+def object_mode(obj: bpy.types.Object) -> Iterator[None]:
+    """Switch to object mode inside the `with` block: only there can Python write vertex groups and read selections."""
+    mode = obj.mode
     if mode != "OBJECT":
         bpy.ops.object.mode_set(mode="OBJECT")
     try:
@@ -43,48 +43,48 @@ def object_mode(of: bpy.types.Object) -> Iterator[None]:
             bpy.ops.object.mode_set(mode=mode)
 
 
-def weigh(of: bpy.types.Object, handle: bpy.types.PropertyGroup) -> None:
+def weigh(obj: bpy.types.Object, handle: bpy.types.PropertyGroup) -> None:
     """Write the vertex group of a handle, in object mode.
 
-    Raises ValueError if there is no field, or it is not of this shape. Raises OSError if it cannot be read.
+    Raises ValueError if no field is chosen, or the field belongs to another shape. Raises OSError if it cannot be read.
     """
-    weights = _shape_of(of).weights(handle.vertex, of.dfd.preset, **handle.controls())
-    group = of.vertex_groups.get(handle.name) or of.vertex_groups.new(name=handle.name)
+    weights = _shape_of(obj).weights(handle.vertex, obj.dfd.preset, **handle.controls())
+    group = obj.vertex_groups.get(handle.name) or obj.vertex_groups.new(name=handle.name)
     group.remove(np.flatnonzero(weights == 0).tolist())
     held = np.flatnonzero(weights)
     for vertex, weight in zip(held.tolist(), weights[held].tolist(), strict=True):
         group.add((vertex,), weight, "REPLACE")
 
 
-def cut(of: bpy.types.Object) -> int:
+def cut(obj: bpy.types.Object) -> int:
     """Write a vertex group for each part of the shape, in object mode, and return the number of parts.
 
-    Raises ValueError if there is no field, or it is not of this shape. Raises OSError if it cannot be read.
+    Raises ValueError if no field is chosen, or the field belongs to another shape. Raises OSError if it cannot be read.
     """
-    found = _shape_of(of).parts()
+    found = _shape_of(obj).parts()
     for number, vertices in enumerate(found, 1):
         name = f"part {number}"
-        group = of.vertex_groups.get(name) or of.vertex_groups.new(name=name)
-        group.remove(range(len(of.data.vertices)))
+        group = obj.vertex_groups.get(name) or obj.vertex_groups.new(name=name)
+        group.remove(range(len(obj.data.vertices)))
         group.add(vertices.tolist(), 1.0, "REPLACE")
     return len(found)
 
 
-def _shape_of(of: bpy.types.Object) -> Shape:
-    """Return the shape of the object's present mesh and field, from the cache if neither has changed."""
-    if not of.dfd.field:
+def _shape_of(obj: bpy.types.Object) -> Shape:
+    """Return the shape of the object's present mesh and field. It comes from the cache if neither has changed."""
+    if not obj.dfd.field:
         raise ValueError("Choose a field, or distill one")
-    path = Path(bpy.path.abspath(of.dfd.field))
-    mesh = of.data
+    path = Path(bpy.path.abspath(obj.dfd.field))
+    mesh = obj.data
     vertices = np.empty((len(mesh.vertices), 3), np.float32)
     mesh.vertices.foreach_get("co", vertices.ravel())
     mesh.calc_loop_triangles()
     triangles = np.empty((len(mesh.loop_triangles), 3), np.int32)
     mesh.loop_triangles.foreach_get("vertices", triangles.ravel())
     changed = path.stat().st_mtime_ns  # raises OSError if the field does not exist
-    made_of = (path, changed, of.dfd.axes, len(triangles), zlib.crc32(vertices), zlib.crc32(triangles))
-    before, shape = _kept.get(of.session_uid, (None, None))
-    if shape is None or before != made_of:
-        shape = Shape(vertices.astype(np.float64), triangles, path, of.dfd.axes)
-        _kept[of.session_uid] = made_of, shape
+    inputs = (path, changed, obj.dfd.axes, len(triangles), zlib.crc32(vertices), zlib.crc32(triangles))
+    before, shape = _kept.get(obj.session_uid, (None, None))
+    if shape is None or before != inputs:
+        shape = Shape(vertices.astype(np.float64), triangles, path, obj.dfd.axes)
+        _kept[obj.session_uid] = inputs, shape
     return shape

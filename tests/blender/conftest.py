@@ -1,4 +1,4 @@
-"""Tests under Blender as a Python module, in an environment of its own: `make test-blender` says how."""
+"""Tests of the extension with Blender as a Python module. `make test-blender` runs them in a separate environment."""
 
 from __future__ import annotations
 

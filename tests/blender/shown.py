@@ -1,4 +1,4 @@
-"""What Blender shows of a GLB file, for a Python that has bpy.
+"""Write the shape that Blender shows for a GLB file. It runs in a Python that has bpy.
 
 Arguments: the file, an .npz file to write, and a frame.
 """
@@ -10,7 +10,7 @@ import numpy as np
 
 
 def gltf_axes(places):
-    """From Blender's axes, z up, to glTF's, y up."""
+    """Return positions in glTF's axes, y up, from positions in Blender's axes, z up."""
     return np.stack([places[..., 0], places[..., 2], -places[..., 1]], axis=-1)
 
 

@@ -1,4 +1,4 @@
-"""The extension as Blender installs it: from its zip, with the wheels inside."""
+"""Test the extension as Blender installs it: from its ZIP file, which contains the wheels."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def _installed() -> None:
 
 @pytest.fixture(scope="session")
 def field_file(tmp_path_factory) -> Path:
-    """A field of a small network of random weights, for a shape in the box [-1, 1]³."""
+    """Return the file of a field with random parameters, for a shape in the box [-1, 1]³."""
     import dfd
     from dfd.field.architecture import Architecture
 
@@ -39,7 +39,7 @@ def field_file(tmp_path_factory) -> Path:
 
 @pytest.fixture
 def ball() -> bpy.types.Object:
-    """An egg that lies in the field's box, longest along Blender's z."""
+    """Return an egg-shaped object inside the field's box, longest along Blender's z axis."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.preferences.addon_enable(module=MODULE)
     bpy.ops.mesh.primitive_uv_sphere_add(segments=24, ring_count=16, radius=1)
@@ -75,7 +75,7 @@ def expected(of: bpy.types.Object, field_file: Path, vertex: int, **how) -> np.n
 
 
 def weights(field, vertices, faces, vertex: int, reach: float | str = "part", falloff: str | None = None) -> np.ndarray:
-    """What a handle of a new session gives the vertices: sessions need pydantic, which Blender has not."""
+    """Return the weights of a handle in a new session, without a session: it needs pydantic, which Blender lacks."""
     import dfd
     from dfd.editing.presets import LARGEST, PARTLESS_REACH, PRESETS
 
@@ -141,7 +141,7 @@ def test_a_preset_sets_reach_and_falloff_of_every_handle(ball, field_file):
 
 
 def test_a_file_that_blender_turned_finds_its_field(ball, field_file, tmp_path):
-    """A glTF has y up and Blender z: the field knows the file's coordinates."""
+    """In glTF y is up, and in Blender z is up. The field has the coordinates of the file."""
     import dfd
 
     field = dfd.Field.load(field_file)

@@ -1,4 +1,4 @@
-"""The app: one shape in a browser tab. The server computes weights, the page draws; see `dfd.app.protocol`."""
+"""The app edits one shape in a browser tab: a server computes weights, a page draws. See `dfd.app.protocol`."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ if TYPE_CHECKING:
 __all__ = ["show"]
 
 NOTEBOOK_ORIGINS = ("http://localhost:*", "http://127.0.0.1:*")
-_SHOWN: dict[int, RunningApp] = {}  # servers of notebooks, by the ids of their editing sessions
+_SHOWN: dict[int, RunningApp] = {}  # the servers that `show` has started, by `id(deformer)`
 
 
 def show(deformer: Deformer, *, height: int = 640) -> Frame:
-    """Show an editing session in a cell of a notebook, or at the address `Frame.url`; the page edits `deformer`.
+    """Show an editing session in a notebook cell, and at the address `Frame.url`. The page edits `deformer` itself.
 
-    Change the session in only one of page and notebook at a time. `height` is that of the frame, in pixels.
+    Do not edit the session in the page and in Python at the same time. `height` is the height of the frame in pixels.
 
-    Raises OSError if the page was not built.
+    Raises OSError if the page has not been built.
     """
     from dfd.app.options import SessionOptions
     from dfd.app.web import launch

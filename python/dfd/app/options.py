@@ -1,4 +1,4 @@
-"""Options of a session, the files that it opens, and its sample shapes."""
+"""The options of the app's sessions, the files that a session opens, and the names of the sample shapes."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
     from dfd.mesh.mesh import Mesh
 
-SAMPLES = ("quadruped", "chair", "robot")  # on the start page
-SAMPLE_FACES = 20_000
+SAMPLES = ("quadruped", "chair", "robot")  # the sample shapes on the start page
+SAMPLE_FACES = 20_000  # about the number of faces of a sample shape
 
 
 @dataclass(frozen=True)
 class OpenedFile:
-    """A file on disk, with the name that the user knows."""
+    """A file on disk, and the name under which the user opened it."""
 
     name: str
     path: Path
@@ -34,38 +34,38 @@ Source = OpenedFile | str  # the source of a shape: a file, or the name of a sam
 
 @dataclass(frozen=True)
 class Opening:
-    """The files to open: a mesh with its field and its edit, or a field and an edit for the open mesh."""
+    """The files to open, all optional. If `mesh` is None, the field and the edit are for the mesh that is open."""
 
     mesh: Source | None = None
     field: OpenedFile | None = None
     edit: OpenedFile | None = None
-    folder: Path | None = None  # folder of an upload; it is deleted when its files are closed
+    folder: Path | None = None  # the folder of uploaded files, which is deleted when the shape is closed
 
 
 @dataclass(frozen=True)
 class SessionOptions(Opening):
-    """The files that every new session opens, and its settings. Without a mesh, it opens the start page."""
+    """The settings of every new session, and the files that it opens. Without a mesh, it shows the start page."""
 
-    preset: Preset = "default"  # of new sessions and of distillation
-    encoder: str = DEFAULT_ENCODER  # name or folder
-    distill: dict[str, Any] = dataclass_field(default_factory=dict)  # further keywords of `dfd.distill`
-    deformer: Deformer | None = None  # the editing session of a notebook, which all pages show
+    preset: Preset = "default"  # the preset of new edits and of distillation
+    encoder: str = DEFAULT_ENCODER  # the name of an encoder, or its folder
+    distill: dict[str, Any] = dataclass_field(default_factory=dict)  # further arguments of `dfd.distill`
+    deformer: Deformer | None = None  # the editing session of a notebook; all pages show it
 
     def distill_arguments(self) -> dict[str, Any]:
-        """Return the keywords for `dfd.distill` and `find_distilled`."""
+        """Return the keyword arguments for `dfd.distill`."""
         return {"encoder": self.encoder, "preset": self.preset, **self.distill}
 
 
 def check_sample(name: str) -> str:
-    """Return the name of a sample; raises ValueError if there is no such sample."""
+    """Return `name`; raise ValueError if no sample has this name."""
     if name not in SAMPLES:
-        raise ValueError(f"There is no sample {name!r}; there are {', '.join(SAMPLES)}")
+        raise ValueError(f"There is no sample {name!r}; the samples are {', '.join(SAMPLES)}")
     return name
 
 
 @contextmanager
 def recorded_warnings() -> Iterator[list[UserWarning]]:
-    """Yield a list that holds the UserWarnings of the block once it has ended."""
+    """Yield an empty list. When the `with` block ends, add the UserWarnings that were given in it to the list."""
     messages: list[UserWarning] = []
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
@@ -74,9 +74,9 @@ def recorded_warnings() -> Iterator[list[UserWarning]]:
 
 
 def read_shape(source: Source) -> tuple[Mesh, list[str]]:
-    """Return the mesh of `source`, and the warnings of reading it, without paths of this machine.
+    """Return the mesh of `source`, and the warnings that reading it gave. The warnings contain no path of this machine.
 
-    Raises ValueError and OSError as `dfd.load` does.
+    Raises ValueError or OSError if `dfd.load` raises it.
     """
     if isinstance(source, str):
         import dfd.samples as samples

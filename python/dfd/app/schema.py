@@ -1,4 +1,4 @@
-"""`python -m dfd.app.schema`: print the JSON Schema of all messages, from which the client's types are generated."""
+"""`python -m dfd.app.schema` prints the JSON Schema of all messages. The client's types are generated from it."""
 
 import json
 from typing import Any
@@ -12,7 +12,7 @@ from dfd.app.protocol.requests import MODELS, union_of
 
 
 def schema() -> dict[str, Any]:
-    """Return the schema: `Client` is any message of the page, `Server` any message of the server."""
+    """Return the JSON Schema. `Client` is any message of the page, and `Server` any message of the server."""
     answer: Any = union_of(Answer.__subclasses__())
     client = create_model("Client", __base__=Model, __doc__="Any request.", message=(union_of(MODELS), ...))
     server = create_model("Server", __base__=Model, __doc__="Any answer.", message=(answer, ...))

@@ -1,1 +1,1 @@
-"""Processes many shapes in a batch: transfers one edit to all of them, and runs every step from file to table."""
+"""Process many shapes in a batch: run chosen steps, such as distillation, and transfer edits to every shape."""

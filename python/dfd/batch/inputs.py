@@ -1,4 +1,4 @@
-"""The shapes of a batch: from files, globs or a CSV manifest."""
+"""Find the shapes of a batch, from mesh files, globs or a CSV manifest."""
 
 import csv
 import glob
@@ -15,7 +15,7 @@ LONGEST_NAME = 100  # characters; files in a shape's folder add an ending to the
 
 @dataclass(frozen=True)
 class Shape:
-    """Names one shape of a batch."""
+    """One shape of a batch."""
 
     name: str  # name of its folder, unique in the batch even if case is ignored
     path: str  # absolute path of its file
@@ -26,8 +26,8 @@ def find_shapes(inputs: Sequence[str]) -> list[Shape]:
     """Return the shapes that `inputs` name, ordered by name.
 
     `inputs` are mesh files and globs, or one CSV manifest with a column `path`, and optionally `name` and `field`.
-    Paths in a manifest are relative to it. Shapes of globs are named by their paths below the folder that all globs
-    share. A name that no folder can have, or that another shape has, is changed and ends in a hash of the path.
+    Paths in a manifest are relative to its folder. A shape of a glob is named by its path relative to the folder that
+    all globs share. Unsafe characters in a name are replaced, and a long or repeated name ends in a hash of the path.
 
     Raises ValueError if a manifest lacks the column or a path. Raises OSError if a glob matches nothing, or a manifest
     cannot be read.
@@ -50,7 +50,7 @@ def find_shapes(inputs: Sequence[str]) -> list[Shape]:
 def matches(pattern: str) -> list[Path]:
     """Return the file that `pattern` names, or the meshes that it matches, in order.
 
-    Raises FileNotFoundError if there is none.
+    Raises FileNotFoundError if there is no such file.
     """
     if not has_magic(pattern):
         if not Path(pattern).is_file():
@@ -64,18 +64,18 @@ def matches(pattern: str) -> list[Path]:
 
 
 def has_magic(pattern: str) -> bool:
-    """Return whether a pattern has wildcards; brackets in the name of an existing file are none."""
+    """Return whether a pattern has wildcards. Brackets in the name of an existing file are not wildcards."""
     return glob.has_magic(pattern) and not Path(pattern).exists()
 
 
 def _of_globs(patterns: Sequence[str]) -> Iterator[tuple[str, Path, None]]:
     paths = dict.fromkeys(path.absolute() for pattern in patterns for path in matches(pattern))
     # Names are relative to the folder that the patterns share, so that an added file renames no other shape.
-    shared = Path(os.path.commonpath([_fixed(Path(pattern).absolute()) for pattern in patterns]))
+    shared = Path(os.path.commonpath([_fixed_folder(Path(pattern).absolute()) for pattern in patterns]))
     return (("-".join(path.relative_to(shared).parts), path, None) for path in paths)
 
 
-def _fixed(pattern: Path) -> Path:
+def _fixed_folder(pattern: Path) -> Path:
     """Return the folder of a pattern before its first wildcard, or the folder of the file that it names."""
     folder = pattern.parent
     while has_magic(str(folder)):

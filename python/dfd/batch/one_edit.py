@@ -1,4 +1,4 @@
-"""Transferring one edit to many shapes by feature similarity; where it does not fit, a shape is refused."""
+"""Transfer one edit to many shapes by the similarity of features. Shapes without the edited parts are refused."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from dfd.editing.transfer import transfer
 from dfd.field.field import Field, FieldSource
 from dfd.mesh.mesh import Mesh, load
 
-LEAST = 0.5  # confidence: below it, another part is likelier
-# Least cosine of features between a handle and a similar region on another shape. Measured for a handle on a chair's
-# leg: 0.40 to 0.71 for legs of other seats and of a nightstand, 0.42 for a table's foot, 0.29 to 0.34 for a bird.
-# A learned metric sets shapes farther apart: 0.26 to 0.65 for legs of seats, 0.06 to 0.28 for animals without legs.
+CONFIDENT = 0.5  # the default threshold; with a lower confidence, a handle more likely moves another part
+# The cosine between the features of a handle on both shapes that gives the confidence 0.5. It is lower for fields with
+# a learned metric, because the metric increases differences between shapes. For a handle on a chair's leg, the cosine
+# was 0.40 to 0.71 on the legs of other seats, and 0.29 to 0.34 on a bird.
 SIMILAR, SIMILAR_LEARNED = 0.45, 0.25
 
 
 @dataclass(frozen=True)
 class Original:
-    """An edit and the shape that it was made on."""
+    """An edit, and the mesh and the field on which it was made."""
 
     edit: Edit  # in the units of `mesh`
     mesh: Mesh
@@ -38,16 +38,16 @@ class Original:
 
     @cached_property
     def session(self) -> Deformer:
-        """Return a session of the edit on its own shape."""
+        """Return a session with the edit on its own shape."""
         session = Deformer(self.mesh, self.field, other_shape=True)
         session.apply(self.edit)
         return session
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], mesh: Mesh, field: Field) -> Original:
-        """Read the edit in `path`, made on `mesh`.
+        """Read the edit in the file `path`, which was made on `mesh`.
 
-        Raises OSError if `path` cannot be read. Raises ValueError if it is no edit of the shape, or has no handle.
+        Raises OSError if `path` cannot be read. Raises ValueError if it is no edit of this shape, or has no handle.
         """
         edit = read_edit(path, mesh)
         if not edit.handles:
@@ -56,7 +56,7 @@ class Original:
 
 
 class UnlikeError(ValueError):
-    """The other shape lacks the part of a handle; `confidence` maps the names of all handles to their confidence."""
+    """Raised if the other shape seems to lack an edited part. `confidence` is a mapping as in `Carried`."""
 
     def __init__(self, message: str, confidence: Mapping[str, float]) -> None:
         super().__init__(message)
@@ -68,10 +68,10 @@ class Carried:
     """An edit transferred to another shape."""
 
     deformer: Deformer  # a session of the other shape with the edit
-    # Confidence in [0, 1] by name: how likely a handle moves the same part (`dfd.editing.agreement`), and how similar a
-    # fixed point looks (`dfd.editing.transfer`).
+    # Confidence in [0, 1] by name. For a handle it is at most the probability that the handle moves the same part
+    # (`dfd.editing.agreement`). For a fixed point it grows with the similarity of features (`dfd.editing.transfer`).
     confidence: dict[str, float]
-    unsure: tuple[str, ...] = ()  # those below the threshold, carried by `force`
+    unsure: tuple[str, ...] = ()  # names with a confidence below the threshold, which `force` accepted
 
 
 def carry(
@@ -83,15 +83,15 @@ def carry(
     force: bool = False,
     features: Any = None,
 ) -> Carried:
-    """Transfer an edit to another shape of its class; for its own shape it is unchanged.
+    """Transfer an edit to another shape of its class. On its own shape, the edit stays unchanged.
 
-    `field` is that of the other shape, by the same encoder; `features` are as `Deformer` takes them. `threshold`, in
-    [0, 1] and by default 0.5, is the least confidence. With `force`, handles below it are transferred too, and listed
-    in `Carried.unsure`; a field of another shape is accepted as well.
+    `field` is the field of the other shape, made with the same encoder. `features` are as in `Deformer`. `threshold`,
+    in [0, 1] and by default 0.5, is the least confidence. `force` accepts a lower confidence, and lists its name in
+    `Carried.unsure`. It also accepts a `field` of another shape.
 
-    Raises UnlikeError if a confidence is below `threshold` without `force`; ValueError as `transfer` and `Deformer`.
+    Raises UnlikeError if a confidence is below `threshold`. Raises ValueError if `transfer` or `Deformer` raises it.
     """
-    lowest = check.number("carry", "threshold", LEAST if threshold is None else threshold, minimum=0.0, maximum=1.0)
+    lowest = check.number("carry", "threshold", CONFIDENT if threshold is None else threshold, minimum=0.0, maximum=1.0)
     similar = SIMILAR if field.settings.get("metric", "none") == "none" else SIMILAR_LEARNED
     edit = original.edit
     names = [handle.name or f"handle {handle.id}" for handle in edit.handles]
@@ -104,15 +104,14 @@ def carry(
         found = transfer(edit, original.mesh, original.field, mesh, field)
         deformer.apply(found.edit)
         looks = [*(found.similarity[handle.id] for handle in edit.handles), *found.fixed_similarity]
-        sure = [min(LEAST * each / similar, 1.0) for each in looks]
+        sure = [min(CONFIDENT * each / similar, 1.0) for each in looks]
         for number, likely in enumerate(agreements(original.session, deformer)):
-            sure[number] = likely if sure[number] >= LEAST else min(sure[number], likely)
+            sure[number] = likely if sure[number] >= CONFIDENT else min(sure[number], likely)
     confidence = dict(zip(names, sure, strict=True))
     least = min(confidence, key=confidence.__getitem__)
     if confidence[least] < lowest and not force:
         raise UnlikeError(
-            f"what {least} holds there is not the part that it held: confidence {confidence[least]:.2f}, "
-            f"asked for {lowest:.2f}",
+            f"{least} does not hold its part on this shape: confidence {confidence[least]:.2f} is below {lowest:.2f}",
             confidence,
         )
     return Carried(deformer, confidence, tuple(name for name in names if confidence[name] < lowest))
@@ -124,7 +123,7 @@ def field_path(mesh: Path, folder: Path | None = None) -> Path:
 
 
 class EditSource(BaseModel):
-    """An edit for every shape, with the mesh and the field that it was made on; all paths are absolute."""
+    """The file of an edit, and the files of the mesh and the field on which it was made. All paths are absolute."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -135,20 +134,21 @@ class EditSource(BaseModel):
     sha256: str  # of the three files together
 
     def original(self) -> Original:
-        """Read all three; raises as `Original.read` and `Field.load`."""
+        """Read the three files. Raise the errors of `Original.read` and `Field.load`."""
         mesh = load(self.mesh)
         return Original.read(self.edit, mesh, Field.load(self.field, mesh=mesh))
 
 
 def find_files(edit: Path, made_on: Path | None = None) -> EditSource:
-    """Find the files of an edit: the given mesh or the one it names; the field it names or the one next to the mesh.
+    """Find the mesh and the field on which an edit was made. `made_on` replaces the mesh that the edit names.
 
+    The field is the one that the edit names if it is unchanged and of that mesh, or else the file next to the mesh.
     Raises ValueError if `edit` is no edit, or no mesh is known. Raises OSError if a file is missing or unreadable.
     """
     named, field, sha256 = read_made_on(edit)
     mesh = named if made_on is None else made_on
     if mesh is None:
-        raise ValueError(f"`--made-on` must name the mesh that {edit} was made on: it does not say")
+        raise ValueError(f"`--made-on` must name the mesh that {edit} was made on: the edit does not name it")
     if not mesh.is_file():
         hint = "" if made_on is not None else ": `--made-on` must say where it is now"
         raise FileNotFoundError(f"{mesh}, on which {edit} was made, does not exist{hint}")
@@ -157,7 +157,7 @@ def find_files(edit: Path, made_on: Path | None = None) -> EditSource:
         field = None  # it is of another mesh
     own = field if field is not None and field.is_file() and sha256 in (None, FieldSource.of(field).sha256) else beside
     if not own.is_file():
-        changed = "" if field is None else f", and {field} is {'another one' if field.is_file() else 'gone'}"
+        changed = "" if field is None else f", and {field} {'has changed' if field.is_file() else 'is missing'}"
         raise FileNotFoundError(f"{own}, the field of {mesh}, does not exist{changed}: `dfd distill` makes it")
     name = edit.name.removesuffix(".json").removesuffix(".edit")
     files = {"edit": edit.absolute(), "mesh": mesh.absolute(), "field": own.absolute()}

@@ -1,4 +1,4 @@
-"""The page of a batch: every shape with its pictures, failures first. It opens from the folder, without a server."""
+"""Write the web page of a batch, which shows every shape with its pictures, failed shapes first."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ small {{ color: #64686f; display: block; }}
 
 
 def tally(records: Sequence[Record]) -> str:
-    """Return the number of finished shapes, and the number of failed shapes for each cause."""
+    """Return a text with the number of finished shapes, and of failed shapes for each cause."""
     causes = Counter(record.cause for record in records)
     failed = "".join(f", {count:,} failed: {CAUSES[cause]}" for cause, count in causes.most_common() if cause)
     return f"{causes[None]:,} done{failed}"
@@ -38,7 +38,7 @@ def tally(records: Sequence[Record]) -> str:
 def write_page(root: Path, steps: Sequence[str], records: Sequence[Record]) -> None:
     """Write `shapes.jsonl`, one record per line, and `index.html` into the folder of a batch.
 
-    Raises OSError if one cannot be written.
+    Raises OSError if a file cannot be written.
     """
     write_file(root / "shapes.jsonl", "".join(f"{record.line}\n" for record in records))
     title = escape(f"{len(records):,} shapes: {tally(records)}")

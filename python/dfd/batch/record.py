@@ -1,4 +1,4 @@
-"""The result of one shape: a small JSON file. It is the last file written into the shape's folder and marks the end."""
+"""The record of one shape: its results in a JSON file. It is written last, so it shows that the shape is finished."""
 
 import json
 from dataclasses import asdict, dataclass, field
@@ -9,14 +9,14 @@ from dfd.batch.inputs import Shape
 from dfd.common.files import write_file
 
 Cause = Literal["input", "memory", "timeout", "crash", "error"]
-CAUSES: dict[str, str] = {
+CAUSES: dict[str, str] = {  # names of the causes for people
     "input": "bad input",
     "memory": "out of memory",
     "timeout": "out of time",
     "crash": "crash",
     "error": "error of dfd",
 }
-FAILED_EXPORT = "_failed"  # suffix of the figure that says why an export could not be written
+FAILED_EXPORT = "_failed"  # suffix of the figure that contains the error of an export
 Figure = bool | int | float | str | None
 
 
@@ -28,19 +28,19 @@ class Record:
     path: str
     modified: int | None  # time of the last change of its file, nanoseconds
     status: Literal["done", "failed"] = "done"
-    # cause, message: why the shape failed
+    # cause, message: why the shape failed; None for a finished shape
     cause: Cause | None = None
     message: str | None = None
-    # seconds, timings: duration of all steps together, and of each step
+    # seconds, timings: durations in seconds, of all steps together and of each step by its name
     seconds: float = 0.0
     timings: dict[str, float] = field(default_factory=dict)
     figures: dict[str, Figure] = field(default_factory=dict)  # results of the steps, by name
-    files: list[str] = field(default_factory=list)  # other files in its folder
+    files: list[str] = field(default_factory=list)  # names of the other files in its folder
     warnings: list[str] = field(default_factory=list)
 
     @property
     def line(self) -> str:
-        """Return one line of JSON; names that are not UTF-8 are escaped."""
+        """Return the record as one line of JSON in ASCII."""
         return json.dumps(asdict(self))
 
 
@@ -50,14 +50,14 @@ def shape_folder(root: Path, name: str) -> Path:
 
 
 def write_record(root: Path, record: Record) -> None:
-    """Write the record of a shape into its folder; OSError if it cannot be written."""
+    """Write the record of a shape into its folder; raise OSError if it cannot be written."""
     folder = shape_folder(root, record.name)
     folder.mkdir(parents=True, exist_ok=True)
     write_file(folder / "record.json", record.line + "\n")
 
 
 def read_record(root: Path, shape: Shape) -> Record | None:
-    """Return the record of a shape; None if the shape is not finished, or its file has changed since."""
+    """Return the record of a shape, or None if the shape is not finished or its file has changed since then."""
     try:
         record = Record(**json.loads((shape_folder(root, shape.name) / "record.json").read_text("utf-8")))
     except (OSError, ValueError, TypeError):

@@ -1,6 +1,6 @@
-"""Runs a batch: a Ray task for each shape that is not finished, then the list of records and the page.
+"""Run a batch: one Ray task for each shape that is not finished. Then write the list of records and the web page.
 
-The folder holds all state of a batch, so the batch may be interrupted at any moment: the next run resumes.
+A batch may be interrupted at any moment. Its folder contains its whole state, so the next run continues it.
 """
 
 import os
@@ -18,10 +18,10 @@ from dfd.batch.page import write_page
 from dfd.batch.record import Cause, Record, modified, read_record, write_record
 from dfd.batch.settings import BatchSettings
 
-RETRIES = 1  # repeats of a task whose process dies: the system may have ended it because other tasks used the memory
-OBJECT_STORE = 128 * 2**20  # bytes; records are small, so most memory stays free for the tasks
-# Memory of one task, bytes: with torch, the encoder and a shape of a million faces; and without an encoder.
-DISTILLING, LOOKING = int(2.5 * 2**30), int(1.5 * 2**30)
+RETRIES = 1  # repeats of a task whose process dies; the system may have ended it because other tasks used the memory
+OBJECT_STORE = 128 * 2**20  # bytes for the results of tasks, which are small
+# Memory of one task in bytes, for a shape of a million faces: with torch and the encoder, and without them.
+DISTILL_MEMORY, OTHER_MEMORY = int(2.5 * 2**30), int(1.5 * 2**30)
 
 
 @dataclass(frozen=True)
@@ -30,9 +30,9 @@ class Resources:
 
     address: str | None = None  # address of a Ray cluster; None starts Ray on this machine
     workers: int | None = None  # number of tasks at a time on this machine; None derives it from processors and memory
-    threads: int = 1
-    gpus: float = 0.0
-    timeout: float | None = None  # bound of one task, seconds
+    threads: int = 1  # threads of one task
+    gpus: float = 0.0  # GPUs of one task; 0.5 lets two tasks share one GPU
+    timeout: float | None = None  # longest duration of one task, seconds; None sets no limit
 
 
 def run_batch(
@@ -46,8 +46,8 @@ def run_batch(
 ) -> list[Record]:
     """Process every shape that has no record in the folder `root`, and write `shapes.jsonl` and `index.html`.
 
-    `retry` repeats shapes that failed before. `tell` is called with each record, those of earlier runs first. The
-    records are returned in the order of `shapes`.
+    `retry` repeats shapes that failed before. `tell` is called with each record, those of earlier runs first. Return
+    the records in the order of `shapes`.
 
     Raises ValueError if Ray is not installed, or lacks the resources of one task. Raises OSError if the folder cannot
     be written, or no cluster answers.
@@ -73,7 +73,7 @@ def run_batch(
 
 
 def import_ray() -> Any:
-    """Return the module Ray; ValueError if it is not installed."""
+    """Return the module `ray`; raise ValueError if Ray is not installed."""
     try:
         import ray
     except ImportError:
@@ -82,7 +82,7 @@ def import_ray() -> Any:
 
 
 def _connect(resources: Resources) -> Any:
-    """Join the Ray cluster at the address, or start Ray on this machine, and return the module Ray.
+    """Connect to the Ray cluster at the address, or start Ray on this machine. Return the module `ray`.
 
     Raises ValueError if Ray is not installed. Raises OSError if no cluster answers, or Ray cannot be started.
     """
@@ -103,19 +103,19 @@ def _on_ray(
     ray: Any, shapes: Sequence[Shape], settings: BatchSettings, root: Path, resources: Resources
 ) -> Iterator[Record]:
     """Yield the records of `shapes` as their tasks end."""
-    there = ray.cluster_resources()
-    memory = min(DISTILLING if "distill" in settings.steps else LOOKING, there.get("memory", 0.0))
+    total = ray.cluster_resources()
+    memory = min(DISTILL_MEMORY if "distill" in settings.steps else OTHER_MEMORY, total.get("memory", 0.0))
     needs = {"CPU": resources.threads, "GPU": resources.gpus, "memory": memory}
-    room = min(int(there.get(name, 0.0) / needed + 1e-9) for name, needed in needs.items() if needed)
-    if room == 0:
-        has = ", ".join(f"{there.get(name, 0.0):g} {name}" for name in ("CPU", "GPU"))
+    most_running = min(int(total.get(name, 0.0) / needed + 1e-9) for name, needed in needs.items() if needed)
+    if most_running == 0:
+        has = ", ".join(f"{total.get(name, 0.0):g} {name}" for name in ("CPU", "GPU"))
         raise ValueError(f"`--threads` and `--gpus` must be at most what Ray has, {has}")
     # By default Ray starts a new process for each GPU task, which would load the encoder again; `max_calls` avoids it.
     options = {"num_cpus": resources.threads, "num_gpus": resources.gpus, "memory": memory, "max_calls": 0}
     task = ray.remote(max_retries=RETRIES, **options)(_task)
     waiting, running, late = deque(shapes), dict[Any, tuple[Shape, float]](), set[Any]()
     while waiting or running:
-        while waiting and len(running) < room:  # no task waits in Ray, so its time starts when it is submitted
+        while waiting and len(running) < most_running:  # Ray starts each task at once, so its time limit starts now
             shape = waiting.popleft()
             running[task.remote(root, shape, settings, resources.threads)] = shape, time.monotonic()
         ended, _ = ray.wait(list(running), timeout=1.0)
@@ -144,7 +144,7 @@ def _on_ray(
 
 
 def _task(root: Path, shape: Shape, settings: BatchSettings, threads: int) -> Record:
-    """Run one task in a worker of Ray, and return its record."""
+    """Process one shape in a worker process of Ray, and return its record."""
     from dfd.batch.steps import process
 
     _use_threads(threads)

@@ -26,19 +26,19 @@ class BatchSettings(BaseModel):
     version: Literal[1] = 1
     steps: tuple[Step, ...]
     encoder: str = DEFAULT_ENCODER
-    distill: dict[str, Any] = Field(default_factory=dict)
-    device: str = "cpu"
+    distill: dict[str, Any] = Field(default_factory=dict)  # further arguments of `dfd.distill`
+    device: str = "cpu"  # torch device of the encoder
     edits: tuple[EditSource, ...] = ()
-    threshold: float | None = Field(default=None, ge=0.0, le=1.0)
-    exports: tuple[str, ...] = ()
+    threshold: float | None = Field(default=None, ge=0.0, le=1.0)  # as in `dfd.batch.one_edit.carry`
+    exports: tuple[str, ...] = ()  # endings from `EXPORTS`
 
     @field_validator("steps", mode="before")
     @classmethod
     def _ordered(cls, value: Any) -> Any:
-        """Return each value once, in the order in which steps run."""
+        """Return each step once, in the order in which steps run."""
         unknown = [step for step in value if step not in STEPS]
         if unknown or not value:
-            raise ValueError(f"`--step` must be of {', '.join(STEPS)}, got {unknown[0] if unknown else 'none'}")
+            raise ValueError(f"`--step` must be one of {', '.join(STEPS)}, got {unknown[0] if unknown else 'none'}")
         return tuple(step for step in STEPS if step in value)
 
     @field_validator("exports")
@@ -46,7 +46,7 @@ class BatchSettings(BaseModel):
     def _known(cls, value: tuple[str, ...]) -> tuple[str, ...]:
         unknown = [each for each in value if each not in EXPORTS]
         if unknown:
-            raise ValueError(f"`--export` must be of {', '.join(EXPORTS)}, got {unknown[0]}")
+            raise ValueError(f"`--export` must be one of {', '.join(EXPORTS)}, got {unknown[0]}")
         return value
 
     def model_post_init(self, context: Any, /) -> None:
@@ -55,13 +55,13 @@ class BatchSettings(BaseModel):
             if (step in self.steps) != bool(given):
                 raise ValueError(f"`--{step.removesuffix('s')}` and the step {step} must be given together")
         if "exports" in self.steps and "edits" not in self.steps:
-            raise ValueError("`--step` must hold edits for exports: they are what is written")
+            raise ValueError("`--step` must include edits if it includes exports, which write the edited shapes")
 
 
 def begin_folder(root: Path, settings: BatchSettings) -> None:
     """Create the folder of a batch, or check that the batch in it has the same settings.
 
-    Raises ValueError if the folder holds something else, or a batch with other settings. Raises OSError if it cannot be
+    Raises ValueError if the folder contains other files, or a batch with other settings. Raises OSError if it cannot be
     written.
     """
     file = root / "batch.json"

@@ -1,4 +1,4 @@
-"""The steps of a batch for one shape: from its file to a folder of results and a record."""
+"""Run the steps of a batch for one shape, and write a folder with its results and its record."""
 
 import errno
 import json
@@ -39,11 +39,11 @@ from dfd.weights.compact import compact
 FIELD = "field.safetensors"
 PIXELS = 256  # side of a picture, pixels
 loaded_original = lru_cache(maxsize=16)(EditSource.original)  # a worker loads an edit, its mesh and its field once
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)  # errors of the folder: every other shape would fail too
+FOLDER_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)  # they end the batch: every other shape would fail too
 
 
 def process(root: Path, shape: Shape, settings: BatchSettings) -> Record:
-    """Do all steps for one shape, and return its record, which is also in its folder. An error gives a failed record.
+    """Run all steps for one shape, and write and return its record. If a step fails, the record gives the error.
 
     Raises OSError if the batch's folder `root` cannot be written.
     """
@@ -63,7 +63,7 @@ def process(root: Path, shape: Shape, settings: BatchSettings) -> Record:
         except MemoryError as error:
             cause, message = "memory", one_line(error) or "memory ran out"
         except (OSError, ValueError) as error:
-            if isinstance(error, OSError) and error.errno in FULL:
+            if isinstance(error, OSError) and error.errno in FOLDER_ERRORS:
                 raise
             cause, message = "input", one_line(error)
         except Exception as error:
@@ -91,7 +91,7 @@ def process(root: Path, shape: Shape, settings: BatchSettings) -> Record:
 
 
 class _Work:
-    """Runs the steps, a method for each, and holds the data that they share."""
+    """Run the steps, one method for each, and keep the data that several steps need."""
 
     def __init__(self, shape: Shape, settings: BatchSettings, folder: Path) -> None:
         self.shape, self.settings, self.folder = shape, settings, folder
@@ -104,16 +104,16 @@ class _Work:
 
     @cached_property
     def field(self) -> Field:
-        """Return the field of the step distill, or the one given with the shape; ValueError if there is none."""
+        """Return the field that was distilled, or the one given with the shape; raise ValueError without either."""
         if (self.folder / FIELD).exists():
             return Field.load(self.folder / FIELD)
         if self.shape.field is None:
-            raise ValueError("no field: the step distill makes one, or a column field of a manifest names it")
+            raise ValueError("no field: add the step distill, or name a field in the column field of a manifest")
         return Field.load(self.shape.field, mesh=self.mesh)
 
     @cached_property
     def session(self) -> Deformer:
-        """Return a session of the shape; its features are computed once."""
+        """Return an editing session of the shape, with its features."""
         session = Deformer(self.mesh, self.field)
         session.prepare()
         return session
@@ -137,7 +137,7 @@ class _Work:
         self.figures["loss"] = float(made.settings["losses"][-1])
 
     def features(self) -> None:
-        """Write features of the vertices, `rows` @ `basis`.T + `mean`; the projection moves weights by at most 0.01."""
+        """Write the vertices' features as `rows` @ `basis`.T + `mean`. This changes weights by at most about 0.01."""
         small = compact(self.field.on(self.mesh))
         stored = small.stored(np.arange(len(small))) * np.float32(small.step)
         with atomic_write(self.folder / "features.npz") as temporary, temporary.open("wb") as stream:
@@ -145,20 +145,20 @@ class _Work:
         self.figures |= {"feature_dimensions": small.dimensions, "feature_error": float(small.error)}
 
     def symmetry(self) -> None:
-        """Write mirror planes, the best first."""
+        """Write the mirror planes of the shape, the best first."""
         planes = symmetry_planes(self.field, self.mesh)
         self.write_json("symmetry.json", [asdict(plane) for plane in planes])
         self.figures["symmetry_planes"] = len(planes)
 
     def pictures(self) -> None:
-        """Write a thumbnail, and one in the colors of the features if there is a field."""
+        """Write a picture of the shape and, if there is a field, one whose colors show the features."""
         save_png(self.folder / "thumbnail.png", picture(self.mesh, resolution=PIXELS))
         if self.shape.field is not None or (self.folder / FIELD).exists():
             colors = feature_colors(self.session.features)
             save_png(self.folder / "features.png", picture(self.mesh, colors=colors, resolution=PIXELS))
 
     def edits(self) -> None:
-        """Apply every edit that fits and write a picture of its result; the figures name the edits that do not fit."""
+        """Transfer every edit, and write it and a picture of its result. The figures name the edits that do not fit."""
         threshold = self.settings.threshold
         self.carried: dict[str, Deformer] = {}
         for source in self.settings.edits:
@@ -177,9 +177,9 @@ class _Work:
                 save_png(self.folder / f"{name}.png", drawn)
 
     def exports(self) -> None:
-        """Write the shape under every edit that fits, in every format of the settings.
+        """Write the shape, posed by each edit that fits, in every format of the settings.
 
-        If a file cannot be written, the figures say why, and all other results of the shape stay.
+        If a file cannot be written, the figures contain the error, and all other results of the shape stay.
         """
         for name, deformer in self.carried.items():
             for ending in self.settings.exports:
@@ -191,7 +191,7 @@ class _Work:
                     self.figures[failed] = f"{name}.{ending}: {one_line(error)}"
 
     def parts(self) -> None:
-        """Write the parts and the part of every vertex; with the step pictures also a drawing of the numbered parts."""
+        """Write the parts and the part of each vertex. With the step "pictures", also write a picture of the parts."""
         found = parts_of(self.field, self.mesh).cut()
         self.write_json("parts.json", cut_document(found))
         self.figures["parts"] = len(found)

@@ -1,1 +1,1 @@
-"""Exports edits to other programs: rigs, morph targets, weights."""
+"""Export edits to other programs: rigs, morph targets, weights and parts."""

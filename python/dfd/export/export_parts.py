@@ -1,4 +1,4 @@
-"""Exports a shape cut into parts, as groups of an OBJ file or material slots of a glTF file."""
+"""Export a shape cut into parts, as groups of an OBJ file or as materials of a glTF file."""
 
 import os
 from collections.abc import Sequence
@@ -22,10 +22,10 @@ ENDINGS = (".obj", ".glb", ".gltf")
 
 
 def export_parts(mesh: Mesh, parts: Sequence[Part], path: str | os.PathLike[str]) -> None:
-    """Write a mesh with its parts: faces of an OBJ file in groups "part_1" …, those of a glTF file in material slots.
+    """Write a mesh with its parts, as groups "part_1" … of an OBJ file, or as materials of a glTF file.
 
-    A face belongs to the part that holds most of its corners. A glTF file keeps all other content of the mesh's own
-    file. It has a copy of each of its materials for each part, named after the part. An OBJ file keeps texture
+    A face belongs to the part that contains most of its corners. A glTF file keeps all other content of the mesh's own
+    file; each part has its own copies of the file's materials, named after the part. An OBJ file keeps texture
     coordinates, but no materials.
 
     Raises ValueError if the file ending is not supported, or there are no parts. Raises OSError if the file cannot be
@@ -50,12 +50,12 @@ def export_parts(mesh: Mesh, parts: Sequence[Part], path: str | os.PathLike[str]
 
 
 def _most(corners: Int64) -> Int64:
-    """Return the label (F,) that most of the three corners (F, 3) have; the middle one if all three differ."""
+    """Return the label (F,) that most corners (F, 3) of a face have, or the middle label if all three differ."""
     return np.sort(corners, axis=1)[:, 1]
 
 
 def _split(document: GltfDocument, node: int, primitives: Sequence[Primitive], of_vertex: Int64) -> None:
-    """Replace each primitive of a node by one for each part, with the same attributes and its own material."""
+    """Replace each primitive of a node by one primitive per part, with the same attributes and its own material."""
     content, of_number = document.own_mesh(node), {each.source[2]: each for each in primitives}
     split: list[Header] = []
     for number, primitive in enumerate(content["primitives"]):
@@ -73,7 +73,7 @@ def _split(document: GltfDocument, node: int, primitives: Sequence[Primitive], o
 
 
 def _material(document: GltfDocument, material: object, part: int) -> int:
-    """Return the index of a copy of a material, named after a part; there is one copy for each pair of both."""
+    """Return the index of the copy of a material for a part. Each pair of a material and a part has one copy."""
     materials = objects(document.header, "materials")
     own = item(document.header, "materials", material)
     name = f"part {part + 1}" if own is None else f"{own.get('name') or f'material {material}'} part {part + 1}"

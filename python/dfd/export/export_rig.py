@@ -1,4 +1,4 @@
-"""Exports a session to animation programs as a skin, morph targets or the posed shape, in glTF."""
+"""Export an editing session to other programs, as a skin or morph targets in glTF, or as the posed shape."""
 
 import os
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ Form = Literal["skin", "morph", "baked"]
 GLTF = (".glb", ".gltf")
 PLAIN = (".obj", ".ply", ".stl", ".off")
 ENDINGS = (*GLTF, *PLAIN)
-WRITTEN = {"morph": "written as morph targets", "baked": "baked"}
+WRITTEN = {"morph": "written as morph targets", "baked": "baked"}  # how a report names the form that replaces a skin
 PORTABLE_INFLUENCES = 4  # influences per vertex that every reader of glTF supports
 
 
@@ -36,7 +36,7 @@ def export_rig(
 ) -> RigReport:
     """Write a session's shape and handles so that other programs can pose them.
 
-    If the mesh comes from a glTF file, a glTF file keeps the rest of it, such as UVs, materials, textures and parts.
+    If the mesh was read from a glTF file, a new glTF file keeps its other content, such as UVs, materials and parts.
 
     Parameters
     ----------
@@ -45,29 +45,29 @@ def export_rig(
     path
         A .glb or .gltf file; with `form="baked"` an .obj, .ply, .stl or .off file as well.
     form
-        "skin": a joint for each handle and each counterpart, in their own frames at their pivots. The weights are those
-        with which `dfd.pose` blends (Eq. 1 and 8). A root that never moves gets what they leave of 1. If the edit has
-        D₀, another joint gets that rest instead. "morph": a target for each handle that moves, or for each key pose.
-        "baked": the posed shape as a static mesh. The default is the first form that fits beside the mesh's own skin
-        and morph targets, which a glTF file keeps.
+        "skin": a joint for each handle and each counterpart, at its pivot and with its own axes. The weights are those
+        with which `dfd.pose` blends (Eq. 1 and 8). A root joint, which never moves, gets 1 minus their sum. If the edit
+        has a default transform D₀, another joint gets this weight instead. "morph": a target for each handle that
+        moves, or for the edit and each key pose. "baked": the posed shape as a static mesh. The default is the first
+        form that is possible beside the mesh's own skin and morph targets, which a glTF file keeps.
     influences
         The largest number of joints that a vertex follows: by default 4, which every reader supports. The largest
-        weights stay and are divided by their sum. "all" prunes none; more than 4 are stored in further sets, which few
-        readers support.
+        weights of a vertex are kept and divided by their sum. "all" keeps all weights. If a vertex has more than 4,
+        they are stored in further vertex attributes, which few readers support.
     poses
         Key poses, ordered by time. They become an animation that is linear between poses.
 
     Returns
     -------
     report
-        What was written, with the largest and the mean distance from the result of `dfd.pose`. Where nothing is pruned
-        and no weights sum to more than 1, a linear blend differs only by the rounding of 32-bit floats.
+        What was written, with the largest and the mean distance from the result of `dfd.pose`. If no weight is pruned,
+        no weights sum to more than 1 and the blend is linear, the only difference is rounding to 32-bit floats.
 
-    Raises ValueError if the file ending is not supported or does not fit `form`. Raises ValueError if the mesh keeps a
-    skin (for "skin") or morph targets (for "morph"), or the session has no handle. Raises ValueError if there are more
-    than 65,535 joints, or one of them cannot be inverted. Raises ValueError if a key pose is of other handles, not
-    after the one before it, or scales along other axes. Raises OSError if a file cannot be written; an existing file
-    stays unchanged.
+    Raises ValueError if the file ending is not supported or does not fit `form`, or the session has no handle. Raises
+    ValueError for "skin" if the mesh has its own skin, there are more than 65,535 joints, or a joint's matrix cannot be
+    inverted. Raises ValueError for "morph" if the mesh has its own morph targets. Raises ValueError if a key pose is of
+    other handles, is not later than the pose before it, or scales a joint along other axes. Raises OSError if a file
+    cannot be written; an existing file stays unchanged.
     """
     target = Path(path)
     check.ending("export_rig", "path", target, ENDINGS)
@@ -94,9 +94,9 @@ def export_rig(
 
 
 def form_for(mesh: Mesh, path: Path, form: Form | None) -> tuple[Form, tuple[str, ...]]:
-    """Return the form in which a session of `mesh` fits into `path`, and a note if that form is not "skin".
+    """Return the form in which a session of `mesh` is written to `path`, and a note if the mesh's own skin decides it.
 
-    Raises ValueError if `form` is not known, or does not fit beside the content of the mesh's own file.
+    Raises ValueError if `form` is not known, or is not possible beside a skin or morph targets of the mesh's own file.
     """
     ending = path.suffix.lower()
     if form is not None:
@@ -121,7 +121,7 @@ def form_for(mesh: Mesh, path: Path, form: Form | None) -> tuple[Form, tuple[str
 
 
 def _most(influences: int | str | None) -> int | None:
-    """Return the largest number of influences of a vertex, None for all."""
+    """Return the largest number of influences of a vertex, or None for all."""
     if influences is None:
         return PORTABLE_INFLUENCES
     if isinstance(influences, str):

@@ -1,4 +1,4 @@
-"""Exports weights as plain arrays, with their names and settings."""
+"""Export the weights of a session as plain arrays, with the names of the handles and the settings."""
 
 import json
 import os
@@ -22,14 +22,14 @@ VERSION = 1
 
 
 def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
-    """Write the weights of a session as arrays, with all that `dfd.pose` needs to reproduce its shape.
+    """Write the weights of a session as arrays, with everything that `dfd.pose` needs to compute the posed shape.
 
     Parameters
     ----------
     session
         The shape with its handles.
     path
-        An .npz or .safetensors file. Its arrays are `vertices` (V, 3) float64 and `faces` (F, 3) of the resting mesh;
+        An .npz or .safetensors file. Its arrays are `vertices` (V, 3) float64, at rest but bent and twisted; `faces`;
         `weights` (V, C) float32, a column for each handle and each of its counterparts; `transforms` (C, 3, 4) float64,
         mesh units; `handles` (C, 3), the position of each column; `handle_ids` (C,); and `default` (3, 4), D₀. Its
         texts, which safetensors stores in its metadata, are `format`, `version`, `names` (a JSON list of C names),
@@ -44,7 +44,7 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
         raise ArgumentError("session", "must have a handle, got none: there would be no weights", "export_weights")
     weights, columns = session.bound.columns(edit)
     held = [edit.handles[column.handle] for column in columns]
-    names = UniqueNames()  # a number is added for each further counterpart
+    names = UniqueNames()  # further counterparts get the handle's name and a number
     arrays: dict[str, np.ndarray[Any, Any]] = {
         "vertices": session.bound.bent(edit).copy(),
         "faces": mesh.faces.copy(),

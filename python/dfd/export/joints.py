@@ -1,9 +1,9 @@
-"""Joints: position and frame of a handle in other programs, and its transforms in that frame.
+"""Joints: the position and the axes of a handle in other programs, and its transforms relative to these axes.
 
-A counterpart follows its handle through a rigid map Φ from the handle to it: D ↦ Φ D Φ⁻¹. Φ also places the joint of
-the counterpart. So all joints of a handle have the same transform in their own frames. A frame is right-handed. The
-frame of a mirror image has all three axes negated, so that the same rotation acts mirrored, as in animators' mirrored
-joints.
+A rigid map Φ maps a handle to a counterpart. If the handle has the transform D, the counterpart has Φ D Φ⁻¹. Φ also
+maps the handle's joint to the counterpart's joint, so all joints of a handle have the same transform in their own
+frames. A frame is right-handed. If Φ is a reflection, all three axes of the frame are negated. So the same rotation
+acts mirrored, as animators expect of mirrored joints.
 """
 
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from dfd.common.linear_algebra import Float64
 from dfd.posing.transforms import Transform, Vector, rotation_matrix
 
-# Bound for off-diagonal entries in the factors of a scale: smaller entries are rounding.
+# Off-diagonal entries of a scale matrix are rounding if they are below this share of the largest factor.
 SHEAR = 1e-9
 
 
@@ -37,19 +37,19 @@ class Local:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """Describes a joint, which vertices follow."""
+    """A joint: vertices follow its transform with their weights."""
 
     name: str  # unique in the rig
     handle: int | None  # the id of its handle; None for the root and for D₀
-    center: Vector  # (3,) the handle's own position in mesh units: the pivot of transforms without one
+    center: Vector  # (3,) the handle's own position in mesh units: the pivot of transforms that give no pivot
     # pivot, axes: (3,) and (3, 3) the origin of the handle's frame, and its axes as columns
     pivot: Float64
     axes: Float64
-    carry: Float64  # (4, 4) rigid Φ from the handle to this joint; a reflection for a mirror image
+    carry: Float64  # (4, 4) the rigid map Φ from the handle to this joint; a reflection for a mirror image
 
     @property
     def frame(self) -> Float64:
-        """Return the rigid, right-handed map (4, 4) from the joint's own coordinates at rest to the mesh's."""
+        """Return the rigid map (4, 4), without reflection, from the resting joint's own coordinates to the mesh's."""
         frame = np.eye(4)
         frame[:3, :3] = self.carry[:3, :3] @ self._basis
         frame[:3, 3] = self.carry[:3, :3] @ self.pivot + self.carry[:3, 3]
@@ -61,9 +61,9 @@ class Joint:
         return self.axes * np.sign(np.linalg.det(self.carry[:3, :3] @ self.axes))
 
     def local(self, transform: Transform) -> Local:
-        """Return the joint's transform in its own frame for the handle's `transform`.
+        """Return the joint's transform in its own frame, if the handle has the transform `transform`.
 
-        Raises ValueError if it scales along axes other than the joint's, because that would be a shear.
+        Raises ValueError if `transform` scales along axes other than the joint's, because that would be a shear.
         """
         basis = self._basis
         axes = np.eye(3) if transform.axes is None else np.asarray(transform.axes).T
@@ -72,7 +72,7 @@ class Joint:
         beside = stretch - np.diag(np.diag(stretch))
         if np.abs(beside).max() > SHEAR * np.abs(transform.scale).max():
             raise ValueError(
-                f"`poses` must scale handle {self.handle} along the same axes throughout: a joint has one set of them"
+                f"`poses` must scale handle {self.handle} along the same axes throughout: a joint has only one set"
             )
         turn = basis.T @ rotation_matrix(transform.rotation) @ basis
         moved = transform.matrix(self.center)
@@ -80,7 +80,7 @@ class Joint:
         return Local(shift, Rotation.from_matrix(turn).as_quat(), np.diag(stretch).copy())
 
     def placed(self, local: Local) -> Local:
-        """Return `local` relative to a parent at the mesh's origin, without rotation."""
+        """Return `local` relative to a parent that is at the mesh's origin and is not rotated."""
         frame = self.frame
         rotation = Rotation.from_matrix(frame[:3, :3]) * Rotation.from_quat(local.rotation)
         return Local(frame[:3, :3] @ local.translation + frame[:3, 3], rotation.as_quat(), local.scale)

@@ -21,13 +21,13 @@ from dfd.posing.transforms import Transform
 class KeyPose:
     """The transforms of a session's handles at one moment.
 
-    Raises ValueError if `seconds` is no number or negative. Raises ValueError if `transforms` has a key that is no id
-    or a value that is no transform.
+    Raises ValueError if `seconds` is not a number or is negative. Raises ValueError if a key of `transforms` is not a
+    handle's id, or a value is not a transform.
     """
 
-    seconds: float  #: At least 0
-    transforms: Mapping[int, Transform] = field(default_factory=dict)  #: By the ids of handles; a handle left out rests
-    name: str = ""  #: For display; file formats only name whole animations
+    seconds: float  #: Time of the moment, at least 0
+    transforms: Mapping[int, Transform] = field(default_factory=dict)  #: By handles' ids; other handles rest
+    name: str = ""  #: A name for display, which glTF does not store
 
     def __post_init__(self) -> None:
         keep = object.__setattr__
@@ -42,16 +42,16 @@ class KeyPose:
 
 
 def checked_poses(function: str, poses: Sequence[KeyPose], edit: Edit) -> tuple[KeyPose, ...]:
-    """Return `poses` after checking that they are ordered by time and refer to handles of `edit`.
+    """Return `poses` as a tuple.
 
-    Raises ValueError if they are not.
+    Raises ValueError if they are not ordered by time, or refer to handles that are not in `edit`.
     """
     known = {handle.id for handle in edit.handles}
     before = None
     for pose in poses:
         if not isinstance(pose, KeyPose):
             raise ArgumentError("poses", f"must be key poses, got {type(pose).__name__}", function)
-        if before is not None and np.float32(pose.seconds) <= np.float32(before):  # as files store it
+        if before is not None and np.float32(pose.seconds) <= np.float32(before):  # files store 32-bit floats
             found = f"got one at {pose.seconds:g} s after one at {before:g} s"
             raise ArgumentError("poses", f"must come one after the other in time, {found}", function)
         before = pose.seconds
@@ -73,7 +73,7 @@ _STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 @dataclass(frozen=True, repr=False)
 class _Posed(Transform):
-    """A transform in a file, and the handle that it moves."""
+    """A transform in a file of key poses, with the id of its handle."""
 
     handle: Annotated[int, Field(ge=0)] = field(kw_only=True)
 

@@ -1,4 +1,4 @@
-"""The report of an export, in numbers and in one sentence."""
+"""The report of an export, in numbers and as one sentence."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,20 +10,20 @@ from dfd.export.skinning import Difference, Skin
 
 @dataclass(frozen=True, kw_only=True)
 class RigReport:
-    """Describes what was written, and its deviation from `dfd.pose`."""
+    """The report of a written rig: its contents, and its deviation from `dfd.pose`."""
 
     path: Path
     form: str  # "skin", "morph" or "baked"
     joints: int = 0  # 0 without a skin
     influences: int = 0  # the largest number of joints that a vertex follows
     targets: int = 0  # number of morph targets
-    pruned: float = 0.0  # the largest part of a vertex's weight that was pruned, in [0, 1]
-    normalized: int = 0  # vertices whose weights sum to more than 1 or were negative, which no format can store
-    # Distances between the vertices in the file and those of `dfd.pose`, mesh units, in the pose `at`.
+    pruned: float = 0.0  # the largest share of a vertex's weight that was pruned, in [0, 1]
+    normalized: int = 0  # number of vertices with a negative weight or a sum above 1, which no format can store
+    # largest, mean: distances between the vertices in the file and those of `dfd.pose`, mesh units, in the pose `at`
     largest: float
     mean: float
     at: str  # the pose with the largest distance: "the edit", or the name of a key pose
-    size: float  # the diagonal of the box around the resting shape, mesh units
+    size: float  # the diagonal of the resting shape's bounding box, mesh units
     notes: tuple[str, ...] = ()  # sentences about other differences between the file and the edit
 
     def __str__(self) -> str:
@@ -63,7 +63,7 @@ def report_of(
         where |= {"joints": len(rig.joints), "influences": skin.joints.shape[1]}
         where |= {"pruned": skin.pruned, "normalized": skin.normalized}
         if rig.edit.blending != "linear":
-            notes += (f"the edit blends as {rig.edit.blending}, and a skin linearly",)
+            notes += (f"the edit blends as {rig.edit.blending}, but a skin blends linearly",)
         if any(handle.transform.bends for _, edit in rig.moments() for handle in edit.handles):
-            notes += ("what is bent or twisted is not in a skin: 'morph' and 'baked' have it",)
+            notes += ("a skin has no bends and twists; 'morph' and 'baked' have them",)
     return RigReport(path=path, form=form, notes=notes, **where)

@@ -1,4 +1,4 @@
-"""A session as a rig: joints, and the weights with which vertices follow them (Eq. 1 and 8)."""
+"""Convert a session to a rig: joints, and the weights with which vertices follow them (Eq. 1 and 8)."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
 
-BATCH = 1 << 14  # vertices per batch, so that no second array is as large as the weights
+BATCH = 1 << 14  # vertices per batch; batches avoid a second array as large as all weights
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,20 +27,20 @@ class Rig:
 
     mesh: Mesh  # the resting shape
     edit: Edit
-    # joints: first the root, which never moves and is the parent of all others; then D₀ if the edit has one
+    # joints: (J) first the root, which never moves and is the parent of all others; then D₀ if the edit has one
     joints: tuple[Joint, ...]
-    origin: Float64  # (3,) origin of vertices in a file: 0, except for shapes that 32-bit floats store too coarsely
-    default: int  # the joint that receives 1 minus the sum of the weights: the root, or D₀
+    origin: Float64  # (3,) subtracted from a file's vertices; not 0 if the shape is too far from 0 for 32-bit floats
+    default: int  # index of the joint whose weight is 1 minus the sum of the others: the joint of D₀, or else the root
     poses: tuple[KeyPose, ...]  # key poses, ordered by time
     _posed: PosedShape
-    _weights: Float32  # (V, C)
-    _column: Int64  # (J − first,) the column of each joint of a handle
-    _mirrored: Bool  # (J − first,) whether the joint acts on the side of the plane opposite to its handle
+    _weights: Float32  # (V, C) columns of weights of the session
+    _column: Int64  # (J − default − 1,) the column of each joint after `default`; these joints follow handles
+    _on_negative_side: Bool  # (J − default − 1,) whether such a joint acts on the plane's negative side
 
     def weights(self) -> Iterator[tuple[slice, Float64]]:
-        """Yield ranges of N vertices and their weights (N, J), with which `dfd.pose` blends.
+        """Yield ranges of N vertices, and their weights (N, J) as in `dfd.pose`.
 
-        A row sums to 1 if the weights of the handles sum to at most 1, and to their sum otherwise.
+        The weights of a vertex sum to 1, or to the sum of its handles' weights if that is larger.
         """
         plane = self.edit.symmetry
         first = self.default + 1
@@ -53,11 +53,11 @@ class Rig:
             result[:, first:] = blended[:, self._column]
             if plane is not None:
                 side = _side(plane, self.mesh.vertices[rows])[:, None]
-                result[:, first:] *= np.where(self._mirrored, 1.0 - side, side)
+                result[:, first:] *= np.where(self._on_negative_side, 1.0 - side, side)
             yield rows, result
 
     def moments(self) -> Iterator[tuple[str, Edit]]:
-        """Yield the name and the posed edit of the edit itself and of each key pose."""
+        """Yield the name and the edit of each pose: first the present edit, then each key pose."""
         yield "the edit", self.edit
         for number, pose in enumerate(self.poses, 1):
             yield pose.name or f"key pose {number}", posed_edit(self.edit, pose)
@@ -67,7 +67,7 @@ class Rig:
         return self._posed.of(edit)
 
     def transforms(self, edit: Edit) -> list[Transform]:
-        """Return the transform of each joint's handle in `edit`, J in all."""
+        """Return the transforms (J) of the joints' handles in `edit`; D₀ and the root have their own."""
         rest = Transform()
         of_handle = {handle.id: handle.transform for handle in edit.handles}
         found = [rest if joint.handle is None else of_handle[joint.handle] for joint in self.joints]
@@ -79,8 +79,8 @@ class Rig:
 def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
     """Return the rig of a session's present edit.
 
-    A handle has a joint for each counterpart. With a plane of symmetry, each of these joints has another for its mirror
-    image.
+    A handle has a joint for each counterpart. With a plane of symmetry, each counterpart has a second joint for its
+    mirror image.
     """
     edit = session.edit
     moves = {
@@ -103,7 +103,7 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
         handle = edit.handles[column.handle]
         name, pivot = handle.name or f"handle {handle.id}", np.asarray(handle.pivot)
         carry, frame = _carry(column, handle), _frame(moves[handle.id])
-        # A column on the negative side of the plane acts there, and its mirror image on the other side.
+        # A column acts on the side of the plane on which its counterpart lies, and its mirror image on the other side.
         below = plane is not None and bool(np.dot(column.counterpart.position, plane.normal) < plane.offset)
         for mirror in (False,) if plane is None else (False, True):
             image = plane.reflection @ carry if plane is not None and mirror else carry
@@ -117,7 +117,7 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
 
 
 def _frame(transforms: Sequence[Transform]) -> Float64:
-    """Return the axes (3, 3), as columns, of the first transform that scales."""
+    """Return the axes (3, 3), as columns, of the first transform with unequal scales, or of the first with axes."""
     uneven = [each for each in transforms if len(set(each.scale)) > 1]
     for each in (*uneven, *(each for each in transforms if not uneven)):
         if each.axes is not None or uneven:
@@ -126,7 +126,7 @@ def _frame(transforms: Sequence[Transform]) -> Float64:
 
 
 def _carry(column: Column, handle: Handle) -> Float64:
-    """Return the rigid Φ (4, 4) from a handle to one of its counterparts."""
+    """Return the rigid map Φ (4, 4) from a handle to one of its counterparts."""
     carry, own = np.eye(4), column.counterpart
     carry[:3, :3] = own.frame
     carry[:3, 3] = np.asarray(own.position) - own.frame @ np.asarray(handle.place.position)
@@ -134,7 +134,7 @@ def _carry(column: Column, handle: Handle) -> Float64:
 
 
 def _side(plane: SymmetryPlane, points: Float64) -> Float64:
-    """Return how far points are on the side of the plane's normal (N,), in [0, 1]: a smoothstep over the band."""
+    """Return the share (N,) of the normal's side of the plane at points (N, 3): a smoothstep across the band."""
     height = plane.signed_distance(points)
     if plane.band == 0:
         return np.asarray(height >= 0, np.float64)

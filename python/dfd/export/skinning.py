@@ -1,4 +1,4 @@
-"""The skin of a file from a rig: a few joints for each vertex, and its deviation from `dfd.pose`."""
+"""Compute the skin of a file from a rig, with a few joints for each vertex, and its deviation from `dfd.pose`."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -9,33 +9,33 @@ from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.export.joints import Joint, Local
 from dfd.export.rig import BATCH, Rig
 
-ABOVE = 1e-5  # a sum of weights that exceeds 1 by more has other causes than the rounding to 24 bits
+ROUNDING = 1e-5  # sums of weights exceed 1 by less than this if rounding to 32-bit floats is the only cause
 
 
 @dataclass(frozen=True)
 class Difference:
-    """The deviation of a file from `dfd.pose`, over the edit and all key poses."""
+    """The deviation of a file from `dfd.pose`, in the pose in which it is largest."""
 
-    # Distances of vertices, mesh units, in the pose `at`.
+    # largest, mean: distances of vertices, mesh units, in the pose `at`
     largest: float = 0.0
     mean: float = 0.0
-    at: str = "the edit"  # the pose with the largest distance: the edit, or the name of a key pose
+    at: str = "the edit"  # the pose with the largest distance: "the edit", or the name of a key pose
 
 
 @dataclass(frozen=True, eq=False)
 class Skin:
     """The skin of a rig as a file stores it; vertices and joints are relative to the rig's origin."""
 
-    # joints: (V, K) of each vertex, by descending weight, no joint twice; 0 where the weight is 0
+    # joints: (V, K) the joints of each vertex, by descending weight; 0 if the weight is 0
     joints: Int64
-    weights: Float32  # (V, K) descending; rows sum to 1 within 1e-6
-    pruned: float  # the largest part of a vertex's weight that was pruned, in [0, 1]
+    weights: Float32  # (V, K) weights of these joints; the weights of a vertex sum to 1 within 1e-6
+    pruned: float  # the largest share of a vertex's weight that was pruned, in [0, 1]
     normalized: int  # number of vertices whose weights changed, because they were negative or summed to more than 1
-    binds: Float32  # (J, 4, 4) inverse binds
-    moments: list[list[Local]]  # (M, J) transforms of each joint in the edit and then at each key pose
+    binds: Float32  # (J, 4, 4) inverse bind matrices
+    moments: list[list[Local]]  # (M, J) transforms of each joint, in the edit and then in each key pose
 
     def shown(self, moment: int, rig: Rig) -> Float64:
-        """Return the vertices (V, 3) that readers show at a moment: Σ_k w_k M_k B_k v, summed in 64 bits."""
+        """Return the vertices (V, 3) that a reader shows at moment number `moment`: Σ_k w_k M_k B_k v."""
         points = (rig.mesh.vertices - rig.origin).astype(np.float32).astype(np.float64)
         matrices = np.array([local.matrix for local in self.moments[moment]]) @ self.binds.astype(np.float64)
         result = np.empty_like(points)
@@ -49,14 +49,14 @@ class Skin:
 
 
 def skin_of(rig: Rig, most: int | None) -> Skin:
-    """Return the skin of a rig with the `most` joints of largest weight for each vertex; None keeps all.
+    """Return the skin of a rig, with the `most` joints of largest weight for each vertex. None keeps all joints.
 
-    Raises ValueError if a joint scales along axes other than its own, or is too far away.
+    Raises ValueError if a joint scales along axes other than its own, or its pivot is too far away for 32-bit floats.
     """
     joints, weights = [], []
     least, normalized, width = 1.0, 0, 1
     for _, rows in rig.weights():
-        normalized += int(((rows.sum(axis=1) > 1.0 + ABOVE) | (rows.min(axis=1) < -ABOVE)).sum())
+        normalized += int(((rows.sum(axis=1) > 1.0 + ROUNDING) | (rows.min(axis=1) < -ROUNDING)).sum())
         rows = np.maximum(rows, 0.0)
         order = np.argsort(-rows, axis=1, kind="stable")[:, :most]
         kept = np.take_along_axis(rows, order, axis=1)
@@ -78,7 +78,7 @@ def skin_of(rig: Rig, most: int | None) -> Skin:
 
 
 def difference_of(rig: Rig, shown: Callable[[int, Rig], Float64]) -> Difference:
-    """Return the deviation from `dfd.pose` of the shape (V, 3) that a file shows at each of the rig's moments."""
+    """Return the deviation from `dfd.pose`; `shown` returns the vertices (V, 3) that the file shows at a moment."""
     found = Difference()
     for moment, (name, edit) in enumerate(rig.moments()):
         distance = np.linalg.norm(shown(moment, rig) - rig.posed(edit), axis=1)
@@ -88,7 +88,7 @@ def difference_of(rig: Rig, shown: Callable[[int, Rig], Float64]) -> Difference:
 
 
 def _summing_to_one(weights: Float64) -> Float32:
-    """Return weights in 24 bits whose rows sum to 1: the first, largest one absorbs the rounding of the others."""
+    """Return 32-bit weights whose rows sum to 1. The first and largest weight of a row absorbs the rounding errors."""
     single = weights.astype(np.float32)
     single[single < np.finfo(np.float32).tiny] = 0.0  # some readers treat denormal numbers as 0
     single[:, 0] = 1.0 - single[:, 1:].sum(axis=1, dtype=np.float64)
@@ -96,7 +96,7 @@ def _summing_to_one(weights: Float64) -> Float32:
 
 
 def _inverse_binds(joints: Sequence[Joint], origin: Float64) -> Float32:
-    """Return the maps (J, 4, 4) from the coordinates of the file's vertices to each joint's own."""
+    """Return the maps (J, 4, 4) from the coordinates of the file's vertices to each joint's own coordinates."""
     frames = np.array([joint.frame for joint in joints])
     frames[:, :3, 3] -= origin
     with np.errstate(over="ignore", invalid="ignore"):
@@ -109,7 +109,7 @@ def _inverse_binds(joints: Sequence[Joint], origin: Float64) -> Float32:
 
 
 def _moments(rig: Rig) -> list[list[Local]]:
-    """Return each joint's transforms in 32-bit floats, in the edit and at each key pose, with continuous rotations."""
+    """Return each joint's transform in the edit and in each key pose, rounded to 32 bits, with continuous rotations."""
     moments: list[list[Local]] = []
     for _, edit in rig.moments():
         placed = []

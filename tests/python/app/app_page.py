@@ -1,4 +1,4 @@
-"""A page as tests play it: a WebSocket that speaks the protocol, and the files that a session needs."""
+"""A page for tests: a WebSocket that follows the protocol, and the files of a session."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from dfd.app.web.launch import RunningApp
 ROOT = Path(__file__).parents[3]
 CLIENT = ROOT / "python" / "dfd" / "app" / "client"
 SCREENS = ROOT / "build" / "screens"
-PATIENCE = 120.0  # seconds; a busy machine imports torch slowly
+PATIENCE = 120.0  # seconds to wait for a message; a busy machine imports torch slowly
 
 
 def unpack(message: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """The fields and the arrays of a message."""
+    """Return the fields and the arrays of a message."""
     header = json.loads(message[8 : 8 + int.from_bytes(message[:8], "little")])
     return json.loads(header["__metadata__"]["message"]), load(message)
 
 
 @dataclass
 class Page:
-    """One tab; `heard` is everything that came, binary messages with their arrays under "arrays"."""
+    """One tab. `heard` lists all received messages; the arrays of binary messages are in the entry "arrays"."""
 
     app: RunningApp
     session: str | None = None
@@ -42,19 +42,19 @@ class Page:
     _socket: ClientConnection | None = None
 
     def open(self) -> dict[str, Any]:
-        """Connect with the session of before, if there is one; the greeting."""
+        """Connect to the previous session, if there is one, and return the message `session`."""
         self.connect()
         greeting = self.hear()
         self.session = greeting["session"]
         return greeting
 
     def resumes(self) -> bool:
-        """Connect; whether it is the session of before."""
+        """Connect again, and return whether the session is the previous one."""
         before = self.session
         return bool(self.open()["session"] == before)
 
     def connect(self) -> None:
-        """Connect, and hear nothing."""
+        """Connect, and receive no message."""
         self._open = ExitStack()
         self._socket = self._open.enter_context(
             connect(
@@ -68,11 +68,11 @@ class Page:
         )
 
     def close(self) -> None:
-        """Go."""
+        """Disconnect."""
         self._open.close()
 
     def closed_with(self) -> int:
-        """The code with which the server ends the connection."""
+        """Return the code with which the server closes the connection."""
         with suppress(ConnectionClosed):
             while True:
                 self.hear()
@@ -81,23 +81,23 @@ class Page:
         return self._socket.close_code
 
     def write(self, text: str | bytes) -> None:
-        """Send as it is."""
+        """Send `text` unchanged."""
         assert self._socket is not None
         self._socket.send(text)
 
     def say(self, type: str, **fields: Any) -> int:  # noqa: A002
-        """Send a request; its number."""
+        """Send a request, and return its `id`."""
         self._count += 1
         self.write(json.dumps({"type": type, "id": self._count, **fields}))
         return self._count
 
     def ask(self, type: str, **fields: Any) -> dict[str, Any]:  # noqa: A002
-        """Send a request and wait for its answer."""
+        """Send a request, wait for its answer, and return the answer."""
         number = self.say(type, **fields)
         return self.until(lambda message: message["id"] == number)
 
     def hold(self, vertex: int, **transform: Any) -> int:
-        """Take hold of a vertex, and set the transform there if one is given; the new handle."""
+        """Add a handle at a vertex, set its transform if one is given, and return its id."""
         self.ask("add", at=vertex)
         handle: int = self.last("state")["handles"][-1]["handle"]
         if transform:
@@ -105,7 +105,7 @@ class Page:
         return handle
 
     def until(self, wanted: Callable[[dict[str, Any]], bool], patience: float = PATIENCE) -> dict[str, Any]:
-        """The next message that is wanted."""
+        """Receive messages until `wanted` accepts one, and return that message."""
         end = time.monotonic() + patience
         while True:
             message = self.hear(max(end - time.monotonic(), 0.0))
@@ -113,7 +113,7 @@ class Page:
                 return message
 
     def hear(self, patience: float = PATIENCE) -> dict[str, Any]:
-        """The next message."""
+        """Receive and return the next message."""
         assert self._socket is not None
         data = self._socket.recv(timeout=patience)
         if isinstance(data, str):
@@ -125,15 +125,15 @@ class Page:
         return message
 
     def alive(self) -> dict[str, Any]:
-        """Wait for the state of a shape that has its field."""
+        """Wait until the shape has a field, and return that state."""
         return self.until(lambda each: each["type"] == "state" and each["field"]["status"] == "ready")
 
     def last(self, type: str) -> dict[str, Any]:  # noqa: A002
-        """The newest message of that type."""
+        """Return the newest received message of a type."""
         return next(message for message in reversed(self.heard) if message["type"] == type)
 
     def http(self) -> httpx.Client:
-        """The same browser's other requests."""
+        """Return an HTTP client with the cookie of this browser."""
         return httpx.Client(
             base_url=f"http://127.0.0.1:{self.app.port}",
             headers={"Origin": f"http://127.0.0.1:{self.app.port}"},
@@ -143,7 +143,7 @@ class Page:
         )
 
     def upload(self, files: dict[str, bytes]) -> httpx.Response:
-        """Drop files on the page."""
+        """Upload files to the session."""
         with self.http() as http:
             parts = [("files", (name, content)) for name, content in files.items()]
             return http.post("/upload", params={"session": self.session}, files=parts)
@@ -157,4 +157,4 @@ class Shape:
     field: Path
     encoder: Path
     settings: dict[str, Any]  # of a distillation that takes a second
-    alike: tuple[int, ...] = ()  # vertices of parts of which it has several
+    alike: tuple[int, ...] = ()  # vertices of parts that have counterparts

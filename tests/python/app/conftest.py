@@ -1,4 +1,4 @@
-"""A small shape with a field, and a server that shows it."""
+"""Fixtures: small shapes with fields, and servers that show them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Distill = Callable[[str, Sample, dict[str, Any]], Shape]
 
 @pytest.fixture(scope="session")
 def distilled(made_once: Callable[..., Path], tiny_encoder: Path) -> Distill:
-    """A shape of that name with its field."""
+    """Return a function that saves a sample under a name, distills its field, and returns both as a `Shape`."""
 
     def distilled(name: str, sample: Sample, settings: dict[str, Any]) -> Shape:
         def make(folder: Path) -> None:
@@ -53,21 +53,21 @@ def shape(distilled: Distill, chair_sample: Sample) -> Shape:
 
 @pytest.fixture(scope="session")
 def animal(distilled: Distill, quadruped_sample: Sample) -> Shape:
-    """One whose hooves look alike to its field."""
+    """Return a quadruped with a field that gives its hooves similar features."""
     made = distilled("quadruped", quadruped_sample, {**SETTINGS, "steps": 300})
     return replace(made, alike=tuple(quadruped_sample.vertices_of("hoof").tolist()))
 
 
 @pytest.fixture(scope="session")
 def large(made_once: Callable[..., Path]) -> Path:
-    """The same animal with many faces."""
+    """Return the mesh file of a quadruped with many faces."""
     make = lambda folder: dfd.samples.quadruped(48_000).mesh.save(folder / "large.ply")  # noqa: E731
     return made_once("large", make) / "large.ply"
 
 
 @pytest.fixture(scope="session")
 def static(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Something in place of the built page."""
+    """Return a folder with a small page in place of the built page."""
     folder = tmp_path_factory.mktemp("static")
     (folder / "index.html").write_text("<!doctype html><title>dfd</title>")
     (folder / "assets").mkdir()
@@ -77,7 +77,7 @@ def static(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def browser() -> str:
-    """The browser, or the reason why there is no test."""
+    """Return the path of a browser, or skip the test with the reason why it cannot run."""
     found = next(filter(None, map(shutil.which, BROWSERS)), None)
     if shutil.which("node") is None:
         pytest.skip("Node is not installed: the page was not tested in a browser")
@@ -110,7 +110,7 @@ def app(options: SessionOptions, static: Path) -> Iterator[RunningApp]:
 
 @pytest.fixture(scope="module")
 def tab(app: RunningApp) -> Iterator[Page]:
-    """A tab, its parts found, that the tests of a module share: a session takes seconds to begin."""
+    """Return a tab that has found its parts. The tests of a module share it, because a session starts in seconds."""
     shared = Page(app)
     shared.open()
     shared.until(lambda message: message["type"] == "state" and message["field"]["parts"])
@@ -120,7 +120,7 @@ def tab(app: RunningApp) -> Iterator[Page]:
 
 @pytest.fixture
 def page(tab: Page) -> Page:
-    """The shared tab, nothing in hand."""
+    """Return the shared tab without handles, fixed points and symmetry."""
     tab.ask("clear")
     tab.ask("set_symmetry", plane=None)
     tab.heard[:] = [message for message in tab.heard if message["type"] in ("mesh", "state", "columns")]
@@ -129,7 +129,7 @@ def page(tab: Page) -> Page:
 
 @pytest.fixture
 def new_page(app: RunningApp) -> Iterator[Page]:
-    """A tab of its own, its shape alive."""
+    """Return a new tab with its own session, whose shape has a field."""
     own = Page(app)
     own.open()
     own.alive()

@@ -1,7 +1,7 @@
-"""The page in a real browser against the real server: the client's own stories, told to both.
+"""Test the page in a real browser with the real server, by the scripts of the client's tests.
 
-They need Node with the client's packages (`npm ci`), the built page, and Chromium or Chrome; what is missing is said.
-Pictures of what was seen are in build/screens.
+The tests need Node with the client's packages (`npm ci`), the built page, and Chromium or Chrome. They are skipped if
+one is missing. The scripts save screenshots in build/screens.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ MINUTES = 10
 
 @pytest.fixture
 def start_page(shape: Shape) -> Iterator[RunningApp]:
-    """A server without a mesh: a story begins by opening one."""
+    """Return a server without a mesh, because the scripts open one."""
     settings = {**shape.settings, "cache": False}
     running = RunningApp(SessionOptions(encoder=str(shape.encoder), distill=settings))
     running.start()
@@ -35,7 +35,7 @@ def start_page(shape: Shape) -> Iterator[RunningApp]:
 
 
 STORIES = sorted(path.name for path in (CLIENT / "tests" / "browser").glob("*.test.mjs"))
-QUICK = "distill.test.mjs"  # from a mesh without a field to a handle on it: what `make test` plays
+QUICK = "distill.test.mjs"  # the script that `make test` runs: it distills a field and adds a handle
 
 
 @pytest.mark.parametrize(
@@ -71,7 +71,7 @@ def test_story(story: str, browser: str, start_page: RunningApp, animal: Shape, 
 
 
 def assert_exported(folder: Path, shape: Shape) -> None:
-    """What was exported lies where it was seen, in every format."""
+    """Check that the exported files of all formats contain the shape that the page showed."""
     rest = dfd.load(shape.mesh)
     seen = np.reshape(json.loads((folder / "seen.json").read_text()), (-1, 3))
     assert np.abs(seen - rest.vertices).max() > 0.01 * rest.diagonal, "something moved"
@@ -90,7 +90,7 @@ def assert_exported(folder: Path, shape: Shape) -> None:
 
 
 def assert_moment_exported(folder: Path, shape: Shape) -> None:
-    """What the timeline showed was exported, bent as it was seen, as a shape, a rig and weights."""
+    """Check that the exported shape, rig and weights contain the bent shape that the timeline showed."""
     rest = dfd.load(shape.mesh)
     seen = np.reshape(json.loads((folder / "moment.json").read_text()), (-1, 3))
     assert np.abs(seen - rest.vertices).max() > 0.005 * rest.diagonal, "something moved"
@@ -103,6 +103,6 @@ def assert_moment_exported(folder: Path, shape: Shape) -> None:
 
 
 def glb_header(path: Path) -> bytes:
-    """The JSON of a GLB file: its first chunk."""
+    """Return the JSON of a GLB file, which is its first chunk."""
     data = path.read_bytes()
     return data[20 : 20 + int.from_bytes(data[12:16], "little")]

@@ -1,4 +1,4 @@
-"""Columns: what the page poses by them, by the protocol's formula, is what the kernel poses."""
+"""Test that posing by columns with the protocol's formula, as the page does, gives the result of the kernel."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from dfd.editing.deformer import Deformer
 
 
 class Client:
-    """Keeps columns as the page does, and poses by them."""
+    """A client that stores columns and poses by them, as the page does."""
 
     def __init__(self, deformer: Deformer) -> None:
         self.deformer, self.editing = deformer, Editing(deformer)
         self.weights: dict[int, NDArray[np.float64]] = {}
 
     def listen(self) -> list[dict[str, Any]]:
-        """The handles, once all columns have come."""
+        """Receive all columns, and return the handles."""
         columns, new = self.editing.columns()
         self.weights |= {number: values / 65535 for number, values in new.items()}
         handles = self.editing.state(columns, field=NO_FIELD, poses=(), after=0).model_dump()["handles"]
@@ -31,12 +31,12 @@ class Client:
         return list(handles)
 
     def following(self) -> NDArray[np.float64]:
-        """(V, H) weights."""
+        """Return the weights (V, H) of the handles."""
         found = [sum(self.weights[each["column"]] for each in handle["columns"]) for handle in self.listen()]
         return np.stack(found, axis=1)
 
     def posed(self) -> NDArray[np.float64]:
-        """(V, 3) by the protocol's formula."""
+        """Return the posed vertices (V, 3) by the protocol's formula."""
         vertices = self.deformer.mesh.vertices
         moved = vertices.copy()
         for handle, own in zip(self.listen(), self.deformer.handles, strict=True):
@@ -50,7 +50,7 @@ class Client:
 
 
 def foot_of(deformer: Deformer) -> int:
-    """The lowest vertex of a corner."""
+    """Return the vertex at the end of one leg of the chair."""
     vertices = deformer.mesh.vertices
     return int(np.argmin(vertices[:, 1] - vertices[:, 0] - vertices[:, 2]))
 
@@ -86,7 +86,7 @@ def test_the_heat_of_a_probe_is_the_column_of_a_handle_there(client: Client) -> 
     deformer = client.deformer
     heat = quantized(probed(deformer, 3))
     deformer.add(3)
-    # The part itself: its far end follows less.
+    # The probe shows the part itself. A handle's weights are lower at the far end of the part.
     np.testing.assert_allclose(heat / 65535, deformer.weights[:, 0], atol=0.2)
     assert heat[3] == 65535
 

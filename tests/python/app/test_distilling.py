@@ -1,4 +1,4 @@
-"""A field that is found or made while the page already shows the mesh: stages, time left, cancelling, going on."""
+"""Test the search for a field and its distillation while the page shows the mesh: progress, cancelling, continuing."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from dfd.app.web.launch import RunningApp
 
 @pytest.fixture
 def bare(shape: Shape, static: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[RunningApp]:
-    """A server that has no field for its mesh, and a cache of its own."""
+    """Return a server without a field for its mesh, and with an empty cache."""
     monkeypatch.setenv("DFD_CACHE", str(tmp_path / "cache"))
     source = OpenedFile(name="chair.glb", path=shape.mesh)
     running = RunningApp(SessionOptions(mesh=source, encoder=str(shape.encoder), distill=shape.settings), static=static)
@@ -94,7 +94,7 @@ def test_a_process_that_is_killed_is_said(shape: Shape, tmp_path: Path) -> None:
 
 @pytest.mark.processes
 def test_one_distillation_at_a_time(bare: RunningApp) -> None:
-    """The second waits until the first has ended, and can be stopped while it waits."""
+    """The second distillation waits until the first has ended, and can be stopped while it waits."""
     with preparation._DISTILLING:
         page = Page(bare)
         page.open()

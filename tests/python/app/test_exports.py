@@ -1,4 +1,4 @@
-"""Files for download: shapes, rigs, animations, the edit and the field."""
+"""Test the files for download: shapes, rigs, animations, the edit and the field."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from dfd.editing.deformer import Deformer
 
 
 def header_of(path: Path) -> Any:
-    """The JSON of a GLB file."""
+    """Return the JSON of a GLB file."""
     data = path.read_bytes()
     return json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
 
@@ -45,7 +45,7 @@ def test_names_are_those_of_files_and_lead_nowhere() -> None:
 def test_rigs_targets_weights_edit_and_field(deformer: Deformer, tmp_path: Path) -> None:
     deformer.add(5, translation=(0, -0.3, 0.1), bend=30)
     rig, said = export(deformer, "rig", "chair.glb", tmp_path)
-    assert "bent or twisted is not in a skin" in said
+    assert "a skin has no bends and twists" in said
     assert "skins" in header_of(rig)
     morph, _ = export(deformer, "morph", "chair.glb", tmp_path)
     assert b'"targets"' in morph.read_bytes()

@@ -1,4 +1,4 @@
-"""The command and the notebook: one line that says where the page is, or what to do."""
+"""Test the command and the notebook. The command prints one line: the page's address, or an error with a remedy."""
 
 from __future__ import annotations
 

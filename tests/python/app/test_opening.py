@@ -1,4 +1,4 @@
-"""Files that a page sends to the real server."""
+"""Test the files that a page uploads to the real server."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 from app_page import Page, Shape
+from made_field import made_field
 
+import dfd
 from dfd.app.options import SessionOptions
 from dfd.app.web.launch import RunningApp
 from dfd.editing.deformer import Deformer
@@ -58,6 +60,25 @@ def test_a_file_that_is_none_is_said_and_what_was_open_stays(page: Page, name: s
     failure = page.until(lambda message: message["type"] == "failure")
     assert "/" not in failure["message"], "no place of this machine"
     assert page.ask("add", at=5)["type"] == "done"
+
+
+def test_refusals_of_another_shape_name_what_the_page_s_user_can_do(page: Page, shape: Shape, tmp_path: Path) -> None:
+    mesh = dfd.load(shape.mesh)
+    other = dfd.Mesh(3 * mesh.vertices, mesh.faces)
+    field = made_field(16, center=other.bounds.mean(0), scale=0.7)
+    field.save(tmp_path / "other.safetensors")
+    session = Deformer(other, field)
+    session.add(5, translation=(0, 0.1, 0))
+    session.save(tmp_path / "edit.json")
+    for name, remedy in (
+        ("other.safetensors", "distill a field from this mesh"),
+        ("edit.json", "`dfd deform --made-on` "),
+    ):
+        page.upload({name: (tmp_path / name).read_bytes()})
+        said = page.until(lambda message: message["type"] == "failure")["message"]
+        assert remedy in said
+        assert "other_shape" not in said
+        page.heard.clear()
 
 
 def test_uploads_are_refused_before_they_are_read(options: SessionOptions, static: Path) -> None:

@@ -1,4 +1,4 @@
-"""Requests are what the handlers' signatures say; binary messages lie where the protocol says."""
+"""Test that requests have the fields of their handlers' signatures, and the layout of binary messages."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def test_what_is_packed_comes_back(given: list[NDArray[Any]]) -> None:
 
 
 def test_every_array_lies_where_a_browser_can_view_it() -> None:
-    """A typed array of JavaScript begins at a multiple of its numbers' size."""
+    """A typed array of JavaScript must begin at a multiple of the size of its numbers."""
     given = {"a": np.arange(3, dtype=np.uint8), "b": np.arange(3, dtype=np.uint16).T[::-1], "c": np.ones(1, np.float32)}
     message = pack(PositionsMessage(id=7), **given)
     length = int.from_bytes(message[:8], "little")

@@ -1,4 +1,4 @@
-"""What a page asks for, of the real server with a session in a process of its own."""
+"""Test the requests of a page on the real server."""
 
 from __future__ import annotations
 
@@ -270,7 +270,7 @@ def test_a_pose_that_is_shown_is_computed_and_exported_and_the_edit_stays(
     after = page.last("state")
     kept = ("handles", "fixed", "can_undo", "can_redo", "symmetry")
     for state in (before, after):
-        del state["handles"][0]["columns"]  # numbered anew
+        del state["handles"][0]["columns"]  # columns get new numbers
     assert [after[name] for name in kept] == [before[name] for name in kept]
 
 

@@ -1,4 +1,4 @@
-"""The guard: nobody but the page that this server gave to its own person gets through, over HTTP or WebSocket."""
+"""Test that the guard accepts requests only from the page of this server, over HTTP and WebSocket."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_only_a_get_takes_the_token() -> None:
 
 
 def test_who_followed_a_link_takes_one_more_step() -> None:
-    """A strict cookie does not come with a redirect that began on another site."""
+    """Browsers omit a strict cookie from a redirect that began on another site."""
     headers = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate"}
     response = client(known=False).get("/", headers=headers)
     assert response.headers["refresh"] == "0; url=/"
@@ -140,8 +140,8 @@ def test_every_answer_holds_the_page_to_itself(known: bool) -> None:
 
 def test_a_server_for_other_machines_goes_by_numbers_and_not_by_any_name() -> None:
     rules = Rules(host="0.0.0.0")
-    assert rules.knows_host("192.168.3.4")
-    assert rules.knows_host("localhost")
-    assert not rules.knows_host("evil.example")
-    assert not Rules(host="127.0.0.1").knows_host("192.168.3.4")
-    assert Rules(host="workstation.lab").knows_host("workstation.lab")
+    assert rules.is_own_host("192.168.3.4")
+    assert rules.is_own_host("localhost")
+    assert not rules.is_own_host("evil.example")
+    assert not Rules(host="127.0.0.1").is_own_host("192.168.3.4")
+    assert Rules(host="workstation.lab").is_own_host("workstation.lab")

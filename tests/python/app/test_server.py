@@ -1,4 +1,4 @@
-"""The real server: the files that it gives, whom it talks with, and what must not bring it down."""
+"""Test the real server: its files, whose requests it accepts, and requests that must not end it."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_a_websocket_of_another_site_is_refused(app: RunningApp) -> None:
 
 
 def test_a_page_that_the_server_does_not_know_is_told_so_and_nothing_else(app: RunningApp) -> None:
-    """A tab from before the server was started anew has no valid cookie: it would try again for ever."""
+    """A tab that was opened before a restart of the server has no valid cookie. It must not retry forever."""
     origin: Any = f"http://127.0.0.1:{app.port}"
     with connect(f"ws://127.0.0.1:{app.port}/ws", origin=origin, proxy=None) as socket:
         with pytest.raises(ConnectionClosed):
@@ -47,7 +47,7 @@ def test_a_page_that_the_server_does_not_know_is_told_so_and_nothing_else(app: R
         assert socket.close_code == NOT_ALLOWED
 
 
-# --- what must not bring it down
+# --- requests that must not end the server
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Sessions outlive reloads, know nothing of each other, and share what they compute of one shape."""
+"""Test that sessions continue after reloads, are independent, and share the data of one shape."""
 
 from __future__ import annotations
 

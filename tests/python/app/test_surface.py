@@ -1,4 +1,4 @@
-"""The mesh as it travels: every triangle where it was, with the looks and normals of its file."""
+"""Test that the page receives every triangle of the mesh, with the materials and normals of its file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Uploads: what belongs together stays together, and no name leads anywhere else."""
+"""Test uploads: a mesh is stored with its materials and textures, and no name leads outside the folder."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ NAMES = ["../../evil", "/etc/evil", "..\\..\\evil", "C:\\evil", ".a", "x" * 300,
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("packed", [False, True])
 def test_a_name_leads_nowhere(tmp_path: Path, name: str, packed: bool) -> None:
-    """What is opened gets another name, and nobody needs the rest."""
+    """The opened file gets another name, and files with unsafe names are left out."""
     inside = tmp_path / "session"
     content = {f"{name}.obj": OBJ, f"{name}.png": b"evil"}
     upload = receive(named({"a.zip": zipped(content)} if packed else content), inside, 10_000)
@@ -82,7 +82,7 @@ def test_an_uploaded_obj_reads_nothing_outside_its_folder(tmp_path: Path) -> Non
 
 
 def broken(position: int) -> bytes:
-    """A zip with another byte in the compressed data of its file."""
+    """Return a ZIP file with one changed byte in its compressed data."""
     data = bytearray(zipped({"a.obj": OBJ * 20}))
     data[position] ^= 0xFF
     return bytes(data)

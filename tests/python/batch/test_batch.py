@@ -1,4 +1,4 @@
-"""A batch from end to end: good and bad shapes, resumption, and what Ray reports of ended processes."""
+"""Test whole batches: good and bad shapes, resumption, and the reports of Ray about processes that ended."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ GOOD = ("chair", "large", "wide")
 
 @pytest.fixture(scope="module")
 def shapes(tmp_path_factory, chair_mesh):
-    """Three shapes with fields and a manifest, five bad ones, and an edit."""
+    """Return a folder with three good shapes and their fields, five bad shapes, a manifest and an edit."""
     folder = tmp_path_factory.mktemp("shapes")
     rows = ["name,path,field"]
     for name, factor in zip(GOOD, (1.0, 3.0, (1.2, 1.0, 1.0)), strict=True):
@@ -54,7 +54,7 @@ def all_steps(shapes):
 
 @pytest.fixture(scope="module")
 def finished(shapes, tmp_path_factory):
-    """The folder and the records of all of it."""
+    """Return the folder and the records of a finished batch of all shapes."""
     root, patch = tmp_path_factory.mktemp("finished") / "out", pytest.MonkeyPatch()
     with patch.context() as patched:
         patched.setitem(sys.modules, "ray", FakeRay())
@@ -98,7 +98,7 @@ def test_the_page_shows_every_shape_and_all_that_it_links_to_is_there(finished):
 
 
 def run(inputs, root, monkeypatch, ends=None, timeout=None, **how):
-    """The causes of the records, and the shapes that were started."""
+    """Run a batch, and return the causes of the records and the shapes that were started."""
     ray = FakeRay(**(ends or {}))
     monkeypatch.setitem(sys.modules, "ray", ray)
     settings = BatchSettings(steps=("inspect",))
@@ -119,7 +119,7 @@ def test_a_run_does_what_is_missing_changed_or_to_be_repeated(chair_mesh, tmp_pa
     assert run(inputs, root, monkeypatch) == (causes, [])
     os.utime(tmp_path / "b.ply", ns=(1, 1))
     assert run(inputs, root, monkeypatch)[1] == ["b.ply"]
-    (root / "shapes" / "a.ply" / "record.json").unlink()  # as an interrupted run leaves it
+    (root / "shapes" / "a.ply" / "record.json").unlink()  # an interrupted run leaves no record
     assert run(inputs, root, monkeypatch, retry=True)[1] == ["a.ply", "c.ply"]
 
 

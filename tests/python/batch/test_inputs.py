@@ -1,4 +1,4 @@
-"""Which shapes a command line or a manifest names."""
+"""Test which shapes a command line or a manifest names."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An edit on other shapes of its class."""
+"""Test the transfer of an edit to other shapes of its class."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from dfd.editing.transfer import Transferred, transfer
 
 @pytest.fixture(scope="module")
 def other(mesh):
-    """The chair, three times as large and elsewhere."""
+    """Return the chair, three times as large and at another place."""
     return dfd.Mesh(3.0 * mesh.vertices + (5, 0, 0), mesh.faces)
 
 
@@ -42,9 +42,7 @@ def test_the_shape_that_it_was_made_on_gets_it_as_it_is(mesh, original):
 
 
 def test_a_shape_that_has_nothing_alike_is_refused_with_the_figures(other, original):
-    with pytest.raises(
-        UnlikeError, match=r"what .* holds there is not the part that it held: confidence 0\.\d\d, asked for 0.99"
-    ):
+    with pytest.raises(UnlikeError, match=r".* does not hold its part on this shape: confidence 0\.\d\d is below 0.99"):
         carry(original, other, field_of(other, seed=9), threshold=0.99)
     with pytest.raises(UnlikeError) as refused:
         carry(original, other, field_of(other, seed=9), threshold=0.99)
@@ -73,7 +71,7 @@ def test_a_handle_whose_features_are_not_similar_is_unsure(other, original, monk
 
 
 def test_a_handle_that_moves_another_part_is_unsure(mesh, original):
-    """The same field on a shape of which the handle holds more: it looks alike, and what follows does not."""
+    """On a shape with the same features, the handle holds more. It looks similar, but its part does not correspond."""
     session = original.session
     (likely,) = agreements(session, session)
     assert likely == pytest.approx(0.9512, abs=1e-3)

@@ -31,7 +31,7 @@ def shapes(run, chair, folder, monkeypatch):
     ("arguments", "message"),
     [
         (("batch", "none/*.ply", "-o", "out"), "nothing matches none/*.ply"),
-        ((*BATCH, "--step", "dance"), "`--step` must be of inspect"),
+        ((*BATCH, "--step", "dance"), "`--step` must be one of inspect"),
         ((*BATCH, "--step", "inspect,edits"), "`--edit` and the step edits must be given together"),
         (
             (*BATCH, "--edit", "a.json", "--edit", "b.json", "--made-on", "far.ply"),

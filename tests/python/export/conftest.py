@@ -1,4 +1,4 @@
-"""A chair, a field that has learnt nothing, and sessions on it."""
+"""Fixtures: sessions on a chair whose field has random parameters."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from dfd.editing.presets import PRESETS
 
 @pytest.fixture(autouse=True)
 def linear(monkeypatch):
-    """Blend linearly, as a skin does, however far handles turn."""
+    """Blend linearly for all rotations, as a skin does."""
     monkeypatch.setitem(PRESETS, "default", replace(PRESETS["default"], blend="linear"))
 
 
@@ -22,5 +22,5 @@ def session(mesh, field, features):
 
 @pytest.fixture(scope="session")
 def make_session():
-    """A session on another mesh."""
+    """Return a function that returns a session on a given mesh."""
     return lambda mesh: dfd.Deformer(mesh, field_of(mesh, seed=1))

@@ -1,4 +1,4 @@
-"""What a viewer makes of a GLB file, read with pygltflib and blended in NumPy and float64: nothing of the exporter."""
+"""Read a GLB file with pygltflib, and pose it with NumPy in float64, without code of the exporter."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Glb:
         return np.ndarray((accessor.count, width), dtype, self.blob, start, (stride, dtype.itemsize)).copy()
 
     def channels(self, name, seconds):
-        """What the animation of that name sets at a key of its own, by node and path."""
+        """Return the values that the animation `name` sets at one of its keys, by node and path."""
         found = {}
         for animation in self.file.animations:
             for channel in animation.channels if animation.name == name else ():
@@ -38,7 +38,7 @@ class Glb:
         return found
 
     def world(self, animated=None):
-        """(nodes, 4, 4) transforms to the scene's coordinates."""
+        """Return the transforms (nodes, 4, 4) of the nodes to the scene's coordinates."""
         nodes = self.file.nodes
         matrices = [self._local(node, index, animated or {}) for index, node in enumerate(nodes)]
         waiting = [(np.eye(4), root) for root in self.file.scenes[self.file.scene or 0].nodes]
@@ -64,7 +64,7 @@ class Glb:
         return local
 
     def triangles(self, animated=None):
-        """(F, 3, 3) corners of all triangles, in the order of nodes: morphed, skinned, placed."""
+        """Return the corners (F, 3, 3) of all triangles, in the order of nodes, as a viewer shows them."""
         world = self.world(animated)
         return np.concatenate([
             self.shown(node, primitive, world, animated or {})[self.read(primitive.indices).reshape(-1, 3)]
@@ -77,7 +77,7 @@ class Glb:
                 yield index, primitive
 
     def shown(self, index, primitive, world, animated):
-        """(rows, 3) vertices of a primitive of a node."""
+        """Return the shown vertices (rows, 3) of a primitive of a node."""
         node = self.file.nodes[index]
         points = self.read(primitive.attributes.POSITION).astype(float)
         weights = animated.get(
@@ -95,7 +95,7 @@ class Glb:
         return np.einsum("vk,vka->va", weights, np.take_along_axis(moved, joints[:, :, None].astype(int), axis=1))
 
     def influences(self, primitive):
-        """Joints and weights (rows, K) of all sets."""
+        """Return the joints and weights (rows, K) of all sets of a primitive."""
         names = primitive.attributes.__dict__
         sets = sum(name.startswith("WEIGHTS_") and names[name] is not None for name in names)
         joints, weights = ([self.read(names[f"{kind}_{n}"]) for n in range(sets)] for kind in ("JOINTS", "WEIGHTS"))

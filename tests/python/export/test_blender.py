@@ -1,4 +1,4 @@
-"""What Blender shows of the files, where DFD_BLENDER_PYTHON names a Python that has bpy (`make test-blender`)."""
+"""Test what Blender shows of the files, if DFD_BLENDER_PYTHON names a Python that has bpy (`make test-blender`)."""
 
 import os
 import subprocess
@@ -94,7 +94,7 @@ def test_key_poses_are_an_action(session, tmp_path):
     turned(session)
     poses = [dfd.KeyPose(0), dfd.KeyPose(1, {1: Transform(rotation=(0, 100, 0), translation=(0, 0.3, 0))})]
     dfd.export_rig(session, tmp_path / "rig.glb", influences="all", poses=poses)
-    found = blender(tmp_path / "rig.glb", frame=24)  # of Blender's 24 in a second
+    found = blender(tmp_path / "rig.glb", frame=24)  # Blender shows 24 frames per second
     assert len(found["actions"]) == 1
     session.move(1, rotation=(0, 100, 0), translation=(0, 0.3, 0), pivot="point")
     assert np.abs(found["triangles"] - session.vertices[session.mesh.faces]).max() < 1e-4 * session.mesh.diagonal

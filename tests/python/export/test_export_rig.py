@@ -1,4 +1,4 @@
-"""`dfd.export_rig`: what it takes, what it refuses, and what the Khronos validator says of what it writes."""
+"""Test the arguments of `dfd.export_rig`, and check its files with the Khronos validator."""
 
 import json
 import shutil
@@ -19,7 +19,7 @@ VALIDATOR = Path(__file__).parents[2] / "validator"
 
 @pytest.fixture(scope="module")
 def validated():
-    """What the validator says of a file: its errors and warnings."""
+    """Return the errors and warnings of the validator about a file."""
     if shutil.which("node") is None:
         pytest.skip("Node is not installed: no file was validated")
     if not (VALIDATOR / "node_modules" / "gltf-validator").is_dir():
@@ -41,7 +41,7 @@ def chair(folder):
 
 
 def painted_without_coordinates(folder):
-    """A square of two materials, one with a picture that no corner has coordinates for."""
+    """Write a square with two materials. One has a texture, but its corners have no texture coordinates."""
     checkered(folder / "paint.png")
     write(folder / "two.mtl", "newmtl paint\nmap_Kd paint.png\nnewmtl blue\nKd 0 0 1\n")
     square = "mtllib two.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nusemtl paint\nf 1 2 3\nusemtl blue\nf 1 3 4\n"

@@ -1,4 +1,4 @@
-"""Weights as arrays: what is in the file makes the session's shape again."""
+"""Test that the arrays in a file of weights reproduce the posed shape of the session."""
 
 import json
 
@@ -11,7 +11,7 @@ from dfd.editing.edit_file import to_document
 
 
 def read(path):
-    """The arrays and texts of a file, without us."""
+    """Return the arrays and texts of a file, read without code of dfd."""
     if path.suffix == ".npz":
         with np.load(path, allow_pickle=False) as file:
             arrays = dict(file)

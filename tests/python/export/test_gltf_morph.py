@@ -1,4 +1,4 @@
-"""Morph targets, read again by other code, against `dfd.pose`."""
+"""Compare written morph targets with `dfd.pose`. They are read by code that is independent of the exporter."""
 
 import numpy as np
 import pytest
@@ -75,6 +75,6 @@ def test_targets_that_are_there_are_refused(tmp_path, make_session):
 
 def test_nothing_moved_is_refused(session, tmp_path):
     session.add(40)
-    with pytest.raises(ValueError, match="`session` must move a handle for a morph target to show"):
+    with pytest.raises(ValueError, match="`session` must move a handle, because a morph target stores displacements"):
         dfd.export_rig(session, tmp_path / "morph.glb", form="morph")
     assert list(tmp_path.iterdir()) == []

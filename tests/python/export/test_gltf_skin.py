@@ -1,4 +1,4 @@
-"""The skin that is written, read again by other code and blended in float64, against `dfd.pose`."""
+"""Compare written skins with `dfd.pose`. They are read and posed by code that is independent of the exporter."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ BEND = {"translation": (0.1, 0.2, -0.05), "rotation": (20, 70, -10), "scale": (1
 
 
 def apart(one, other):
-    """The farthest that a triangle of either is from the nearest of the other, however they are ordered."""
+    """Return the largest distance from a triangle of either set to the nearest triangle of the other set."""
     one, other = one.reshape(-1, 9), other.reshape(-1, 9)
     return max(cKDTree(one).query(other)[0].max(), cKDTree(other).query(one)[0].max())
 
@@ -89,7 +89,7 @@ def test_counterparts_have_joints_of_their_own_in_their_own_frames(tmp_path, mak
     binds = glb.read(glb.file.skins[0].inverseBindMatrices).reshape(-1, 4, 4).transpose(0, 2, 1)
     for column, bind in zip(columns, binds[1:], strict=True):
         np.testing.assert_allclose(np.linalg.inv(bind)[:3, 3], column.counterpart.position, atol=1e-5)
-        assert np.linalg.det(bind) == pytest.approx(1)  # right-handed, mirror images too
+        assert np.linalg.det(bind) == pytest.approx(1)  # right-handed, also for mirror images
 
 
 def test_four_influences_are_the_heaviest_and_sum_to_one(session, tmp_path):
@@ -104,7 +104,7 @@ def test_four_influences_are_the_heaviest_and_sum_to_one(session, tmp_path):
     assert (joints[weights == 0] == 0).all()
     used = np.where(weights > 0, joints.astype(int), -1 - np.arange(4))
     assert all(len(set(row)) == 4 for row in used.tolist())
-    own = session.bound.columns(session.edit)[0].astype(float)  # level, where `session.weights` are not
+    own = session.bound.columns(session.edit)[0].astype(float)  # equalized, unlike `session.weights`
     whole = np.column_stack([np.maximum(1 - own.sum(axis=1), 0), own])
     whole /= whole.sum(axis=1, keepdims=True)
     heaviest = -np.sort(-whole, axis=1)[:, :4]
@@ -130,10 +130,10 @@ def test_what_no_skin_can_show_is_reported(session, tmp_path):
 
 
 def test_another_blend_is_named(session, tmp_path, monkeypatch):
-    monkeypatch.undo()  # blend as the preset does
+    monkeypatch.undo()  # blend as the preset "default" does
     session.add(40, rotation=(0, 90, 0))
     report = dfd.export_rig(session, tmp_path / "rig.glb")
-    assert "the edit blends as dual_quaternion, and a skin linearly" in str(report)
+    assert "the edit blends as dual_quaternion, but a skin blends linearly" in str(report)
     assert report.largest > 1e-3 * report.size
 
 
@@ -162,7 +162,7 @@ def test_key_poses_become_an_animation(session, tmp_path):
 
 
 def test_parts_stand_at_the_root_without_a_transform(tmp_path, make_session):
-    """A square, and a cube placed twice, once turned, shrunk and moved."""
+    """The file has a square and two instances of a cube. One instance is rotated, scaled and translated."""
     session = make_session(dfd.load(scene_of_three(tmp_path)))
     session.add(3, **BEND, counterparts="shared_pivot")
     session.add(session.mesh.part_vertices("far")[0], translation=(0, 2, 0), counterparts="shared_pivot", reach=0.7)

@@ -1,4 +1,4 @@
-"""Key poses, and the files they come in."""
+"""Test key poses and the files that contain them."""
 
 import json
 

@@ -1,20 +1,21 @@
 """The messages between the page and the server on the WebSocket at /ws.
 
-A page that reconnects names its previous session: /ws?session=…. The server first sends `session`, with the name of the
-page's session, and then the whole state. The page sends JSON texts, each with a `type` and a number `id` that it
-chooses. The server answers each request with one message of the same `id`: `failure`, or `done` unless the request
-names another answer. All other messages of the server have the `id` 0. Before it answers a change, the server sends the
-`columns` that the page lacks, then `state`. Numbers are finite, lengths are in mesh units, angles in degrees.
+The server first sends `session`, which contains the session's name, and then the whole state. A page that reconnects
+gives this name: /ws?session=…. The page sends requests as JSON texts. Each has a `type`, and an `id`, a number that the
+page chooses. The server answers a request with one message of the same `id`: `failure`, the answer that the request
+documents, or else `done`. All other messages of the server have the `id` 0. Before the server answers a change of the
+edit, it sends the `columns` that the page lacks, then `state`. Lengths are in mesh units and angles in degrees.
 
-A message of the server is a JSON text. With arrays, it is a safetensors file whose metadata has the JSON text as the
-entry "message".
+A message of the server is a JSON text. If it has arrays, it is a safetensors file, with the JSON text as the entry
+"message" of the metadata.
 
-A handle has one column of weights W (`columns`), with a value per vertex, or one column for each of its counterparts:
+A column of weights W_k has one value for each vertex. A handle has one column, or one for each of its counterparts if
+they have their own pivots. With the preset "default", Eq. 1 moves the resting positions V to V':
 
-    V' = V + Σ W_k (D_k V − V) + max(1 − Σ W_k, 0) (D₀ V − V)      Eq. 1, overlap "add"; `compute` supports all rules
+    V' = V + Σ W_k (D_k V − V) + max(1 − Σ W_k, 0) (D₀ V − V)
 
-A column without a `frame` has the handle's own transform as D_k. Otherwise, with the handle's linear part L and
-translation t, and the column's `frame` F: the linear part of D_k is F L Fᵀ, and D_k maps p to p + F t, where p is
-`position` + F (pivot − resting position of the handle). A column is on the side of the plane of symmetry of its
-`position`.
+D₀ is `default` in `state`. D_k is the handle's transform, mapped to the counterpart by the column's `frame` F. With the
+handle's linear part L and translation t, D_k has the linear part F L Fᵀ, and maps the point p = `position` +
+F (pivot − position of the handle) to p + F t. A column acts on the side of the plane of symmetry on which its
+`position` lies, and its mirror image on the other side.
 """

@@ -1,4 +1,4 @@
-"""The fields of messages, and all messages of the server."""
+"""The messages of the server, and the types of fields that requests share with them."""
 
 from collections.abc import Callable
 from typing import Annotated, Any, Literal, get_args
@@ -18,51 +18,51 @@ from dfd.symmetry.plane import SymmetryPlane
 
 Index = Annotated[int, Field(ge=0)]
 Text = Annotated[str, Field(min_length=1, max_length=1000)]
-# How a handle changes its part: to the next size, with another part added or removed, or to a unit of the file.
+# Ways to change the region of a handle. The last three set it to the scene part, material or component at the handle.
 PartChange = Literal["smaller", "larger", "add", "remove", "scene_part", "material", "component"]
 
 
 class Model(BaseModel):
-    """The base of all messages, with strict checks: unknown keys, wrong types and numbers not finite are errors."""
+    """The base class of all messages. Unknown keys, wrong types, and numbers that are not finite raise an error."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
 class Region(Model):
-    """A set of vertices: `mask` has a bit per vertex, lowest bit first, in bytes encoded as base64."""
+    """A set of vertices. `mask` is base64 of bytes with one bit per vertex, the lowest bit of each byte first."""
 
     mask: Annotated[str, Field(min_length=4, pattern=r"^[A-Za-z0-9+/]+={0,2}$")]
 
 
 Place = Index | Region  # a vertex or a region
 
-# Controls whose type in messages differs from that in an edit: in requests (GIVEN), and in the state (SHOWN).
+# The types of controls that have another type in an edit: in requests (GIVEN), and in the state (SHOWN).
 GIVEN: dict[str, Any] = {
     "radius": float | str,
     "mask": Region | Literal["everywhere", "part"],
-    "excluded_counterparts": Annotated[tuple[Index, ...], Field(max_length=1000)],  # vertices
+    "excluded_counterparts": Annotated[tuple[Index, ...], Field(max_length=1000)],  # a vertex of each
 }
 SHOWN: dict[str, Any] = {
-    "reach": float,  # the resulting number for "part"
-    "mask": int,  # number of vertices of the mask; 0 without a mask
+    "reach": float,  # a number also for the reach "part"
+    "mask": int,  # number of vertices in the mask; 0 without a mask
     "excluded_counterparts": tuple[int, ...],  # a vertex on each excluded counterpart
 }
 
 
 def with_controls(kinds: dict[str, Any], *, optional: bool) -> Callable[[type[Model]], type[Model]]:
-    """Add a field for each control to a model; its type is that in `kinds`, or else that of an edit."""
+    """Return a decorator that adds a field for each control, with its type in `kinds`, or else its type in an edit."""
     types = {name: kind for name, (kind, _) in about(controls.Controls).items()} | kinds
     fields: Any = {name: (kind | None, None) if optional else (kind, ...) for name, kind in types.items()}
     return lambda owner: create_model(owner.__name__, __base__=owner, __doc__=owner.__doc__, **fields)
 
 
 class Transform(Model):
-    """Scale along `axes`, then rotation, then translation, about the pivot.
+    """New values of a handle's transform: scale along `axes`, then rotation, then translation, about the pivot.
 
     Null keeps a value. `rotation` is a rotation vector in degrees. `axes` has one axis per row; "auto" is the mesh's
-    axes, and "normal" a frame whose third axis is the surface's normal at the handle. A pivot of "auto" is found when
-    the handle turns or scales. `bend` (a rotation vector or an upward angle) and `twist`, in degrees, are applied
-    first, along the axis of the held part, at the `joint` or over the whole length.
+    axes, and "normal" is a frame whose third axis is the surface normal at the handle. The pivot "auto" is found when
+    the handle rotates or scales. The held part is bent and twisted first, at the position `joint` of its axis. `bend`
+    is a rotation vector, or the angle by which the tip rotates upwards, and `twist` is an angle, all in degrees.
     """
 
     translation: Vector | None = None
@@ -111,7 +111,7 @@ KeyPoses = Annotated[tuple[KeyPose, ...], Field(max_length=1000)]
 
 
 class Answer(Model):
-    """The base of all messages of the server: `id` is that of the answered request, or 0."""
+    """The base class of all messages of the server. `id` is that of the answered request, or 0 without a request."""
 
     id: int = 0
 
@@ -123,12 +123,12 @@ class ControlEntry(Model):
     label: str
     hint: str
     kind: Literal["number", "length", "choice", "switch"]
-    choices: tuple[str, ...]  # words that are allowed as values
-    slider: Vector | None  # both ends and the step; for a length, as fractions of the shape's size
+    choices: tuple[str, ...]  # words that the control accepts as values
+    slider: Vector | None  # both ends and the step; for a length, fractions of the box's diagonal
 
 
 def control_entries() -> tuple[ControlEntry, ...]:
-    """Return the entries of all controls in order, except those with places and regions."""
+    """Return the entries of the controls, in order, and of the preset. Places and regions have no entry."""
     entries = []
     for name, (kind, said) in {**about(controls.Controls), "preset": about(Edit)["preset"]}.items():
         if said is None or said.repeated or name == "mask":
@@ -146,7 +146,7 @@ class SessionMessage(Answer):
     """The first message: the name of the session, and the options of the server."""
 
     type: Literal["session"] = "session"
-    session: str  # with this name, a tab reconnects to its session
+    session: str  # the name with which a page reconnects to the session
     samples: tuple[str, ...]
     upload_bytes: int  # largest total size of an upload
     formats: tuple[str, ...]  # file endings that `POST /upload` accepts
@@ -162,35 +162,35 @@ class StartMessage(Answer):
 class ColumnState(Model):
     """A column of weights: of a whole handle, or of one counterpart."""
 
-    column: int  # its number; equal numbers mean equal data
-    frame: Frame  # rows of the matrix that rotates or reflects the handle's motion
+    column: int  # the number of its weights; columns with the same number have the same weights
+    frame: Frame  # rows of the matrix F that rotates or reflects the handle's motion, see `dfd.app.protocol`
     position: Vector  # position of the handle or the counterpart
 
 
 @with_controls(SHOWN, optional=False)
 class HandleState(PoseTransform):
-    """A handle."""
+    """The present state of a handle."""
 
     name: str | None
     vertex: int | None  # null for a point in space or a region
     position: Vector  # its resting position
     pivot: Vector  # center of rotation and scale
-    pivot_set: bool  # whether the pivot was given or found; otherwise it is `position`
+    pivot_set: bool  # whether the pivot was given or found; if not, `pivot` is `position`
     pivot_at: PivotAt | None  # name of the pivot; null if it was given in numbers, or not at all
     reach_by: Literal["number", "part"]  # how the reach was given; `reach` is the resulting number
     mask_part: bool  # whether the mask is the handle's part
-    region: int  # number of vertices of its region; 0 for a point
+    region: int  # number of vertices in its region; 0 for a point
     columns: tuple[ColumnState, ...]
-    moved: bool  # whether its transform moves anything
+    moved: bool  # whether its transform moves any point
 
 
 class FixedState(Model):
-    """A fixed place."""
+    """A fixed point or region."""
 
     vertex: int | None
     position: Vector
     strength: float
-    region: int
+    region: int  # number of vertices in the region; 0 for a point
 
 
 class FieldState(Model):
@@ -198,14 +198,14 @@ class FieldState(Model):
 
     status: Literal["none", "distilling", "preparing", "ready"]
     origin: str | None  # "file", "cache", "distilled"
-    parts: tuple[PartChange, ...] = ()  # ways to hold another part that this shape allows now
+    parts: tuple[PartChange, ...] = ()  # the ways to change a handle's part that this shape allows now
 
 
 class StateMessage(Answer):
-    """The whole present state, after every change."""
+    """The whole present state, sent after every change."""
 
     type: Literal["state"] = "state"
-    after: int  # the number of the newest request that it includes
+    after: int  # the `id` of the newest request whose changes it includes
     handles: tuple[HandleState, ...] = ()
     fixed: tuple[FixedState, ...] = ()
     symmetry: SymmetryPlane | None = None
@@ -225,10 +225,10 @@ class DoneMessage(Answer):
 
 
 class FailureMessage(Answer):
-    """The request failed, and nothing changed; `message` is a sentence for people."""
+    """The request failed and changed nothing. With `id` 0, background work failed, or gave a warning."""
 
     type: Literal["failure"] = "failure"
-    message: str
+    message: str  # a sentence for the user
 
 
 class ProgressMessage(Answer):
@@ -236,7 +236,7 @@ class ProgressMessage(Answer):
 
     type: Literal["progress"] = "progress"
     task: Literal["open", "distill", "prepare"]
-    stage: str  # as on the command line; a task ends with "done", "cancelled" or "failed"
+    stage: str  # the last stage of a task is "done", "cancelled" or "failed"
     done: int
     total: int | None
     seconds_left: float | None  # estimate for the whole task; null if unknown
@@ -267,7 +267,7 @@ class SuggestionsMessage(Answer):
 class SimilarPoint(Model):
     """A counterpart of a handle."""
 
-    vertex: int  # identifies it
+    vertex: int  # the vertex that identifies it in `excluded_counterparts`
     position: Vector
     on: bool  # whether it moves with the handle
 
@@ -281,13 +281,13 @@ class SimilarMessage(Answer):
 
 
 class AxisMessage(Answer):
-    """Answer to `axis`: the possible pivots of a handle, and the axis along which it bends."""
+    """Answer to `axis`: the possible pivots of a handle, and the axis along which its part bends."""
 
     type: Literal["axis"] = "axis"
     handle: int
     pivots: tuple[PivotAt, ...]
     auto: Vector  # the default pivot at rest, mesh units
-    base: Vector | None  # start of the part's axis; null if the held part has no axis
+    base: Vector | None  # start of the axis; null if the handle holds no part with an axis
     tip: Vector | None  # end of the axis
 
 
@@ -304,7 +304,7 @@ class MaterialEntry(Model):
     """A material; colors are display-referred (sRGB)."""
 
     color: tuple[float, float, float, float]
-    texture: str | None  # name of the array with the picture file
+    texture: str | None  # name of the array that holds the image file
     media_type: str | None
     wrap: tuple[Wrap, Wrap]
     alpha_mode: Literal["OPAQUE", "MASK", "BLEND"]
@@ -320,11 +320,11 @@ class Group(Model):
 
 
 class MeshMessage(Answer):
-    """The resting shape. A row is a vertex of the file, which is split at seams; weights belong to vertices.
+    """The resting shape. It is drawn from R rows; a vertex on a seam has several rows. Weights belong to vertices.
 
-    Arrays: `positions` float32 (R, 3), relative to `center`; `triangles` uint32 (F, 3), rows of the corners; `vertex`
-    uint32 (R,), the vertex of each row; `normals` int16 (R, 4), of length 32767, the fourth 0. If the file has them:
-    `uv` float32 (R, 2), v upwards; `colors` uint8 (R, 4), display-referred; and the picture files of textures.
+    Arrays: `positions` float32 (R, 3), relative to `center`; `triangles` uint32 (F, 3), the row of each corner;
+    `vertex` uint32 (R,), the vertex of each row; `normals` int16 (R, 4), unit normals times 32767, then 0. If the file
+    has them: `uv` float32 (R, 2), v upwards; `colors` uint8 (R, 4), display-referred; the image files of textures.
     """
 
     type: Literal["mesh"] = "mesh"
@@ -336,11 +336,11 @@ class MeshMessage(Answer):
     diagonal: float
     groups: tuple[Group, ...]
     materials: tuple[MaterialEntry, ...]
-    warnings: tuple[str, ...]  # warnings of reading the file, as sentences
+    warnings: tuple[str, ...]  # warnings that reading the file gave, as sentences
 
 
 class ColumnsMessage(Answer):
-    """Columns in `state` that the page lacks. The page may delete columns that are no longer in `state`.
+    """The columns of the next `state` that the page lacks. The page may delete columns that are not in that `state`.
 
     Array: `values` uint16 (C, V), weights times 65535, one row for each number in `columns`.
     """

@@ -1,4 +1,4 @@
-"""Requests of the page: the fields of a message are the parameters of the function that answers it."""
+"""The requests of the page. The fields of a request are the parameters of the function that handles it."""
 
 import json
 from collections.abc import Callable, Iterable
@@ -16,14 +16,14 @@ LARGEST_NUMBER = 2**53  # largest exact integer in JavaScript
 
 
 class Request(Model):
-    """The base of all requests; the answer has the same `id`."""
+    """The base class of all requests. The answer has the same `id`."""
 
     id: Annotated[int, Field(ge=1, le=LARGEST_NUMBER)]
     type: str
 
 
 class RequestError(ValueError):
-    """A text is no valid request; `number` is its `id`, or 0 if it has none."""
+    """Raised for a text that is not a valid request. `number` is the `id` in the text, or 0 if the text has no `id`."""
 
     def __init__(self, number: int, reason: str) -> None:
         super().__init__(f"The message was not understood: {reason}")
@@ -35,7 +35,7 @@ MODELS: list[type[Request]] = []
 
 
 def request(handler: Handler) -> Handler:
-    """Register `handler` as the request of its name. Its first parameter is the session; the others are fields."""
+    """Register `handler` for requests of its name. Its first parameter is the session; the others are the fields."""
     name, hints = handler.__name__, get_type_hints(handler, include_extras=True)
     _, *parameters = signature(handler).parameters.values()
     fields: dict[str, Any] = {
@@ -49,7 +49,7 @@ def request(handler: Handler) -> Handler:
 
 
 def union_of(models: Iterable[type[Model]]) -> Any:
-    """Return the union of message types, which their `type` tells apart."""
+    """Return the union of `models`, discriminated by their field `type`."""
     return Annotated[Union[tuple(models)], Field(discriminator="type")]  # noqa: UP007
 
 
@@ -59,7 +59,7 @@ def _adapter() -> TypeAdapter[Request]:
 
 
 def read_request(text: str) -> Request:
-    """Return the request in a text of the page; RequestError with a plain sentence if it is none."""
+    """Return the request in a text of the page; raise RequestError if the text is not a valid request."""
     try:
         return _adapter().validate_json(text)
     except ValidationError as error:
@@ -69,7 +69,7 @@ def read_request(text: str) -> Request:
 
 
 def _number_in(text: str) -> int:
-    """Return the `id` in a text that is no valid request, or 0."""
+    """Return the `id` in a text that is not a valid request, or 0 if the text has no `id`."""
     try:
         number = json.loads(text)["id"]
     except (ValueError, TypeError, KeyError, RecursionError):

@@ -1,1 +1,1 @@
-"""The session of one tab: state, requests, columns, exports."""
+"""The session of one browser tab: its state, its requests, the preparation of its shape, and its exports."""

@@ -1,4 +1,4 @@
-"""Files for download: the posed mesh from the C++ kernel, rigs, weights, the edit and the field."""
+"""Write the files that the user downloads: the posed mesh, rigs, weights, the edit and the field."""
 
 import re
 import zipfile
@@ -14,7 +14,7 @@ from dfd.export.key_poses import KeyPose
 from dfd.posing.transforms import Transform
 
 Kind = Literal["glb", "obj", "ply", "stl", "rig", "morph", "weights", "animation", "edit", "field"]
-ENDINGS = {  # of the names of files, by their kind; that of a mesh is "_edited.glb" and so on
+ENDINGS = {  # endings of file names by kind; all other kinds are posed meshes, with endings such as "_edited.glb"
     "rig": "_rig.glb",
     "morph": "_morph.glb",
     "weights": "_weights.npz",
@@ -22,41 +22,41 @@ ENDINGS = {  # of the names of files, by their kind; that of a mesh is "_edited.
     "edit": "_edit.json",
     "field": ".field.safetensors",
 }
-LONGEST_STEM = 80
+LONGEST_STEM = 80  # characters
 
 
 def export(deformer: Deformer, kind: Kind, name: str, folder: Path, poses: messages.KeyPoses = ()) -> tuple[Path, str]:
-    """Write a file of the format `kind` into `folder`; return its path, and how a rig differs from the page.
+    """Write a file of the format `kind` into `folder`. Return its path and, for a rig, the report of the export.
 
     `name` is the name of the shape, and `poses` are the key poses of the timeline.
 
-    Raises ValueError if an animation has fewer than two poses, or two at the same time, or a rig has no handle. Raises
-    OSError if the file cannot be written.
+    Raises ValueError if an animation has fewer than two poses or two poses at one time, or if a rig has no handle.
+    Raises OSError if the file cannot be written.
     """
-    path, said = folder / f"{file_stem(name)}{ENDINGS.get(kind, f'_edited.{kind}')}", ""
+    path, report = folder / f"{file_stem(name)}{ENDINGS.get(kind, f'_edited.{kind}')}", ""
     if kind == "edit":
-        write_edit(path, deformer.edit, deformer.mesh)  # without paths of this machine
+        write_edit(path, deformer.edit, deformer.mesh)  # the file contains no path of this machine
     elif kind == "field":
         deformer.field.save(path)
     elif kind == "animation":
-        said = _animation(deformer, path, poses)
+        report = _animation(deformer, path, poses)
     elif kind in ("rig", "morph"):
-        said = str(export_rig(deformer, path, form="morph" if kind == "morph" else None))
+        report = str(export_rig(deformer, path, form="morph" if kind == "morph" else None))
     elif kind == "weights":
         export_weights(deformer, path)
     else:
         path = _mesh(deformer, path)
-    return path, said
+    return path, report
 
 
 def file_stem(name: str) -> str:
-    """Return a file's name without its ending, with characters that every file system accepts."""
+    """Return the name of a file without its ending; "_" replaces characters that a file system may reject."""
     stem = re.sub(r"\.[A-Za-z0-9]{1,8}$", "", name)
     return re.sub(r"[^\w-]+", "_", stem)[:LONGEST_STEM].strip("_") or "mesh"
 
 
 def _animation(deformer: Deformer, path: Path, poses: messages.KeyPoses) -> str:
-    """Write an animation through the poses: as a skin, or as morph targets if a part bends or the mesh has a skin."""
+    """Write the poses as an animated skin, or as morph targets if a part bends or a skin fails; return the report."""
     if len(poses) < 2:
         raise ValueError("Store at least two poses on the timeline: the animation goes from one to the next")
     existing = {handle.id for handle in deformer.handles}
@@ -76,7 +76,7 @@ def _animation(deformer: Deformer, path: Path, poses: messages.KeyPoses) -> str:
 
 
 def _mesh(deformer: Deformer, path: Path) -> Path:
-    """Write the posed mesh; return a ZIP file if the format needs several files."""
+    """Write the posed mesh, and return its path. If the format needs several files, return a ZIP file of them."""
     deformer.mesh.save(path, deformer.vertices)
     files = sorted(path.parent.iterdir())
     if len(files) == 1:

@@ -1,4 +1,4 @@
-"""The parts of the shape that handles hold or are limited to."""
+"""The parts of a shape that its handles can hold, or that can limit a handle as its mask."""
 
 from functools import cached_property
 from typing import Any
@@ -15,27 +15,27 @@ from dfd.geometry.coarse import nodes_of
 from dfd.segmentation.parts import Level
 
 LEVELS: tuple[Level, ...] = ("smaller", "part", "larger")
-MOST_KEPT = 64  # number of parts in the cache; each is a set of vertices
+MOST_KEPT = 64  # largest number of parts in the cache; each is a set of vertices
 
 
 class ShapeParts:
-    """The parts of one shape, each found once."""
+    """Find the parts of one shape, and cache those that were used last."""
 
     def __init__(self, deformer: Deformer) -> None:
         self._deformer, self._mesh = deformer, deformer.mesh
-        self.ready = False  # whether parts are found without delay
+        self.ready = False  # whether the data that all parts need has been computed
         self._found: Recent[VertexSet] = Recent(MOST_KEPT)
-        self._origins: dict[VertexSet, int] = {}  # the vertex for which a part was chosen
+        self._origins: dict[VertexSet, int] = {}  # the vertex at which each region was found
 
     @property
     def ways(self) -> tuple[PartChange, ...]:
-        """Return the ways to hold another part: "material" only if there are several materials, and so on."""
+        """Return the changes that the shape allows: "material" only if there are several materials, for example."""
         several = (name for name, label in self._labels.items() if label.min() < label.max())
         return ("smaller", "larger", "add", "remove", *several)
 
     @cached_property
     def _labels(self) -> dict[PartChange, NDArray[np.integer[Any]]]:
-        """Return the scene part, material and component of each face (F,), as numbers."""
+        """Return the numbers (F,) of the scene part, the material and the connected component of each face."""
         mesh, nodes = self._mesh, nodes_of(self._mesh)
         scene_part = np.zeros(len(mesh.faces), np.int64)
         for number, part in enumerate(mesh.parts):
@@ -48,11 +48,11 @@ class ShapeParts:
         }
 
     def at(self, vertex: int, level: Level = "part", *, alike: bool = True) -> VertexSet:
-        """Return the part at a vertex."""
+        """Return the part at a vertex; with `alike`, its counterparts belong to it."""
         return self._found.get((vertex, level, alike), lambda: self._deformer.part(vertex, level=level, alike=alike))
 
     def taken(self, handle: Handle, how: PartChange, vertex: int | None = None) -> VertexSet:
-        """Return the region of a handle after a change of its part; "add" and "remove" need the `vertex` of a part.
+        """Return a handle's region after the change `how`; "add" and "remove" add or remove the part at `vertex`.
 
         Raises ValueError if there is no such part, or the region would be empty.
         """
@@ -63,7 +63,7 @@ class ShapeParts:
             own, part = members(mesh, self.of(handle)), self.at(vertex).indices
             chosen = np.union1d(own, part) if how == "add" else np.setdiff1d(own, part)
             if len(chosen) == 0:
-                raise ValueError("That is all that the handle holds: remove the handle instead")
+                raise ValueError("The handle would hold nothing: remove the handle instead")
             return VertexSet.of(mesh, chosen)
         region, origin = handle.place.region, self._deformer.bound.rows.anchor(handle.place)
         if isinstance(region, VertexSet):
@@ -73,7 +73,7 @@ class ShapeParts:
         return found
 
     def _resized(self, handle: Handle, vertex: int, how: PartChange) -> VertexSet:
-        """Return the next smaller or larger part at a vertex, compared with the present part of a handle."""
+        """Return the part at a vertex that is the next smaller or larger one than the handle's present region."""
         alike = handle.controls.counterparts != "only"
         levels = [self.at(vertex, level, alike=alike) for level in LEVELS]
         region = handle.place.region
@@ -85,7 +85,7 @@ class ShapeParts:
         return min(others, key=lambda each: sign * len(each.indices))
 
     def _unit(self, vertex: int, how: PartChange) -> VertexSet:
-        """Return the scene part, material or component that a vertex is on."""
+        """Return all vertices of the scene part, material or connected component at a vertex."""
         faces, label = self._mesh.faces, self._labels[how]
         on = np.flatnonzero((faces == vertex).any(axis=1))
         if len(on) == 0:

@@ -23,14 +23,14 @@ if TYPE_CHECKING:
     from dfd.segmentation.parts import Parts
     from dfd.symmetry.plane import SymmetryPlane
 
-# Seconds of each stage of a distillation with the default settings on two cores, in order.
+# The stages of a distillation in order, and their usual seconds with the default settings on two cores.
 USUAL_SECONDS = {"read": 0.5, "load": 5.0, "simplify": 1.0, "render": 1.0, "encode": 8.0, "smooth": 1.5, "fit": 4.0}
-INTERVAL = 0.1  # least seconds between two messages about one stage
+INTERVAL = 0.1  # seconds; the shortest time between progress messages of one stage, except the last
 
 
 @dataclass
 class SharedShape:
-    """Data that all sessions of one shape and field share; empty until the first session has computed it."""
+    """Data that all sessions of one shape and field share. It is empty until the first session has computed it."""
 
     making: threading.Lock = field(default_factory=threading.Lock)
     features: Any = None
@@ -38,14 +38,14 @@ class SharedShape:
     parts: Parts | None = None
 
 
-_SHARED: WeakValueDictionary[str, SharedShape] = WeakValueDictionary()  # by the content of mesh and field
+_SHARED: WeakValueDictionary[str, SharedShape] = WeakValueDictionary()  # by the hashes of mesh and field
 _DISTILLING = threading.Lock()  # the running distillation holds this lock: two at once would each take twice as long
 
 
 class Preparation:
-    """The background work for the shape of a session, which is read from `source`.
+    """The background work for the shape of a session. `source` is the file or the sample that contains the shape.
 
-    Progress and results are passed to methods of the session, on the session's thread.
+    It passes progress and results to methods of the session, which it calls on the session's thread.
     """
 
     def __init__(self, session: Any, mesh: Mesh, source: Source) -> None:
@@ -55,10 +55,10 @@ class Preparation:
         self._stopped = threading.Event()
         self._process: BaseProcess | None = None
         self._shared: SharedShape | None = None
-        self._told: tuple[str, float] = "", 0.0  # the stage and the time of the last progress
+        self._last_progress: tuple[str, float] = "", 0.0  # the stage and the time of the last progress
 
     def start(self, task: str, work: Callable[..., None], *arguments: Any) -> None:
-        """Call `work`, one of the methods below, on another thread; the session learns if it fails."""
+        """Call `work`, one of the methods below, on a new thread. If `work` fails, the session gets the exception."""
         if task == "distill":
             self._stopped.clear()
 
@@ -77,7 +77,7 @@ class Preparation:
             self._process.kill()
 
     def drop(self) -> None:
-        """Stop a distillation, and report nothing more."""
+        """Stop a distillation, and call no method of the session any more."""
         self._dropped = True
         self.cancel()
 
@@ -85,15 +85,15 @@ class Preparation:
         self._session.post(lambda: None if self._dropped else method(*arguments))
 
     def _progress(self, task: str, stage: str, done: int, total: int | None, left: float | None = None) -> None:
-        """Report progress at each new stage, at most once per `INTERVAL` within a stage, and at a stage's end."""
-        stage_before, then = self._told
+        """Report progress when a stage starts or ends, and in between at most once per `INTERVAL`."""
+        stage_before, then = self._last_progress
         now = time.monotonic()
         if stage != stage_before or done == total or now - then >= INTERVAL:
-            self._told = stage, now
+            self._last_progress = stage, now
             self._tell(self._session.tell_progress, task, stage, done, total, left)
 
     def find(self) -> None:
-        """Search the cache for a field of the shape, and open it; distill it if there is none."""
+        """Open the shape's field from the cache. If the cache has none, distill it."""
         from dfd.distillation.distill import find_distilled
         from dfd.distillation.settings import DistillSettings
 
@@ -110,7 +110,7 @@ class Preparation:
         self.open(path, "cache")
 
     def distill(self) -> None:
-        """Distill the field in another process, and open it."""
+        """Distill the shape's field in another process, and open it."""
         path, begun = self._session.folder / "distilled.field.safetensors", time.monotonic()
 
         def tell(stage: str, done: int, total: int | None) -> None:
@@ -126,7 +126,7 @@ class Preparation:
                 tell("wait", 0, None)
                 begun = time.monotonic()
                 if self._stopped.is_set():
-                    raise ValueError("It was stopped while it waited")
+                    raise ValueError("The distillation was stopped while it waited")
             try:
                 distill_apart(self._source, self._options.distill_arguments(), path, tell, started)
             finally:
@@ -159,7 +159,7 @@ class Preparation:
 
         with recorded_warnings() as messages:
             field = Field.load(path)
-            check_compatible(field, mesh, allowed_by="other_shape=True")
+            check_compatible(field, mesh)
         assert field.source is not None
         key = f"{hash_arrays(mesh.vertices, mesh.faces)} {field.source.sha256}"
         self._shared = shared = _SHARED.setdefault(key, SharedShape())
@@ -197,10 +197,10 @@ def distill_apart(
     tell: Callable[[str, int, int | None], object],
     started: Callable[[BaseProcess], object],
 ) -> None:
-    """Distill a shape in its own process and save at `path`. The process can be killed; its crash affects nothing else.
+    """Distill a shape in a new process, and save its field at `path`. A crash of the process does not end this one.
 
-    `settings` are the keywords of `dfd.distill`. `tell` is called with a stage, items done and their total. `started`
-    is called with the process.
+    `settings` are the arguments of `dfd.distill`. `tell` is called with the name of a stage, the number of finished
+    items and their total. `started` is called with the process, so that the caller can kill it.
 
     Raises ValueError if the distillation failed or was stopped.
     """
@@ -208,7 +208,7 @@ def distill_apart(
     messages, theirs = context.Pipe(duplex=False)
     process = context.Process(target=_distill, args=(source, settings, path, theirs), daemon=True)
     process.start()
-    theirs.close()  # so that the pipe closes when the process ends
+    theirs.close()  # otherwise the pipe stays open when the process ends
     started(process)
     message: Any = None
     with messages, suppress(EOFError, OSError):
@@ -224,7 +224,7 @@ def distill_apart(
 
 
 class SentStages(Stages):
-    """Stages that send their progress through a pipe."""
+    """Stages that send their progress to another process through a pipe."""
 
     def __init__(self, pipe: Connection) -> None:
         super().__init__(show=False)
@@ -232,7 +232,7 @@ class SentStages(Stages):
 
     @contextmanager
     def stage(self, name: str, total: int | None = None) -> Iterator[Any]:
-        """Measure the time of the `with` block as stage `name`, and send its progress."""
+        """Measure the time of the `with` block as the stage `name`, and send its progress."""
         done = 0
         self._pipe.send((name, 0, total))
 
@@ -246,7 +246,7 @@ class SentStages(Stages):
 
 
 def _distill(source: Source, settings: dict[str, Any], path: Path, pipe: Connection) -> None:
-    """Save the field of a shape at `path`; send tuples of progress to `pipe`, then True or an error message."""
+    """Distill a field and save it at `path`. Send tuples of progress to `pipe`, then True or an error message."""
     from dfd.distillation.distill import distill
 
     stages = SentStages(pipe)

@@ -1,4 +1,4 @@
-"""The requests of the page. Each is a function whose parameters are the fields of the message."""
+"""The requests of the page. Each request is a function whose parameters are the fields of the message."""
 
 import base64
 import binascii
@@ -33,7 +33,7 @@ from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.bind import bind
 
 NO_CONTROLS = Controls()
-MOST_SUGGESTED = 12  # number of suggested places; more markers would hide the shape
+MOST_SUGGESTED = 12  # largest number of suggested places; more markers would hide the shape
 
 ArrayAnswer = tuple[messages.Answer, Arrays]
 
@@ -53,12 +53,12 @@ def answer(session: Session, message: Request) -> None:
 
 @request
 def probe(session: Session, vertex: Index) -> ArrayAnswer:
-    """Show about what a new handle at a vertex would hold. Only the newest request is answered. Answer: `heat`."""
+    """Approximate the weights of a new handle at a vertex. Only the newest request is answered. Answer: `heat`."""
     return _heat(probed(session.deformer, vertex), vertex)
 
 
 def probed(deformer: Deformer, vertex: int) -> Float32:
-    """Return approximate weights (V,) of a new handle at a vertex, without the falloff on its counterparts."""
+    """Return the weights (V,) of a new handle at a vertex, without the search for its counterparts."""
     rules, bound, place = PRESETS[deformer.preset], deformer.bound, place_on(deformer.mesh, vertex)
     grip = bound.grips.grip(place) if rules.reach == "part" else None
     if grip is None:
@@ -75,7 +75,7 @@ def _heat(weights: Float32, vertex: int | None = None) -> ArrayAnswer:
 
 @request
 def compute(session: Session, transforms: PoseTransforms | None = None) -> ArrayAnswer:
-    """Pose the shape with `transforms` in place of the handles' own; null is the present edit.
+    """Pose the shape with `transforms` in place of the handles' own. Null poses the present edit.
 
     Answer: `positions`. Only the newest request is answered.
     """
@@ -139,7 +139,7 @@ def add(session: Session, at: Place) -> None:
 def take_part(
     session: Session, handle: int, how: PartChange, vertex: Index | None = None, preview: bool = False
 ) -> ArrayAnswer | None:
-    """Hold another part; "add" and "remove" need the `vertex` of a part. If the mask is the part, it changes as well.
+    """Change the region of a handle, and its mask if that is its part; "add" and "remove" use the part at `vertex`.
 
     With `preview`, the edit stays unchanged, and the answer is `heat`: the weights that the handle would have.
     """
@@ -167,13 +167,13 @@ def move(
 ) -> None:
     """Set values of a handle's transform, relative to the resting shape.
 
-    A drag is a move followed by moves with `merge`, and is one step of undo. Moves with `merge` are answered by `done`
-    alone. The last one has `settle`: it is also answered by `state` and `report`, and may contain changed `controls`.
+    A drag is one `move` and then moves with `merge`. Together they are one step of undo. The server does not send
+    `state` for a move with `merge`, unless the move has `settle`, as the last move of a drag, or changed `controls`.
     """
     parts, changed = transform.model_dump(exclude_none=True), _controls(session, controls)
     if merge and not (settle or changed):
         session.deformer.move(handle, **parts, merge=True)
-        session.require().shown = session.deformer.edit  # the page has drawn it already
+        session.require().shown = session.deformer.edit  # the page has already drawn this edit
         return
 
     def work(deformer: Any) -> None:
@@ -181,7 +181,7 @@ def move(
         if changed:
             deformer.change(handle, **changed)
 
-    session.change(work, ("handle", handle), merge=merge)  # the topic of `Deformer.move`
+    session.change(work, ("handle", handle), merge=merge)  # `Deformer.move` has the same topic
 
 
 @request
@@ -192,7 +192,7 @@ def pose(session: Session, transforms: PoseTransforms) -> None:
 
 @request
 def reset(session: Session, handle: int | None = None) -> None:
-    """Reset the transform of a handle, or of all handles with null, as one step."""
+    """Reset the transform of a handle, or of all handles if `handle` is null, as one step."""
     zero = (0.0, 0.0, 0.0)
 
     def work(deformer: Any) -> None:
@@ -204,7 +204,7 @@ def reset(session: Session, handle: int | None = None) -> None:
 
 @request
 def change(session: Session, handle: int, controls: Controls, merge: bool = False) -> None:
-    """Set a handle's name or controls. With `merge`, the change joins the previous change of that handle."""
+    """Set a handle's name or controls. With `merge`, successive changes are one step of undo."""
     given = _controls(session, controls)
     if isinstance(given.get("mask"), str) and given["mask"] == "part":
         given["mask"] = session.require().parts.of(session.deformer.edit.handle(handle))
@@ -219,13 +219,13 @@ def remove(session: Session, handle: int) -> None:
 
 @request
 def fix(session: Session, at: Place) -> None:
-    """Fix a point or region with everything similar to it."""
+    """Fix a point or a region, with all surface that looks like it."""
     session.change(lambda deformer: deformer.fix(_known(session, at)))
 
 
 @request
 def release(session: Session, index: Index) -> None:
-    """Release the fixed place at `index` in `state`."""
+    """Release the fixed point or region with the number `index` in `state`."""
     session.change(lambda deformer: deformer.release(_fixed(session, index).place))
 
 
@@ -233,7 +233,7 @@ def release(session: Session, index: Index) -> None:
 def change_fixed(
     session: Session, index: Index, strength: Annotated[float, Field(ge=0, le=1)], merge: bool = False
 ) -> None:
-    """Set the strength of the fixed place at `index`. With `merge`, the change joins the previous one."""
+    """Set the strength of the fixed point or region `index`. With `merge`, successive changes are one step of undo."""
     changed = _fixed(session, index)
     after = tuple(replace(each, strength=strength) if each is changed else each for each in session.deformer.fixed)
     session.change(lambda deformer: deformer.apply(replace(deformer.edit, fixed=after)), ("fixed", index), merge=merge)
@@ -253,13 +253,13 @@ def set_symmetry(
     band: Annotated[float, Field(ge=0)] | None = None,
     merge: bool = False,
 ) -> None:
-    """Mirror handles across a plane. With `merge`, the change joins the previous one."""
+    """Mirror handles across `plane`, or no plane if null. With `merge`, successive changes are one step of undo."""
     session.change(lambda deformer: deformer.set_symmetry(plane, band=band), "symmetry", merge=merge)
 
 
 @request
 def set_preset(session: Session, preset: Preset) -> None:
-    """Set the preset, with the reach, falloff and counterparts of every handle, as one step."""
+    """Set the preset, and its values of reach, falloff and counterparts for every handle, as one step."""
     session.change(lambda deformer: setattr(deformer, "preset", preset))
 
 
@@ -298,8 +298,8 @@ def export(
 ) -> messages.Answer:
     """Export the shape as the page shows it, the edit or the field.
 
-    `transforms` are those that the page shows in place of the edit's. "rig" is a GLB file with joints, "morph" one with
-    morph targets, and "animation" one of the key poses. Answer: `download`.
+    `transforms` replace those of the edit, if the page shows others. "rig" is a GLB file with joints, "morph" has morph
+    targets instead, and "animation" is a GLB file that animates the key poses. Answer: `download`.
     """
     deformer, number = session.deformer, secrets.token_hex(16)
     folder = session.folder / number
@@ -315,12 +315,12 @@ def export(
 
 
 class _TakenBackError(Exception):
-    """Ends a step whose changes are discarded."""
+    """Raised inside a step, so that the step discards its changes."""
 
 
 @contextmanager
 def _tried(deformer: Deformer, transforms: PoseTransforms | None = None) -> Iterator[None]:
-    """Give the handles `transforms`, if any, inside the block; discard all changes made inside."""
+    """Set `transforms` of handles inside the `with` block. Discard these and all other changes when it ends."""
     with suppress(_TakenBackError), deformer.step():
         _move_all(deformer, transforms or ())
         yield
@@ -334,7 +334,7 @@ def _move_all(deformer: Any, transforms: PoseTransforms) -> None:
 
 
 def _known(session: Session, value: Any) -> Any:
-    """Return the vertices of a region, in order; return any other value unchanged."""
+    """Return the vertices of a region, in ascending order. Return any other value unchanged."""
     if not isinstance(value, messages.Region):
         return value
     count = len(session.deformer.mesh.vertices)

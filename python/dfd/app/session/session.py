@@ -25,9 +25,10 @@ from dfd.mesh.mesh import Mesh
 from dfd.symmetry.plane import SymmetryPlane
 
 NO_FIELD = messages.FieldState(status="none", origin=None)
-STATUS = {"distill": "distilling", "prepare": "preparing"}  # of the field, while a task runs
-# Error messages of the package start with the name of the function: `bind: …`.
-FUNCTION = re.compile(r"^\w+(\.\w+)?: ")
+STATUS = {"distill": "distilling", "prepare": "preparing"}  # the status of the field while a task runs
+FUNCTION = re.compile(r"^\w+(\.\w+)?: ")  # error messages of the package start with the name of the function: `bind: …`
+# Remedies in error messages that only Python offers, and what the page says instead.
+REMEDIES = {", other_shape=True accepts it anyway": "", "dfd.editing.transfer": "`dfd deform --made-on`"}
 
 log = logging.getLogger("dfd.app")
 
@@ -47,13 +48,13 @@ class Session:
     ) -> None:
         self.folder, self.options, self._send, self.post = folder, options, send, post
         self._preparation: Preparation | None = None
-        self._progress: messages.ProgressMessage | None = None  # the last progress message, while its task runs
-        self._warnings: list[str] = []  # warnings of reading the shape
-        self.after = 0  # the number of the newest request
+        self._progress: messages.ProgressMessage | None = None  # the last message of the running task
+        self._warnings: list[str] = []  # warnings that reading the shape gave
+        self.after = 0  # the `id` of the newest request
         self._names: dict[str, str] = {}  # original names of opened files, by path
         self._uploads: list[Path] = []  # folders of the open shape's uploads
-        self.exports: dict[str, Path] = {}  # files to download, by number
-        self._pending_edit: Path | None = None  # an edit that waits for the field
+        self.exports: dict[str, Path] = {}  # files to download, by the number in their URL
+        self._pending_edit: Path | None = None  # an edit file that is applied when the field is ready
         self.name = "mesh"  # the name of the shape
         self.mesh: Mesh | None = None
         self.field = NO_FIELD
@@ -65,7 +66,7 @@ class Session:
             self.field = messages.FieldState(status="ready", origin="file", parts=self.editing.parts.ways)
 
     def begin(self) -> None:
-        """Open the files in the options, for the first page."""
+        """Open the files of the options when the first page connects."""
         try:
             self.open(self.options)
         finally:
@@ -73,7 +74,7 @@ class Session:
                 self.attach()
 
     def open(self, given: Opening) -> None:
-        """Open a mesh with its field and its edit, or a field and an edit for the open mesh.
+        """Open a mesh, a field and an edit, each optional. Without a mesh, the others are for the mesh that is open.
 
         Raises ValueError or OSError if a file cannot be read; the open shape then stays open.
         """
@@ -126,7 +127,7 @@ class Session:
         self.change(lambda deformer: deformer.apply(read))
 
     def close_shape(self) -> None:
-        """Stop background work, and drop the shape with everything that belongs to it."""
+        """Stop background work, and close the shape with its field, its edit, its key poses and its files."""
         if self._preparation is not None:
             self._preparation.drop()
         self._preparation = self._progress = self._pending_edit = None
@@ -174,7 +175,7 @@ class Session:
         self.send(message)
 
     def field_ready(self, deformer: Deformer, origin: str, warnings: list[Warning]) -> None:
-        """Start editing: the field is ready."""
+        """Start editing, because the field is ready."""
         self.editing = Editing(deformer)
         self.field = messages.FieldState(status="ready", origin=origin)
         self.tell_progress("prepare", "done")
@@ -186,10 +187,7 @@ class Session:
             self.guarded(0, lambda: self._open_edit(pending_edit))
 
     def field_prepared(self, planes: Mapping[Preset, Sequence[SymmetryPlane]]) -> None:
-        """Store the planes of symmetry by preset. Parts are found without delay from now on.
-
-        The best plane is switched on, unless the shape has been edited already.
-        """
+        """Store the planes of symmetry of each preset. Switch on the best plane unless the shape has been edited."""
         editing = self.require()
         deformer, parts = editing.deformer, editing.parts
         editing.planes, parts.ready = planes, True
@@ -199,7 +197,7 @@ class Session:
         self.tell_state()
 
     def field_ended(self, task: str, error: Exception | None) -> None:
-        """Report that the work ended without a field, by an error or a stop; an existing field stays in use."""
+        """Report that a task failed or was stopped, and gave no field. An existing field stays in use."""
         self.tell_progress(task, "cancelled" if error is None else "failed")
         if error is not None:
             self.fail(0, error)
@@ -220,7 +218,7 @@ class Session:
             self.send(self._progress)
 
     def guarded(self, number: int, work: Work) -> None:
-        """Call `work`; an exception is sent as the `failure` of request `number`."""
+        """Call `work`. If it raises an exception, send that as the `failure` of request `number`."""
         try:
             work()
         except Exception as error:
@@ -237,24 +235,26 @@ class Session:
             why = f"Internal error: {type(error).__name__}: {error}"
         for path, name in self._names.items():
             why = why.replace(f"`path` {path}", name).replace(path, name)
+        for remedy, possible in REMEDIES.items():
+            why = why.replace(remedy, possible)
         why = FUNCTION.sub("", why.replace(f"{self.folder}/", ""))
         self.send(messages.FailureMessage(id=number, message=why))
 
     def require(self) -> Editing:
-        """Return the editing state; raises ValueError if no shape is open or it has no field yet."""
+        """Return the editing state; raise ValueError if no shape is open, or the shape has no field yet."""
         if self.editing is None:
             raise ValueError("Open a mesh first" if self.mesh is None else "The shape has no field yet: distill one")
         return self.editing
 
     @property
     def deformer(self) -> Deformer:
-        """Return the editing session; raises ValueError as `require`."""
+        """Return the editing session; raise ValueError as `require` does."""
         return self.require().deformer
 
     def change(self, work: Callable[[Deformer], object], topic: Hashable = None, *, merge: bool = False) -> None:
         """Change the edit and send the result to the page; if anything fails, the edit is unchanged.
 
-        With `merge`, the change joins the newest step if that has the same `topic`.
+        With `merge`, the change joins the newest step if that step has the same `topic`.
         """
         with self.deformer.step(topic, merge=merge):
             work(self.deformer)
@@ -263,13 +263,13 @@ class Session:
 
     @request
     def set_poses(self, poses: messages.KeyPoses) -> None:
-        """Replace the key poses. They belong neither to the edit nor to undo."""
+        """Replace the key poses. They are not part of the edit, and undo does not change them."""
         self.require()
         self.poses = poses
         self.tell_state()
 
     def run_deferred(self) -> None:
-        """Do deferred work between requests: send the report, and an edit that was changed outside the page."""
+        """Between requests, send the edit if Python has changed it, and the report of a changed edit."""
         editing = self.editing
         if editing is None:
             return
@@ -285,7 +285,7 @@ class Session:
         self._send(messages.pack(message, **arrays) if arrays else message.model_dump_json())
 
     def tell_state(self) -> None:
-        """Send the missing columns, then the present state."""
+        """Send the columns that the page lacks, then the present state."""
         if self.mesh is None:
             return
         common: Any = {"field": self.field, "poses": self.poses, "after": self.after}

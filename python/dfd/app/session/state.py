@@ -1,4 +1,4 @@
-"""The state of a shape with a field as the page shows it: its handles, and the columns of weights that pose it."""
+"""The state that the page shows of a shape with a field: its handles, and the columns of weights that pose it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -17,14 +17,14 @@ from dfd.editing.edit import Edit, Handle, band_on, box_center
 from dfd.editing.influence.regions import Region, members
 from dfd.symmetry.plane import SymmetryPlane
 
-UINT16_MAX = 65535  # number of steps of a quantized weight
+UINT16_MAX = 65535  # the quantized weight that stands for 1
 LARGEST = 1e30  # largest number of a transform, because shaders multiply it by coordinates in 32-bit floats
 
 ColumnStates = tuple[messages.ColumnState, ...]
 
 
 class Editing:
-    """A shape with a field: its editing session, its parts and planes, and the columns that the page has."""
+    """A shape with a field: its editing session, parts and planes of symmetry, and the columns that the page has."""
 
     def __init__(self, deformer: Deformer) -> None:
         self.deformer, self.parts = deformer, ShapeParts(deformer)
@@ -32,12 +32,12 @@ class Editing:
         self.shown: Edit | None = None  # the edit that the page shows
         self.unreported = False  # whether the report of the edit must still be sent
         self.sent: dict[bytes, int] = {}  # the number of each column that the page has, by the hash of its values
-        self._count = 0  # number of columns that were ever sent
+        self._count = 0  # number of columns that have been sent
 
     def columns(self) -> tuple[list[ColumnStates], dict[int, NDArray[np.uint16]]]:
-        """Return the columns of each handle, and the values (V,), by number, of those that the page has not received.
+        """Return the columns of each handle, and the values (V,) of new columns by their numbers.
 
-        From now on, the page has exactly the columns of the present edit.
+        New columns are those that the page lacks. From now on, the page has exactly the columns of the present edit.
         """
         weights, columns = self.deformer.bound.columns(self.deformer.edit)
         handles, before, new = self.deformer.handles, self.sent, {}
@@ -56,7 +56,7 @@ class Editing:
         return states, new
 
     def state(self, columns: Sequence[ColumnStates], **common: Any) -> messages.StateMessage:
-        """Return the state with the columns of each handle; `common` are the fields of a shape without a field."""
+        """Return the state, given the columns of each handle. `common` are the entries that any open shape has."""
         deformer, mesh, default = self.deformer, self.deformer.mesh, self.deformer.default
         motion: Any = {name: getattr(default, name, None) for name in ("translation", "rotation", "scale")}
         pivot = box_center(mesh) if default is None or default.pivot is None else default.pivot
@@ -83,7 +83,7 @@ class Editing:
 
     def _handle(self, handle: Handle, columns: ColumnStates) -> messages.HandleState:
         place, transform, controls = handle.place, handle.transform, handle.controls
-        off = (place.vertex for place in controls.excluded_counterparts)
+        excluded = (place.vertex for place in controls.excluded_counterparts)
         values = vars(handle) | vars(place) | vars(transform) | vars(controls)
         values |= {
             "handle": handle.id,
@@ -91,7 +91,7 @@ class Editing:
             "pivot_set": transform.pivot is not None,
             "reach": self.deformer.bound.by_features.reach(handle),
             "reach_by": controls.reach if isinstance(controls.reach, str) else "number",
-            "excluded_counterparts": tuple(vertex for vertex in off if vertex is not None),
+            "excluded_counterparts": tuple(vertex for vertex in excluded if vertex is not None),
             "mask": self._size(controls.mask),
             "mask_part": self.parts.limits(handle),
             "region": self._size(place.region),
@@ -104,10 +104,7 @@ class Editing:
         return 0 if region is None else len(members(self.deformer.mesh, region))
 
     def check_drawable(self) -> None:
-        """Raise ValueError if the page cannot draw the edit: if a number of a transform, in mesh units, exceeds 1e30.
-
-        Raises ValueError if the edit cannot be bound.
-        """
+        """Raise ValueError if a number in a transform exceeds 1e30, or the edit cannot be bound."""
         deformer = self.deformer
         matrices = {f"handle {handle.id}": handle.matrix for handle in deformer.handles}
         if deformer.default is not None:
@@ -120,5 +117,5 @@ class Editing:
 
 
 def quantized(weights: Float32) -> NDArray[np.uint16]:
-    """Return weights in [0, 1] quantized to 16 bits."""
+    """Return weights in [0, 1], multiplied by 65535 and rounded."""
     return np.rint(weights * np.float32(UINT16_MAX)).clip(0, UINT16_MAX).astype(np.uint16)

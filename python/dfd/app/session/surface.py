@@ -1,4 +1,4 @@
-"""The resting shape for the page: rows, triangles, materials."""
+"""Convert the resting shape to the message that the page draws. A row is a vertex with one normal, uv and color."""
 
 import io
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.file.assets import as_image
 from dfd.mesh.mesh import Mesh
 
-LONGEST_TEXTURE = 4096  # texels along a side, supported by every graphics card
+LONGEST_TEXTURE = 4096  # texels along the longest side; every graphics card supports it
 JPEG_QUALITY = 92
 
 Arrays = dict[str, NDArray[Any]]
@@ -27,7 +27,7 @@ def mesh_message(mesh: Mesh, *, name: str, warnings: Sequence[str]) -> tuple[Mes
         vertex = np.arange(len(mesh.vertices), dtype=np.int32) if scene is None else scene.vertex
         corner_faces = mesh.faces if scene is None else scene.corner_faces
         look = Appearance(vertex, corner_faces, np.zeros(len(mesh.faces), np.int32), (Material(),))
-    used = look.corners >= 0  # rows without a face are left out
+    used = look.corners >= 0  # rows that no face uses are left out
     rows, number = look.corners[used], np.cumsum(used, dtype=np.uint32) - np.uint32(1)
     arrays: Arrays = {
         "positions": centered(mesh, mesh.vertices[rows]),
@@ -63,20 +63,20 @@ def mesh_message(mesh: Mesh, *, name: str, warnings: Sequence[str]) -> tuple[Mes
 
 
 def centered(mesh: Mesh, positions: Float64) -> NDArray[np.float32]:
-    """Return positions (N, 3) relative to the center of the box, where float32 is precise."""
+    """Return positions (N, 3) relative to the center of the mesh's box; float32 is more precise near 0."""
     return (positions - box_center(mesh)).astype(np.float32)
 
 
 def packed_normals(normals: NDArray[np.floating[Any]]) -> NDArray[np.int16]:
-    """Return unit normals (N, 3) as (N, 4) int16 in units of 1 / 32767; the fourth is 0, for alignment."""
+    """Return unit normals (N, 3) times 32767, as (N, 4) int16. The fourth number is 0 and aligns the rows."""
     return np.pad(np.rint(normals * 32767).astype(np.int16), ((0, 0), (0, 1)))
 
 
 def _row_normals(mesh: Mesh, vertex: Int32, used: Bool) -> Float64:
-    """Return unit normals of the used rows: those of the file, which keep sharp edges, or else smooth normals."""
+    """Return the unit normals (N, 3) of the `used` rows: the file's, which keep sharp edges, or else smooth normals."""
     normals = mesh.normals[vertex[used]].astype(np.float64)
     scene = mesh.scene
-    if scene is None or len(vertex) != len(scene.vertex):  # face colors split rows
+    if scene is None or len(vertex) != len(scene.vertex):  # face colors have split the file's rows
         return normals
     of_file = np.zeros((len(vertex), 3))
     for primitive in scene.primitives:

@@ -1,1 +1,1 @@
-"""The server: access control, uploads and sessions."""
+"""The web server of the app: access control, uploads and sessions."""

@@ -1,4 +1,4 @@
-"""Start and stop the server: its port, its address with a token, and cleanup."""
+"""Start and stop the app's server, whose address contains a secret token, and delete its files when it ends."""
 
 import html
 import signal
@@ -20,9 +20,9 @@ DEFAULT_PORT = 8765
 
 
 class RunningApp:
-    """A server on a thread of this process, until `stop`. Port 0 is any free port.
+    """A server of the app, on a thread between `start` and `stop`, or inside `run`. Port 0 takes any free port.
 
-    Pages of the origins `frame_ancestors` may show the app in a frame.
+    Web pages of the origins `frame_ancestors` may show the app in a frame.
 
     Raises OSError if the port is taken, or the host is not an address of this machine.
     """
@@ -41,12 +41,12 @@ class RunningApp:
         try:
             self._socket = socket.create_server((host, port), family=family, backlog=128)
         except OSError as error:
-            reason = (error.strerror or "").partition(" (while")[0]  # without repeating the address
+            reason = (error.strerror or "").partition(" (while")[0]  # the rest repeats the address
             raise OSError(error.errno, f"cannot listen at {host}:{port}: {reason}") from None
         self.port = int(self._socket.getsockname()[1])
         self.rules = Rules(host=host, cookie=f"dfd-{self.port}", frame_ancestors=frame_ancestors)
-        known = socket.gethostname() if host in ("0.0.0.0", "::") else f"[{host}]" if ":" in host else host
-        self.url = f"http://{known}:{self.port}/?token={self.rules.token}"
+        name = socket.gethostname() if host in ("0.0.0.0", "::") else f"[{host}]" if ":" in host else host
+        self.url = f"http://{name}:{self.port}/?token={self.rules.token}"
         self._root = tempfile.TemporaryDirectory(prefix="dfd-app-", ignore_cleanup_errors=True)
         self.sessions = Sessions(Path(self._root.name), options, upload_bytes)
         config = uvicorn.Config(
@@ -63,7 +63,7 @@ class RunningApp:
         self._thread = threading.Thread(target=self.run, name="dfd-app", daemon=True)
 
     def redirecting_file(self) -> Path:
-        """Write a page that only this user can read, and that redirects to `url`; return its path.
+        """Write a page that redirects to `url`, and that only this user can read. Return its path.
 
         The browser's command line is visible to all users, so it must not contain the token.
         """
@@ -73,9 +73,9 @@ class RunningApp:
         return path
 
     def run(self) -> None:
-        """Serve until the process gets a signal to end, then delete the files of all sessions."""
+        """Serve until `stop` or a signal ends the server, then delete the files of all sessions."""
         if threading.current_thread() is threading.main_thread():
-            # uvicorn raises the signal again after its shutdown; the default action would skip the cleanup below.
+            # uvicorn raises the signal again after its shutdown. The signal's default action would skip the cleanup.
             signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
         try:
             self.server.run(sockets=[self._socket])
@@ -105,11 +105,11 @@ def check_built(static: Path = STATIC) -> None:
 
 
 def serve(options: SessionOptions, *, host: str, port: int | None, browser: bool, tell: Callable[[str], None]) -> None:
-    """Run the app until it is interrupted; `tell` is called with its address, in one line.
+    """Run the app until it is interrupted. `tell` is called with the address of the page.
 
-    If `port` is None, the default port is used or, if it is taken, any free port.
+    If `port` is None, the app uses the default port, or any free port if the default port is taken.
 
-    Raises OSError if the page was not built, or the port is taken.
+    Raises OSError if the page has not been built, the port is taken, or `host` is not an address of this machine.
     """
     check_built()
     try:
@@ -130,7 +130,7 @@ def serve(options: SessionOptions, *, host: str, port: int | None, browser: bool
 
 
 class Frame:
-    """The page in a cell of a notebook, of `height` pixels; `url` is its address, for another tab."""
+    """The page in a notebook cell, `height` pixels high. `url` is the page's address, for another browser tab."""
 
     def __init__(self, app: RunningApp, height: int) -> None:
         self.app, self.url, self._height = app, app.url, height

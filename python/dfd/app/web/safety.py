@@ -1,8 +1,8 @@
 """Access control: only the page that the user opened may send requests.
 
 A page of another site can make a browser send requests here and, by DNS rebinding, even read the answers. So a request
-needs a Host header that names this server, an Origin header (if any) of this server, and a cookie that is set only at
-the address with the token.
+needs a Host header that names this server, an Origin header of this server (optional for GET), and a cookie. The server
+sets the cookie only if the address contains the secret token.
 """
 
 import hmac
@@ -18,9 +18,9 @@ from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 LOOPBACK_NAMES = ("127.0.0.1", "localhost", "::1")
-NOT_ALLOWED = 4403  # close code of a WebSocket
+NOT_ALLOWED = 4403  # close code of a rejected WebSocket
 
-CONTENT = (
+CONTENT_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; font-src 'self'; "
     "connect-src 'self'; media-src blob:; worker-src 'self'; manifest-src 'self'; base-uri 'none'; form-action 'none'; "
 )
@@ -38,15 +38,15 @@ class Rules:
     """The settings of `Guard`."""
 
     host: str = "127.0.0.1"  # the address at which the server listens
-    token: str = field(default_factory=lambda: secrets.token_urlsafe(24))  # in the address that `dfd app` prints
-    cookie: str = "dfd"  # name of the cookie, different for each port of this machine
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(24))  # the secret in the printed address
+    cookie: str = "dfd"  # name of the cookie; the servers of one machine need different names
     frame_ancestors: Collection[str] = ()  # origins whose pages may show this one in a frame
 
-    def knows_host(self, name: str) -> bool:
+    def is_own_host(self, name: str) -> bool:
         """Return whether `name` (without a port) is a host name of this server.
 
-        If other machines can reach the server, any IP address and the names of this machine are accepted. DNS cannot
-        rebind an IP address.
+        If other machines can reach the server, all IP addresses and the names of this machine are accepted. Accepting
+        IP addresses is safe, because DNS rebinding needs a host name.
         """
         name = name.lower()
         if name in (*LOOPBACK_NAMES, self.host.lower()):
@@ -55,8 +55,8 @@ class Rules:
             return False
         return _address(name) is not None or name in (socket.gethostname().lower(), socket.getfqdn().lower())
 
-    def knows_token(self, given: str | None) -> bool:
-        """Return whether a text is the token, in a time that does not depend on the text."""
+    def is_token(self, given: str | None) -> bool:
+        """Return whether `given` is the token, in a time that does not depend on `given`."""
         return hmac.compare_digest((given or "").encode(), self.token.encode())
 
 
@@ -67,12 +67,12 @@ def loopback(host: str) -> bool:
 
 
 class Guard:
-    """Middleware that rejects requests by the rules, and adds headers for security and caches to all responses."""
+    """Middleware that rejects requests by the rules, and adds headers for security and caching to all responses."""
 
     def __init__(self, app: ASGIApp, rules: Rules) -> None:
         self._app, self._rules = app, rules
         ancestors = " ".join(rules.frame_ancestors) or "'none'"
-        self._headers = {**HEADERS, "Content-Security-Policy": f"{CONTENT}frame-ancestors {ancestors}"}
+        self._headers = {**HEADERS, "Content-Security-Policy": f"{CONTENT_POLICY}frame-ancestors {ancestors}"}
         if not rules.frame_ancestors:
             self._headers["X-Frame-Options"] = "DENY"
 
@@ -83,9 +83,9 @@ class Guard:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
                 headers.update(self._headers)
-                # The names of these files contain a hash of their content.
-                lasts = scope["path"].startswith("/assets/") and message["status"] in (200, 304)
-                headers["Cache-Control"] = "public, max-age=31536000, immutable" if lasts else "no-store"
+                # Browsers may keep these files: their names contain a hash of their content.
+                cacheable = scope["path"].startswith("/assets/") and message["status"] in (200, 304)
+                headers["Cache-Control"] = "public, max-age=31536000, immutable" if cacheable else "no-store"
             await send(message)
 
         if scope["type"] == "lifespan":
@@ -93,7 +93,7 @@ class Guard:
             return
         request = HTTPConnection(scope)
         foreign = refusal = self._check_origin(request)
-        if refusal is None and not self._rules.knows_token(request.cookies.get(self._rules.cookie)):
+        if refusal is None and not self._rules.is_token(request.cookies.get(self._rules.cookie)):
             refusal = self._admit(request)
         if scope["type"] == "http":
             await (refusal or self._app)(scope, receive, send_with_headers)
@@ -109,7 +109,7 @@ class Guard:
     def _check_origin(self, request: HTTPConnection) -> Response | None:
         """Return a refusal if Host or Origin name another server, else None."""
         hosts, origins = request.headers.getlist("host"), request.headers.getlist("origin")
-        if len(hosts) != 1 or not self._rules.knows_host(_without_port(hosts[0])):
+        if len(hosts) != 1 or not self._rules.is_own_host(_without_port(hosts[0])):
             return PlainTextResponse("This server has another host name.", 421)
         needs_origin = request.scope.get("method") not in ("GET", "HEAD")  # a WebSocket has no method
         if (needs_origin or origins) and origins != [f"http://{hosts[0]}"]:
@@ -117,9 +117,9 @@ class Guard:
         return None
 
     def _admit(self, request: HTTPConnection) -> Response:
-        """Set the cookie if the request has the token, else refuse it."""
+        """Return a response that sets the cookie if the request has the token, or else refuses the request."""
         if request.scope.get("method") == "GET":
-            if self._rules.knows_token(request.query_params.get("token")):
+            if self._rules.is_token(request.query_params.get("token")):
                 rest = request.url.remove_query_params("token").query
                 # A path with two leading slashes would redirect to another server.
                 path = "/" + request.scope["path"].lstrip("/\\")
@@ -128,7 +128,7 @@ class Guard:
                 return response
             headers = request.headers
             if headers.get("sec-fetch-site") == "cross-site" and headers.get("sec-fetch-mode") == "navigate":
-                # A link from another site omits SameSite=strict cookies; a refresh from this page sends them.
+                # A browser that follows a link from another site omits SameSite=strict cookies. A refresh sends them.
                 return Response(status_code=200, headers={"Refresh": "0; url=/"})
         return PlainTextResponse("Open the address that dfd printed: it contains the token.", 403)
 
@@ -141,7 +141,7 @@ def _address(name: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
 
 
 def _without_port(host: str) -> str:
-    """Return the name in a Host header; an IPv6 address without its brackets."""
+    """Return the name or the address in a Host header, without port and without the brackets of IPv6 addresses."""
     if host.startswith("["):
         return host[1:].partition("]")[0]
     name, _, port = host.rpartition(":")

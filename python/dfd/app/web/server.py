@@ -31,7 +31,7 @@ from dfd.app.web.uploads import FORMATS, MOST_FILES, receive
 STATIC = Path(__file__).parents[1] / "static"
 MESSAGE_BYTES = 1 << 20  # largest message of a page
 UPLOAD_BYTES = 1 << 30  # largest total size of an upload, unpacked
-MOST_UNATTENDED = 8  # number of sessions without a page; above it, the session that was left first ends
+MOST_UNATTENDED = 8  # largest number of sessions without a page; beyond it, the session whose page left first ends
 
 
 def create(sessions: Sessions, rules: Rules, *, static: Path) -> Starlette:
@@ -59,14 +59,14 @@ class Sessions:
 
     def __init__(self, root: Path, options: SessionOptions, upload_bytes: int) -> None:
         self._root, self._options, self._upload_bytes = root, options, upload_bytes
-        self._tabs: dict[str, Tab] = {}  # tabs by the names of their folders; the last one was left last
+        self._tabs: dict[str, Tab] = {}  # by the names of their folders, in the order in which their pages left
 
     def find(self, name: str | None) -> Tab | None:
-        """Return the session with a name, or None."""
+        """Return the tab of the session with a name, or None."""
         return self._tabs.get(name or "")
 
     def _open(self, name: str | None) -> Tab:
-        """Return the session with a name, or a new session."""
+        """Return the tab of the session with a name, or a new tab. All pages of a notebook's session share one tab."""
         if (found := self.find(name)) is not None:
             return found
         if self._options.deformer is not None and self._tabs:
@@ -105,13 +105,13 @@ class Sessions:
                 self._tabs[name] = tab
 
     async def upload(self, request: Request) -> Response:
-        """Receive files, and let the session open them. The page learns the result from its WebSocket."""
+        """Receive files, and let the session open them. The session sends the result over the WebSocket."""
         tab = self.find(request.query_params.get("session"))
         if tab is None:
             return _refusal(404, "There is no such session: reload the page")
         length = request.headers.get("content-length", "")
         if not length.isdigit():
-            return _refusal(411, "An upload must say how long it is")
+            return _refusal(411, "An upload must have a Content-Length header")
         if int(length) > self._upload_bytes:
             return _refusal(413, f"The files are larger than {self._upload_bytes / 2**20:.0f} MiB")
         try:
@@ -122,11 +122,11 @@ class Sessions:
         except (MultiPartException, HTTPException, KeyError) as error:
             return _refusal(400, f"The upload could not be read: {getattr(error, 'detail', error)}")
         except ClientDisconnect:
-            return _refusal(400, "The upload was broken off")
+            return _refusal(400, "The upload was interrupted")
         except ValueError as error:
             return _refusal(400, str(error))
         except OSError as error:
-            return _refusal(507, f"The files could not be kept: {error.strerror}")
+            return _refusal(507, f"The files could not be stored: {error.strerror}")
         tab.call(lambda: tab.session.open(upload))
         return JSONResponse({})
 
@@ -135,13 +135,13 @@ class Sessions:
         tab = self.find(request.path_params["session"])
         path = None if tab is None else tab.session.exports.pop(request.path_params["number"], None)
         if path is None or not path.is_file():
-            return _refusal(404, "There is no such file: it can be taken once")
+            return _refusal(404, "There is no such file: a file can be downloaded only once")
         delete = BackgroundTask(shutil.rmtree, path.parent, ignore_errors=True)
         return FileResponse(path, filename=path.name, media_type="application/octet-stream", background=delete)
 
 
 async def _send_all(page: WebSocket, outbox: Outbox) -> None:
-    """Send the messages for a page until it disconnects, or a message is the code to close with."""
+    """Send the messages in `outbox` to the page. A number closes the connection with this code."""
     with contextlib.suppress(RuntimeError, OSError, WebSocketDisconnect):
         while not isinstance(message := await outbox.get(), int):
             await (page.send_text(message) if isinstance(message, str) else page.send_bytes(message))

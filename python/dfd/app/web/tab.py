@@ -25,13 +25,13 @@ Outbox = asyncio.Queue[str | bytes | int]  # messages for a page; a number close
 class Tab:
     """A session, the thread that does its work in order, and the page that shows it, if any.
 
-    A session continues when its page is reloaded. `call` is safe on any thread. All other methods are called on the
-    event loop.
+    A session continues when its page is reloaded. `call` may be called on any thread. All other public methods are
+    called on the event loop.
     """
 
     def __init__(self, folder: Path, options: SessionOptions) -> None:
         self.folder = folder
-        self.outbox: Outbox | None = None  # that of the page; None if no page shows the session
+        self.outbox: Outbox | None = None  # messages for the page; None if no page shows the session
         self._events = asyncio.get_running_loop()
         self._begun = False
         self._inbox: queue.Queue[Callable[[], None] | None] = queue.Queue()
@@ -40,7 +40,7 @@ class Tab:
         threading.Thread(target=self._run, name="dfd-session", daemon=True).start()
 
     def call(self, work: Callable[[], None]) -> None:
-        """Queue work; an exception is sent to the page as a failure."""
+        """Queue `work` for the session's thread. If it raises an exception, the page gets that as a failure."""
         self._inbox.put(work)
 
     def ask(self, text: str) -> None:
@@ -82,7 +82,7 @@ class Tab:
             self.outbox.put_nowait(message)
 
     def attach(self) -> Outbox:
-        """Return the outbox of a new page; a previous page is closed."""
+        """Disconnect the page that was attached before, if any, and return the outbox of a new page."""
         self.tell(OPENED_ELSEWHERE)
         outbox = self.outbox = asyncio.Queue()
         self.call(self.session.attach if self._begun else self.session.begin)
@@ -90,7 +90,7 @@ class Tab:
         return outbox
 
     def end(self) -> None:
-        """End the session after the work in the queue, delete its files and close its page."""
+        """Disconnect the page and delete the session's files. The session ends after the work in the queue."""
         self.tell(SESSION_ENDED)
         self._inbox.put(None)
         shutil.rmtree(self.folder, ignore_errors=True)

@@ -1,4 +1,4 @@
-"""Store files that were dropped on the page in their own folder, under safe names."""
+"""Store the files of an upload in a new folder, under safe names."""
 
 import lzma
 import re
@@ -19,7 +19,7 @@ FORMATS = (*ENDINGS, ".zip", FIELD, EDIT)
 MOST_FILES = 500
 DEEPEST = 6  # largest depth of folders in a ZIP file
 CHUNK = 1 << 20  # bytes
-# Allowed names of folders and files, which a material file may contain; a name must not begin with a dot.
+# Safe names of folders and files. They may contain what material files use, but must not begin with a dot.
 SAFE = re.compile(r"[\w+()\[\]@=,' -][\w.+()\[\]@=,' -]{0,120}")
 UNREADABLE = (zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, lzma.LZMAError, NotImplementedError, RuntimeError,
               EOFError, OSError, struct.error)  # fmt: skip
@@ -28,8 +28,8 @@ UNREADABLE = (zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, lzma.LZMAErr
 def receive(files: Sequence[tuple[str, IO[bytes]]], folder: Path, most_bytes: int) -> Opening:
     """Store `files`, with names from the browser, in a new folder inside `folder`; return the files to open.
 
-    The mesh, the field and the edit get random names. Files that a mesh refers to (materials, textures, buffers) keep
-    their names if these are safe, and are left out otherwise.
+    The mesh, the field and the edit get random names. All other files, such as textures of the mesh, keep their names.
+    Files with unsafe names are left out.
 
     Raises ValueError if no file can be opened, there is more than one mesh, the files are too large or too many, or a
     ZIP file is damaged.
@@ -37,7 +37,7 @@ def receive(files: Sequence[tuple[str, IO[bytes]]], folder: Path, most_bytes: in
     place = folder / secrets.token_hex(16)
     place.mkdir(parents=True)
     try:
-        given = _Kept(place, most_bytes)
+        given = _Upload(place, most_bytes)
         for name, stream in files:
             (given.unpack if _ending(name) == ".zip" else given.keep)(name, stream)
         mesh = given.single(ENDINGS)
@@ -51,12 +51,12 @@ def receive(files: Sequence[tuple[str, IO[bytes]]], folder: Path, most_bytes: in
     return Opening(mesh, field, edit, place)
 
 
-class _Kept:
-    """The files of one upload in their folder; `paths` has their paths by the names in the upload."""
+class _Upload:
+    """The stored files of one upload. `paths` maps the name of a file in the upload to its path."""
 
-    def __init__(self, place: Path, most_bytes: int) -> None:
+    def __init__(self, folder: Path, most_bytes: int) -> None:
         self.paths: dict[str, Path] = {}
-        self._place, self._left = place, most_bytes
+        self._folder, self._bytes_left = folder, most_bytes
 
     def unpack(self, name: str, file: IO[bytes]) -> None:
         """Store the files of a ZIP file."""
@@ -71,30 +71,30 @@ class _Kept:
             raise ValueError(f"{_shown(name)} is damaged or not a zip that can be read: {reason}") from None
 
     def keep(self, name: str, stream: IO[bytes]) -> None:
-        """Store one file: one of `FORMATS` under a random name, any other only if its name is safe."""
+        """Store one file: a file of `FORMATS` under a random name, any other file only if its name is safe."""
         if len(self.paths) >= MOST_FILES:
             raise ValueError(f"An upload must have at most {MOST_FILES} files")
         steps = [step for step in name.replace("\\", "/").split("/") if step != "."]
-        said, ending = "/".join(steps), _ending(name)
-        harmless = len(steps) <= DEEPEST and all(SAFE.fullmatch(step) for step in steps)
+        original, ending = "/".join(steps), _ending(name)
+        safe = len(steps) <= DEEPEST and all(SAFE.fullmatch(step) for step in steps)
         if ending in FORMATS:
-            steps = [*(steps[:-1] if harmless else []), f"{secrets.token_hex(8)}{ending}"]
-        elif not harmless:
+            steps = [*(steps[:-1] if safe else []), f"{secrets.token_hex(8)}{ending}"]
+        elif not safe:
             return
-        path = self._place.joinpath(*steps)
-        if said in self.paths or path.exists() or not all(each.is_dir() for each in path.parents if each.exists()):
+        path = self._folder.joinpath(*steps)
+        if original in self.paths or path.exists() or not all(each.is_dir() for each in path.parents if each.exists()):
             raise ValueError(f"An upload must have each file once, got {_shown(name)} twice")
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("xb") as target:
             while chunk := stream.read(CHUNK):
-                self._left -= len(chunk)
-                if self._left < 0:
+                self._bytes_left -= len(chunk)
+                if self._bytes_left < 0:
                     raise ValueError("The files are larger than this server takes")
                 target.write(chunk)
-        self.paths[said] = path
+        self.paths[original] = path
 
     def single(self, endings: Sequence[str], *, ignore_several: bool = False) -> OpenedFile | None:
-        """Return the only file with one of `endings`; None if there is none."""
+        """Return the only file with one of `endings`, or None. Several files raise ValueError unless ignored."""
         names = [name for name in self.paths if _ending(name) in endings]
         if len(names) > 1 and not ignore_several:
             raise ValueError(f"Open one {_ending(names[0])} file at a time, got {', '.join(map(_last, names[:5]))}")

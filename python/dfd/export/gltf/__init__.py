@@ -1,1 +1,1 @@
-"""Rigs and morph targets in glTF."""
+"""Write rigs, morph targets and parts into glTF files."""

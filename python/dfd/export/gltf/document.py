@@ -1,4 +1,4 @@
-"""A glTF document to add to: the mesh's own glTF file, or one that trimesh writes for other meshes.
+"""A glTF document to which exporters add: the mesh's own glTF file, or a new one for other meshes.
 
 The format: Khronos Group, "glTF 2.0 Specification", 2021.
 """
@@ -23,10 +23,10 @@ from dfd.mesh.mesh import Mesh
 
 
 class GltfDocument(GltfPatch):
-    """The header, changed in place, and the data of the file that is being written."""
+    """The header and the data of the file that is being written. Exporters change the header in place."""
 
-    scene: SceneFile  # the primitives that it displays, with their rows
-    vertex: Int64  # (R,) the mesh's vertex that each row of the primitives is at, -1 where no face uses it
+    scene: SceneFile  # the displayed primitives; their R rows are the vertices as the file stores them
+    vertex: Int64  # (R,) the mesh's vertex of each row; -1 for a row that no face uses
 
     def __init__(self, mesh: Mesh) -> None:
         """Copy the content of the mesh's file."""
@@ -52,7 +52,7 @@ class GltfDocument(GltfPatch):
         return found
 
     def own_mesh(self, node: int) -> Header:
-        """Return the mesh of a node, copied if other nodes share it, with its Draco data decompressed."""
+        """Return the header of a node's mesh, copied if other nodes share it, with decompressed vertex data."""
         if node not in self._own:
             nodes = objects(self.header, "nodes")
             mesh = int(nodes[node]["mesh"])
@@ -67,7 +67,7 @@ class GltfDocument(GltfPatch):
         return content
 
     def _bound(self, node: int, number: int, primitive: Header) -> None:
-        """Add the bounds of positions, which the format requires, where the file has none or compressed them."""
+        """Add the bounds of positions, which the format requires, if they are missing or the file compresses them."""
         index = int(primitive["attributes"]["POSITION"])
         accessor, before = self.header["accessors"][index], self.source.header["accessors"][index]
         packed = "bufferView" not in before
@@ -77,11 +77,11 @@ class GltfDocument(GltfPatch):
             accessor |= {name: limit(values.astype("<f4"), axis=0).tolist() for name, limit in LIMITS.items()}
 
     def values(self, node: int, primitive: int, name: str) -> NDArray[Any] | None:
-        """Return an attribute of a primitive of the file, (rows, components), None where it has none of that name."""
+        """Return the attribute `name` (rows, components) of a primitive in the original file, or None without one."""
         return self.source.attribute(self._primitive(node, primitive), name)
 
     def corners(self, node: int, primitive: int) -> NDArray[Any]:
-        """Return the rows (N,) that a primitive of the file draws, one after the other."""
+        """Return the rows (N,) of the consecutive corners that a primitive of the original file draws."""
         return self.source.corners(self._primitive(node, primitive))
 
     def _primitive(self, node: int, number: int) -> Header:
@@ -89,18 +89,18 @@ class GltfDocument(GltfPatch):
         return self.source.header["meshes"][mesh]["primitives"][number]
 
     def zeros(self, count: int) -> int:
-        """Append `count` vectors of three zeros, which take no room, and return the number of their accessor."""
+        """Append `count` vectors of three zeros, without stored data, and return the number of their accessor."""
         nothing = [0.0, 0.0, 0.0]
         accessor = {"componentType": FLOAT, "count": count, "type": "VEC3", "min": nothing, "max": nothing}
         return self.append("accessors", accessor)
 
     def write(self, target: Path) -> None:
-        """Write the file, as GLB or as glTF with embedded data by its ending."""
+        """Write the file, as GLB if `target` ends in .glb, or else as glTF with embedded data."""
         write_file(target, self.encode(binary=target.suffix.lower() == ".glb"))
 
 
 def _rows_written(mesh: Mesh) -> Int64:
-    """Return the mesh's vertex (R,) of each row of its scene, in the order of `as_gltf`."""
+    """Return the mesh's vertex (R,) of each row that `as_gltf` writes."""
     if mesh.scene is None:
         return np.arange(len(mesh.vertices))
     vertex = mesh.scene.vertex.astype(np.int64)

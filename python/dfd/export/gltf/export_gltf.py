@@ -1,4 +1,4 @@
-"""A rig as a glTF file: with a skin, or with morph targets; its key poses as an animation, linear between them."""
+"""Write a rig as a glTF file, with a skin or with morph targets. Its key poses become a linear animation."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -18,9 +18,9 @@ NAME = "dfd key poses"
 
 
 def export_gltf(rig: Rig, target: Path, form: str, most: int | None) -> RigReport:
-    """Write a rig as a "skin" of at most `most` influences a vertex, or as "morph" targets.
+    """Write a rig as a "skin" with at most `most` influences per vertex, or as "morph" targets.
 
-    Raises what `export_rig` raises.
+    Raises the errors of `export_rig`.
     """
     document = GltfDocument(rig.mesh)
     if form == "skin":
@@ -29,11 +29,11 @@ def export_gltf(rig: Rig, target: Path, form: str, most: int | None) -> RigRepor
         joints = skin.add_skin(document, rig, found)
         channels = (
             (node, path, np.array([getattr(locals_[number], path) for locals_ in found.moments[1:]]))
-            for number, node in enumerate(joints[1:], 1)  # the root rests
+            for number, node in enumerate(joints[1:], 1)  # the root joint never moves
             for path in ("translation", "rotation", "scale")
         )
         _animate(document, rig, channels)
-        note = f"the file's own animations no longer move {left}; morph targets would leave them theirs"
+        note = f"the file's own animations no longer move {left}; with morph targets they would"
         notes = (note,) if left else ()
         report = report_of(rig, target, form, difference_of(rig, found.shown), skin=found, notes=notes)
     else:
@@ -46,7 +46,7 @@ def export_gltf(rig: Rig, target: Path, form: str, most: int | None) -> RigRepor
 
 
 def _animate(document: GltfDocument, rig: Rig, channels: Iterable[tuple[int, str, NDArray[Any]]]) -> None:
-    """Append an animation: each channel is a node, its property that changes, and the values at the key poses."""
+    """Append an animation. A channel is a node, the name of a property, and its values at the key poses."""
     if not rig.poses:
         return
     animation: Header = {"name": NAME, "channels": [], "samplers": []}

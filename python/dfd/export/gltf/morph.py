@@ -1,4 +1,4 @@
-"""Morph targets: one for each handle of an edit by itself, or one for the whole shape at each key pose.
+"""Morph targets: one for each handle that moves, or one for the edit and one for each key pose.
 
 The format: Khronos Group, "glTF 2.0 Specification", 2021, section 3.7.2.2.
 """
@@ -24,11 +24,11 @@ class MorphTargets:
     """Morph targets of a mesh, and their weights over time."""
 
     names: Sequence[str]
-    shapes: Sequence[Float64]  # (T) arrays (V, 3), mesh units: the shape where that target alone has weight 1
+    shapes: Sequence[Float64]  # (T) arrays (V, 3), mesh units: the shape if that target has weight 1, all others 0
     weights: Float64  # (M, T) weights of the targets, in the edit and then at each key pose
 
     def shown(self, moment: int, rig: Rig) -> Float64:
-        """Return the shape (V, 3) at a moment: resting positions plus weighted displacements."""
+        """Return the shape (V, 3) at moment number `moment`: resting positions plus weighted displacements."""
         rest = rig.mesh.vertices
         result = (rest - rig.origin).astype(np.float32) + rig.origin
         for weight, shape in zip(self.weights[moment], self.shapes, strict=True):
@@ -38,28 +38,28 @@ class MorphTargets:
 
 
 def targets_of(rig: Rig) -> MorphTargets:
-    """Return the targets of a rig: one for each key pose; without key poses, one for each moved handle and for D₀.
+    """Return the targets of a rig: one for each handle that moves and for D₀, or, with key poses, one for each pose.
 
-    Raises ValueError if nothing is moved.
+    Raises ValueError if nothing moves and there is no key pose.
     """
     if rig.poses:
         poses = list(rig.moments())
         return MorphTargets([name for name, _ in poses], [rig.posed(edit) for _, edit in poses], np.eye(len(poses)))
-    names = {joint.handle: joint.name for joint in reversed(rig.joints)}  # of the first joint of each handle
+    names = {joint.handle: joint.name for joint in reversed(rig.joints)}  # names of the first joint of each handle
     moving = [each.id for each in rig.edit.handles if each.id in names and not each.transform.rests]
     edits = {names[handle]: _alone(rig.edit, handle) for handle in moving}
     if rig.edit.default is not None and not rig.edit.default.rests:
         edits["default"] = replace(_alone(rig.edit, None), default=rig.edit.default)
     if not edits:
-        why = "must move a handle for a morph target to show, got only handles at rest"
+        why = "must move a handle, because a morph target stores displacements, got only handles at rest"
         raise ArgumentError("session", why, "export_rig")
     return MorphTargets(list(edits), [rig.posed(edit) for edit in edits.values()], np.ones((1, len(edits))))
 
 
 def add_targets(document: GltfDocument, rig: Rig, targets: MorphTargets) -> list[int]:
-    """Add the targets to all displayed nodes, which have none yet, at the weights of the edit; return the nodes."""
-    rest = _at_rows(document, rig.mesh.vertices)
-    moved = [_at_rows(document, shape) for shape in targets.shapes]
+    """Add the targets, with the weights of the edit, to all displayed nodes, which lack targets. Return the nodes."""
+    rest = _document_positions(document, rig.mesh.vertices)
+    moved = [_document_positions(document, shape) for shape in targets.shapes]
     normals = [moved_normals(each, rest, document.scene) for each in moved]
     number_of = {id(each): number for number, each in enumerate(document.scene.primitives)}
     nodes = []
@@ -83,14 +83,14 @@ def add_targets(document: GltfDocument, rig: Rig, targets: MorphTargets) -> list
         mesh["weights"] = targets.weights[0].tolist()
         extras = mesh.setdefault("extras", {})
         if isinstance(extras, dict):
-            extras["targetNames"] = list(targets.names)  # where Blender, three.js and others read them
+            extras["targetNames"] = list(targets.names)  # Blender, three.js and others read the names here
         objects(document.header, "nodes")[node].pop("weights", None)
         nodes.append(node)
     return nodes
 
 
 def _alone(edit: Edit, handle: int | None) -> Edit:
-    """Return `edit` with one handle as it is, all others at rest and no D₀."""
+    """Return `edit` without D₀, and with all handles at rest except one. None leaves all at rest."""
     rest = Transform()
     handles = tuple(each if each.id == handle else replace(each, transform=rest) for each in edit.handles)
     return replace(edit, handles=handles, default=None)
@@ -99,9 +99,9 @@ def _alone(edit: Edit, handle: int | None) -> Edit:
 def _target(
     document: GltfDocument, primitive: Primitive, moved: Float64, new: Float64 | None, content: Header
 ) -> Header:
-    """Return a target of a primitive, in its own coordinates: displacements of its positions and normals.
+    """Return a morph target of a primitive: displacements of its positions and normals, in its own coordinates.
 
-    `moved` (V, 3) are the displacements of the mesh's vertices, and `new` the moved normals of the primitive's rows.
+    `moved` (V, 3) are the displacements of the mesh's vertices, and `new` are the new normals of the primitive's rows.
     """
     vertex, old = document.vertex[primitive.rows], primitive.geometry.normals
     local = primitive.vectors_from_scene(np.where(vertex[:, None] >= 0, moved[vertex], 0.0))
@@ -113,8 +113,8 @@ def _target(
     return target
 
 
-def _at_rows(document: GltfDocument, vertices: Float64) -> Float64:
-    """Return the positions of the vertices of the document's own scene, which may weld vertices of the mesh."""
+def _document_positions(document: GltfDocument, vertices: Float64) -> Float64:
+    """Return the positions of the document's vertices if the vertices of the mesh are at `vertices` (V, 3)."""
     scene = document.scene
     result = scene.vertices.copy()
     known = (scene.vertex >= 0) & (document.vertex >= 0)

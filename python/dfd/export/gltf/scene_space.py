@@ -1,4 +1,4 @@
-"""Baking node transforms into vertices: a skin requires scene coordinates, under nodes without a transform."""
+"""Apply the transforms of nodes to their vertices, because a skin needs vertices in the coordinates of the scene."""
 
 from typing import Any
 
@@ -14,16 +14,16 @@ _TRANSFORM = ("matrix", "translation", "rotation", "scale")
 
 
 def animated_nodes(header: Header) -> set[object]:
-    """Return the nodes that animations of the file move, turn or scale."""
+    """Return the nodes that animations of the file translate, rotate or scale."""
     channels = (each for animation in objects(header, "animations") for each in objects(animation, "channels"))
     targets = (channel.get("target") for channel in channels)
     return {each.get("node") for each in targets if isinstance(each, dict) and each.get("path") != "weights"}
 
 
 def bring_to_scene(document: GltfDocument, node: int, transform: Float64) -> None:
-    """Apply `transform` (4, 4) to the vertices of a node's mesh; attributes that it does not change are kept.
+    """Apply `transform` (4, 4) to the positions, normals, tangents and morph targets of a node's mesh.
 
-    Normals, tangents and morph targets are transformed too, and a mirroring transform reverses the winding.
+    If the transform mirrors, the order of the corners of each triangle is reversed.
     """
     if np.array_equal(transform, np.eye(4)):
         return
@@ -46,11 +46,11 @@ def bring_to_scene(document: GltfDocument, node: int, transform: Float64) -> Non
                     done[key] = _write(document, name, moved)
                 target[name] = done[key]
         if np.linalg.det(transform[:3, :3]) < 0:
-            _turn_back(document, node, number, primitive)
+            _reverse_corners(document, node, number, primitive)
 
 
 def stand_alone(document: GltfDocument, node: int) -> int:
-    """Return a root node without a transform that displays the mesh of `node`: `node` itself if possible."""
+    """Return a root node without a transform that displays the mesh of `node`; this is `node` itself if possible."""
     header = document.header
     content = header["nodes"][node]
     transform_is_used = bool(
@@ -101,7 +101,7 @@ def _transformed(name: str, values: NDArray[Any], transform: Float64) -> Float64
 
 
 def _turned(name: str, vectors: Float64, transform: Float64) -> Float64:
-    """Return vectors after `transform`: displacements and tangents by its linear part, normals by its inverse."""
+    """Return vectors (N, 3) transformed by `transform`: normals by its inverse transpose, others by its linear part."""
     linear = transform[:3, :3]
     return vectors @ (np.linalg.pinv(linear) if name == "NORMAL" else linear.T)
 
@@ -110,7 +110,7 @@ def _write(document: GltfDocument, name: str, values: Float64) -> int:
     return document.accessor(values.astype("<f4"), attribute=True, bounds=name == "POSITION")
 
 
-def _turn_back(document: GltfDocument, node: int, number: int, primitive: Header) -> None:
+def _reverse_corners(document: GltfDocument, node: int, number: int, primitive: Header) -> None:
     """Exchange two corners of every triangle."""
     mode = primitive.get("mode", 4)
     if mode not in MODES_READ:

@@ -1,7 +1,7 @@
-"""A skin whose joints are a session's handles.
+"""Add a skin to a glTF file, with joints for the handles of a session.
 
-The format: Khronos Group, "glTF 2.0 Specification", 2021, section 3.7.3. Vertices, normals and inverse binds are in the
-coordinates of the scene, since a skin ignores node transforms.
+The format: Khronos Group, "glTF 2.0 Specification", 2021, section 3.7.3. Vertices, normals and inverse bind matrices
+are in the coordinates of the scene, because a skin ignores the transforms of nodes.
 """
 
 import numpy as np
@@ -15,12 +15,12 @@ from dfd.mesh.file.gltf.header import Header, objects, parents
 from dfd.mesh.file.primitives import Primitive
 from dfd.mesh.mesh import Mesh
 
-MOST_JOINTS = 65_535  # JOINTS_n has 16 bits
-SET = 4  # influences in each pair of attributes
+MOST_JOINTS = 65_535  # the attributes JOINTS_n store 16-bit numbers
+SET = 4  # influences in each pair of attributes JOINTS_n and WEIGHTS_n
 
 
 def parts_with_deformers(mesh: Mesh) -> tuple[str | None, str | None]:
-    """Return the names of the first part of a glTF file with a skin, and of the first with morph targets, or None."""
+    """Return the names of the first scene part with a skin and the first with morph targets, or None without one."""
     if mesh.scene is None or mesh.scene.gltf is None:
         return None, None
     nodes, meshes = (objects(mesh.scene.gltf.header, name) for name in ("nodes", "meshes"))
@@ -33,7 +33,7 @@ def parts_with_deformers(mesh: Mesh) -> tuple[str | None, str | None]:
 
 
 def left_behind(document: GltfDocument) -> list[str]:
-    """Return the names of parts whose node, or a node above it, is animated; a skin ignores these nodes."""
+    """Return the names of scene parts that an animated node moves. A skin would ignore that node's animation."""
     parent = parents(document.header)
     moved = animated_nodes(document.header)
     found = []
@@ -47,9 +47,9 @@ def left_behind(document: GltfDocument) -> list[str]:
 
 
 def add_skin(document: GltfDocument, rig: Rig, skin: Skin) -> list[int]:
-    """Bind all displayed nodes to the joints of a rig, which become nodes; return their numbers.
+    """Add a node for each joint of a rig, and bind all displayed nodes to them. Return the numbers of the new nodes.
 
-    The root joins the scene, at the rig's origin, and all others are its children.
+    The root joint is a root of the scene, at the rig's origin. All other joints are its children.
     """
     joints = []
     for joint, local in zip(rig.joints, skin.moments[0], strict=True):
@@ -76,7 +76,7 @@ def add_skin(document: GltfDocument, rig: Rig, skin: Skin) -> list[int]:
 
 
 def _weigh(document: GltfDocument, node: int, primitives: list[Primitive], skin: Skin, rig: Rig) -> None:
-    """Write joints and weights of a node's primitives; rows without weights, which no face uses, follow D₀."""
+    """Write joints and weights of a node's primitives. Rows that no face uses follow the joint `rig.default`."""
     dtype = "u1" if len(rig.joints) <= 256 else "<u2"
     known = {each.source[2]: each for each in primitives}
     done: dict[int, dict[str, int]] = {}
@@ -100,7 +100,7 @@ def _weigh(document: GltfDocument, node: int, primitives: list[Primitive], skin:
 
 
 def _at(skin: Skin, vertex: Int64, default: int) -> tuple[Int64, Float32]:
-    """Return the joints and weights of rows at vertices, -1 for none, in whole sets of four."""
+    """Return joints and weights (R, K) of rows; 4 divides K. `vertex` (R,) is the vertex of each row, or -1."""
     count = skin.joints.shape[1]
     joints = np.zeros((len(vertex), -(-count // SET) * SET), np.int64)
     weights = np.zeros(joints.shape, np.float32)
