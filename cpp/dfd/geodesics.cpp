@@ -145,7 +145,7 @@ struct Geodesics::Impl {
         }
     }
 
-    /// Returns the largest distance of three sweeps per component. Each sweep starts at the vertex where the previous sweep ended.
+    /// Returns the largest distance of three sweeps per component. Each sweep starts where the previous sweep ended.
     double find_extent() const
     {
         constexpr int sweeps = 3;
