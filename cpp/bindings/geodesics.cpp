@@ -32,7 +32,7 @@ nb::ndarray<nb::numpy, std::int32_t, nb::ndim<1>> components(std::size_t vertex_
 void init_geodesics(nb::module_& m)
 {
     m.def("components", &components, "vertex_count"_a, "faces"_a.noconvert(), "links"_a.noconvert(),
-          "Return the number (V) of each vertex's connected component. `faces` (F, 3) and `links` (L, 2) connect it.");
+          "Return the number (V) of each vertex's component. `faces` (F, 3) and `links` (L, 2) connect the vertices.");
     m.def(
         "face_sizes",
         [](InputMatrix<double> vertices, Indices faces, OutputMatrix<double> out, int threads) {

@@ -164,7 +164,7 @@ struct PointSettings {
         }
         reaches.resize(handle_count, {1, Falloff::linear});
         const auto differs = [](auto value) { return value != 1; };
-        std::replace(strengths.begin(), strengths.end(), 0.0f, 1.0f);  // see `PackedPoints`
+        std::replace(strengths.begin(), strengths.end(), 0.0f, 1.0f);  // `PackedPoints` sets their distance to infinity
         general |= std::any_of(strengths.begin(), strengths.end(), differs);
         general |= std::any_of(members.begin(), members.end(), differs);
     }
@@ -294,7 +294,7 @@ void bind(const Features& features, const Points& handles, const Constraints& co
     parallel_ranges(features.vertex_count, grain, threads, [&](std::size_t worker, std::size_t begin, std::size_t end) {
         faults |= bind_range(job, begin, end, scratch.of(worker));
     }, poll);
-    // The kernels report features whose squared length is not finite. It can overflow although all entries are finite.
+    // The kernels report features whose squared length is not finite. The length of finite entries can overflow, too.
     if ((faults & features_suspect) != 0 && features.layout == Features::Layout::rows)
         require_finite(Matrix<const float>{static_cast<const float*>(features.data), features.vertex_count,
                                            features.dimension},

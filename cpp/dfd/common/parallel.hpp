@@ -33,7 +33,7 @@ std::vector<std::thread> start_threads(std::size_t count, const Run& run)
 /// Returns the number of threads that can run, at most `workers`, including the calling thread.
 ///
 /// If OpenMP cannot start a thread of a team, it ends the process. So if the team is larger than all earlier teams of
-/// the calling thread, this function first tries to start as many additional threads, and ends them again.
+/// the calling thread, this function first tries to start the additional threads itself, and ends them again.
 inline std::size_t available_workers(std::size_t workers)
 {
     static thread_local std::size_t largest = 1;

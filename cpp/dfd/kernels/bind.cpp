@@ -108,7 +108,7 @@ DFD_INLINE void put_rows(const BindJob& job, const Range& block, const float* we
     }
 }
 
-// Signs of invalid input in a range of vertices.
+// Evidence of invalid input in a range of vertices.
 struct Faults {
     bool suspect = false;      // whether a feature may not be finite
     Bits largest[parts] = {};  // the largest geodesic distances, compared as unsigned integers
@@ -130,7 +130,7 @@ struct Faults {
 DFD_INLINE void localize(const BindJob& job, std::size_t handle, const Range& block, Block& weights, Faults& faults)
 {
     const float* distances = job.geodesic + handle * job.vertex_count + block.begin;
-    prefetch(distances, geodesic_ahead, 1);  // the hardware does not prefetch one stream per handle
+    prefetch(distances, geodesic_ahead, 1);  // the hardware does not prefetch so many streams, one per handle
     float padded[block_size];
     if (block.count < block_size) {
         for (std::size_t lane = 0; lane < block_size; ++lane) padded[lane] = lane < block.count ? distances[lane] : 0;

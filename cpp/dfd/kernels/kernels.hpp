@@ -141,7 +141,7 @@ struct FieldLayer {
     const float* weights = nullptr;  // (groups, inputs, 8) with 8 outputs in a group; zeros fill the last group
     const float* bias = nullptr;     // (8 groups)
     const float* gain = nullptr;     // (8 groups) of the LayerNorm, or null for the last layer
-    const float* shift = nullptr;    // likewise
+    const float* shift = nullptr;    // (8 groups) of the LayerNorm, or null for the last layer
     std::size_t inputs = 0, outputs = 0;
 };
 

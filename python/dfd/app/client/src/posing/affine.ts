@@ -24,7 +24,7 @@ export interface Transform {
   readonly bend: Vec3;
   /** Rotation of the tip about the part's axis, in degrees. */
   readonly twist: number;
-  /** Where the part bends and twists, from 0 (its base) to 1 (its tip); null is over the whole length. */
+  /** Where the part bends and twists, from 0 (its base) to 1 (its tip); null spreads both over its length. */
   readonly joint: number | null;
 }
 

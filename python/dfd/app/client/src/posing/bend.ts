@@ -31,7 +31,7 @@ export function bendTowards({ base, tip }: PartEnds, point: Vec3, joint: number 
   return about.multiplyScalar(Math.min(degrees, MOST_DEGREES) / size).toArray();
 }
 
-/** Return `LINE_SHARE`, or the larger share with a joint near the base: all surface beyond a joint turns alike. */
+/** Return the ratio `LINE_SHARE`, or a larger one if a joint near the base turns most of the part by the full angle. */
 function lineShare(joint: number | null): number {
   return joint === null ? LINE_SHARE : Math.max(1 - joint, LINE_SHARE);
 }

@@ -62,7 +62,7 @@ export const CLOSED = {
   /** The server's pose, for blends that the shader does not support. */
   posed: null as Posed | null,
   edit: null as StateMessage | null,
-  /** (V) weights times 65535, by the number of their column. A handle has a column for each counterpart. */
+  /** (V) weights times 65535, by the number of their column. A handle has one column, or one for each counterpart. */
   columns: new Map() as ReadonlyMap<number, Uint16Array>,
   ahead: new Map() as ReadonlyMap<number, Ahead>,
   selected: null as number | null,

@@ -25,7 +25,7 @@ export function columnMatrix(handle: Placed, { frame, position }: ColumnState): 
   const turn = back.clone().transpose();
   const pivot = transform.pivot ?? held;
   const matrix = relative(matrixOf(transform, held), pivot).premultiply(turn).multiply(back);
-  // The counterpart's pivot and position are related as the handle's pivot and position.
+  // In its own frame, the counterpart has the same vector from its pivot to its position as the handle.
   return relative(matrix, subtract(apply(turn, subtract(held, pivot)), position));
 }
 

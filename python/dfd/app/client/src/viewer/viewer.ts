@@ -82,7 +82,7 @@ export class Viewer {
       (state) => POSED_BY.map((key) => state[key]),
       () => this.poseSoon(),
     );
-    // The mark under the pointer is no part of the canvas, which therefore stays.
+    // The mark under the pointer is an element over the canvas, so the canvas need not be drawn again.
     store.on("hover", () => this.mark());
     store.watch(
       ({ look, wireframe, comparing, edit, xray, ...state }) => {

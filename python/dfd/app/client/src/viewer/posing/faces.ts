@@ -22,7 +22,7 @@ export class Faces {
     for (let face = 0; face < count; face++) this.order[next[triangles[3 * face + 2]]++] = face;
   }
 
-  /** Return the row of this corner. `lastCorner` is the row of the triangle's last corner. */
+  /** Return the row of the corner nearest to `point`. `lastCorner` is the row of the triangle's last corner. */
   nearestRow(point: Vec3, lastCorner: number): number | null {
     let best: number | null = null;
     let least = Infinity;
