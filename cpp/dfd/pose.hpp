@@ -40,7 +40,7 @@ struct PoseArrays {
     Matrix<T> posed;                     // (V, 3) result, overwritten; must not overlap an input
     Matrix<const T> base;                // (V, 3) positions to which displacements are added, instead of to `vertices`
     Matrix<const T> normals;             // (V, 3)
-    Matrix<T> posed_normals;             // (V, 3) result: cofactors of the blended transform times `normals`, unit length
+    Matrix<T> posed_normals;             // (V, 3) result: `normals` times the blended cofactors, at unit length
 };
 
 /// Moves vertices by the blended transforms of Eq. (1), and of Eq. (8) if `motion.mirror` is set.

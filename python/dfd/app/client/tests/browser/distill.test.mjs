@@ -13,19 +13,15 @@ before(async () => {
 
 after(() => browser?.close());
 
-test(
-  "a mesh is visible while its features are learned; then a click adds a handle",
-  { timeout: 2 * PATIENCE },
-  async () => {
-    await open(page, process.env.DFD_MESH);
-    const seen = await drawn(page);
-    assert.ok(seen.covered > 0.03 && seen.shades > 50, `the canvas is blank: ${JSON.stringify(seen)}`);
-    await learn(page);
-    await shot(page, "learning");
-    await ready(page);
-    const { at } = await visibleVertex(page);
-    await page.mouse.click(...at);
-    await until(page, (s) => s.edit.handles.length === 1 && s.columns.size > 0);
-    assert.deepEqual(problems, []);
-  },
-);
+test("a mesh is visible during the learning, and then a click adds a handle", { timeout: 2 * PATIENCE }, async () => {
+  await open(page, process.env.DFD_MESH);
+  const seen = await drawn(page);
+  assert.ok(seen.covered > 0.03 && seen.shades > 50, `the canvas is blank: ${JSON.stringify(seen)}`);
+  await learn(page);
+  await shot(page, "learning");
+  await ready(page);
+  const { at } = await visibleVertex(page);
+  await page.mouse.click(...at);
+  await until(page, (s) => s.edit.handles.length === 1 && s.columns.size > 0);
+  assert.deepEqual(problems, []);
+});

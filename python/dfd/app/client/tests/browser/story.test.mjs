@@ -1,5 +1,4 @@
-// One long editing session against the real server, from opening a mesh to the exported files. It checks positions and
-// pixels.
+// One editing session, from opening a mesh to the exported files. It checks positions and pixels.
 import assert from "node:assert/strict";
 import { copyFile, writeFile } from "node:fs/promises";
 import { join } from "node:path";
