@@ -45,20 +45,20 @@ using StridedInput = nb::ndarray<const T, nb::ndim<2>, nb::device::cpu>;
 template <class T>
 using StridedOutput = nb::ndarray<nb::numpy, T, nb::ndim<2>, nb::device::cpu>;
 
-/// Returns a view of weights (V, H) whose rows or columns are contiguous.
-/// @throws std::invalid_argument with `message` if neither are
+/// Returns a view of weights (V, H). Throws std::invalid_argument(message) if neither rows nor columns are contiguous.
 template <class T, class Array>
 dfd::StridedMatrix<T> strided_matrix(const Array& array, const char* message)
 {
     const auto rows = static_cast<std::int64_t>(array.shape(0)), columns = static_cast<std::int64_t>(array.shape(1));
-    std::int64_t down = array.stride(0), beside = array.stride(1);
-    // The strides of a single row or column are arbitrary in NumPy.
-    if (rows <= 1) down = std::max<std::int64_t>(columns, 1);
-    if (columns <= 1) beside = down == 1 ? std::max<std::int64_t>(rows, 1) : 1;
-    const bool by_rows = beside == 1 && down >= columns, by_columns = down == 1 && beside >= rows;
-    if (rows * columns != 0 && !by_rows && !by_columns) throw std::invalid_argument(message);
-    return {array.data(), array.shape(0), array.shape(1), static_cast<std::size_t>(down),
-            static_cast<std::size_t>(beside)};
+    std::int64_t row_stride = array.stride(0), column_stride = array.stride(1);
+    // In NumPy, the stride along a dimension of length 1 is arbitrary.
+    if (rows <= 1) row_stride = std::max<std::int64_t>(columns, 1);
+    if (columns <= 1) column_stride = row_stride == 1 ? std::max<std::int64_t>(rows, 1) : 1;
+    const bool row_major = column_stride == 1 && row_stride >= columns;
+    const bool column_major = row_stride == 1 && column_stride >= rows;
+    if (rows * columns != 0 && !row_major && !column_major) throw std::invalid_argument(message);
+    return {array.data(), array.shape(0), array.shape(1), static_cast<std::size_t>(row_stride),
+            static_cast<std::size_t>(column_stride)};
 }
 
 /// Returns a new uninitialized array (rows, columns) that Python owns.
@@ -67,6 +67,6 @@ OutputMatrix<T> make_matrix(std::size_t rows, std::size_t columns)
 {
     if (columns != 0 && rows > PTRDIFF_MAX / sizeof(T) / columns) throw std::bad_alloc();
     auto memory = std::make_unique<dfd::AlignedMemory>(dfd::take_memory(rows * columns * sizeof(T)));
-    nb::capsule owner(memory.get(), [](void* taken) noexcept { delete static_cast<dfd::AlignedMemory*>(taken); });
+    nb::capsule owner(memory.get(), [](void* released) noexcept { delete static_cast<dfd::AlignedMemory*>(released); });
     return OutputMatrix<T>(memory.release()->get(), {rows, columns}, owner);
 }

@@ -22,9 +22,9 @@ template <class T>
 using OptionalVector = std::optional<InputVector<T>>;
 
 template <class T>
-bool holds(const Array& array, std::size_t dimensions)
+bool has_dtype(const Array& array, std::size_t rank)
 {
-    return array.ndim() == dimensions && array.dtype() == nb::dtype<T>();
+    return array.ndim() == rank && array.dtype() == nb::dtype<T>();
 }
 
 template <class T>
@@ -36,19 +36,19 @@ std::span<const T> span_of(const OptionalVector<T>& vector)
 dfd::Features features_of(const Array& array, std::size_t vertex_count, float scale)
 {
     using Layout = dfd::Features::Layout;
-    if (holds<float>(array, 2)) return {Layout::rows, array.data(), array.shape(0), array.shape(1)};
-    const bool halves = holds<std::uint16_t>(array, 3) && array.shape(2) == dfd::block_size;
-    const bool bytes = holds<std::uint8_t>(array, 4) && array.shape(2) == dfd::block_size && array.shape(3) == 4;
+    if (has_dtype<float>(array, 2)) return {Layout::rows, array.data(), array.shape(0), array.shape(1)};
+    const bool halves = has_dtype<std::uint16_t>(array, 3) && array.shape(2) == dfd::block_size;
+    const bool bytes = has_dtype<std::uint8_t>(array, 4) && array.shape(2) == dfd::block_size && array.shape(3) == 4;
     if (!halves && !bytes)
         throw nb::type_error("bind: features must be float32 (V, D), uint16 (B, D, 16) or uint8 (B, D / 4 + 1, 16, 4)");
     if (array.shape(0) != (vertex_count + dfd::block_size - 1) / dfd::block_size)
-        throw std::invalid_argument("bind: `features` must hold a block for every 16 vertices");
+        throw std::invalid_argument("bind: `features` must have one block for every 16 vertices");
     if (halves) return {Layout::halves, array.data(), vertex_count, array.shape(1)};
-    if (array.shape(1) < 1) throw std::invalid_argument("bind: `features` must hold the squared lengths");
+    if (array.shape(1) < 1) throw std::invalid_argument("bind: uint8 `features` must end with squared lengths");
     return {Layout::bytes, array.data(), vertex_count, 4 * (array.shape(1) - 1), scale};
 }
 
-// Handles or fixed points: float32 rows (N, D), or a copy of int64 vertices (N), which other threads may change.
+// Handles or fixed points: float32 rows (N, D), or int64 vertices (N), copied because other threads may change them.
 struct OwnedPoints {
     std::vector<std::int64_t> vertices;
     dfd::Points points;
@@ -56,11 +56,11 @@ struct OwnedPoints {
     OwnedPoints(const OptionalArray& given, const OptionalVector<float>& offsets)
     {
         if (!given) return;
-        if (holds<std::int64_t>(*given, 1)) {
+        if (has_dtype<std::int64_t>(*given, 1)) {
             const auto* first = static_cast<const std::int64_t*>(given->data());
             vertices.assign(first, first + given->shape(0));
             points.vertices = vertices;
-        } else if (holds<float>(*given, 2)) {
+        } else if (has_dtype<float>(*given, 2)) {
             points.rows = {static_cast<const float*>(given->data()), given->shape(0), given->shape(1)};
         } else {
             throw nb::type_error("bind: points must be int64 vertices (N) or float32 rows (N, D)");
@@ -93,15 +93,15 @@ void bind(const Array& features, std::size_t vertex_count, float scale, const Ar
           const StridedOutput<float>& out, int threads)
 {
     const dfd::Features source = features_of(features, vertex_count, scale);
-    OwnedPoints owned(handles, handle_offsets);
-    owned.points.members = span_of(members);
-    const OwnedPoints held(fixed, fixed_offsets);
+    OwnedPoints handle_points(handles, handle_offsets);
+    handle_points.points.members = span_of(members);
+    const OwnedPoints fixed_points(fixed, fixed_offsets);
     const std::vector<dfd::Extent> extents = extents_of(reaches, falloffs);
-    dfd::Constraints constraints{held.points, {}, span_of(locality), span_of(strengths), extents};
+    dfd::Constraints constraints{fixed_points.points, {}, span_of(locality), span_of(strengths), extents};
     if (geodesic) constraints.geodesic = matrix(*geodesic);
     const auto weights = strided_matrix<float>(out, "bind: `out` must have contiguous rows or columns");
     unlocked([&](const dfd::Poll& poll) {
-        dfd::bind(source, owned.points, constraints, weights, threads, dfd::kernels(), poll);
+        dfd::bind(source, handle_points.points, constraints, weights, threads, dfd::kernels(), poll);
     });
 }
 
@@ -114,8 +114,8 @@ void init_bind(nb::module_& m)
           "falloffs"_a.noconvert().none(), "fixed"_a.noconvert().none(), "fixed_offsets"_a.noconvert().none(),
           "strengths"_a.noconvert().none(), "geodesic"_a.noconvert().none(), "locality"_a.noconvert().none(),
           "out"_a.noconvert(), "threads"_a,
-          "Write the weights (V, H) of Eq. 4-7 to `out`. Handles are vertices (N) or rows (N, D); `members` (H) are "
-          "the numbers of consecutive points of each handle. Features are rows (V, D), bits of float16 in blocks "
-          "(B, D, 16), or uint8 in blocks (B, D / 4 + 1, 16, 4) in steps of `scale`, with the squared length as the "
-          "last quad.");
+          "Write the weights (V, H) of Eq. 4-7 to `out`. The points `handles` are vertex indices (N) or feature rows "
+          "(N, D); handle h consists of `members[h]` consecutive points. `features` are float32 rows (V, D), or "
+          "blocks of 16 vertices: float16 bits (B, D, 16), or uint8 (B, D / 4 + 1, 16, 4). A byte b is the feature "
+          "entry (b - 128) * scale; the last four bytes of a vertex are its squared length as int32.");
 }

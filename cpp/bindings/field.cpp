@@ -38,7 +38,7 @@ void make_field(dfd::Field* self, const std::vector<InputMatrix<float>>& weights
 
 void init_field(nb::module_& m)
 {
-    nb::class_<dfd::Field>(m, "Field", "A feature field's network, with weights rearranged for the kernels.")
+    nb::class_<dfd::Field>(m, "Field", "The network of a feature field, stored in the layout that the kernels read.")
         .def("__init__", &make_field, "weights"_a, "biases"_a, "gains"_a, "shifts"_a, "octaves"_a, "center"_a, "scale"_a)
         .def(
             "evaluate",
@@ -49,5 +49,5 @@ void init_field(nb::module_& m)
                 self.evaluate(in, out, threads, dfd::kernels());
             },
             "points"_a.noconvert(), "features"_a.noconvert(), "threads"_a,
-            "Write the unit features (N, D) of points (N, 3) to `features`.");
+            "Write the unit-length features of `points` (N, 3) to `features` (N, D).");
 }

@@ -32,7 +32,7 @@ nb::ndarray<nb::numpy, std::int32_t, nb::ndim<1>> components(std::size_t vertex_
 void init_geodesics(nb::module_& m)
 {
     m.def("components", &components, "vertex_count"_a, "faces"_a.noconvert(), "links"_a.noconvert(),
-          "Return the connected component (V) of each vertex, for faces (F, 3) and links (L, 2).");
+          "Return the number (V) of each vertex's component. `faces` (F, 3) and `links` (L, 2) connect the vertices.");
     m.def(
         "face_sizes",
         [](InputMatrix<double> vertices, Indices faces, OutputMatrix<double> out, int threads) {
@@ -40,7 +40,7 @@ void init_geodesics(nb::module_& m)
             dfd::face_sizes(matrix(vertices), matrix(faces), matrix(out), threads);
         },
         "vertices"_a.noconvert(), "faces"_a.noconvert(), "out"_a.noconvert(), "threads"_a,
-        "Write the longest side and the area of each face (F, 3) of vertices (V, 3) to `out` (F, 2).");
+        "Write the longest side and the area of each face to `out` (F, 2), for `vertices` (V, 3) and `faces` (F, 3).");
     m.def(
         "interpolate",
         [](InputMatrix<double> vertices, InputMatrix<double> centers, IndexVector of_vertex, IndexVector starts,
@@ -51,8 +51,8 @@ void init_geodesics(nb::module_& m)
         },
         "vertices"_a.noconvert(), "centers"_a.noconvert(), "of_vertex"_a.noconvert(), "starts"_a.noconvert(),
         "neighbors"_a.noconvert(), "chosen"_a.noconvert(), "values"_a.noconvert(), "out"_a.noconvert(), "threads"_a,
-        "Interpolate values (N, K) of clusters at the vertices `chosen` (M), and write them to `out` (M, K).");
-    nb::class_<dfd::Geodesics>(m, "Geodesics", "Distances along a surface of vertices (V, 3), faces and links.")
+        "Interpolate `values` (N, K) of vertex clusters at the vertices `chosen` (M), and write them to `out` (M, K).");
+    nb::class_<dfd::Geodesics>(m, "Geodesics", "Distances along a surface of faces, and of links between vertices.")
         .def(
             "__init__",
             [](dfd::Geodesics* self, InputMatrix<double> vertices, Indices faces, Indices links,
@@ -61,8 +61,8 @@ void init_geodesics(nb::module_& m)
                 new (self) dfd::Geodesics(matrix(vertices), matrix(faces), matrix(links), sample_count, threads);
             },
             "vertices"_a.noconvert(), "faces"_a.noconvert(), "links"_a.noconvert(), "sample_count"_a, "threads"_a)
-        .def_prop_ro("extent", &dfd::Geodesics::extent, "About the largest distance between connected vertices.")
-        .def_prop_ro("sample_count", &dfd::Geodesics::sample_count, "Number of samples.")
+        .def_prop_ro("extent", &dfd::Geodesics::extent, "Largest distance between connected vertices, approximately.")
+        .def_prop_ro("sample_count", &dfd::Geodesics::sample_count, "Number of surface samples.")
         .def(
             "distances",
             [](const dfd::Geodesics& self, InputVector<std::int64_t> sources, float separate, OutputMatrix<float> out,
@@ -71,5 +71,6 @@ void init_geodesics(nb::module_& m)
                 self.distances(span(sources), separate, matrix(out), threads);
             },
             "sources"_a.noconvert(), "separate"_a, "out"_a.noconvert(), "threads"_a,
-            "Write the distances of the first V vertices from each source (H), divided by `extent`, to `out` (H, V).");
+            "Write the distances from the vertices `sources` (H) to the first V vertices, divided by `extent`, to "
+            "`out` (H, V). A vertex that is not connected to the source gets `separate`.");
 }

@@ -11,14 +11,14 @@ using namespace nb::literals;
 
 NB_MODULE(_core, m)
 {
-    m.doc() = "Kernels of dfd. Arguments have exact types and contiguous rows; `dfd.bind` and `dfd.pose` coerce.";
-    nb::set_leak_warnings(false);  // commands exit without garbage collection, and the process frees the objects
-    dfd::kernels();  // throws here, during the import, if DFD_ISA is no instruction set of this machine
-    m.def("instruction_set", [] { return dfd::kernels().name; }, "Return the instruction set whose kernels run.");
+    m.doc() = "Kernels of dfd. They take arrays of one dtype with contiguous rows; `dfd.bind` and `dfd.pose` convert.";
+    nb::set_leak_warnings(false);  // commands exit without garbage collection, which nanobind would report as leaks
+    dfd::kernels();  // throws during the import if this machine does not have the instruction set DFD_ISA
+    m.def("instruction_set", [] { return dfd::kernels().name; }, "Return the instruction set of the kernels in use.");
     m.def("instruction_sets", &dfd::instruction_sets,
           "Return the instruction sets of the kernels that run on this machine, the slowest first.");
     m.def("team_size", &dfd::team_size, "threads"_a, nb::call_guard<nb::gil_scoped_release>(),
-          "Return the size of the OpenMP team that runs a loop on `threads` threads, or 0 if there is no team.");
+          "Return the number of threads in the OpenMP team for a loop on `threads` threads, or 0 if there is no team.");
     m.def("empty_float32", &make_matrix<float>, "rows"_a, "columns"_a, "Return a new uninitialized array.");
     m.def("empty_float64", &make_matrix<double>, "rows"_a, "columns"_a, "Return a new uninitialized array.");
     init_bind(m);

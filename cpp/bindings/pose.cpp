@@ -22,7 +22,7 @@ namespace {
 
 using Transforms = nb::ndarray<const double, nb::shape<-1, 3, 4>, nb::c_contig, nb::device::cpu>;
 using Transform = nb::ndarray<const double, nb::shape<3, 4>, nb::c_contig, nb::device::cpu>;
-using Plane = std::tuple<std::array<double, 3>, double, double>;  // normal, offset, band
+using Plane = std::tuple<std::array<double, 3>, double, double>;  // normal, offset, half width of the band
 
 template <class T>
 void pose(InputMatrix<T> vertices, StridedInput<float> weights, Transforms transforms, Transform rest,
@@ -34,13 +34,13 @@ void pose(InputMatrix<T> vertices, StridedInput<float> weights, Transforms trans
 {
     std::vector<dfd::Affine> affine(transforms.shape(0));
     if (!affine.empty()) std::memcpy(affine.data(), transforms.data(), affine.size() * sizeof(dfd::Affine));
-    std::vector<dfd::Vector3d> standing;
+    std::vector<dfd::Vector3d> placed;
     if (places) {
         if (places->shape(1) != 3) throw std::invalid_argument("pose: `handles` must be (H, 3)");
-        standing.resize(places->shape(0));
-        if (!standing.empty()) std::memcpy(standing.data(), places->data(), standing.size() * sizeof standing[0]);
+        placed.resize(places->shape(0));
+        if (!placed.empty()) std::memcpy(placed.data(), places->data(), placed.size() * sizeof placed[0]);
     }
-    dfd::Motion motion{affine, {}, {}, static_cast<dfd::Overlap>(overlap), static_cast<dfd::Blend>(blend), standing, {}};
+    dfd::Motion motion{affine, {}, {}, static_cast<dfd::Overlap>(overlap), static_cast<dfd::Blend>(blend), placed, {}};
     std::memcpy(motion.rest.data(), rest.data(), sizeof motion.rest);
     if (plane && positive) {
         const auto& [normal, offset, band] = *plane;
@@ -64,8 +64,8 @@ void define_pose(nb::module_& m)
           "default"_a.noconvert(), "plane"_a.none(), "positive"_a.noconvert().none(), "places"_a.noconvert().none(),
           "mixing"_a.noconvert().none(), "overlap"_a, "blend"_a, "base"_a.noconvert().none(),
           "normals"_a.noconvert().none(), "out"_a.noconvert(), "out_normals"_a.noconvert().none(), "threads"_a,
-          "Write the vertices (V, 3) of Eq. 1 and 8 to `out`, moved by transforms (H, 3, 4). The weights (V, H) are "
-          "multiplied by `mixing` (H, H) first.");
+          "Move `vertices` (V, 3) by `transforms` (H, 3, 4) as in Eq. 1 and 8, and write the result to `out` (V, 3). "
+          "If `mixing` (H, H) is given, `weights` (V, H) are first multiplied by it.");
 }
 
 }  // namespace

@@ -7,9 +7,9 @@
 #include <chrono>
 #include <thread>
 
-/// Acquires the interpreter's lock again. An interpreter that shuts down ends all threads that wait for its lock. The
-/// frames on this thread's stack cannot be unwound, so the thread sleeps until the process ends.
-inline void take_lock(PyThreadState* state)
+/// Acquires Python's global interpreter lock (GIL) again. While Python shuts down, it ends each thread that waits for
+/// the GIL by unwinding the thread's stack. Our frames cannot be unwound, so the thread sleeps until the process ends.
+inline void acquire_gil(PyThreadState* state)
 {
     try {
         PyEval_RestoreThread(state);
@@ -18,31 +18,31 @@ inline void take_lock(PyThreadState* state)
     }
 }
 
-/// Calls `work(poll)` without the interpreter's lock. `poll` runs the handlers of signals, such as Ctrl-C; if a handler
-/// raises an error, the work stops.
+/// Calls `work(poll)` without the GIL. `work` calls `poll` repeatedly. At most every 100 ms, `poll` runs Python's
+/// signal handlers, such as that of Ctrl-C. If a handler raises an exception, `work` stops and the exception is thrown.
 template <class Work>
 void unlocked(const Work& work)
 {
     using Clock = std::chrono::steady_clock;
-    constexpr std::chrono::milliseconds between(100);
+    constexpr std::chrono::milliseconds interval(100);
     PyThreadState* state = PyEval_SaveThread();
-    Clock::time_point asked = Clock::now();
+    Clock::time_point last_check = Clock::now();
     const dfd::Poll poll = [&] {
-        if (Clock::now() - asked < between) return false;
-        take_lock(state);
+        if (Clock::now() - last_check < interval) return false;
+        acquire_gil(state);
         const bool raised = PyErr_CheckSignals() != 0;
         state = PyEval_SaveThread();
-        asked = Clock::now();
+        last_check = Clock::now();
         return raised;
     };
     try {
         work(poll);
     } catch (const dfd::Stopped&) {
-        take_lock(state);
+        acquire_gil(state);
         throw nanobind::python_error();
     } catch (const std::exception&) {
-        take_lock(state);
+        acquire_gil(state);
         throw;
     }
-    take_lock(state);
+    acquire_gil(state);
 }

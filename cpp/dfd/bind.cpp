@@ -14,13 +14,13 @@
 namespace dfd {
 namespace {
 
-// Each thread compares at least this many feature entries. With fewer, the thread takes longer to start than to work.
+// Least number of feature entries for each thread. A thread with fewer entries takes longer to start than to work.
 constexpr std::size_t grain_entries = std::size_t{1} << 19;
-constexpr std::size_t streamed_bytes = std::size_t{1} << 22;  // size from which results bypass the caches
-constexpr std::size_t streamed_columns = 64;                  // number of columns from which they bypass the caches
+constexpr std::size_t streamed_bytes = std::size_t{1} << 22;  // smaller weight matrices do not bypass the caches
+constexpr std::size_t streamed_columns = 64;                  // column-major matrices with fewer columns do not, either
 constexpr std::size_t most_byte_dimensions = 33'000;          // with more, a squared distance can exceed 32 bits
 
-// Returns the value of a float16.
+// Returns the number that the bits of a float16 represent.
 double value_of(std::uint16_t half)
 {
     const int exponent = half >> 10 & 31, fraction = half & 1023;
@@ -47,7 +47,7 @@ void read_row(const Features& features, std::size_t vertex, std::span<float> row
     }
 }
 
-// The fixed points, then the handles, in groups of 16.
+// The feature rows of the fixed points, then those of the handles, in the layout of `PackedRows`: groups of 16 points.
 class PackedPoints {
 public:
     PackedPoints(const Points& fixed, std::span<const float> strengths, const Points& handles, const Features& features)
@@ -78,7 +78,7 @@ public:
             }
         }
         for (std::size_t p = 0; p < strengths.size(); ++p)
-            if (strengths[p] == 0) offsets_[p] = std::numeric_limits<float>::max();  // it removes no weight
+            if (strengths[p] == 0) offsets_[p] = std::numeric_limits<float>::max();  // the point then removes no weight
         rows = {rows_.data(),   squares_.data(),      quads_.data(),   pairs_.data(),
                 products_fit_.data(), quad_squares_.data(), offsets_.data(), count};
     }
@@ -112,18 +112,18 @@ private:
             if (k % 2 == 1 && std::abs(before) + std::abs(entry) > most_together) products_fit_[j] = 0;
             before = entry;
             const std::size_t quad = group + k / 4, lane = j % group_size;
-            put(quads_[quad * group_size + lane], entry & 0xff, k % 4 * 8);
-            put(pairs_[(2 * quad + k % 2) * group_size + lane], entry & 0xffff, k % 4 / 2 * 16);
+            insert_bits(quads_[quad * group_size + lane], entry & 0xff, k % 4 * 8);
+            insert_bits(pairs_[(2 * quad + k % 2) * group_size + lane], entry & 0xffff, k % 4 / 2 * 16);
         }
-        quad_squares_[j] = square + 256 * sum;  // the sum corrects the offset of 128 of the vertices' entries
+        quad_squares_[j] = square + 256 * sum;  // 256 * sum cancels the 128 that is added to each entry of a vertex
     }
 
-    static void put(std::int32_t& word, std::int32_t bits, std::size_t shift)
+    static void insert_bits(std::int32_t& word, std::int32_t bits, std::size_t shift)
     {
         word = static_cast<std::int32_t>(static_cast<std::uint32_t>(word) | static_cast<std::uint32_t>(bits) << shift);
     }
 
-    // Bound of |a| + |b| for neighboring entries a and b: 255 (|a| + |b|) then fits a signed 16-bit number.
+    // Largest |a| + |b| of neighboring entries a and b for which 255 (|a| + |b|) fits a signed 16-bit number.
     static constexpr std::int32_t most_together = 128;
 
     std::size_t dimension_;
@@ -134,7 +134,7 @@ private:
 
 std::vector<Power> powers_of(std::span<const float> locality)
 {
-    constexpr float most_products = 8;  // above this exponent, exp(λ log x) takes no longer than products
+    constexpr float most_products = 8;  // for larger exponents, exp(λ log x) is at least as fast as products
     std::vector<Power> powers;
     for (const float exponent : locality) {
         const bool whole = exponent <= most_products && exponent == std::floor(exponent);
@@ -143,30 +143,30 @@ std::vector<Power> powers_of(std::span<const float> locality)
     return powers;
 }
 
-// Strengths of fixed points, and reaches and member counts of handles. Empty inputs get the paper's values.
-struct Shapes {
+// The strength of each fixed point, and the reach and member count of each handle. Empty inputs get the paper's values.
+struct PointSettings {
     std::vector<float> strengths;
     std::vector<Reach> reaches;
     std::vector<std::uint32_t> members;
-    bool shaped = false;
+    bool general = false;  // whether a value differs from the paper's
 
-    Shapes(const Points& handles, const Constraints& constraints)
+    PointSettings(const Points& handles, const Constraints& constraints)
         : strengths(constraints.strengths.begin(), constraints.strengths.end()),
           members(handles.members.begin(), handles.members.end())
     {
-        constexpr float most = 1e30f;  // bounds 1 / reach, so that its product with a distance of 0 is no NaN
+        constexpr float largest_inverse = 1e30f;  // an infinite 1 / reach times a distance of 0 would be NaN
         const std::size_t handle_count = handles.handle_count();
         strengths.resize(constraints.fixed.count(), 1);
         members.resize(handle_count, 1);
         for (const Extent& extent : constraints.extents) {
-            reaches.push_back({std::clamp(1 / extent.reach, 1 / most, most), extent.falloff});
-            shaped |= extent.reach != 1 || extent.falloff != Falloff::linear;
+            reaches.push_back({std::clamp(1 / extent.reach, 1 / largest_inverse, largest_inverse), extent.falloff});
+            general |= extent.reach != 1 || extent.falloff != Falloff::linear;
         }
         reaches.resize(handle_count, {1, Falloff::linear});
         const auto differs = [](auto value) { return value != 1; };
-        std::replace(strengths.begin(), strengths.end(), 0.0f, 1.0f);  // these points have an infinite distance
-        shaped |= std::any_of(strengths.begin(), strengths.end(), differs);
-        shaped |= std::any_of(members.begin(), members.end(), differs);
+        std::replace(strengths.begin(), strengths.end(), 0.0f, 1.0f);  // `PackedPoints` sets their distance to infinity
+        general |= std::any_of(strengths.begin(), strengths.end(), differs);
+        general |= std::any_of(members.begin(), members.end(), differs);
     }
 };
 
@@ -222,7 +222,7 @@ BindRange range_of(const Kernels& kernels, Features::Layout layout)
     }
 }
 
-// Returns whether results bypass the caches: at least `streamed_bytes` in contiguous rows or aligned columns.
+// Returns whether weights bypass the caches: at least `streamed_bytes`, as contiguous rows or many aligned columns.
 bool can_stream(const StridedMatrix<float>& weights)
 {
     if (weights.rows * weights.columns * sizeof(float) < streamed_bytes) return false;
@@ -231,8 +231,8 @@ bool can_stream(const StridedMatrix<float>& weights)
            reinterpret_cast<std::uintptr_t>(weights.data) % 64 == 0;
 }
 
-// Throws if a distance is negative, or exceeds 1 by more than rounding. The kernels also report the valid value -0.
-void require_shares(const Matrix<const float>& geodesic)
+// Throws unless all distances are in [0, 1], up to a rounding error. The kernels also report -0, which is valid.
+void require_unit_interval(const Matrix<const float>& geodesic)
 {
     const std::span<const float> all{geodesic.data, geodesic.rows * geodesic.columns};
     const auto found =
@@ -265,7 +265,7 @@ void bind(const Features& features, const Points& handles, const Constraints& co
         require(std::isfinite(exponent) && exponent >= 0, "bind: `locality` must be finite and at least 0");
 
     const PackedPoints packed(fixed, strengths, handles, features);
-    const Shapes shapes(handles, constraints);
+    const PointSettings settings(handles, constraints);
     const std::vector<Power> powers = powers_of(locality);
     BindJob job;
     job.features = features.data;
@@ -275,10 +275,10 @@ void bind(const Features& features, const Points& handles, const Constraints& co
     job.points = packed.rows;
     job.fixed_count = fixed_count;
     job.handle_count = handle_count;
-    job.shaped = shapes.shaped;
-    job.strengths = shapes.strengths.data();
-    job.reaches = shapes.reaches.data();
-    job.members = shapes.members.data();
+    job.general = settings.general;
+    job.strengths = settings.strengths.data();
+    job.reaches = settings.reaches.data();
+    job.members = settings.members.data();
     job.geodesic = locality.empty() ? nullptr : geodesic.data;
     job.powers = powers.data();
     job.weights = weights.data;
@@ -289,19 +289,19 @@ void bind(const Features& features, const Points& handles, const Constraints& co
     const Scratch scratch(threads, bind_scratch(features.dimension, handle_count));
     const BindRange bind_range = range_of(kernels, features.layout);
     std::atomic<unsigned> faults = no_fault;
-    const std::size_t compared = features.dimension * (packed.rows.count + 1) + 1;
-    const std::size_t grain = (grain_entries / compared / block_size + 1) * block_size;
+    const std::size_t entries_per_vertex = features.dimension * (packed.rows.count + 1) + 1;
+    const std::size_t grain = (grain_entries / entries_per_vertex / block_size + 1) * block_size;
     parallel_ranges(features.vertex_count, grain, threads, [&](std::size_t worker, std::size_t begin, std::size_t end) {
         faults |= bind_range(job, begin, end, scratch.of(worker));
     }, poll);
-    // The kernels also report finite features whose length overflows. They are valid, and the slow check accepts them.
+    // The kernels report features whose squared length is not finite. The length of finite entries can overflow, too.
     if ((faults & features_suspect) != 0 && features.layout == Features::Layout::rows)
         require_finite(Matrix<const float>{static_cast<const float*>(features.data), features.vertex_count,
                                            features.dimension},
                        "bind", "features");
     require((faults & features_suspect) == 0 || features.layout != Features::Layout::halves,
             "bind: `features` must be finite");
-    if ((faults & geodesic_suspect) != 0) require_shares(geodesic);
+    if ((faults & geodesic_suspect) != 0) require_unit_interval(geodesic);
 }
 
 }  // namespace dfd

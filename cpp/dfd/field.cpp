@@ -9,11 +9,11 @@
 namespace dfd {
 namespace {
 
-constexpr std::size_t grain_points = 8 * field_points;  // least number of points for a further thread
+constexpr std::size_t grain_points = 8 * field_points;  // least number of points for each thread
 
 std::size_t padded(std::size_t outputs) { return (outputs + field_group - 1) / field_group * field_group; }
 
-/// Returns weights (outputs, inputs) as (groups, inputs, 8), with zeros at the end of the last group.
+/// Returns `weight` (outputs, inputs) rearranged to (groups, inputs, 8). Each group has 8 outputs; zeros fill the last.
 std::vector<float> grouped(Matrix<const float> weight)
 {
     std::vector<float> result(padded(weight.rows) * weight.columns);

@@ -10,7 +10,7 @@
 
 namespace dfd {
 
-/// A linear map, and for a hidden layer the LayerNorm that follows its ReLU.
+/// A layer of the network: a linear map, which in a hidden layer is followed by a ReLU and then a LayerNorm.
 struct Layer {
     Matrix<const float> weight;   // (outputs, inputs)
     std::span<const float> bias;  // (outputs)
@@ -20,19 +20,19 @@ struct Layer {
 
 /// The feature field Φ: a multilayer perceptron from points in space to unit features (paper, supplement L).
 ///
-/// Threads may share a field.
+/// Several threads may evaluate one field at the same time.
 class Field {
 public:
     /// @param layers the hidden layers, then the last layer; the first layer has 3 + 6 `octaves` inputs
-    /// @param octaves number of frequencies π/2 · 2^k per unit; their sines and cosines follow the coordinates
-    /// @param center, scale the network's coordinates of a point p are (p - center) · scale
+    /// @param octaves number of frequencies π/2 · 2^k; the network's inputs are x, then sin and cos of π/2 · 2^k · x
+    /// @param center, scale x = (p - center) · scale for a point p
     /// @throws std::invalid_argument if the outputs of a layer do not match the inputs of the next layer
     Field(std::span<const Layer> layers, std::size_t octaves, std::array<double, 3> center, double scale);
 
     std::size_t dimension() const { return layers_.back().outputs; }
 
-    /// Writes the unit features (N, D) of points (N, 3).
-    /// @throws std::invalid_argument if the shapes disagree
+    /// Writes the unit-length features of `points` (N, 3) to `features` (N, D).
+    /// @throws std::invalid_argument if the array shapes disagree
     void evaluate(Matrix<const double> points, Matrix<float> features, int threads, const Kernels& kernels) const;
 
 private:

@@ -24,13 +24,13 @@ double smooth_step(double t)
     return t * t * (3 - 2 * t);
 }
 
-/// A pool of `Wave`s (a front and its distances, `march.hpp`) that threads reuse.
+/// A pool of `Wave` objects that threads reuse. A `Wave` is a front and the distances that it has reached.
 class Waves {
 public:
     explicit Waves(std::size_t vertex_count) : vertex_count_(vertex_count) {}
 
     template <class Use>
-    void lend(const Use& use)
+    void with_wave(const Use& use)
     {
         std::unique_ptr<Wave> wave;
         {
@@ -59,7 +59,7 @@ struct Geodesics::Impl {
     Surface mesh;
     Samples samples;         // empty if every vertex is a sample
     Surface sample_surface;  // empty if every vertex is a sample
-    std::vector<Around> around;
+    std::vector<SampleFit> fits;
     double extent = 0;
     std::unique_ptr<Waves> mesh_waves, sample_waves;
 
@@ -67,85 +67,85 @@ struct Geodesics::Impl {
     const Surface& coarse() const { return all_samples() ? mesh : sample_surface; }
     Waves& coarse_waves() const { return all_samples() ? *mesh_waves : *sample_waves; }
 
-    /// The distances of all samples, and of the vertices near the source, from one source.
-    struct Reached {
-        std::vector<float> far;  // distance of each sample, infinite if it is not connected to the source
-        std::vector<std::pair<std::int32_t, double>> near;  // vertices near the source, and their distances
+    /// The distances from one source to all samples, and to the vertices near the source.
+    struct SourceDistances {
+        std::vector<float> samples;  // infinite for a sample that is not connected to the source
+        std::vector<std::pair<std::int32_t, double>> near;  // each vertex near the source, and its distance
     };
 
-    Reached from(std::int32_t source) const
+    SourceDistances reach_from(std::int32_t source) const
     {
-        Reached reached;
-        reached.far.assign(coarse().vertex_count(), std::numeric_limits<float>::infinity());
-        const auto run_far = [&](Wave& wave) {
+        SourceDistances found;
+        found.samples.assign(coarse().vertex_count(), std::numeric_limits<float>::infinity());
+        const auto run = [&](Wave& wave) {
             wave.run(coarse(), [](std::int32_t) { return unreached; },
                      [&](std::int32_t vertex, double distance) {
-                         reached.far[static_cast<std::size_t>(vertex)] = static_cast<float>(distance);
+                         found.samples[static_cast<std::size_t>(vertex)] = static_cast<float>(distance);
                      });
         };
         if (all_samples()) {
-            mesh_waves->lend([&](Wave& wave) {
+            mesh_waves->with_wave([&](Wave& wave) {
                 wave.offer(source, 0);
-                run_far(wave);
+                run(wave);
             });
-            return reached;
+            return found;
         }
         const double limit = near_to * samples.spacing;
-        mesh_waves->lend([&](Wave& wave) {
+        mesh_waves->with_wave([&](Wave& wave) {
             wave.offer(source, 0);
             wave.run(mesh, [limit](std::int32_t) { return limit; },
-                     [&](std::int32_t vertex, double distance) { reached.near.emplace_back(vertex, distance); });
+                     [&](std::int32_t vertex, double distance) { found.near.emplace_back(vertex, distance); });
         });
-        sample_waves->lend([&](Wave& wave) {
-            for (const auto& [vertex, distance] : reached.near) {
+        sample_waves->with_wave([&](Wave& wave) {
+            for (const auto& [vertex, distance] : found.near) {
                 const std::int32_t owner = samples.owner[static_cast<std::size_t>(vertex)];
                 if (samples.vertices[static_cast<std::size_t>(owner)] == vertex) wave.offer(owner, distance);
             }
             // If edges are long, the front on the mesh may reach no sample. So the front on the samples also starts at
-            // the owner, the nearest sample, of each reached vertex.
-            for (const auto& [vertex, distance] : reached.near) {
+            // the nearest sample (the owner) of each reached vertex.
+            for (const auto& [vertex, distance] : found.near) {
                 const auto v = static_cast<std::size_t>(vertex);
                 wave.offer(samples.owner[v], distance + samples.to_owner[v]);
             }
-            run_far(wave);
+            run(wave);
         });
-        return reached;
+        return found;
     }
 
     /// Returns the distance of a vertex, interpolated from the distances of the samples around it.
-    float interpolated(std::size_t vertex, const std::vector<float>& far) const
+    float interpolated(std::size_t vertex, const std::vector<float>& at_samples) const
     {
-        const Around& blend = around[vertex];
+        const SampleFit& fit = fits[vertex];
         float sum = 0;
-        for (std::size_t k = 0; k < Around::count; ++k)
-            sum += blend.weights[k] * far[static_cast<std::size_t>(blend.samples[k])];
+        for (std::size_t k = 0; k < SampleFit::count; ++k)
+            sum += fit.weights[k] * at_samples[static_cast<std::size_t>(fit.samples[k])];
         return sum;
     }
 
-    void write(const Reached& reached, float separate, std::span<float> out, int threads) const
+    void write(const SourceDistances& found, float separate, std::span<float> out, int threads) const
     {
-        const float share = extent > 0 ? static_cast<float>(1 / extent) : 0;
+        const float inverse_extent = extent > 0 ? static_cast<float>(1 / extent) : 0;
         parallel_ranges(out.size(), grain, threads, [&](std::size_t, std::size_t begin, std::size_t end) {
             for (std::size_t v = begin; v < end; ++v) {
                 const std::size_t sample = all_samples() ? v : static_cast<std::size_t>(samples.owner[v]);
-                if (!std::isfinite(reached.far[sample])) {
+                if (!std::isfinite(found.samples[sample])) {
                     out[v] = separate;
                 } else {
-                    const float distance = all_samples() ? reached.far[v] : interpolated(v, reached.far);
-                    out[v] = std::clamp(distance * share, 0.0f, 1.0f);
+                    const float distance = all_samples() ? found.samples[v] : interpolated(v, found.samples);
+                    out[v] = std::clamp(distance * inverse_extent, 0.0f, 1.0f);
                 }
             }
         });
-        for (const auto& [vertex, distance] : reached.near) {
+        for (const auto& [vertex, distance] : found.near) {
             const auto v = static_cast<std::size_t>(vertex);
             if (v >= out.size()) continue;
-            const double near = std::min(distance * share, 1.0);
-            const double part = smooth_step((distance / samples.spacing - near_from) / (near_to - near_from));
-            out[v] = static_cast<float>(near + (out[v] - near) * part);
+            const double near = std::min(distance * inverse_extent, 1.0);
+            const double far_share = smooth_step((distance / samples.spacing - near_from) / (near_to - near_from));
+            out[v] = static_cast<float>(near + (out[v] - near) * far_share);
         }
     }
 
-    /// Returns the largest distance of several sweeps, each from the farthest vertex of the previous sweep.
+    /// Returns the largest distance of three sweeps per component. Each sweep starts where the previous sweep ended.
     double find_extent() const
     {
         constexpr int sweeps = 3;
@@ -155,7 +155,7 @@ struct Geodesics::Impl {
             if (seen[start]) continue;
             auto source = static_cast<std::int32_t>(start);
             for (int sweep = 0; sweep < sweeps; ++sweep)
-                coarse_waves().lend([&](Wave& wave) {
+                coarse_waves().with_wave([&](Wave& wave) {
                     wave.offer(source, 0);
                     wave.run(coarse(), [](std::int32_t) { return unreached; },
                              [&](std::int32_t vertex, double distance) {
@@ -185,7 +185,7 @@ Geodesics::Geodesics(Matrix<const double> vertices, Matrix<const std::int32_t> f
         impl_->samples = take_samples(impl_->mesh, vertices, sample_count);
         std::vector<std::vector<std::int32_t>> rings;
         impl_->sample_surface = voronoi_surface(impl_->mesh, vertices, impl_->samples, rings);
-        impl_->around = linear_fits(vertices, impl_->samples, rings, threads);
+        impl_->fits = linear_fits(vertices, impl_->samples, rings, threads);
         impl_->sample_waves = std::make_unique<Waves>(impl_->samples.vertices.size());
     }
     impl_->extent = impl_->find_extent();
@@ -206,11 +206,11 @@ void Geodesics::distances(std::span<const std::int64_t> sources, float separate,
         return source >= 0 && static_cast<std::size_t>(source) < vertex_count();
     };
     require(std::all_of(sources.begin(), sources.end(), inside), "geodesics: `sources` must be vertex indices");
-    // Several sources are divided among the threads. For a single source, the vertices are divided.
-    const int beside = sources.size() > 1 ? threads : 1, within = sources.size() > 1 ? 1 : threads;
-    parallel_ranges(sources.size(), 1, beside, [&](std::size_t, std::size_t begin, std::size_t end) {
+    // The threads divide several sources among them. For a single source, they divide the vertices.
+    const int source_threads = sources.size() > 1 ? threads : 1, row_threads = sources.size() > 1 ? 1 : threads;
+    parallel_ranges(sources.size(), 1, source_threads, [&](std::size_t, std::size_t begin, std::size_t end) {
         for (std::size_t h = begin; h < end; ++h)
-            impl_->write(impl_->from(static_cast<std::int32_t>(sources[h])), separate, out.row(h), within);
+            impl_->write(impl_->reach_from(static_cast<std::int32_t>(sources[h])), separate, out.row(h), row_threads);
     });
 }
 

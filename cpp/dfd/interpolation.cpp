@@ -9,8 +9,8 @@
 namespace dfd {
 namespace {
 
-constexpr double radius_ratio = 1.1;   // r² over the largest d², so that no weight is 0
-constexpr double least_weight = 1e-6;  // added to each weight, so that the sum is above 0
+constexpr double radius_ratio = 1.1;   // r² divided by the largest d²; above 1, so that no weight is 0
+constexpr double added_weight = 1e-6;  // added to each weight
 
 void check(Matrix<const double> vertices, const Clusters& clusters, std::span<const std::int32_t> chosen,
            Matrix<const float> values, Matrix<float> out)
@@ -58,8 +58,8 @@ void interpolate(Matrix<const double> vertices, const Clusters& clusters, std::s
             for (const double squared : weights) largest = std::max(largest, squared);
             const double scale = largest > 0.0 ? 1.0 / (radius_ratio * largest) : 0.0;
             for (double& weight : weights) {
-                const double left = 1.0 - weight * scale;
-                total += weight = left * left + least_weight;
+                const double root = 1.0 - weight * scale;
+                total += weight = root * root + added_weight;
             }
             const auto result = out.row(i);
             std::fill(result.begin(), result.end(), 0.0F);

@@ -12,7 +12,7 @@
 namespace dfd {
 namespace {
 
-// Least number of blended weights for a further thread. With fewer, the thread takes longer to start than to work.
+// Least number of weights for each thread. A thread with fewer weights takes longer to start than to work.
 constexpr std::size_t grain_weights = std::size_t{1} << 15;
 
 using Point = Vector3d;
@@ -28,7 +28,7 @@ Point sum(const Point& a, const Point& b) { return {a[0] + b[0], a[1] + b[1], a[
 
 Point difference(const Point& a, const Point& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
 
-/// A transform as its displacement, `change` p + `shift` for a point p, and its polar decomposition about `place`.
+/// A transform, as the displacement `change` p + `shift` of a point p. The stretch in `polar` is about `place`.
 struct Displacement {
     Matrix3d change;  // linear part minus the identity
     Point shift, place;
@@ -45,7 +45,7 @@ Displacement displacement_of(const Affine& transform, const Point& place, Blend 
     return d;
 }
 
-/// Returns H M H for the reflection H of directions.
+/// Returns H M H for the (3, 3) matrix H = `reflection`.
 Matrix3d reflected(const Matrix3d& m, const Matrix3d& reflection)
 {
     Matrix3d half{}, result{};
@@ -56,7 +56,7 @@ Matrix3d reflected(const Matrix3d& m, const Matrix3d& reflection)
     return result;
 }
 
-/// Returns the displacement of R D R in Eq. (8), for the reflection R across the plane.
+/// Returns the displacement of R D R in Eq. (8), in which R is the reflection across the mirror plane.
 Displacement reflected(const Displacement& d, const Mirror& mirror)
 {
     const Point& normal = mirror.normal;
@@ -77,8 +77,8 @@ Displacement reflected(const Displacement& d, const Mirror& mirror)
     return result;
 }
 
-/// Negates the rotation's quaternion if its dot product with that of D_0 is negative, so that the blend follows the
-/// shorter rotation.
+/// Negates the quaternion of `d` if its dot product with the quaternion of D_0 (`rest`) is negative. A blend of the two
+/// then follows the shorter rotation from one to the other.
 void align(Displacement& d, const Displacement& rest)
 {
     double cosine = 0;
@@ -87,13 +87,12 @@ void align(Displacement& d, const Displacement& rest)
     for (double& entry : d.polar.rotation) entry = -entry;
 }
 
-bool stretches(const Displacement& d)
+bool has_stretch(const Displacement& d)
 {
     return std::any_of(d.polar.stretch.begin(), d.polar.stretch.end(), [](double entry) { return entry != 0; });
 }
 
-/// Appends the entries of a transform about `center`: an affine transform, or a dual quaternion and, if `stretched`,
-/// the stretch that precedes it.
+/// Appends the entries of a transform (`entries_of` lists them) to `table`. Points are relative to `center`.
 void append(std::vector<double>& table, const Displacement& d, const Point& center, Blend blend, bool stretched)
 {
     if (blend == Blend::linear) {
@@ -121,8 +120,8 @@ void append(std::vector<double>& table, const Displacement& d, const Point& cent
     table.insert(table.end(), shift.begin(), shift.end());
 }
 
-/// Multiplies a table (H, entries) by `mixing` (H, H). Blending is linear in the entries, so the effect is that of
-/// weights multiplied by `mixing`.
+/// Replaces `table` (H, entries) by `mixing` · `table`. Blending is linear in the entries, so the effect is the same as
+/// that of weights · `mixing`.
 void mix(std::vector<double>& table, const Motion& motion, std::size_t entries)
 {
     if (motion.mixing.empty() || table.empty()) return;
@@ -145,7 +144,8 @@ std::vector<T> narrowed(const std::vector<double>& numbers)
     return result;
 }
 
-/// The blended entries of D_0 and of the handles, on each side of the mirror.
+/// The entries of D_0, and of the handles for vertices on the positive and on the negative side of the mirror plane.
+/// `shares` (H) are the row sums of `mixing`, or empty without `mixing`.
 template <class T>
 struct Tables {
     std::vector<T> rest, positive, negative, shares;
@@ -153,30 +153,31 @@ struct Tables {
 
     Tables(const Motion& motion, const Point& center)
     {
-        std::vector<Displacement> own, other;
-        const Displacement still = displacement_of(motion.rest, center, motion.blend);
+        std::vector<Displacement> given, mirrored;
+        const Displacement rest_displacement = displacement_of(motion.rest, center, motion.blend);
         for (std::size_t k = 0; k < motion.transforms.size(); ++k) {
             const Point& place = motion.places.empty() ? center : motion.places[k];
-            own.push_back(displacement_of(motion.transforms[k], place, motion.blend));
-            if (motion.mirror) other.push_back(reflected(own.back(), *motion.mirror));
+            given.push_back(displacement_of(motion.transforms[k], place, motion.blend));
+            if (motion.mirror) mirrored.push_back(reflected(given.back(), *motion.mirror));
         }
-        stretched = stretches(still) || std::any_of(own.begin(), own.end(), stretches);
-        std::vector<double> above, below, resting;
-        for (std::size_t k = 0; k < own.size(); ++k) {
-            align(own[k], still);
-            if (motion.mirror) align(other[k], still);
-            const bool switched = motion.mirror && !motion.mirror->positive[k];
-            append(above, switched ? other[k] : own[k], center, motion.blend, stretched);
-            if (motion.mirror) append(below, switched ? own[k] : other[k], center, motion.blend, stretched);
+        stretched = has_stretch(rest_displacement) || std::any_of(given.begin(), given.end(), has_stretch);
+        std::vector<double> positive_entries, negative_entries, rest_entries;
+        for (std::size_t k = 0; k < given.size(); ++k) {
+            align(given[k], rest_displacement);
+            if (motion.mirror) align(mirrored[k], rest_displacement);
+            const bool on_negative_side = motion.mirror && !motion.mirror->positive[k];
+            append(positive_entries, on_negative_side ? mirrored[k] : given[k], center, motion.blend, stretched);
+            if (!motion.mirror) continue;
+            append(negative_entries, on_negative_side ? given[k] : mirrored[k], center, motion.blend, stretched);
         }
-        append(resting, still, center, motion.blend, stretched);
+        append(rest_entries, rest_displacement, center, motion.blend, stretched);
         const std::size_t entries = entries_of(motion.blend, stretched);
-        mix(above, motion, entries);
-        mix(below, motion, entries);
-        rest = narrowed<T>(resting);
-        positive = narrowed<T>(above);
-        negative = narrowed<T>(below);
-        const std::size_t count = motion.mixing.empty() ? 0 : own.size();
+        mix(positive_entries, motion, entries);
+        mix(negative_entries, motion, entries);
+        rest = narrowed<T>(rest_entries);
+        positive = narrowed<T>(positive_entries);
+        negative = narrowed<T>(negative_entries);
+        const std::size_t count = motion.mixing.empty() ? 0 : given.size();
         for (std::size_t m = 0; m < count; ++m) {
             double share = 0;
             for (std::size_t k = 0; k < count; ++k) share += motion.mixing[m * count + k];
@@ -186,7 +187,7 @@ struct Tables {
 };
 
 template <class T>
-bool same_shape(const Matrix<T>& matrix, std::size_t rows)
+bool is_n_by_3(const Matrix<T>& matrix, std::size_t rows)
 {
     return matrix.rows == rows && matrix.columns == 3;
 }
@@ -195,11 +196,11 @@ template <class T>
 void check_shapes(const PoseArrays<T>& arrays, const Motion& motion)
 {
     const std::size_t count = arrays.vertices.rows, handle_count = motion.transforms.size();
-    require(same_shape(arrays.vertices, count) && same_shape(arrays.posed, count),
+    require(is_n_by_3(arrays.vertices, count) && is_n_by_3(arrays.posed, count),
             "pose: `vertices` and `out` must be (V, 3)");
-    require(arrays.base.data == nullptr || same_shape(arrays.base, count), "pose: `base` must be (V, 3)");
+    require(arrays.base.data == nullptr || is_n_by_3(arrays.base, count), "pose: `base` must be (V, 3)");
     require(arrays.normals.data == nullptr ||
-                (same_shape(arrays.normals, count) && same_shape(arrays.posed_normals, count)),
+                (is_n_by_3(arrays.normals, count) && is_n_by_3(arrays.posed_normals, count)),
             "pose: `normals` must be (V, 3)");
     require(arrays.weights.rows == count && arrays.weights.columns == handle_count, "pose: `weights` must be (V, H)");
     require(arrays.weights.contiguous(), "pose: `weights` must have contiguous rows or columns");
@@ -258,8 +259,8 @@ void pose(const PoseArrays<T>& arrays, const Motion& motion, int threads, const 
     job.stretched = tables.stretched;
     job.positive = tables.positive.data();
     job.negative = motion.mirror ? tables.negative.data() : nullptr;
-    const bool still = std::all_of(tables.rest.begin(), tables.rest.end(), [](T entry) { return entry == 0; });
-    job.rest = still || arrays.base.data != nullptr ? nullptr : tables.rest.data();
+    const bool identity = std::all_of(tables.rest.begin(), tables.rest.end(), [](T entry) { return entry == 0; });
+    job.rest = identity || arrays.base.data != nullptr ? nullptr : tables.rest.data();
     job.shares = tables.shares.empty() ? nullptr : tables.shares.data();
     job.base = arrays.base.data;
     job.normals = arrays.normals.data;

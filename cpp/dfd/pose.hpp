@@ -10,26 +10,26 @@
 
 namespace dfd {
 
-/// An affine transform: three rows of (linear | translation), in mesh units.
+/// An affine transform (3, 4): three columns of the linear part, then the translation in mesh units.
 using Affine = std::array<double, 12>;
 
 /// The mirror plane {p : normal·p = offset} of Eq. (8), and the side of each handle.
 struct Mirror {
     std::array<double, 3> normal;    // unit length
     double offset;                   // mesh units
-    double band;                     // half width of the band in which both sides are blended, mesh units; may be 0
-    std::span<const bool> positive;  // (H) whether a handle is on the side to which the normal points
+    double band;                     // half width of the band in which the two sides are blended, mesh units; may be 0
+    std::span<const bool> positive;  // (H) whether each handle is on the side to which the normal points
 };
 
 /// Transforms, and the way in which they are blended.
 struct Motion {
     std::span<const Affine> transforms;  // (H) D_k
-    Affine rest;                         // D_0, whose weight is 1 less the sum of all weights
+    Affine rest;                         // D_0, with the weight max(1 - sum of all weights, 0)
     std::optional<Mirror> mirror;
     Overlap overlap = Overlap::add;
     Blend blend = Blend::linear;
-    std::span<const std::array<double, 3>> places = {};  // (H) positions of the handles, for dual quaternions
-    std::span<const double> mixing = {};  // (H, H) row-major factor of the weights; empty for the identity
+    std::span<const std::array<double, 3>> places = {};  // (H) positions of the handles; read for dual quaternions
+    std::span<const double> mixing = {};  // (H, H) row-major; the weights are weights · mixing. Empty for the identity
 };
 
 /// The arrays of one pose; all but `vertices`, `weights` and `posed` may be empty.
@@ -38,20 +38,19 @@ struct PoseArrays {
     Matrix<const T> vertices;            // (V, 3) mesh units
     StridedMatrix<const float> weights;  // (V, H) unitless
     Matrix<T> posed;                     // (V, 3) result, overwritten; must not overlap an input
-    Matrix<const T> base;                // (V, 3) to which displacements are added in place of `vertices`
+    Matrix<const T> base;                // (V, 3) positions to which displacements are added, instead of to `vertices`
     Matrix<const T> normals;             // (V, 3)
-    Matrix<T> posed_normals;             // (V, 3) unit length, transformed by the cofactors of the blended transform
+    Matrix<T> posed_normals;             // (V, 3) result: `normals` times the blended cofactors, at unit length
 };
 
 /// Moves vertices by the blended transforms of Eq. (1), and of Eq. (8) if `motion.mirror` is set.
 ///
-/// Displacements are computed about a vertex of the mesh, so a distant origin costs no precision. Identity transforms
-/// leave a vertex unchanged to the bit, unless `overlap` scales the vertex.
+/// Coordinates are taken relative to the first vertex, so the result is precise even far from the origin. If all
+/// transforms are the identity, no bit of a vertex changes, unless overlap `paper` scales the vertex.
 ///
-/// For dual quaternions, a transform is divided into a stretch about the handle's position and a rigid motion. The
-/// position of D_0 is the first vertex. Overlap `paper` is the same as `normalize`.
-///
-/// @throws std::invalid_argument if shapes disagree, or a value is not finite or too large for T
+/// With dual quaternions, a transform is split into a stretch about the handle's position and a rigid motion after it.
+/// The stretch of D_0 is about the first vertex. Overlap `paper` then has the effect of `normalize`.
+/// @throws std::invalid_argument if array shapes disagree, or a value is not finite or too large for T
 /// @throws Stopped if `poll` returned true
 template <class T>
 void pose(const PoseArrays<T>& arrays, const Motion& motion, int threads, const Kernels& kernels,

@@ -5,7 +5,7 @@
 
 namespace dfd {
 
-/// A view of a dense row-major matrix; the caller owns the memory.
+/// A view of a dense row-major matrix; it does not own the memory.
 template <class T>
 struct Matrix {
     T* data = nullptr;
@@ -16,14 +16,14 @@ struct Matrix {
     bool empty() const { return rows == 0 || columns == 0; }
 };
 
-/// A view of a matrix with contiguous rows or contiguous columns, for weights.
+/// A view of a matrix with contiguous rows or contiguous columns. Weights (V, H) have this type.
 template <class T>
 struct StridedMatrix {
     T* data = nullptr;
     std::size_t rows = 0;
     std::size_t columns = 0;
-    std::size_t row_stride = 0;     // distance of neighboring entries of a column
-    std::size_t column_stride = 0;  // distance of neighboring entries of a row; one of the strides is 1
+    std::size_t row_stride = 0;     // number of entries in memory from one row to the next
+    std::size_t column_stride = 0;  // number of entries from one column to the next; one of the two strides is 1
 
     StridedMatrix() = default;
     StridedMatrix(T* first, std::size_t r, std::size_t c) : StridedMatrix(first, r, c, c, 1) {}

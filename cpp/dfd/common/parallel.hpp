@@ -15,8 +15,8 @@
 
 namespace dfd {
 
-/// Starts `count` threads, or fewer if the system refuses more. Thread i calls a copy of `run` with i, from 1. `run`
-/// must not throw.
+/// Starts `count` threads, or fewer if the system cannot start so many. Each thread calls a copy of `run` with its
+/// number, 1 … `count`. `run` must not throw.
 template <class Run>
 std::vector<std::thread> start_threads(std::size_t count, const Run& run)
 {
@@ -32,13 +32,13 @@ std::vector<std::thread> start_threads(std::size_t count, const Run& run)
 #ifdef DFD_OPENMP
 /// Returns the number of threads that can run, at most `workers`, including the calling thread.
 ///
-/// OpenMP ends the process if it cannot start a thread of a team. If the team is larger than all earlier teams of the
-/// calling thread, its additional threads are therefore started and ended here first.
+/// If OpenMP cannot start a thread of a team, it ends the process. So if the team is larger than all earlier teams of
+/// the calling thread, this function first tries to start the additional threads itself, and ends them again.
 inline std::size_t available_workers(std::size_t workers)
 {
     static thread_local std::size_t largest = 1;
     if (workers <= largest) return workers;
-    std::atomic<bool> started = false;  // the threads wait, so that all exist at the same time
+    std::atomic<bool> started = false;  // each thread waits for it, so that all exist at the same time
     std::vector<std::thread> others = start_threads(workers - largest, [&](std::size_t) { started.wait(false); });
     started = true;
     started.notify_all();
@@ -70,10 +70,10 @@ void parallel_for(std::size_t count, std::size_t workers, const Work& work)
 #endif
 }
 
-/// Calls `work(worker, begin, end)` for ranges that cover [0, `count`), on at most `threads` and at most `count` /
-/// `grain` workers. The length of each range but the last is a multiple of 16. Each worker has several ranges, so that a
-/// slow worker hardly delays the result. Ranges are short, so that `poll` is called often. `work` must not throw. With
-/// one thread, OpenMP is not used, so the call is safe in a forked child.
+/// Calls `work(worker, begin, end)` for ranges that cover [0, `count`). The number of workers is at most `threads`, and
+/// at most `count` / `grain`. The length of each range but the last is a multiple of 16. There are several ranges per
+/// worker, so that a slow worker hardly delays the result. Ranges have at most 512 `grain` numbers, so that `poll` is
+/// called often. `work` must not throw. One worker does not use OpenMP, so the call is then safe in a forked child.
 /// @throws Stopped if `poll` returned true
 template <class Work>
 void parallel_ranges(std::size_t count, std::size_t grain, int threads, const Work& work, const Poll& poll = {})
@@ -100,7 +100,7 @@ void parallel_ranges(std::size_t count, std::size_t grain, int threads, const Wo
     if (stopped) throw Stopped();
 }
 
-/// Returns the size of the OpenMP team that runs a loop on `threads` threads, or 0 if there is no team.
+/// Returns the number of threads in the OpenMP team for a loop on `threads` threads, or 0 if there is no team.
 inline int team_size(int threads)
 {
     std::atomic<int> size = 0;

@@ -7,7 +7,7 @@
 namespace dfd {
 namespace {
 
-constexpr double rounding = 1e-12;  // entry of the stretch below which it is set to 0
+constexpr double rounding = 1e-12;  // entries of the stretch with a smaller absolute value are set to 0
 
 double dot(const Vector3d& a, const Vector3d& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
@@ -25,21 +25,21 @@ using Columns = std::array<Vector3d, 3>;
 
 double determinant(const Columns& m) { return dot(m[0], cross(m[1], m[2])); }
 
-/// A = U diag(sizes) Vᵀ with unit columns in U and V.
+/// A singular value decomposition A = U diag(sizes) Vᵀ, in which U and V have unit columns.
 struct Svd {
     Columns u, v;
     Vector3d sizes;
 };
 
-/// Returns the component of `direction` that is perpendicular to `axis`.
-Vector3d beside(const Vector3d& direction, const Vector3d& axis)
+/// Returns the component of `direction` that is perpendicular to the unit vector `axis`.
+Vector3d perpendicular(const Vector3d& direction, const Vector3d& axis)
 {
     return combined(1, direction, -dot(direction, axis), axis);
 }
 
-/// Sets the columns of U whose singular value is 0 to columns of V, made perpendicular to the other columns of U. So R
-/// stays near the identity.
-void complete(Svd& svd, double largest)
+/// Sets the columns of U whose singular value is 0, so that U is orthogonal and R = U Vᵀ is a small rotation. `largest`
+/// is the largest singular value.
+void complete_u(Svd& svd, double largest)
 {
     std::array<bool, 3> known;
     for (std::size_t j = 0; j < 3; ++j) known[j] = svd.sizes[j] > 1e-14 * largest;
@@ -52,7 +52,7 @@ void complete(Svd& svd, double largest)
     if (count == 1) {
         const auto j = static_cast<std::size_t>(std::find(known.begin(), known.end(), true) - known.begin());
         const std::size_t a = (j + 1) % 3, b = (j + 2) % 3;
-        const Vector3d first = beside(svd.v[a], svd.u[j]), second = beside(svd.v[b], svd.u[j]);
+        const Vector3d first = perpendicular(svd.v[a], svd.u[j]), second = perpendicular(svd.v[b], svd.u[j]);
         const bool take_first = dot(first, first) >= dot(second, second);
         const Vector3d& taken = take_first ? first : second;
         svd.u[take_first ? a : b] = combined(1 / std::sqrt(dot(taken, taken)), taken, 0, taken);
@@ -63,8 +63,8 @@ void complete(Svd& svd, double largest)
     if (determinant(svd.v) < 0) svd.u[j] = combined(-1, svd.u[j], 0, svd.u[j]);
 }
 
-/// Returns the singular value decomposition of I + `change` by one-sided Jacobi rotations. A stretch along the axes has
-/// V = I.
+/// Returns the singular value decomposition of I + `change` by one-sided Jacobi rotations. For a stretch along the
+/// coordinate axes, V is the identity.
 Svd singular_values(const Matrix3d& change)
 {
     Columns a, v{Vector3d{1, 0, 0}, Vector3d{0, 1, 0}, Vector3d{0, 0, 1}};
@@ -73,7 +73,7 @@ Svd singular_values(const Matrix3d& change)
     for (std::size_t row = 0; row < 3; ++row)
         for (std::size_t column = 0; column < 3; ++column)
             a[column][row] = (change[row * 3 + column] + (row == column ? 1.0 : 0.0)) / unit;
-    constexpr int sweeps = 30;  // three columns need far fewer
+    constexpr int sweeps = 30;  // matrices of three columns converge in far fewer sweeps
     for (int sweep = 0; sweep < sweeps; ++sweep) {
         bool turned = false;
         for (const auto& [p, q] : {std::pair<std::size_t, std::size_t>{0, 1}, {0, 2}, {1, 2}}) {
@@ -99,11 +99,11 @@ Svd singular_values(const Matrix3d& change)
         result.sizes[j] = size * unit;
         if (size > 0) result.u[j] = combined(1 / size, a[j], 0, a[j]);
     }
-    complete(result, largest * unit);
+    complete_u(result, largest * unit);
     return result;
 }
 
-/// Returns the quaternion of R = U Vᵀ, from its largest component (Shepperd, Quaternion from Rotation Matrix, 1978).
+/// Returns the quaternion of R = U Vᵀ. The largest of its four components is computed first (S. W. Shepperd, 1978).
 Quaternion quaternion_of(const Columns& u, const Columns& v)
 {
     const auto r = [&](std::size_t row, std::size_t column) {
@@ -131,7 +131,7 @@ Polar polar_decomposition(const Matrix3d& change)
     if (std::all_of(change.begin(), change.end(), [](double entry) { return entry == 0; })) return {{1, 0, 0, 0}, {}};
     Svd svd = singular_values(change);
     if (determinant(svd.u) * determinant(svd.v) < 0) {
-        Vector3d agreement;  // dot products of the columns of U and V, whose sum is R's trace
+        Vector3d agreement;  // dot product of column j of U with column j of V; their sum is the trace of R
         for (std::size_t j = 0; j < 3; ++j) agreement[j] = dot(svd.u[j], svd.v[j]);
         const double trace = agreement[0] + agreement[1] + agreement[2];
         const auto least = std::min_element(agreement.begin(), agreement.end());

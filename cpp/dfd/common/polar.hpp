@@ -15,8 +15,8 @@ struct Polar {
     Symmetric3d stretch;  // S - I
 };
 
-/// Returns the polar decomposition of I + `change`. If the map mirrors, S mirrors along one axis or all three axes, so
-/// that R is a rotation as near to the identity as possible.
+/// Returns the polar decomposition of I + `change`. If the map contains a reflection, S reflects along one of its axes
+/// or along all three, whichever makes R the smaller rotation.
 Polar polar_decomposition(const Matrix3d& change);
 
 /// Returns R p - p for a unit quaternion; exactly 0 for the identity.

@@ -5,10 +5,10 @@
 
 namespace dfd {
 
-/// A function that is called repeatedly, on the calling thread, during the work. If it returns true, the work stops.
+/// A function that a long operation calls repeatedly on the thread that started it. If it returns true, the work stops.
 using Poll = std::function<bool()>;
 
-/// Thrown by a function whose `Poll` has stopped it; its result is incomplete.
+/// The exception of an operation whose `Poll` returned true; the operation's result is incomplete.
 struct Stopped : std::exception {
     const char* what() const noexcept override { return "stopped"; }
 };

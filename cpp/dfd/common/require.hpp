@@ -1,6 +1,6 @@
 #pragma once
 
-// Checks of arguments, which throw std::invalid_argument. Internal errors are checked by `assert`.
+// Checks of arguments, which throw std::invalid_argument. `assert` checks for errors of our own code.
 
 #include "dfd/common/matrix.hpp"
 
@@ -27,7 +27,7 @@ inline void require(bool condition, const char* message)
     throw std::invalid_argument(rule + ", got " + std::to_string(value) + " at [" + at + "]");
 }
 
-/// Throws "<operation>: `<name>` must be finite, got <value> at [<row>, <column>]" for the first such value.
+/// Throws "<operation>: `<name>` must be finite, got <value> at [<row>, <column>]" for the first NaN or infinite value.
 template <class T>
 void require_finite(Matrix<const T> values, const char* operation, const char* name)
 {
@@ -39,7 +39,7 @@ void require_finite(Matrix<const T> values, const char* operation, const char* n
            {index / values.columns, index % values.columns});
 }
 
-/// Throws if `rows` does not have `columns` columns, or an entry is no index below `count`.
+/// Throws unless the matrix `rows` is empty, or has `columns` columns and entries from 0 to `count` - 1.
 inline void require_indices(Matrix<const std::int32_t> rows, std::size_t columns, std::size_t count,
                             const char* message)
 {

@@ -15,11 +15,11 @@ struct FreeAligned {
     void operator()(void* memory) const { ::operator delete(memory, alignment); }
 };
 
-/// Uninitialized memory with the alignment of the widest vectors.
+/// Uninitialized memory, aligned to at least 64 bytes, the size of the widest SIMD vectors.
 using AlignedMemory = std::unique_ptr<void, FreeAligned>;
 
-/// Allocates memory, in large pages if `bytes` is large and the system has them. The system clears each page at its
-/// first access, which takes longer than a kernel if pages are small.
+/// Allocates memory. Large memory gets large pages if the system has them: the system clears each page at its first
+/// access, and with small pages this takes longer than the kernel that fills the memory.
 inline AlignedMemory take_memory(std::size_t bytes)
 {
     constexpr std::size_t line = 64, large_page = std::size_t{1} << 21;
@@ -35,7 +35,7 @@ inline AlignedMemory take_memory(std::size_t bytes)
     return memory;
 }
 
-/// Scratch memory of each worker, allocated before the workers start.
+/// Scratch memory of `floats` floats for each worker, allocated before the workers start.
 class Scratch {
 public:
     Scratch(int workers, std::size_t floats)

@@ -12,7 +12,7 @@ constexpr std::size_t blocks_ahead = 4;       // distance of prefetched features
 constexpr std::size_t geodesic_ahead = 1024;  // distance of prefetched geodesic distances, in bytes
 constexpr std::size_t column_ahead = 512;     // distance of prefetched columns, in bytes
 
-// Number of points in a tile, whose sums fit into registers.
+// Number of points (handles and fixed points) in a tile. The sums of a tile fit into registers.
 #if defined(__AVX512F__)
 constexpr std::size_t tile = 16;
 #elif defined(__AVX2__) || defined(__ARM_NEON)
@@ -22,7 +22,7 @@ constexpr std::size_t tile = 2;
 #endif
 static_assert(group_size % tile == 0);
 
-// Computes squared distances to `wanted` points from `first` on, and possibly to one more, which may be padding.
+// Computes the squared distances to `wanted` points from point `first` on, and perhaps to one more point or padding.
 template <std::size_t Count, class Panel>
 DFD_INLINE void measure(const Panel& panel, const PackedRows& points, std::size_t first, std::size_t wanted,
                         Block* squares)
@@ -33,19 +33,19 @@ DFD_INLINE void measure(const Panel& panel, const PackedRows& points, std::size_
     panel.template squared_distances<Count>(points, first, squares);
 }
 
-// The vertices of one block.
-struct Place {
+// The vertices of one block: `count` vertices from vertex `begin` on.
+struct Range {
     std::size_t begin, count;
 };
 
 // Writes the weights of a block for one handle to its column.
-DFD_INLINE void put_column(const BindJob& job, std::size_t handle, const Place& place, const Block& weights)
+DFD_INLINE void put_column(const BindJob& job, std::size_t handle, const Range& block, const Block& weights)
 {
-    float* column = job.weights + handle * job.column_stride + place.begin;
-    if (place.count < block_size) {
+    float* column = job.weights + handle * job.column_stride + block.begin;
+    if (block.count < block_size) {
         float padded[block_size];
         for (std::size_t part = 0; part < parts; ++part) store(padded + part * width, weights.part[part]);
-        copy(padded, place.count, column);
+        copy(padded, block.count, column);
     } else if (job.stream) {
         for (std::size_t part = 0; part < parts; ++part) stream(column + part * width, weights.part[part]);
     } else {
@@ -54,7 +54,7 @@ DFD_INLINE void put_column(const BindJob& job, std::size_t handle, const Place& 
     }
 }
 
-// Writes contiguous rows in whole cache lines, bypassing the caches. A buffer keeps entries that do not fill a line.
+// Writes contiguous rows in whole cache lines, which bypass the caches. A buffer keeps entries until they fill a line.
 class LineStream {
 public:
     LineStream(float* to, float* buffer)
@@ -63,8 +63,8 @@ public:
     {
     }
 
-    // Returns the address at which the caller writes the next entries before it calls `push`.
-    float* place() const { return buffer_ + pending_; }
+    // Returns the address at which the caller must write the next entries before it calls `push`.
+    float* next() const { return buffer_ + pending_; }
 
     DFD_INLINE void push(std::size_t count)
     {
@@ -93,27 +93,27 @@ private:
 };
 
 // Writes the weights (H, 16) of a block to the rows of its vertices.
-DFD_INLINE void put_rows(const BindJob& job, const Place& place, const float* weights, LineStream& lines)
+DFD_INLINE void put_rows(const BindJob& job, const Range& block, const float* weights, LineStream& lines)
 {
-    float* rows = job.weights + place.begin * job.row_stride;
+    float* rows = job.weights + block.begin * job.row_stride;
     if (job.stream) {
-        lanes_to_rows(weights, job.handle_count, lines.place(), job.handle_count);
-        lines.push(place.count * job.handle_count);
-    } else if (place.count == block_size) {
+        lanes_to_rows(weights, job.handle_count, lines.next(), job.handle_count);
+        lines.push(block.count * job.handle_count);
+    } else if (block.count == block_size) {
         lanes_to_rows(weights, job.handle_count, rows, job.row_stride);
     } else {
-        for (std::size_t lane = 0; lane < place.count; ++lane)
+        for (std::size_t lane = 0; lane < block.count; ++lane)
             for (std::size_t j = 0; j < job.handle_count; ++j)
                 rows[lane * job.row_stride + j] = weights[j * block_size + lane];
     }
 }
 
-// Signs of invalid input in a range.
+// Evidence of invalid input in a range of vertices.
 struct Faults {
     bool suspect = false;      // whether a feature may not be finite
     Bits largest[parts] = {};  // the largest geodesic distances, compared as unsigned integers
 
-    unsigned sum() const
+    unsigned bits() const
     {
         const float limit = 1.0f + geodesic_slack;
         std::uint32_t limit_bits;
@@ -126,14 +126,14 @@ struct Faults {
     }
 };
 
-// Equation (7): multiplies the weights of one handle by (1 - g)^power for its distances g.
-DFD_INLINE void narrow(const BindJob& job, std::size_t handle, const Place& place, Block& weights, Faults& faults)
+// Multiplies the weights of one handle by (1 - g)^λ for the geodesic distances g, as in Eq. (7).
+DFD_INLINE void localize(const BindJob& job, std::size_t handle, const Range& block, Block& weights, Faults& faults)
 {
-    const float* distances = job.geodesic + handle * job.vertex_count + place.begin;
-    prefetch(distances, geodesic_ahead, 1);  // the hardware does not prefetch so many streams
+    const float* distances = job.geodesic + handle * job.vertex_count + block.begin;
+    prefetch(distances, geodesic_ahead, 1);  // the hardware does not prefetch so many streams, one per handle
     float padded[block_size];
-    if (place.count < block_size) {
-        for (std::size_t lane = 0; lane < block_size; ++lane) padded[lane] = lane < place.count ? distances[lane] : 0;
+    if (block.count < block_size) {
+        for (std::size_t lane = 0; lane < block_size; ++lane) padded[lane] = lane < block.count ? distances[lane] : 0;
         distances = padded;
     }
     const auto [exponent, products] = job.powers[handle];
@@ -151,12 +151,12 @@ DFD_INLINE void narrow(const BindJob& job, std::size_t handle, const Place& plac
     }
 }
 
-// Writes the weights of one handle to its column, or to scratch memory if rows are contiguous.
+// Writes the weights of one handle to their column, or to scratch memory if the rows of all weights are contiguous.
 template <bool Columns>
-DFD_INLINE void put(const BindJob& job, std::size_t handle, const Place& place, const Block& weights, float* scratch)
+DFD_INLINE void put(const BindJob& job, std::size_t handle, const Range& block, const Block& weights, float* scratch)
 {
     if constexpr (Columns) {
-        put_column(job, handle, place, weights);
+        put_column(job, handle, block, weights);
     } else {
         for (std::size_t part = 0; part < parts; ++part)
             store(scratch + handle * block_size + part * width, weights.part[part]);
@@ -170,12 +170,12 @@ DFD_INLINE Block ones()
     return block;
 }
 
-// Binds a block. `Columns`, and `Local` for geodesic distances, are template parameters, because a branch for each
-// handle of each block costs time.
+// Computes the weights of a block. `Columns` is true if weights have contiguous columns, `Local` if geodesic distances
+// are given. Both are template parameters, because a branch for each handle of each block would take time.
 template <bool Columns, bool Local, class Panel>
-DFD_INLINE void bind_block(const BindJob& job, const Panel& panel, const Place& place, float* scratch, Faults& faults)
+DFD_INLINE void bind_block(const BindJob& job, const Panel& panel, const Range& block, float* scratch, Faults& faults)
 {
-    Block room = ones();  // 1 minus the largest weight of the fixed points
+    Block limit = ones();  // largest weight that is left for a handle: 1 minus the largest weight of the fixed points
     for (std::size_t first = 0; first < job.points.count; first += tile) {
         const std::size_t count = job.points.count - first < tile ? job.points.count - first : tile;
         Block squares[tile];
@@ -184,9 +184,9 @@ DFD_INLINE void bind_block(const BindJob& job, const Panel& panel, const Place& 
         if (first < job.fixed_count) {  // the nearest fixed point has the largest weight, so one square root is enough
             for (; j < count && first + j < job.fixed_count; ++j)
                 for (std::size_t part = 0; part < parts; ++part)
-                    room.part[part] = minimum(room.part[part], squares[j].part[part]);
+                    limit.part[part] = minimum(limit.part[part], squares[j].part[part]);
             if (first + j == job.fixed_count)
-                for (std::size_t part = 0; part < parts; ++part) room.part[part] = sqrt(room.part[part]);
+                for (std::size_t part = 0; part < parts; ++part) limit.part[part] = sqrt(limit.part[part]);
         }
         for (; j < count; ++j) {
             const std::size_t handle = first + j - job.fixed_count;
@@ -195,21 +195,21 @@ DFD_INLINE void bind_block(const BindJob& job, const Panel& panel, const Place& 
                 // Square root instructions have a low throughput, so every second root is computed by products.
                 const Float square = squares[j].part[part];
                 const Float distance = j % 2 == 0 ? sqrt(square) : sqrt_by_products(square);
-                weights.part[part] = maximum(room.part[part] - distance, splat(0.0f));  // Equations (4-6)
+                weights.part[part] = maximum(limit.part[part] - distance, splat(0.0f));  // Equations (4-6)
             }
-            if constexpr (Local) narrow(job, handle, place, weights, faults);
-            put<Columns>(job, handle, place, weights, scratch);
+            if constexpr (Local) localize(job, handle, block, weights, faults);
+            put<Columns>(job, handle, block, weights, scratch);
         }
     }
 }
 
-// Binds a block for handles with another reach or falloff, for regions, and for fixed points with a strength below 1.
-// For a reach and strength of 1, the result equals that of `bind_block` to the bit.
+// Computes the weights of a block for handles of any reach and falloff, for regions, and for fixed points of any
+// strength. With the paper's values of these, all bits of the result equal those of `bind_block`.
 template <bool Columns, class Panel>
-DFD_INLINE void bind_shaped_block(const BindJob& job, const Panel& panel, const Place& place, float* scratch,
+DFD_INLINE void bind_general_block(const BindJob& job, const Panel& panel, const Range& block, float* scratch,
                                   Faults& faults)
 {
-    Block room = ones();
+    Block limit = ones();
     Block nearest;  // smallest squared distance to the members of a handle so far
     std::size_t handle = 0, member = 0;
     for (std::size_t first = 0; first < job.points.count; first += tile) {
@@ -218,9 +218,9 @@ DFD_INLINE void bind_shaped_block(const BindJob& job, const Panel& panel, const 
         measure<1>(panel, job.points, first, count, squares);
         for (std::size_t j = 0; j < count; ++j) {
             if (first + j < job.fixed_count) {
-                const Float strength = splat(job.strengths[first + j]), free = splat(1.0f) - strength;
+                const Float strength = splat(job.strengths[first + j]), unfixed = splat(1.0f) - strength;
                 for (std::size_t part = 0; part < parts; ++part)
-                    room.part[part] = minimum(room.part[part], strength * sqrt(squares[j].part[part]) + free);
+                    limit.part[part] = minimum(limit.part[part], strength * sqrt(squares[j].part[part]) + unfixed);
                 continue;
             }
             for (std::size_t part = 0; part < parts; ++part)
@@ -231,20 +231,20 @@ DFD_INLINE void bind_shaped_block(const BindJob& job, const Panel& panel, const 
             const auto [inverse, falloff] = job.reaches[handle];
             Block weights;
             for (std::size_t part = 0; part < parts; ++part) {
-                const Float distance = sqrt(nearest.part[part]) * splat(inverse), free = room.part[part];
+                const Float distance = sqrt(nearest.part[part]) * splat(inverse), top = limit.part[part];
                 weights.part[part] =
                     falloff == Falloff::linear
-                        ? maximum(free - distance, splat(0.0f))
-                        : maximum(fall_off(maximum(1.0f - distance, splat(0.0f)), falloff) - (1.0f - free), splat(0.0f));
+                        ? maximum(top - distance, splat(0.0f))
+                        : maximum(fall_off(maximum(1.0f - distance, splat(0.0f)), falloff) - (1.0f - top), splat(0.0f));
             }
-            if (job.geodesic != nullptr) narrow(job, handle, place, weights, faults);
-            put<Columns>(job, handle, place, weights, scratch);
+            if (job.geodesic != nullptr) localize(job, handle, block, weights, faults);
+            put<Columns>(job, handle, block, weights, scratch);
             ++handle;
         }
     }
 }
 
-template <bool Columns, bool Local, bool Shaped, class Read>
+template <bool Columns, bool Local, bool General, class Read>
 DFD_INLINE unsigned bind_blocks(const BindJob& shared_job, std::size_t begin, std::size_t end, float* scratch,
                                 const Read& read)
 {
@@ -254,32 +254,32 @@ DFD_INLINE unsigned bind_blocks(const BindJob& shared_job, std::size_t begin, st
     LineStream lines(by_lines ? job.weights + begin * job.row_stride : nullptr, weights + job.handle_count * block_size);
     Faults faults;
     for (std::size_t i = begin; i < end; i += block_size) {
-        const Place place{i, end - i < block_size ? end - i : block_size};
-        const auto panel = read(job, i, place.count, scratch);
+        const Range block{i, end - i < block_size ? end - i : block_size};
+        const auto panel = read(job, i, block.count, scratch);
         faults.suspect |= panel.suspect();
-        if constexpr (Shaped) bind_shaped_block<Columns>(job, panel, place, weights, faults);
-        else bind_block<Columns, Local>(job, panel, place, weights, faults);
-        if constexpr (!Columns) put_rows(job, place, weights, lines);
+        if constexpr (General) bind_general_block<Columns>(job, panel, block, weights, faults);
+        else bind_block<Columns, Local>(job, panel, block, weights, faults);
+        if constexpr (!Columns) put_rows(job, block, weights, lines);
     }
     if (by_lines) lines.finish();
     stream_fence();
-    return faults.sum();
+    return faults.bits();
 }
 
 template <bool Columns, class Read>
-DFD_INLINE unsigned bind_lines(const BindJob& job, std::size_t begin, std::size_t end, float* scratch, const Read& read)
+DFD_INLINE unsigned dispatch(const BindJob& job, std::size_t begin, std::size_t end, float* scratch, const Read& read)
 {
-    if (job.shaped) return bind_blocks<Columns, true, true>(job, begin, end, scratch, read);
+    if (job.general) return bind_blocks<Columns, true, true>(job, begin, end, scratch, read);
     if (job.geodesic == nullptr) return bind_blocks<Columns, false, false>(job, begin, end, scratch, read);
     return bind_blocks<Columns, true, false>(job, begin, end, scratch, read);
 }
 
-// Binds block after block; read(job, first vertex, count, target) reads the features of a block as a panel.
+// Computes the weights of a range. `read(job, first vertex, count, target)` reads the features of a block as a panel.
 template <class Read>
 DFD_INLINE unsigned bind_range(const BindJob& job, std::size_t begin, std::size_t end, float* scratch, const Read& read)
 {
     const bool columns = job.row_stride == 1 && (job.column_stride != 1 || job.handle_count == 1);
-    return columns ? bind_lines<true>(job, begin, end, scratch, read) : bind_lines<false>(job, begin, end, scratch, read);
+    return columns ? dispatch<true>(job, begin, end, scratch, read) : dispatch<false>(job, begin, end, scratch, read);
 }
 
 }  // namespace

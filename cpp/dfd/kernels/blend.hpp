@@ -1,14 +1,14 @@
 #pragma once
 
-// Blended transforms of a vertex and its normal. The entries of a transform are differences from those of the identity,
-// so that the identity adds exactly 0.
+// Blended transforms, applied to a vertex and its normal. The entries of a transform are differences from those of the
+// identity, so that the identity adds exactly 0.
 
 #include "dfd/kernels/layout.hpp"
 
 namespace dfd {
 namespace {
 
-// Sums over handles of weights times entries.
+// For each entry, the sum of weight times entry over the handles and D_0.
 template <class T, std::size_t Count>
 struct Sums {
     Vector<T> entry[Count];
@@ -38,7 +38,7 @@ DFD_INLINE Vector3<T> scaled(const Vector3<T>& a, Vector<T> factor)
     return {a.x * factor, a.y * factor, a.z * factor};
 }
 
-// Returns the normal n at unit length, or the normal `before` if the length is 0, as in a flattened part.
+// Returns the normal n at unit length. If n is 0, as on surface that a transform flattens, returns the normal `before`.
 template <class T>
 DFD_INLINE Vector3<T> unit_normal(const Vector3<T>& n, const Vector3<T>& before)
 {
@@ -49,7 +49,7 @@ DFD_INLINE Vector3<T> unit_normal(const Vector3<T>& n, const Vector3<T>& before)
             select(flat, before.z, n.z * scale)};
 }
 
-// A blended affine transform: three rows (linear | translation) minus those of the identity.
+// A blended affine transform minus the identity, (3, 4). Column 3 is the translation.
 template <class T>
 struct AffineSum {
     const Vector<T>* entry;
@@ -63,8 +63,8 @@ struct AffineSum {
         return {row(0), row(4), row(8)};
     }
 
-    // Transforms a normal by the cofactors of the linear part (rows a, b, c). `one` is the weight of the identity.
-    DFD_INLINE Vector3<T> turned(Vector<T> one, const Vector3<T>& normal) const
+    // Multiplies a normal by the cofactors of (`one` · I + the linear entries), with rows a, b, c, and normalizes it.
+    DFD_INLINE Vector3<T> transformed_normal(Vector<T> one, const Vector3<T>& normal) const
     {
         const Vector3<T> a{entry[0] + one, entry[1], entry[2]};
         const Vector3<T> b{entry[4], entry[5] + one, entry[6]};
@@ -77,17 +77,17 @@ struct AffineSum {
     }
 };
 
-// A blended rotation: the quaternion (w - 1, x, y, z), of any length.
+// A blended rotation, from the sums of the quaternion entries (w - 1, x, y, z).
 template <class T>
 struct RotationSum {
-    Vector<T> scale, w;  // 1 / length, and the unit quaternion
-    Vector3<T> v;
+    Vector<T> scale, w;  // 1 / (length of the blended quaternion), and the real part at unit length
+    Vector3<T> v;        // the imaginary part at unit length
 
     DFD_INLINE explicit RotationSum(const Vector<T>* entry)
     {
         const Vector<T> real = entry[0] + T(1);
         const Vector3<T> imaginary{entry[1], entry[2], entry[3]};
-        // Opposite rotations can cancel. The bound then gives a displacement near 0.
+        // Quaternions of opposite rotations can add up to 0. This bound then makes the displacement 0.
         constexpr T least = sizeof(T) == sizeof(float) ? T(1e-30f) : T(1e-200);
         scale = T(1) / sqrt(maximum(multiply_add(real, real, dot<T>(imaginary, imaginary)), splat(least)));
         w = real * scale;
@@ -116,8 +116,8 @@ struct StretchSum {
                 multiply_add(entry[4], p.x, multiply_add(entry[3], p.y, entry[2] * p.z))};
     }
 
-    // Returns the cofactors of the stretch times a normal.
-    DFD_INLINE Vector3<T> turned(const Vector3<T>& n) const
+    // Returns the product of the stretch's cofactor matrix and a normal.
+    DFD_INLINE Vector3<T> transformed_normal(const Vector3<T>& n) const
     {
         const Vector<T> xx = entry[0] + T(1), yy = entry[1] + T(1), zz = entry[2] + T(1);
         const Vector<T> yz = entry[3], zx = entry[4], xy = entry[5];
@@ -137,9 +137,9 @@ struct LinearBlend {
         return AffineSum<T>{entry}.displacement(p);
     }
 
-    static DFD_INLINE Vector3<T> turned(const Vector<T>* entry, Vector<T> excess, const Vector3<T>& normal)
+    static DFD_INLINE Vector3<T> transformed_normal(const Vector<T>* entry, Vector<T> excess, const Vector3<T>& normal)
     {
-        return AffineSum<T>{entry}.turned(excess + T(1), normal);
+        return AffineSum<T>{entry}.transformed_normal(excess + T(1), normal);
     }
 };
 
@@ -169,10 +169,10 @@ struct DualQuaternionBlend {
         return sum<T>(stretch, sum<T>(rotation.displacement(from), translation));
     }
 
-    static DFD_INLINE Vector3<T> turned(const Vector<T>* entry, Vector<T>, const Vector3<T>& normal)
+    static DFD_INLINE Vector3<T> transformed_normal(const Vector<T>* entry, Vector<T>, const Vector3<T>& normal)
     {
         Vector3<T> n = normal;
-        if constexpr (Stretched) n = StretchSum<T>{entry + 8}.turned(normal);
+        if constexpr (Stretched) n = StretchSum<T>{entry + 8}.transformed_normal(normal);
         return unit_normal<T>(sum<T>(n, RotationSum<T>(entry).displacement(n)), normal);
     }
 };

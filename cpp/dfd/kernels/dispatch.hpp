@@ -8,15 +8,15 @@
 
 namespace dfd {
 
-/// Returns the names of the instruction sets of the kernels that run on this machine, the slowest first.
+/// Returns the names of the instruction sets for which kernels exist and which this machine has, the slowest first.
 std::vector<std::string> instruction_sets();
 
 /// Returns the kernels of one of `instruction_sets()`.
-/// @throws std::invalid_argument if the machine or the build lacks it
+/// @throws std::invalid_argument if the machine or the build does not have this instruction set
 const Kernels& kernels(std::string_view instruction_set);
 
-/// Returns the kernels in use: those of the environment variable DFD_ISA, or the fastest without it.
-/// @throws std::invalid_argument if DFD_ISA names an instruction set that the machine lacks
+/// Returns the kernels in use: those that the environment variable DFD_ISA names, or without it the fastest kernels.
+/// @throws std::invalid_argument if DFD_ISA names an instruction set that the machine does not have
 const Kernels& kernels();
 
 }  // namespace dfd

@@ -1,19 +1,19 @@
 #pragma once
 
-// The features of a block of vertices (a panel), and their squared distances to the feature rows of points.
+// Squared distances from the features of a block of vertices (a panel) to the feature rows of handles and fixed points.
 
 #include "dfd/kernels/simd.hpp"
 
 namespace dfd {
 namespace {
 
-constexpr std::size_t width = lanes<float>;
-constexpr std::size_t parts = vectors<float>;
-constexpr std::size_t chunk = 128;  // entries in a partial sum, which limits rounding errors
+constexpr std::size_t width = lanes<float>;    // floats of a vector
+constexpr std::size_t parts = vectors<float>;  // vectors that hold one float of each vertex of a block
+constexpr std::size_t chunk = 128;             // terms in a partial sum; short sums have small rounding errors
 
 typedef std::uint32_t Bits __attribute__((vector_size(vector_bytes)));
 
-// One number of each vertex of a block.
+// One float of each vertex of a block.
 struct Block {
     Float part[parts];
 };
@@ -34,8 +34,8 @@ DFD_INLINE Float sum_of(std::size_t size, const Add& add)
     return (a + b) + (c + d);
 }
 
-// Squared distances by |a|² + |b|² - 2 a·b, at the speed of a matrix product. Where cancellation would change a weight
-// visibly, the squared distance is computed again from differences.
+// Squared distances by |a|² + |b|² - 2 a·b, at the speed of a matrix product. If cancellation could change a distance
+// by 2e-6, the squared distance is computed again from the differences of the entries.
 class FloatPanel {
 public:
     FloatPanel(const float* panel, std::size_t dimension) : panel_(panel), dimension_(dimension)
@@ -82,8 +82,8 @@ public:
             for (std::size_t part = 0; part < parts; ++part) {
                 const Float squares = square_.part[part] + splat(points.squares[first + j]);
                 Float square = multiply_add(splat(-2.0f), total[j][part], squares);
-                // Above the first bound, an error of 2e-7 (|a|² + |b|²) in the square is below 2e-6 in the distance.
-                // Above the second bound, the weight for a reach of 1 is 0.
+                // Above the first bound, an error of 2e-7 (|a|² + |b|²) in the square changes the distance by less than
+                // 2e-6. Above the second bound, the weight for a reach of 1 is 0.
                 const Float bound = minimum(0.005f * squares * squares, 1.0f + 1e-6f * squares);
                 const auto far = at_least(square, bound);
                 if (!all(far)) square = select(far, square, squared_difference(rows + j, part));
@@ -106,7 +106,7 @@ private:
     Block square_{};
 };
 
-// Squared distances of int8 entries, which are exact integers.
+// Squared distances between rows of int8 entries. They are exact integers until they are multiplied by scale².
 class BytePanel {
 public:
     BytePanel(const std::uint8_t* panel, std::size_t dimension, float scale)
@@ -134,7 +134,7 @@ public:
         for (std::size_t j = 0; j < Count; ++j) {
             for (std::size_t part = 0; part < parts; ++part) {
                 const Int own = load<Int>(panel_ + (quads_ * block_size + part * width) * 4);
-                // The type is unsigned, because invalid squared lengths can overflow.
+                // The arithmetic is unsigned, because invalid squared lengths in the input can overflow.
                 const Bits square = (Bits)own + (Bits)splat(points.quad_squares[first + j]) - 2u * (Bits)sum[j][part];
                 out[j].part[part] = multiply_add(__builtin_convertvector((Int)square, Float), splat(scale_ * scale_),
                                           splat(points.offsets[first + j]));
@@ -143,7 +143,7 @@ public:
     }
 
 private:
-    // Adds the products of the block's bytes with those of `Count` points.
+    // Adds the dot products of the block's byte rows with those of `Count` points to `sum`.
     template <class AnyQuad, std::size_t Count>
     DFD_INLINE void add_products(const PackedRows& points, std::size_t first, Int (&sum)[Count][parts]) const
     {

@@ -1,13 +1,13 @@
 #pragma once
 
-// The decrease of weights: with feature distance up to a reach, and by the powers of Eq. (7).
+// The curves by which weights fall with the feature distance, and the powers of Eq. (7).
 
 #include "dfd/kernels/simd.hpp"
 
 namespace dfd {
 namespace {
 
-// 2^x for x <= 0 by its series about the nearest integer, exact at 0.
+// Returns 2^x for x <= 0, by the power series in the difference f of x from the nearest integer. It is exact at 0.
 DFD_INLINE Float exp2_of(Float x)
 {
     x = maximum(x, splat(-126.0f));
@@ -23,7 +23,7 @@ DFD_INLINE Float exp2_of(Float x)
     return (Float)((Int)y + (whole << 23));
 }
 
-// log2 of x in (0, 1], exact at 1: x = m 2^e with m in [sqrt(1/2), sqrt(2)), and the odd series of log((1+s)/(1-s)).
+// Returns log2 of x in (0, 1], exact at 1: e plus an odd power series in s, for x = m 2^e, m in [sqrt(1/2), sqrt(2)).
 DFD_INLINE Float log2_of(Float x)
 {
     const Int bits = (Int)x - 0x3f3504f3;
@@ -39,7 +39,7 @@ DFD_INLINE Float log2_of(Float x)
     return multiply_add(y, s, __builtin_convertvector(exponent, Float));
 }
 
-// x^power for x in [0, 1] and power > 0.
+// Returns x^power for x in [0, 1] and power > 0.
 DFD_INLINE Float power_of(Float x, float power)
 {
     const Float positive = exp2_of(power * log2_of(maximum(x, splat(0x1p-126f))));

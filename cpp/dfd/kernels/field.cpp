@@ -1,4 +1,4 @@
-// Unit features of points by a small network. 48 points are evaluated together, so that activations stay in the cache.
+// Evaluates the network of a feature field, for 48 points at a time, so that their activations stay in the cache.
 
 #include "dfd/kernels/layout.hpp"
 
@@ -7,7 +7,7 @@
 namespace dfd {
 namespace {
 
-// Number of outputs and of vectors of points in a tile, whose sums fit into registers.
+// Numbers of outputs, and of vectors of points, in a tile. The sums of a tile fit into registers.
 #if defined(__AVX512F__)
 constexpr std::size_t tile_outputs = 8, tile_vectors = 3;
 #elif defined(__AVX2__)
@@ -18,12 +18,12 @@ constexpr std::size_t tile_outputs = 2, tile_vectors = 4;
 constexpr std::size_t tile_points = tile_vectors * lanes<float>;
 static_assert(field_points % tile_points == 0 && field_group % tile_outputs == 0);
 
-// Activations are (neurons, 48). This is the number of floats from one neuron to the next.
+// Activations have the array shape (neurons, 48). `row` is the number of floats from one neuron to the next.
 constexpr std::size_t row = field_points;
 
-// Writes the coordinates, and the sines and cosines of each octave: (3 + 6 octaves, 48). The angles double from octave
-// to octave, so their values follow from the previous ones. In double, the accumulated error is negligible.
-void enter(const FieldJob& job, std::size_t begin, std::size_t count, float* out)
+// Writes the network's inputs (3 + 6 octaves, 48): coordinates, then the sines and cosines of each octave. The angles
+// double with each octave. Double-angle formulas compute the sines and cosines; in double, their error is negligible.
+void write_inputs(const FieldJob& job, std::size_t begin, std::size_t count, float* out)
 {
     constexpr double quarter_turn = 1.5707963267948966;
     for (std::size_t point = 0; point < field_points; ++point) {
@@ -48,7 +48,7 @@ void enter(const FieldJob& job, std::size_t begin, std::size_t count, float* out
     }
 }
 
-// Computes a tile of the outputs (outputs, 48) of a linear map.
+// Computes a tile of the outputs (outputs, 48) of a linear map, with a ReLU if `Rectified`.
 template <bool Rectified>
 DFD_INLINE void multiply(const float* weights, const float* bias, std::size_t inputs, const float* in, float* out)
 {
@@ -88,7 +88,7 @@ void linear(const FieldLayer& layer, const float* in, float* out)
     }
 }
 
-// LayerNorm: (x - mean) / sqrt(variance + 1e-5) · gain + shift over the neurons of each point.
+// Applies the LayerNorm over the neurons of each point: (x - mean) / sqrt(variance + 1e-5) · gain + shift.
 void normalize_layer(const FieldLayer& layer, float* values)
 {
     const Float share = splat(1.0f / static_cast<float>(layer.outputs));
@@ -108,8 +108,8 @@ void normalize_layer(const FieldLayer& layer, float* values)
     }
 }
 
-// Normalizes features to unit length, and writes (D, 48) as rows (48, D).
-void leave(const FieldLayer& layer, float* values, float* features, std::size_t count)
+// Normalizes `values` (D, 48) to unit length, and writes them for the first `count` points to `features` (count, D).
+void write_features(const FieldLayer& layer, float* values, float* features, std::size_t count)
 {
     for (std::size_t point = 0; point < field_points; point += lanes<float>) {
         Float squares{};
@@ -126,15 +126,15 @@ void leave(const FieldLayer& layer, float* values, float* features, std::size_t 
     constexpr std::size_t columns = 32;  // columns that are transposed together
     float turned[columns * block_size];
     for (std::size_t point = 0; point < count; point += block_size) {
-        const std::size_t here = count - point < block_size ? count - point : block_size;
+        const std::size_t rows = count - point < block_size ? count - point : block_size;
         for (std::size_t k = 0; k < layer.outputs; k += columns) {
             const std::size_t some = layer.outputs - k < columns ? layer.outputs - k : columns;
             for (std::size_t c = 0; c < some; ++c) copy(values + (k + c) * row + point, block_size, turned + c * block_size);
             float* to = features + point * layer.outputs + k;
-            if (here == block_size) {
+            if (rows == block_size) {
                 lanes_to_rows(turned, some, to, layer.outputs);
             } else {
-                for (std::size_t i = 0; i < here; ++i)
+                for (std::size_t i = 0; i < rows; ++i)
                     for (std::size_t c = 0; c < some; ++c) to[i * layer.outputs + c] = turned[c * block_size + i];
             }
         }
@@ -151,7 +151,7 @@ void field(const FieldJob& job, std::size_t begin, std::size_t end, float* scrat
     for (std::size_t i = begin; i < end; i += field_points) {
         const std::size_t count = end - i < field_points ? end - i : field_points;
         float *in = scratch, *out = scratch + job.widest * row;
-        enter(job, i, count, in);
+        write_inputs(job, i, count, in);
         for (const FieldLayer* layer = job.layers; layer != &last; ++layer) {
             linear<true>(*layer, in, out);
             normalize_layer(*layer, out);
@@ -160,7 +160,7 @@ void field(const FieldJob& job, std::size_t begin, std::size_t end, float* scrat
             out = next;
         }
         linear<false>(last, in, out);
-        leave(last, out, job.features + i * last.outputs, count);
+        write_features(last, out, job.features + i * last.outputs, count);
     }
 }
 

@@ -1,61 +1,62 @@
 #pragma once
 
-// The arguments of the kernels. They are plain structs without functions: each kernel source is compiled once per
-// instruction set, and the linker could keep the instructions of the wrong variant of a shared inline function.
+// The arguments of the kernels. They are structs without member functions, because each kernel source is compiled once
+// for each instruction set. If these variants shared an inline function, the linker would keep only one of its copies,
+// perhaps with instructions that the machine does not have.
 
 #include <cstddef>
 #include <cstdint>
 
 namespace dfd {
 
-/// Number of vertices in a block, which a kernel processes together, one per lane. Ranges begin at multiples of it.
+/// Number of vertices in a block. A kernel processes the vertices of a block together, one in each lane of its vectors.
 constexpr std::size_t block_size = 16;
 
-/// Number of handles in a group, whose entries are consecutive in memory. The last group is padded with zeros.
+/// Number of points in a group; entry k of all points of a group is consecutive in memory. Zeros fill the last group.
 constexpr std::size_t group_size = 16;
 
-/// The curve of a weight from 1 at the handle to 0 at its reach, for x = 1 - distance / reach; named as in Blender.
+/// The weight as a function of x = 1 - distance / reach: x is 1 at the handle and 0 at its reach. Names as in Blender.
 enum class Falloff : std::int32_t {
     linear,    // x, as in Eq. (5)
     smooth,    // x² (3 - 2 x)
     sharp,     // x²
     root,      // sqrt(x)
     sphere,    // sqrt(x (2 - x))
-    constant,  // 1
+    constant,  // 1 for x > 0
 };
 
-/// The treatment of weights whose sum exceeds 1.
+/// What happens at a vertex whose weights have a sum above 1.
 enum class Overlap : std::int32_t {
-    add,        // displacements are added
-    paper,      // Eq. (1) exactly: the vertex is scaled by the sum
+    add,        // the weighted displacements are added
+    paper,      // Eq. (1) exactly, which also multiplies the vertex position by the sum
     normalize,  // the weights are divided by their sum
 };
 
-/// The representation of transforms that is blended.
+/// The representation in which transforms are blended.
 enum class Blend : std::int32_t {
-    linear,           // their matrices, Eq. (1)
-    dual_quaternion,  // their rigid parts as dual quaternions, and their stretches
+    linear,           // matrices, Eq. (1)
+    dual_quaternion,  // dual quaternions for the rigid motions, and symmetric matrices for the stretches
 };
 
-/// The feature rows of the points from which distances are measured, rearranged for the kernels in G groups.
+/// The feature rows of handles and fixed points, rearranged for the kernels in G groups.
 struct PackedRows {
     const float* rows = nullptr;                 // (G, D, 16): entry k of all points of a group
     const float* squares = nullptr;              // (16 G) squared length of each row
-    const std::int32_t* quads = nullptr;         // (G, D / 4, 16): quads of four int8 entries of each point of a group
+    const std::int32_t* quads = nullptr;         // (G, D / 4, 16): four int8 entries (a quad) of each point of a group
     const std::int32_t* pairs = nullptr;         // (G, D / 4, 2, 16): even, then odd entries of a quad, as int16
-    const std::uint8_t* products_fit = nullptr;  // (16 G) whether sums of two products of neighboring bytes fit 16 bits
-    const std::int32_t* quad_squares = nullptr;  // (16 G) squared length + 256 times the sum of the entries
-    const float* offsets = nullptr;              // (16 G) >= 0, added to the squared distance; 0 for vertices
+    const std::uint8_t* products_fit = nullptr;  // (16 G) whether the sum of two neighboring byte products fits 16 bits
+    const std::int32_t* quad_squares = nullptr;  // (16 G) squared length + 256 · (sum of the entries)
+    const float* offsets = nullptr;              // (16 G) >= 0, added to the squared distances of each point
     std::size_t count = 0;
 };
 
-/// Largest rounding error of a geodesic distance of 1.
+/// A geodesic distance may exceed 1 by this rounding error.
 constexpr float geodesic_slack = 1e-5f;
 
 /// The exponent of Eq. (7).
 struct Power {
     float exponent;
-    std::int32_t products;  // number of multiplications for a small integer, or -1
+    std::int32_t products;  // number of multiplications if `exponent` is a small integer, else -1
 };
 
 /// The reach of a handle in feature space.
@@ -68,24 +69,25 @@ struct BindJob {
     const void* features = nullptr;
     std::size_t vertex_count = 0;
     std::size_t dimension = 0;
-    float scale = 1;                          // the feature value of 1 in an int8 entry
+    float scale = 1;                          // an int8 entry b is the feature entry b * scale
     PackedRows points;                        // the fixed points, then the members of each handle
     std::size_t fixed_count = 0, handle_count = 0;
-    bool shaped = false;                      // whether strengths, reaches or members differ from the paper's
+    bool general = false;                     // whether a strength, reach, falloff or member count is not the paper's
     const float* strengths = nullptr;         // (fixed_count) in (0, 1]
     const Reach* reaches = nullptr;           // (H)
     const std::uint32_t* members = nullptr;   // (H) number of points of each handle
-    const float* geodesic = nullptr;          // (H, V) or null
-    const Power* powers = nullptr;            // (H)
+    const float* geodesic = nullptr;          // (H, V) distances along the surface, or null
+    const Power* powers = nullptr;            // (H) exponents λ
     float* weights = nullptr;                 // entry (i, j) at i * row_stride + j * column_stride; one stride is 1
     std::size_t row_stride = 0, column_stride = 0;
     bool stream = false;                      // whether writes bypass the caches
 };
 
-/// Bits that report invalid input in a range.
+/// Bits that report possibly invalid input in a range of vertices.
 enum Fault : unsigned { no_fault = 0, features_suspect = 1, geodesic_suspect = 2 };
 
-/// Binds the vertices [begin, end), where `begin` is a multiple of `block_size`; `scratch` is aligned to 64 bytes.
+/// Writes the weights of the vertices [begin, end) and returns `Fault` bits. `begin` is a multiple of `block_size`, and
+/// `scratch` is aligned to 64 bytes.
 using BindRange = unsigned (*)(const BindJob& job, std::size_t begin, std::size_t end, float* scratch);
 
 /// Number of floats of scratch memory for a range.
@@ -94,10 +96,9 @@ constexpr std::size_t bind_scratch(std::size_t dimension, std::size_t handle_cou
     return block_size * (dimension + 2 * handle_count + 1);
 }
 
-/// Number of blended entries of a handle. Entries are differences from those of the identity.
-///
-/// Linear: D_k - I as three rows (linear | translation). Dual quaternions: (w - 1, x, y, z) and the dual part. If
-/// `stretched`, six entries (xx, yy, zz, yz, zx, xy) and the translation of the stretch follow.
+/// Returns the number of entries that are blended for each transform D_k. They are differences from the identity.
+/// Linear: the matrix D_k - I (3, 4). Dual quaternions: (w - 1, x, y, z) and the dual part. If `stretched`, the six
+/// entries (xx, yy, zz, yz, zx, xy) of the stretch minus the identity follow, and then the translation of the stretch.
 constexpr std::size_t entries_of(Blend blend, bool stretched)
 {
     return blend == Blend::linear ? 12 : stretched ? 17 : 8;
@@ -112,16 +113,16 @@ struct PoseJob {
     std::size_t handle_count = 0;
     Overlap overlap = Overlap::add;
     Blend blend = Blend::linear;
-    bool stretched = false;            // whether dual quaternions have a stretch
-    const T* positive = nullptr;       // (H, entries_of) about `center`, on the positive side of the mirror plane
-    const T* negative = nullptr;       // (H, entries_of) on the negative side, or null without a mirror plane
-    const T* rest = nullptr;           // (entries_of) of D_0, or null for the identity
-    const T* shares = nullptr;         // (H) factors of the weights in the sum that D_0 completes to 1, or null for 1
-    T center[3] = {};
-    T normal[3] = {};                  // of the mirror plane
+    bool stretched = false;            // whether dual quaternions come with a stretch
+    const T* positive = nullptr;       // (H, entries_of) for vertices on the positive side of the mirror plane
+    const T* negative = nullptr;       // (H, entries_of) for those on the negative side, or null without a mirror plane
+    const T* rest = nullptr;           // (entries_of) entries of D_0, or null for the identity
+    const T* shares = nullptr;         // (H) s; the weight of D_0 is max(1 - Σ s_k W_k, 0). Null if all s_k are 1
+    T center[3] = {};                  // origin of the points that the transforms move
+    T normal[3] = {};                  // unit normal of the mirror plane
     T height = 0;                      // signed distance of `center` from the mirror plane
-    T steepness = 0;                   // 1 / (2 band), or 0 without a band
-    const T* base = nullptr;           // (V, 3) to which displacements are added, or null for the vertices
+    T steepness = 0;                   // 1 / (2 band) for the half width `band`, or 0 without a band
+    const T* base = nullptr;           // (V, 3) positions to which displacements are added, or null for `vertices`
     const T* normals = nullptr;        // (V, 3) or null
     T* posed_normals = nullptr;
     T* posed = nullptr;                // (V, 3)
@@ -133,14 +134,14 @@ using PoseRange = bool (*)(const PoseJob<T>& job, std::size_t begin, std::size_t
 
 constexpr std::size_t pose_scratch(std::size_t handle_count) { return block_size * (handle_count + group_size); }
 
-/// Number of points that a field evaluates together, and number of outputs in a group, whose weights are consecutive.
+/// Number of points that a field evaluates together, and number of outputs in a group of `FieldLayer`.
 constexpr std::size_t field_points = 48, field_group = 8;
 
 struct FieldLayer {
-    const float* weights = nullptr;  // (groups, inputs, 8), the last group padded with zeros
+    const float* weights = nullptr;  // (groups, inputs, 8) with 8 outputs in a group; zeros fill the last group
     const float* bias = nullptr;     // (8 groups)
     const float* gain = nullptr;     // (8 groups) of the LayerNorm, or null for the last layer
-    const float* shift = nullptr;
+    const float* shift = nullptr;    // (8 groups) of the LayerNorm, or null for the last layer
     std::size_t inputs = 0, outputs = 0;
 };
 
@@ -151,7 +152,7 @@ struct FieldJob {
     std::size_t octaves = 0;
     const FieldLayer* layers = nullptr;
     std::size_t layer_count = 0;
-    std::size_t widest = 0;          // largest number of outputs of a layer, in whole groups
+    std::size_t widest = 0;          // largest number of neurons of a layer, padded to whole groups
     float* features = nullptr;       // (N, D)
 };
 

@@ -1,6 +1,6 @@
 #pragma once
 
-// Conversion of rows in memory to lanes of vectors and back, for rows of any width and for points (N, 3).
+// Conversion between rows in memory and lanes of vectors, for rows of any width and for points (N, 3).
 
 #include "dfd/kernels/simd.hpp"
 
@@ -19,7 +19,7 @@ DFD_INLINE V shuffle(V a, V b)
     }(std::make_index_sequence<size>());
 }
 
-// Transposes rows to columns. Each round interleaves rows, which moves one bit of the row's index to the lane's index.
+// Transposes a square matrix, one vector per row. Each round moves one bit of the row index to the lane index.
 DFD_INLINE void transpose(Float (&v)[lanes<float>])
 {
     constexpr std::size_t size = lanes<float>;
@@ -36,7 +36,7 @@ DFD_INLINE void transpose(Float (&v)[lanes<float>])
     }
 }
 
-// Loads the first `count` entries and sets the others to 0.
+// Loads `count` floats into the first lanes and sets the other lanes to 0.
 DFD_INLINE Float load_part(const float* from, std::size_t count)
 {
 #if defined(__AVX512F__)
@@ -54,7 +54,8 @@ DFD_INLINE Float load_part(const float* from, std::size_t count)
 constexpr std::size_t line = 64 / sizeof(float);  // floats of a cache line
 constexpr std::size_t few_columns = 4;  // number of columns up to which single loads are faster than transpositions
 
-// Writes 16 rows of `columns` numbers, `stride` apart, as (columns, 16). Rows from `count` on repeat the last row.
+// Writes 16 rows of `columns` floats to `out` (columns, 16). In `rows`, each row begins `stride` floats after the one
+// before. If `count` is below 16, copies of row `count` - 1 replace the missing rows.
 DFD_INLINE void rows_to_lanes(const float* rows, std::size_t stride, std::size_t columns, std::size_t count, float* out)
 {
     constexpr std::size_t size = lanes<float>;
@@ -92,25 +93,25 @@ DFD_INLINE void rows_to_lanes(const float* rows, std::size_t stride, std::size_t
     }
 }
 
-constexpr std::size_t quads = lanes<float> / 4;  // number of quads, groups of four lanes, in a vector
+constexpr std::size_t quads = lanes<float> / 4;  // number of quads (groups of four lanes) in a vector
 
-// Transposes every quad of four vectors.
+// Transposes the 4×4 matrix that each quad of the four vectors forms.
 DFD_INLINE void transpose_quads(Float (&v)[4])
 {
     constexpr std::size_t size = lanes<float>;
-    // Entries First and First + 1 of a quad of a and of b: interleaved (`turns`), or a's before b's (`sides`).
-    const auto turns = [&]<std::size_t First>(Float a, Float b) __attribute__((always_inline)) {
+    // Both functions take entries First and First + 1 of each quad of a and of b.
+    const auto interleaved = [&]<std::size_t First>(Float a, Float b) __attribute__((always_inline)) {
         return shuffle<[](std::size_t k) { return k / 4 * 4 + First + k % 4 / 2 + k % 2 * size; }>(a, b);
     };
-    const auto sides = [&]<std::size_t First>(Float a, Float b) __attribute__((always_inline)) {
+    const auto concatenated = [&]<std::size_t First>(Float a, Float b) __attribute__((always_inline)) {
         return shuffle<[](std::size_t k) { return k / 4 * 4 + First + k % 2 + k % 4 / 2 * size; }>(a, b);
     };
-    const Float a = turns.template operator()<0>(v[0], v[1]), b = turns.template operator()<2>(v[0], v[1]);
-    const Float c = turns.template operator()<0>(v[2], v[3]), d = turns.template operator()<2>(v[2], v[3]);
-    v[0] = sides.template operator()<0>(a, c);
-    v[1] = sides.template operator()<2>(a, c);
-    v[2] = sides.template operator()<0>(b, d);
-    v[3] = sides.template operator()<2>(b, d);
+    const Float a = interleaved.template operator()<0>(v[0], v[1]), b = interleaved.template operator()<2>(v[0], v[1]);
+    const Float c = interleaved.template operator()<0>(v[2], v[3]), d = interleaved.template operator()<2>(v[2], v[3]);
+    v[0] = concatenated.template operator()<0>(a, c);
+    v[1] = concatenated.template operator()<2>(a, c);
+    v[2] = concatenated.template operator()<0>(b, d);
+    v[3] = concatenated.template operator()<2>(b, d);
 }
 
 typedef float QuadFloat __attribute__((vector_size(16)));
@@ -122,7 +123,7 @@ DFD_INLINE QuadFloat quad(V v)
     else return __builtin_shufflevector(v, v, 4 * Index, 4 * Index + 1, 4 * Index + 2, 4 * Index + 3);
 }
 
-// Writes the first `Count` entries of quad `Index` of each of four vectors to a row.
+// Writes the first `Count` entries of each quad of the four vectors to one row. `Index` is the number of a quad.
 template <std::size_t Count, std::size_t Index = 0>
 DFD_INLINE void store_quads(const Float (&v)[4], float* rows, std::size_t stride)
 {
@@ -134,7 +135,7 @@ DFD_INLINE void store_quads(const Float (&v)[4], float* rows, std::size_t stride
     if constexpr (Index + 1 < quads) store_quads<Count, Index + 1>(v, rows, stride);
 }
 
-// Writes up to four columns of 16 entries, consecutive in memory, to 16 rows.
+// Writes (Count, 16), with at most four columns, to 16 rows.
 template <std::size_t Count>
 DFD_INLINE void columns_to_rows(const float* from, float* rows, std::size_t stride)
 {
@@ -147,7 +148,7 @@ DFD_INLINE void columns_to_rows(const float* from, float* rows, std::size_t stri
     }
 }
 
-// Writes (columns, 16) to 16 rows. The stores are narrow, but whole vectors would need twice as many shuffles.
+// Writes (columns, 16) to 16 rows. Stores of at most four floats need half as many shuffles as stores of whole vectors.
 DFD_INLINE void lanes_to_rows(const float* from, std::size_t columns, float* rows, std::size_t stride)
 {
     std::size_t k = 0;
@@ -165,7 +166,7 @@ struct Vector3 {
     Vector<T> x, y, z;
 };
 
-// Conversion of W points (W, 3) in memory, W lanes, to three vectors. Number 3 i + k is coordinate k of point i.
+// Converts points (W, 3) in memory to three vectors of W lanes, and back. Number 3 i + k is coordinate k of point i.
 template <class T>
 struct Interleaved {
     static constexpr std::size_t size = lanes<T>;
@@ -174,7 +175,7 @@ struct Interleaved {
     template <std::size_t Axis>
     static DFD_INLINE Vector<T> axis(Vector<T> a, Vector<T> b, Vector<T> c)
     {
-        // Numbers below 2 W are in a or b, the others in c.
+        // Numbers 0 … 2 W - 1 are in a or b, the others in c.
         constexpr auto from_ab = [](std::size_t i) { return 3 * i + Axis < 2 * size ? 3 * i + Axis : 0; };
         constexpr auto from_c = [](std::size_t i) { return 3 * i + Axis < 2 * size ? i : 3 * i + Axis - size; };
         return shuffle<from_c>(shuffle<from_ab>(a, b), c);

@@ -1,11 +1,11 @@
-// Eq. (1) and (8) for blocks of vertices, one vertex per lane. Each vertex moves by its blended displacement.
+// Eq. (1) and (8) for blocks of vertices, one vertex per lane. The displacement of each vertex is blended.
 
 #include "dfd/kernels/blend.hpp"
 
 namespace dfd {
 namespace {
 
-// Distance in bytes of prefetched vertices and weights ahead of the present ones. With one handle, memory limits speed.
+// Vertices and weights are prefetched this many bytes ahead of those in use. With one handle, memory limits the speed.
 constexpr std::size_t vertices_ahead = 1536, weights_ahead = 512;
 
 template <class T>
@@ -22,7 +22,7 @@ DFD_INLINE Vector<T> load_weights(const float* from)
 template <class T>
 struct Weights {
     const float* first;  // the weights of the lanes for handle 0
-    std::size_t stride;  // distance to the weights for the next handle
+    std::size_t stride;  // number of floats to the weights for the next handle
 
     DFD_INLINE Vector<T> operator()(std::size_t k) const { return load_weights<T>(first + k * stride); }
 };
@@ -30,8 +30,8 @@ struct Weights {
 template <class T>
 struct Totals {
     Vector<T> remainder;  // weight of D_0
-    Vector<T> excess;     // sum of the weights above 1
-    Vector<T> factor;     // factor of all weights
+    Vector<T> excess;     // amount by which the sum of the weights exceeds 1, for overlap `paper`
+    Vector<T> factor;     // number by which overlap `normalize` multiplies all weights
 };
 
 template <class T>
@@ -45,12 +45,12 @@ DFD_INLINE Totals<T> totals(const PoseJob<T>& job, const Weights<T>& weights)
         for (std::size_t k = 0; k < job.handle_count; ++k) sum = multiply_add(weights(k), splat(job.shares[k]), sum);
     }
     const bool paper = job.overlap == Overlap::paper && job.blend == Blend::linear;
-    const bool normalize = job.overlap != Overlap::add && !paper;  // quaternions are normalized with `paper` too
+    const bool normalize = job.overlap != Overlap::add && !paper;  // for dual quaternions, `paper` means `normalize`
     return {maximum(one - sum, zero), paper ? maximum(sum - one, zero) : zero,
             normalize ? one / maximum(sum, one) : one};
 }
 
-// Sums weights times entries, for the entries from First to Last, whose sums fit into registers.
+// Sums weight times entry over the handles and D_0, for entries First … Last - 1. These sums fit into registers.
 template <std::size_t First, std::size_t Last, class T, std::size_t Count>
 DFD_INLINE void accumulate(const PoseJob<T>& job, const T* table, const Weights<T>& weights, Vector<T> remainder,
                            Sums<T, Count>& sums)
@@ -80,7 +80,7 @@ DFD_INLINE Sums<T, Kind::count> blended(const PoseJob<T>& job, const T* table, c
     return sums;
 }
 
-// Returns the share of the positive side at each vertex: a smoothstep over the band, or a step without a band.
+// Returns the share (0 to 1) of the positive side's transforms: a smoothstep over the band, or a step without a band.
 template <class T>
 DFD_INLINE Vector<T> positive_share(const PoseJob<T>& job, const Vector3<T>& p)
 {
@@ -94,15 +94,16 @@ DFD_INLINE Vector<T> positive_share(const PoseJob<T>& job, const Vector3<T>& p)
     return t * t * (T(3) - T(2) * t);
 }
 
+// The data of the first of several consecutive vertices.
 template <class T>
-struct Lanes {
+struct VertexData {
     const T *vertices, *base, *normals;
     T *posed, *posed_normals;
 };
 
 // Poses one vector of vertices; `check` becomes NaN if a result is not finite.
 template <class Kind, class T>
-DFD_INLINE void pose_lanes(const PoseJob<T>& job, const Lanes<T>& at, const Weights<T>& weights, Vector<T>& check)
+DFD_INLINE void pose_lanes(const PoseJob<T>& job, const VertexData<T>& at, const Weights<T>& weights, Vector<T>& check)
 {
     const Vector<T> zero{};
     const Vector3<T> vertex = Interleaved<T>::read(at.vertices);
@@ -119,12 +120,12 @@ DFD_INLINE void pose_lanes(const PoseJob<T>& job, const Lanes<T>& at, const Weig
             sums = blended<Kind>(job, job.positive, weights, remainder);
         } else if (all(below)) {
             sums = blended<Kind>(job, job.negative, weights, remainder);
-        } else {  // gives a lane the same bits as the other branches
+        } else {  // a vertex outside the band gets the same bits here as in the branches above
             sums = blended<Kind>(job, job.negative, weights, remainder);
-            const Sums<T, Kind::count> other = blended<Kind>(job, job.positive, weights, remainder);
+            const Sums<T, Kind::count> positive_sum = blended<Kind>(job, job.positive, weights, remainder);
             for (std::size_t e = 0; e < Kind::count; ++e) {
-                const Vector<T> mixed = multiply_add(share, other.entry[e] - sums.entry[e], sums.entry[e]);
-                sums.entry[e] = select(above, other.entry[e], select(below, sums.entry[e], mixed));
+                const Vector<T> mixed = multiply_add(share, positive_sum.entry[e] - sums.entry[e], sums.entry[e]);
+                sums.entry[e] = select(above, positive_sum.entry[e], select(below, sums.entry[e], mixed));
             }
         }
     }
@@ -146,9 +147,9 @@ DFD_INLINE void pose_lanes(const PoseJob<T>& job, const Lanes<T>& at, const Weig
     Interleaved<T>::write(at.posed, posed);
 
     if (at.normals != nullptr) {
-        const Vector3<T> turned = Kind::turned(sums.entry, excess, Interleaved<T>::read(at.normals));
-        check = multiply_add(turned.x + turned.y + turned.z, zero, check);
-        Interleaved<T>::write(at.posed_normals, turned);
+        const Vector3<T> normal = Kind::transformed_normal(sums.entry, excess, Interleaved<T>::read(at.normals));
+        check = multiply_add(normal.x + normal.y + normal.z, zero, check);
+        Interleaved<T>::write(at.posed_normals, normal);
     }
 }
 
@@ -159,17 +160,17 @@ DFD_INLINE P* advanced(P* pointer, std::size_t count)
 }
 
 template <class Kind, class T>
-DFD_INLINE void pose_block(const PoseJob<T>& job, const Lanes<T>& at, const Weights<T>& weights, Vector<T>& check)
+DFD_INLINE void pose_block(const PoseJob<T>& job, const VertexData<T>& at, const Weights<T>& weights, Vector<T>& check)
 {
     for (std::size_t lane = 0; lane < block_size; lane += lanes<T>) {
-        const Lanes<T> here{at.vertices + 3 * lane, advanced(at.base, 3 * lane), advanced(at.normals, 3 * lane),
-                            at.posed + 3 * lane, advanced(at.posed_normals, 3 * lane)};
+        const VertexData<T> here{at.vertices + 3 * lane, advanced(at.base, 3 * lane), advanced(at.normals, 3 * lane),
+                                 at.posed + 3 * lane, advanced(at.posed_normals, 3 * lane)};
         pose_lanes<Kind>(job, here, {weights.first + lane, weights.stride}, check);
     }
 }
 
-// Poses with one handle, without mirror plane, D_0 and normals. The transform stays in registers, and its displacement
-// is multiplied by the weight.
+// Poses vertices if there is one handle, and no mirror plane, D_0 or normals. The transform stays in registers, and its
+// displacement is multiplied by the weight.
 template <class T>
 DFD_INLINE std::size_t pose_single(const PoseJob<T>& job, std::size_t begin, std::size_t end, Vector<T>& check)
 {
@@ -241,7 +242,7 @@ DFD_INLINE bool pose_blocks(const PoseJob<T>& shared_job, std::size_t begin, std
         const T *base = advanced(job.base, 3 * i), *normals = advanced(job.normals, 3 * i);
         T* posed_normals = advanced(job.posed_normals, 3 * i);
         if (count == block_size) {
-            const Lanes<T> here{job.vertices + 3 * i, base, normals, job.posed + 3 * i, posed_normals};
+            const VertexData<T> here{job.vertices + 3 * i, base, normals, job.posed + 3 * i, posed_normals};
             pose_block<Kind>(job, here, weights, check);
         } else {
             T padded[5][3 * block_size];
@@ -251,8 +252,8 @@ DFD_INLINE bool pose_blocks(const PoseJob<T>& shared_job, std::size_t begin, std
                 padded[1][lane] = base == nullptr ? T(0) : base[from];
                 padded[2][lane] = normals == nullptr ? T(0) : normals[from];
             }
-            const Lanes<T> here{padded[0], base == nullptr ? nullptr : padded[1],
-                                normals == nullptr ? nullptr : padded[2], padded[3], padded[4]};
+            const VertexData<T> here{padded[0], base == nullptr ? nullptr : padded[1],
+                                     normals == nullptr ? nullptr : padded[2], padded[3], padded[4]};
             if (single) {
                 PoseJob<T> alone = job;
                 alone.vertices = here.vertices;
@@ -270,7 +271,7 @@ DFD_INLINE bool pose_blocks(const PoseJob<T>& shared_job, std::size_t begin, std
     return all(equal(check, check));
 }
 
-// The kind of blend is a template parameter, so that the compiler keeps the sums in registers.
+// The kind of blend is a template parameter of `pose_blocks`, so that the compiler keeps the sums in registers.
 template <class T>
 DFD_INLINE bool pose_range(const PoseJob<T>& job, std::size_t begin, std::size_t end, float* scratch)
 {

@@ -1,7 +1,7 @@
 #pragma once
 
-// The vector operations of one instruction set, for the variant of the kernels that DFD_VARIANT names. Everything has
-// internal linkage, so that the linker cannot mix the instructions of two variants.
+// The vector operations of one instruction set, for the variant of the kernels that DFD_VARIANT names. All functions
+// have internal linkage, so that the linker cannot mix the instructions of two variants.
 
 #include <cstddef>
 #include <cstdint>
@@ -63,13 +63,13 @@ DFD_INLINE Float splat(float value) { return value - Float{}; }
 DFD_INLINE Double splat(double value) { return value - Double{}; }
 DFD_INLINE Int splat(std::int32_t value) { return value - Int{}; }
 
-// A quad of int8 entries of a point in each lane, for `dot4`.
+// Four int8 entries of a point (a quad), copied to each lane; an operand of `dot4`.
 struct Quad {
     Int bytes;
     static DFD_INLINE Quad at(const std::int32_t* bytes, const std::int32_t*) { return {splat(*bytes)}; }
 };
 
-// The even and the odd entries of a quad, for `dot4` if the sum of two products of neighboring bytes exceeds 16 bits.
+// The even and odd entries of a quad as int16. `dot4` needs them if the sum of two byte products can exceed 16 bits.
 struct WideQuad {
     Int even, odd;
     static DFD_INLINE WideQuad at(const std::int32_t*, const std::int32_t* pairs)
@@ -85,7 +85,7 @@ DFD_INLINE void copy(const T* from, std::size_t count, T* to)
     for (std::size_t k = 0; k < count; ++k) to[k] = from[k];
 }
 
-// Prefetches the `size` bytes that lie `ahead` bytes after a place, which may be beyond the end of the array. Memory to
+// Prefetches `size` bytes that begin `ahead` bytes after `place`. They may lie beyond the end of the array. Memory to
 // write is prefetched too, because a core reads a cache line before it changes the line.
 template <bool Write = false>
 DFD_INLINE void prefetch(const void* place, std::size_t ahead, std::size_t size)
@@ -96,7 +96,7 @@ DFD_INLINE void prefetch(const void* place, std::size_t ahead, std::size_t size)
         __builtin_prefetch(reinterpret_cast<const void*>(first + line), Write);
 }
 
-// Operations that all x86 instruction sets have, by the intrinsics for the width of their vectors.
+// Operations that every x86 instruction set has. The prefix of the intrinsics depends on the width of the vectors.
 #if defined(__x86_64__)
 
 #if defined(__AVX512F__)
@@ -116,7 +116,7 @@ typedef __m128d X86Double;
 typedef __m128i X86Int;
 #endif
 
-// Both return `b` if one of the operands is NaN.
+// `maximum` and `minimum` return `b` if one of the operands is NaN.
 DFD_INLINE Float maximum(Float a, Float b) { return (Float)DFD_X86(max_ps)((X86Float)a, (X86Float)b); }
 DFD_INLINE Float minimum(Float a, Float b) { return (Float)DFD_X86(min_ps)((X86Float)a, (X86Float)b); }
 DFD_INLINE Double maximum(Double a, Double b) { return (Double)DFD_X86(max_pd)((X86Double)a, (X86Double)b); }
@@ -194,8 +194,8 @@ DFD_INLINE Double select(__mmask8 mask, Double yes, Double no)
 {
     return (Double)_mm512_mask_blend_pd(mask, (__m512d)no, (__m512d)yes);
 }
-// Returns the same bits as `sqrt` for values from 2^-60 on, from any estimate within its error bound. The result for
-// smaller values is 2^-30.
+// Returns the square root, with the same bits as `sqrt` for values of at least 2^-60, on every processor: the estimates
+// of `rsqrt14` may differ between processors within their error bound. For smaller values, the result is 2^-30.
 DFD_INLINE Float sqrt_by_products(Float a)
 {
     const __m512 half = _mm512_set1_ps(0.5f);
@@ -240,13 +240,13 @@ DFD_INLINE Float from_halves(const std::uint16_t* from)
 #else
     typedef std::uint16_t Halves __attribute__((vector_size(vector_bytes / 2)));
     const Int bits = __builtin_convertvector(load<Halves>(from), Int);
-    // The exponents of float16 and float differ by 112. A multiplication corrects them, also for subnormal numbers.
+    // The exponent biases of float16 and float differ by 112. A multiplication corrects even subnormal numbers.
     const Int magnitude = (bits & 0x7fff) << 13;
     return (Float)((Int)((Float)magnitude * splat(0x1p112f)) | ((bits & 0x8000) << 16));
 #endif
 }
 
-// Adds the products of four unsigned bytes with the entries of a quad to each lane of `sum`.
+// Adds to each lane of `sum` the dot product of four unsigned bytes with the four entries of a quad.
 #if defined(__AVX512F__)
 DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, const Quad& quad)
 {

@@ -18,7 +18,7 @@ namespace dfd {
 
 inline constexpr double unreached = std::numeric_limits<double>::infinity();
 
-/// Triangles and links between vertices, with their lengths.
+/// Triangles, and links: pairs of vertices that are joined by a straight line, for example across a gap.
 struct Surface {
     using Triangle = std::array<std::int32_t, 3>;
     struct Link {
@@ -28,17 +28,17 @@ struct Surface {
 
     std::vector<Triangle> triangles;
     std::vector<std::array<float, 3>> lengths;  // lengths of the sides from corner 0 to 1, 1 to 2 and 2 to 0
-    std::vector<std::uint32_t> first_triangle;  // (V + 1) offsets of each vertex's range in `around`
-    std::vector<std::int32_t> around;           // the triangles of each vertex
+    std::vector<std::uint32_t> first_triangle;  // (V + 1) offsets of each vertex's range in `vertex_triangles`
+    std::vector<std::int32_t> vertex_triangles; // the triangles at each vertex
     std::vector<std::uint32_t> first_link;      // (V + 1) offsets of each vertex's range in `links`
-    std::vector<Link> links;                    // the links of each vertex
+    std::vector<Link> links;                    // the links of each vertex; each link is listed at both of its ends
 
     std::size_t vertex_count() const { return first_triangle.empty() ? 0 : first_triangle.size() - 1; }
 
     std::span<const std::int32_t> triangles_of(std::int32_t vertex) const
     {
         const auto v = static_cast<std::size_t>(vertex);
-        return {around.data() + first_triangle[v], around.data() + first_triangle[v + 1]};
+        return {vertex_triangles.data() + first_triangle[v], vertex_triangles.data() + first_triangle[v + 1]};
     }
 
     std::span<const Link> links_of(std::int32_t vertex) const
@@ -48,9 +48,9 @@ struct Surface {
     }
 };
 
-/// Returns the distance of a triangle's third corner from a source at distances `a` and `b` from the other two corners.
-/// The source lies in the triangle's plane, beyond the side between these two corners. The result is `unreached` if the
-/// straight line from the source misses this side.
+/// Returns the distance from a source to corner C of a triangle ABC. `a` and `b` are the distances from the source to A
+/// and B; `side` is |AB|, `to_a` is |CA| and `to_b` is |CB|. The source is in the triangle's plane, beyond the line AB.
+/// The result is `unreached` if the straight line from the source to C does not cross the side AB.
 inline double across_triangle(double a, double b, double side, double to_a, double to_b)
 {
     if (!(side > 0)) return unreached;
@@ -66,15 +66,15 @@ inline double across_triangle(double a, double b, double side, double to_a, doub
     return std::sqrt(along * along + height * height);
 }
 
-/// A front and the distances that it has reached. It can be reused after `clear`, which takes less time than a new one.
+/// A front, and the distances of the vertices that it has reached. To `clear` a wave is faster than to make a new one.
 class Wave {
 public:
     explicit Wave(std::size_t vertex_count) : distance_(vertex_count, unreached), passed_(vertex_count, 0) {}
 
     double distance(std::int32_t vertex) const { return distance_[static_cast<std::size_t>(vertex)]; }
-    bool passed(std::int32_t vertex) const { return passed_[static_cast<std::size_t>(vertex)] != 0; }
+    bool passed(std::int32_t vertex) const { return passed_[static_cast<std::size_t>(vertex)] != 0; }  // distance final
 
-    /// Sets a vertex's distance if `distance` is less than the present one.
+    /// Adds a vertex to the front at `distance`, unless its present distance is at most `distance`.
     void offer(std::int32_t vertex, double distance)
     {
         const auto v = static_cast<std::size_t>(vertex);
@@ -84,8 +84,8 @@ public:
         front_.emplace(distance, vertex);
     }
 
-    /// Propagates from the offered vertices, and calls `visit(vertex, distance)` in order of distance. The front does
-    /// not enter vertices at a distance of `bound(vertex)` or more.
+    /// Propagates the front from the offered vertices, and calls `visit(vertex, distance)` in order of distance. The
+    /// front does not enter a vertex at a distance of `bound(vertex)` or more.
     template <class Bound, class Visit>
     void run(const Surface& surface, const Bound& bound, const Visit& visit)
     {

@@ -11,11 +11,11 @@ namespace dfd {
 
 namespace {
 
-constexpr double packing = 1.45;     // measured area of a sample's cell, over the squared spacing
-constexpr double detour = 1.3;       // assumed length of a path along edges between two samples, over their distance
-constexpr double same_place = 1e-5;  // length up to which links join one surface; longer links cross gaps
-constexpr double support = 1.8;      // radius around a vertex of the samples in its fit, in spacings
-constexpr double off_plane = 1e-2;   // damping of a fit's slope, relative to the sum of `importance`
+constexpr double packing = 1.45;     // mean area of a sample's Voronoi cell, divided by the squared spacing (measured)
+constexpr double detour = 1.3;       // assumed length of a path along edges, divided by the distance of its ends
+constexpr double same_place = 1e-5;  // links up to this length join coincident vertices; longer links cross gaps
+constexpr double support = 1.8;      // farther samples hardly affect the fit at a vertex, in sample spacings
+constexpr double damping = 1e-2;     // damping of the fitted slope, relative to the sum of `importance`
 
 using Point = std::array<double, 3>;
 
@@ -30,8 +30,8 @@ double apart(const Point& a, const Point& b)
     return std::sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));
 }
 
-/// Returns the entries in the order of their vertices. Vertex v has those from result[first[v]] to before
-/// result[first[v + 1]].
+/// Returns the indices of all entries, sorted by vertex. The entries of vertex v are result[first[v]] to
+/// result[first[v + 1] - 1].
 template <class VertexOf>
 std::vector<std::uint32_t> group(std::size_t vertex_count, std::size_t entry_count, const VertexOf& vertex_of,
                                  std::vector<std::uint32_t>& first)
@@ -50,13 +50,13 @@ struct Edge {
     float length;
 };
 
-/// Sets the triangles around each vertex, and the links of each vertex, which have both directions.
+/// Sets the lists of triangles and links at each vertex.
 void connect(Surface& surface, std::size_t vertex_count, const std::vector<Edge>& links)
 {
     const auto corner = [&](std::size_t e) { return surface.triangles[e / 3][e % 3]; };
     const auto by_corner = group(vertex_count, 3 * surface.triangles.size(), corner, surface.first_triangle);
-    surface.around.resize(by_corner.size());
-    std::transform(by_corner.begin(), by_corner.end(), surface.around.begin(),
+    surface.vertex_triangles.resize(by_corner.size());
+    std::transform(by_corner.begin(), by_corner.end(), surface.vertex_triangles.begin(),
                    [](std::uint32_t e) { return static_cast<std::int32_t>(e / 3); });
     const auto end = [&](std::size_t e) { return e % 2 ? links[e / 2].b : links[e / 2].a; };
     const auto by_end = group(vertex_count, 2 * links.size(), end, surface.first_link);
@@ -78,14 +78,14 @@ double area(const Surface& mesh)
 
 using Pair = std::pair<std::int32_t, std::int32_t>;
 
-/// Two samples whose cells touch.
+/// Two samples whose Voronoi cells touch: an edge or a link joins a vertex of one cell with a vertex of the other.
 struct Touching {
     Pair pair;
-    double length;
-    bool surface;  // whether they touch on the surface, and not only across a gap
+    double length;  // approximate distance of the two samples along the surface
+    bool surface;   // false if only links across a gap join the cells
 };
 
-/// Returns all pairs of samples whose cells touch, sorted by pair, with their approximate distances.
+/// Returns all pairs of samples whose Voronoi cells touch, sorted by pair.
 std::vector<Touching> touching_cells(const Surface& mesh, Matrix<const double> vertices, const Samples& samples)
 {
     std::vector<Touching> found;
@@ -119,8 +119,8 @@ std::vector<Touching> touching_cells(const Surface& mesh, Matrix<const double> v
     return found;
 }
 
-/// Sets the `weights` of values at `points` (n). The weighted sum is the value at the origin of a linear function that
-/// is fitted to the values by least squares, with an `importance` of each point.
+/// Sets `weights` (n), by which values at `points` (n) are interpolated at the origin. The weighted sum of the values
+/// equals a linear function at the origin, fitted to the values by least squares with an `importance` of each point.
 void fit_weights(std::span<const Point> points, std::span<const double> importance, std::span<float> weights)
 {
     // The normal equations have the basis (1, x, y, z). The value at the origin is the first coefficient.
@@ -130,7 +130,7 @@ void fit_weights(std::span<const Point> points, std::span<const double> importan
         for (int r = 0; r < 4; ++r)
             for (int c = 0; c <= r; ++c) a[r][c] += importance[i] * row[r] * row[c];
     }
-    for (int r = 1; r < 4; ++r) a[r][r] += off_plane * a[0][0];
+    for (int r = 1; r < 4; ++r) a[r][r] += damping * a[0][0];
     for (int c = 0; c < 4; ++c) {  // Cholesky
         for (int k = 0; k < c; ++k) a[c][c] -= a[c][k] * a[c][k];
         a[c][c] = std::sqrt(std::max(a[c][c], 1e-30));
@@ -157,8 +157,8 @@ void fit_weights(std::span<const Point> points, std::span<const double> importan
     for (std::size_t i = 0; i < points.size(); ++i) weights[i] = static_cast<float>(weights[i] / sum);
 }
 
-Around fit_around(std::int32_t vertex, Matrix<const double> vertices, const Samples& samples,
-                  const std::vector<std::vector<std::int32_t>>& rings)
+SampleFit fit_around(std::int32_t vertex, Matrix<const double> vertices, const Samples& samples,
+                     const std::vector<std::vector<std::int32_t>>& rings)
 {
     const std::int32_t owner = samples.owner[static_cast<std::size_t>(vertex)];
     const Point here = point(vertices, vertex);
@@ -170,12 +170,12 @@ Around fit_around(std::int32_t vertex, Matrix<const double> vertices, const Samp
     consider(owner);
     for (const std::int32_t sample : rings[static_cast<std::size_t>(owner)]) consider(sample);
     std::sort(candidates.begin(), candidates.end());
-    const std::size_t count = std::min(candidates.size(), Around::count);
-    // If samples are sparse, the fit includes at least the four nearest ones.
+    const std::size_t count = std::min(candidates.size(), SampleFit::count);
+    // If samples are sparse, the fit includes at least the four nearest samples.
     const double reach = std::max(support * samples.spacing, 1.1 * candidates[std::min<std::size_t>(count - 1, 3)].first);
-    std::array<Point, Around::count> points;
-    std::array<double, Around::count> importance;
-    Around result;
+    std::array<Point, SampleFit::count> points;
+    std::array<double, SampleFit::count> importance;
+    SampleFit result;
     result.samples.fill(owner);
     result.weights.fill(0);
     for (std::size_t i = 0; i < count; ++i) {
@@ -267,10 +267,10 @@ Surface voronoi_surface(const Surface& mesh, Matrix<const double> vertices, cons
     return surface;
 }
 
-std::vector<Around> linear_fits(Matrix<const double> vertices, const Samples& samples,
-                                const std::vector<std::vector<std::int32_t>>& rings, int threads)
+std::vector<SampleFit> linear_fits(Matrix<const double> vertices, const Samples& samples,
+                                   const std::vector<std::vector<std::int32_t>>& rings, int threads)
 {
-    std::vector<Around> fits(vertices.rows);
+    std::vector<SampleFit> fits(vertices.rows);
     parallel_ranges(vertices.rows, 1024, threads, [&](std::size_t, std::size_t begin, std::size_t end) {
         for (std::size_t v = begin; v < end; ++v)
             fits[v] = fit_around(static_cast<std::int32_t>(v), vertices, samples, rings);

@@ -1,5 +1,5 @@
-# The app's page, built beside the package wherever npm is: what is there already and newer than its sources stays. Without
-# npm, or without what it would download, the package is built without the page; a release (DFD_RELEASE=1) never is.
+# Builds the app's page into python/dfd/app/static if npm is installed and the page is older than its sources. Without
+# npm, or if npm fails, the package is built without a new page. A release (DFD_RELEASE=1) fails without a page.
 set(client ${CMAKE_CURRENT_LIST_DIR})
 set(page ${client}/../static/index.html)
 
@@ -19,7 +19,7 @@ endif()
 find_program(NPM npm)
 if(NPM)
   file(GLOB_RECURSE page_sources CONFIGURE_DEPENDS ${client}/src/* ${client}/public/*)
-  list(FILTER page_sources EXCLUDE REGEX "/messages\\.ts$") # types, made for checks alone
+  list(FILTER page_sources EXCLUDE REGEX "/messages\\.ts$") # only types, which the built page does not contain
   list(APPEND page_sources ${client}/index.html ${client}/package-lock.json ${client}/vite.config.ts)
   add_custom_command(
     OUTPUT ${page}

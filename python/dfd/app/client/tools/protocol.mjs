@@ -1,41 +1,41 @@
-// Makes the types of all messages, src/protocol/messages.ts, from the server's own: `npm run protocol`. The Python that
-// has dfd installed is that of DFD_PYTHON, of .venv beside the sources, or `python3`.
+// `npm run protocol` writes src/protocol/messages.ts, the types of all messages, from the server's JSON Schema. It runs
+// a Python in which dfd must be installed: DFD_PYTHON if set, else that of .venv in the repository, else `python3`.
 import { execFileSync } from "node:child_process";
 import { existsSync, writeFileSync } from "node:fs";
 import { fileURLToPath } from "node:url";
 import { compile } from "json-schema-to-typescript";
 
 const place = (path) => fileURLToPath(new URL(path, import.meta.url));
-const own = place("../../../../../.venv/bin/python");
-const python = process.env.DFD_PYTHON ?? (existsSync(own) ? own : "python3");
+const repository = place("../../../../../.venv/bin/python");
+const python = process.env.DFD_PYTHON ?? (existsSync(repository) ? repository : "python3");
 const schema = JSON.parse(execFileSync(python, ["-m", "dfd.app.schema"], { encoding: "utf8" }));
 
-/** Without the titles of single keys, which would make a type of each, and with tuples as older drafts wrote them. */
-function readable(node, named = false) {
-  if (Array.isArray(node)) return node.map((entry) => readable(entry));
+/** Return a schema without titles of single keys, which would become types, and with tuples as in older drafts. */
+function simplified(node, keepTitle = false) {
+  if (Array.isArray(node)) return node.map((entry) => simplified(entry));
   if (node === null || typeof node !== "object") return node;
   const entries = Object.entries(node).flatMap(([key, value]) => {
-    if (key === "title" && typeof value === "string" && !named) return [];
-    if (key === "prefixItems") return [["items", readable(value)]];
+    if (key === "title" && typeof value === "string" && !keepTitle) return [];
+    if (key === "prefixItems") return [["items", simplified(value)]];
     if (key === "properties" || key === "$defs") {
-      const parts = Object.entries(value).map(([name, part]) => [name, readable(part, key === "$defs")]);
+      const parts = Object.entries(value).map(([name, part]) => [name, simplified(part, key === "$defs")]);
       return [[key, Object.fromEntries(parts)]];
     }
-    return [[key, readable(value)]];
+    return [[key, simplified(value)]];
   });
   return Object.fromEntries(entries);
 }
 
-// The server writes every key, those with a default too.
+// The server writes every key, even if it has its default value.
 for (const [name, definition] of Object.entries(schema.$defs)) {
   if (/Message$|State$/.test(name)) definition.required = Object.keys(definition.properties);
 }
 
-const types = await compile(readable(schema, true), "Protocol", {
+const types = await compile(simplified(schema, true), "Protocol", {
   bannerComment: "// Made by `npm run protocol`.",
   additionalProperties: false,
   style: { printWidth: 120 },
 });
-// Nobody changes a message.
+// Messages are never changed, so that their arrays are readonly.
 const tuples = types.replace(/\[(?=number,|\s*\[)/g, "readonly [").replace(/(\w+)\[\]/g, "readonly $1[]");
 writeFileSync(place("../src/protocol/messages.ts"), tuples);

@@ -1,4 +1,4 @@
-/** The WebSocket to the server. It reconnects automatically, and returns the answers to requests. */
+/** Send requests to the server over a WebSocket, and receive the answers. A lost connection is opened again. */
 
 import { decode, type Received, type Request } from "../protocol/binary_messages";
 import { store } from "../store/state";
@@ -10,7 +10,7 @@ const SESSION_KEY = "dfd-session";
 const DISMISSALS: Record<number, string> = {
   4001: "This session was opened in another tab.",
   4002: "This session has ended. Reload the page to start a new one.",
-  4403: "The server does not know this page. Open the address that `dfd app` printed.",
+  4403: "The server refused this page. Open the address that `dfd app` printed.",
 };
 
 const FIRST_WAIT = 400;
@@ -23,20 +23,20 @@ let receive: (received: Received) => void = () => undefined;
 let next = 1;
 let wait = FIRST_WAIT;
 let timer = 0;
-/** Requests without an answer yet. The answer to a failure is null; failures of `quiet` requests are not shown. */
+/** Unanswered requests by number. A failed request resolves to null; if it is `quiet`, the failure is not shown. */
 const waiting = new Map<number, { readonly resolve: (received: Received | null) => void; readonly quiet: boolean }>();
 
 export function start(receiver: (received: Received) => void): void {
   receive = receiver;
   connect();
   // Reconnect at once after the computer wakes or the network returns.
-  const hurry = () => {
+  const reconnect = () => {
     if (document.hidden || store.get().ended !== null || socket?.readyState !== WebSocket.CLOSED) return;
     clearTimeout(timer);
     connect();
   };
-  addEventListener("online", hurry);
-  document.addEventListener("visibilitychange", hurry);
+  addEventListener("online", reconnect);
+  document.addEventListener("visibilitychange", reconnect);
 }
 
 /** Send a request; return its number, or 0 without a connection. */
@@ -57,7 +57,7 @@ export function congested(): boolean {
   return (socket?.bufferedAmount ?? 0) > CONGESTED;
 }
 
-/** Close the connection, for tests of reconnecting. */
+/** Close the connection. Tests call this to see whether the page reconnects. */
 export function drop(): void {
   socket?.close();
 }
@@ -100,8 +100,8 @@ function received(answer: Received): void {
   const { message } = answer;
   if (message.type === "session") sessionStorage.setItem(SESSION_KEY, message.session);
   const failed = message.type === "failure";
-  const asker = waiting.get(message.id);
-  if (!failed || !asker?.quiet) receive(answer);
-  asker?.resolve(failed ? null : answer);
+  const request = waiting.get(message.id);
+  if (!failed || !request?.quiet) receive(answer);
+  request?.resolve(failed ? null : answer);
   waiting.delete(message.id);
 }

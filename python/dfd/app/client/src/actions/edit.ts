@@ -1,4 +1,4 @@
-/** Actions of the user that change the shape, if they are more than one request. */
+/** Actions of the user that change the shape, except those that only send one request. */
 
 import { MathUtils } from "three";
 
@@ -39,13 +39,13 @@ export async function changePart(how: PartChange, vertex: number | null = null):
   if (!taken && resizes && store.get().link === "open") note(`There is no ${how} part here.`);
 }
 
-/** Let a counterpart follow the handle, or leave it behind. */
+/** Switch whether the counterpart at `vertex` follows the handle. */
 export function toggleCounterpart(handle: number, vertex: number): void {
   const off = otherPlaces(store.get()).filter((place) => place.on === (place.vertex === vertex));
   send({ type: "change", handle, controls: { excluded_counterparts: off.map((place) => place.vertex) } });
 }
 
-/** Convert painted weights to a region for requests: one bit per vertex, lowest first. */
+/** Convert painted weights to a region for requests: base64 of one bit per vertex, lowest bit of each byte first. */
 export function regionOf(weights: Uint16Array): { mask: string } {
   const mask = new Uint8Array(Math.ceil(weights.length / 8));
   weights.forEach((weight, vertex) => {
@@ -57,13 +57,13 @@ export function regionOf(weights: Uint16Array): { mask: string } {
 export function suggest(): void {
   if (store.get().suggestions.length > 0) store.set({ suggestions: [] });
   else if (ready(store.get())) send({ type: "suggest" });
-  else note("Handles can be suggested when the features are learned.");
+  else note("Handles can be suggested after the features are learned.");
 }
 
 /** Milliseconds between two requests of a slider, and of a drag. */
 const SLIDER_INTERVAL = 80;
 const DRAG_INTERVAL = 50;
-/** Milliseconds without a request after which the next one is a new step of undo. */
+/** After this many milliseconds without a request, the next request is a new undo step. */
 const GESTURE = 1000;
 
 interface Gesture {
@@ -74,7 +74,7 @@ interface Gesture {
 
 const gestures = new Map<string, Gesture>();
 
-/** Send the newest request of each `key` at intervals. With `merge`, it joins the previous step. */
+/** Send the newest request of each `key` at intervals. `merge` tells the request to join the previous undo step. */
 export function throttle(key: string, request: (merge: boolean) => unknown, interval = SLIDER_INTERVAL): void {
   const gesture = gestures.get(key) ?? { timer: 0, sent: -Infinity, send: request };
   gestures.set(key, gesture);
@@ -94,7 +94,7 @@ interface Drag {
   readonly handle: number;
   begun: boolean;
   latest: Transform | null;
-  /** Controls that the wheel changed and that were not sent yet. */
+  /** Controls that the wheel has changed since the last request. */
   controls: Controls;
 }
 
@@ -127,12 +127,12 @@ function sendDrag(own: Drag, settle: boolean): number {
   const request = send({ type: "move", handle, transform, controls, merge: begun, settle });
   own.begun = true;
   own.controls = {};
-  // The server poses where the shader does not support the blend.
+  // If the shader does not support the blend, the server computes the pose.
   if (serverPoses(store.get()) && !settle) send({ type: "compute" });
   return request;
 }
 
-/** Change the reach of the dragged handle, as a part of the same step of undo. */
+/** Multiply the reach of the dragged handle by a factor, in the same undo step as the drag. */
 export function wheelReach(factor: number): void {
   const state = store.get();
   const known = selectedHandle(state);
@@ -156,7 +156,7 @@ export function change(handle: number, controls: Controls): void {
   showAhead(handle, falloff ? { falloff } : {}, send({ type: "change", handle, controls }));
 }
 
-/** Set a part of the selected handle's transform, for numeric fields. */
+/** Set some values of the selected handle's transform, which the user typed. */
 export function setMotion(part: Partial<Transform>): void {
   const state = store.get();
   const known = selectedHandle(state);
@@ -165,12 +165,12 @@ export function setMotion(part: Partial<Transform>): void {
   showAhead(known.handle, { transform }, move(known.handle, message(known.handle, transform)));
 }
 
-/** Set a part of a transform; the server replaces names, such as of pivots, by values. */
+/** Set some values of a transform. The server replaces a name, for example of a pivot, by its value. */
 export function move(handle: number, transform: Move["transform"]): number {
   return send({ type: "move", handle, transform, settle: true });
 }
 
-/** Convert a transform for a request. The pivot is null if the server has the same one. */
+/** Convert a transform for a request. The pivot is null if the server already has it. */
 function message(handle: number, { pivotAt, pivot, axes, joint, ...rest }: Transform) {
   const known = store.get().edit?.handles.find((other) => other.handle === handle);
   const same = known?.pivot_set && known.pivot.every((x, i) => x === pivot?.[i]);
@@ -195,7 +195,7 @@ export function seenTransforms(): PoseTransform[] | null {
   return moment && [...moment].filter(([handle]) => present.has(handle)).map(poseTransform);
 }
 
-/** Show a change before the server confirms the `request` with it. */
+/** Show a change of a handle before the server confirms it. `request` is the number of the request with the change. */
 export function showAhead(handle: number, part: Partial<Ahead>, request: number): void {
   const ahead = new Map(store.get().ahead);
   ahead.set(handle, { ...ahead.get(handle), ...part, request });

@@ -1,11 +1,11 @@
-/** Requests that follow changes of the state. */
+/** Send requests when the state changes. */
 
 import { ready, selectedHandle, serverPoses, store } from "../store/state";
 import { send } from "./connection";
 import { seenTransforms, throttle } from "./edit";
 
 export function follow(): void {
-  // The counterparts of the selected handle, when they may have changed.
+  // Ask for the counterparts of the selected handle when they may have changed.
   store.watch(
     (state) => {
       const handle = selectedHandle(state);
@@ -16,7 +16,7 @@ export function follow(): void {
     },
     (wanted) => wanted && send({ type: "counterparts", handle: wanted[0] }),
   );
-  // The pivots and the axis of the selected handle, when a mode of the gizmo needs them.
+  // Ask for the pivots and the axis of the selected handle when the gizmo needs them.
   store.watch(
     ({ gizmo, selected, dragging, edit }) =>
       gizmo === "translate" || dragging || selected === null || !edit ? null : ([selected, edit.after] as const),
@@ -26,7 +26,7 @@ export function follow(): void {
     (state) => state.look === "features" && ready(state) && state.mesh,
     (wanted) => wanted && send({ type: "features" }),
   );
-  // The pose after every change that the shader does not support; drags request it themselves.
+  // Ask for the pose after every change that the shader does not support. During a drag, `sendDrag` asks for it.
   store.watch(serverPoses, (on) => {
     if (!on) store.set({ posed: null });
   });

@@ -1,4 +1,4 @@
-/** All keys of the page, in the order of the help. */
+/** The keyboard shortcuts of the page, in the order of the help. */
 
 import { ready, store, type State } from "../store/state";
 import { send } from "./connection";
@@ -8,14 +8,14 @@ import { leave, play, storePose } from "./timeline";
 
 type Group = "Handle" | "View" | "Edit" | "Tools" | "Timeline";
 
-/** The keys as the help shows them, their action, and whether the start page has them too. */
+/** The keys as the help shows them, their group, label and action, and whether the start page has them too. */
 export type Shortcut = readonly [keys: string, group: Group, label: string, run: () => unknown, everywhere?: true];
 
 export const LOOKS = ["texture", "clay", "features", "heat"] as const;
 const set = (change: Partial<State>) => () => store.set(change);
 const look = (what: NonNullable<State["framed"]>["what"]) => () => store.set({ framed: { what } });
 
-/** Leave the help, a tool or a mode; without one, clear the selection. */
+/** Leave the help, or else the tool or mode in use. If there is none, clear the selection. */
 function escape(): void {
   const { help, tool, painted, moment, isolated, suggestions } = store.get();
   if (help) store.set({ help: false });
@@ -29,7 +29,6 @@ function escape(): void {
 type Switch =
   "comparing" | "snap" | "wireframe" | "xray" | "isolated" | "more" | "inspector" | "help" | "timeline" | "local";
 
-/** Toggle a setting. */
 export function toggle(name: Switch): void {
   store.set({ [name]: !store.get()[name] });
 }
@@ -104,7 +103,7 @@ export function shortcut(keys: string): Shortcut | undefined {
 
 const NAMES: Record<string, string> = { " ": "Space", escape: "Esc", backspace: "Delete", delete: "Delete" };
 
-/** Return the keys of an event as in the table. */
+/** Return the keys of an event, spelled as in `SHORTCUTS`. */
 function keysOf({ key, code, ctrlKey, metaKey, shiftKey }: KeyboardEvent): string {
   const name = /^Numpad\d$/.test(code)
     ? code.replace("Numpad", "Num ")
@@ -118,7 +117,7 @@ export function listen(): void {
     const target = event.target as HTMLElement;
     if (target.matches("input:not([type=range], [type=checkbox]), textarea, select")) return;
     const keys = keysOf(event);
-    // Space plays the timeline even on a focused button, which Enter presses.
+    // Space plays the timeline even if a button has the focus. Enter presses the button.
     if (event.key === " " && target.matches("input, [role=menuitem]")) return;
     const look = LOOKS.at(Number(keys) - 1);
     const found = shortcut(keys);

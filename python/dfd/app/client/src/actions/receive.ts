@@ -33,7 +33,7 @@ export function receive({ message, payload }: Received): void {
       message.warnings.forEach((warning) => note(warning));
       break;
     case "state":
-      store.set(followed(message));
+      store.set(withEdit(message));
       break;
     case "columns":
       store.set({ columns: withColumns(message.columns, payload.get("values", "U16")) });
@@ -66,7 +66,7 @@ export function receive({ message, payload }: Received): void {
       break;
     case "failure":
       problem(message.message);
-      takeBack(message.id);
+      hideRefused(message.id);
       break;
     case "done":
     case "download":
@@ -75,13 +75,13 @@ export function receive({ message, payload }: Received): void {
 }
 
 /** Hide a change that the server refused. */
-function takeBack(request: number): void {
+function hideRefused(request: number): void {
   const { ahead } = store.get();
   const kept = [...ahead].filter(([, part]) => part.request !== request);
   if (kept.length < ahead.size) store.set({ ahead: new Map(kept) });
 }
 
-function followed(message: StateMessage): Partial<State> {
+function withEdit(message: StateMessage): Partial<State> {
   const state = store.get();
   const used = new Set(message.handles.flatMap((handle) => handle.columns.map(({ column }) => column)));
   const present = new Set(message.handles.map((handle) => handle.handle));
@@ -98,7 +98,7 @@ function followed(message: StateMessage): Partial<State> {
   };
 }
 
-/** Return the columns with the rows of new weights (C, V). */
+/** Return all known columns, with new ones: row i of `rows` (C, V) has the weights of column `numbers[i]`. */
 function withColumns(numbers: readonly number[], rows: Uint16Array): Map<number, Uint16Array> {
   const size = rows.length / numbers.length;
   const added = numbers.map((number, i) => [number, rows.subarray(i * size, (i + 1) * size)] as const);

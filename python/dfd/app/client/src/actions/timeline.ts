@@ -38,7 +38,7 @@ function set(poses: KeyPose[]): void {
   send({ type: "set_poses", poses: [...poses].sort((a, b) => a.seconds - b.seconds) });
 }
 
-/** Return the transforms of handles at a moment. In a pose, handles without a transform are at rest. */
+/** Return the transform of each handle at a moment. A handle that a pose does not mention is at rest in it. */
 export function momentAt(poses: readonly KeyPose[], seconds: number): Map<number, Transform> {
   const after = poses.findIndex((pose) => pose.seconds > seconds);
   const last = poses.length - 1;

@@ -5,7 +5,7 @@ import { useParts } from "../store/use";
 import { held } from "../viewer/scene";
 import { percent, Segmented, Select, Slider, Toggle } from "../widgets/controls";
 
-/** Texts beside sliders, for values that are more than a number. */
+/** Texts beside sliders, for controls whose value is shown in words or as a share of the shape. */
 const TEXTS: Partial<Record<string, (handle: HandleState, size: number) => string>> = {
   reach: ({ handle }) => `holds ${percent(held(store.get(), handle))}`,
   locality: ({ locality, radius }) =>
@@ -49,7 +49,7 @@ export function ControlField({ name, handle }: ControlProps) {
       {name === "reach" && (
         <Segmented
           label="Reach by"
-          hint="The handle reaches to the border of its part, or to a feature distance"
+          hint="The handle moves its part up to the border, or all surface within a feature distance"
           value={handle.reach_by}
           options={[...choices, "number"]}
           onChange={(word) => set(word === "number" ? handle.reach : word)}

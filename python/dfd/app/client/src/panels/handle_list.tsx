@@ -21,8 +21,8 @@ export function HandleList() {
       {handles.length === 0 ? (
         <p class="empty">
           {ready({ edit })
-            ? "Click a point of the shape to hold it. All similar parts follow."
-            : "You can hold the shape when its features are learned."}
+            ? "Click a point of the shape to add a handle. All similar parts follow it."
+            : "You can add handles after the features are learned."}
         </p>
       ) : (
         <ul class="rows">

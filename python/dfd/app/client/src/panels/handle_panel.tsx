@@ -48,7 +48,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
       <PartButtons ways={state.edit?.field.parts ?? []} handle={known} />
       <Toggle
         label="With its counterparts"
-        hint="Counterparts move too. Marks in the view switch them one by one."
+        hint="Counterparts move too. Click their marks in the view to switch single ones."
         value={handle.counterparts !== "only"}
         onChange={(on) => change(id, { counterparts: on ? all : "only" })}
       />
@@ -56,7 +56,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
         label={
           handle.mask === 0 || handle.mask_part ? "Limit to part" : `Limit to ${count.format(handle.mask)} vertices`
         }
-        hint="Only this region moves. The brush paints other limits."
+        hint="Only this region moves. Use the brush to paint another region."
         value={handle.mask > 0}
         onChange={(on) => change(id, { mask: on ? "part" : "everywhere" })}
       />
@@ -127,7 +127,7 @@ const JOINTS = { spread: "over its length", auto: "at its joint", here: "at the 
 /** The bend and the twist of the held part. */
 function Bend({ handle, transform: { bend, twist, joint } }: BendProps) {
   const degrees = Math.hypot(...bend);
-  // The server finds the direction of the first bend: up, or to the front.
+  // The server chooses the direction of the first bend: up, or to the front.
   const bendBy = (angle: number) =>
     degrees === 0
       ? move(handle, { bend: angle })
@@ -160,7 +160,7 @@ function Bend({ handle, transform: { bend, twist, joint } }: BendProps) {
   );
 }
 
-/** A switch for each counterpart. Those that do not move visibly are gray. */
+/** A switch for each counterpart. Counterparts that do not move visibly are gray. */
 function Counterparts({ state, handle }: { readonly state: State; readonly handle: number }) {
   const columns = columnsOf(state, handle);
   const places = otherPlaces(state);
@@ -172,7 +172,7 @@ function Counterparts({ state, handle }: { readonly state: State; readonly handl
           <li key={vertex} class={on && follows < LEAST_SEEN ? "stays" : undefined}>
             <Toggle
               label={`Counterpart ${i + 1} · ${percent(follows)}`}
-              hint="The percentage is the weight of this counterpart"
+              hint="The percentage is the weight at this counterpart"
               value={on}
               onChange={() => toggleCounterpart(handle, vertex)}
             />
@@ -189,10 +189,10 @@ const SIZES: readonly Way[] = [
   ["smaller", "Hold the next smaller part ([)"],
   ["larger", "Hold the next larger part (])"],
 ];
-/** Units of the file that a handle can hold. */
+/** Larger pieces of the file that a handle can hold. */
 const UNITS: readonly Way[] = [
-  ["scene_part", "Hold this whole part of the scene"],
-  ["material", "Hold all parts with this material"],
+  ["scene_part", "Hold the whole scene part"],
+  ["material", "Hold all faces with this material"],
   ["component", "Hold the whole connected component"],
 ];
 
@@ -201,7 +201,7 @@ interface PartButtonsProps {
   readonly handle: HandleState;
 }
 
-/** Buttons for other parts. Each part is shown while its button is under the pointer. */
+/** Buttons that change the held part. While the pointer is over a button, the view shows the part that it gives. */
 function PartButtons({ ways, handle: { handle, columns } }: PartButtonsProps) {
   const [pointed, setPointed] = useState<PartChange | null>(null);
   const [missing, setMissing] = useState<readonly PartChange[]>([]);

@@ -8,9 +8,9 @@ type Entry = readonly [keys: string, label: string];
 const POINTER: readonly Entry[] = [
   ["Click", "Hold a point"],
   ["Drag", "Orbit; the right button pans"],
-  ["Wheel", "Zoom, or set the reach in a drag"],
+  ["Wheel", "Zoom; during a drag, change the reach"],
   ["Shift Click", "Add a part to the held part"],
-  ["Ctrl Click", "Remove a part from it"],
+  ["Ctrl Click", "Remove a part from the held part"],
 ];
 const GROUPS: readonly Shortcut[1][] = ["Handle", "Tools", "View", "Edit", "Timeline"];
 const LOOKS: Entry = ["1 … 4", "Texture, clay, features, heat map"];

@@ -85,7 +85,7 @@ function FixedPanel({ fixed }: { readonly fixed: readonly FixedState[] }) {
               <Slider
                 label="Strength"
                 of={` of ${name}`}
-                hint="How strongly this place and similar parts stay in place"
+                hint="How strongly this point and similar parts stay in place"
                 value={place.strength}
                 range={[0, 1, 0.05]}
                 text={percent(place.strength)}
@@ -101,7 +101,7 @@ function FixedPanel({ fixed }: { readonly fixed: readonly FixedState[] }) {
   );
 }
 
-/** D₀ of Eq. 1, the transform of everything that no handle holds. */
+/** The default transform D₀ of Eq. 1. It moves all surface that no handle holds. */
 function DefaultPanel({ known }: { readonly known: StateMessage }) {
   const size = useParts().mesh?.diagonal ?? 1;
   const now = { ...REST, ...known.default };

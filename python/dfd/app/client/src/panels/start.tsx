@@ -4,7 +4,7 @@ import { useParts } from "../store/use";
 import { titled } from "../widgets/controls";
 import { Icon } from "../widgets/icons";
 
-/** Endings of files that belong to a mesh. */
+/** Endings of files that are not meshes, which the list of mesh formats leaves out. */
 const BESIDE = [".zip", ".json", ".safetensors"];
 
 /** The start page, shown without a shape. */
@@ -13,12 +13,12 @@ export function Start() {
   const endings = session?.formats.filter((ending) => !BESIDE.includes(ending)) ?? [];
   const formats = endings.map((ending) => ending.slice(1).toUpperCase()).join(", ");
   const hint = session
-    ? `${formats}, up to ${megabytes(session.upload_bytes)}. Add textures or a saved session, or use one ZIP file.`
+    ? `${formats}, up to ${megabytes(session.upload_bytes)}. Add textures or a saved session, or choose one ZIP file.`
     : "Waiting for the server…";
   return (
     <main class="start">
       <div class="start-card">
-        <h1>Take hold of a shape</h1>
+        <h1>Deform a shape</h1>
         <p class="lead">Drag a point of a mesh, and all similar parts follow.</p>
 
         <button type="button" class="drop" onClick={chooseFiles} disabled={!session || uploading !== null}>

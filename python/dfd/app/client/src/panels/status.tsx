@@ -40,7 +40,7 @@ export function StatusLine() {
   );
 }
 
-/** Return the reach of the dragged handle, which the wheel changes. */
+/** Return a text about the reach of the dragged handle, which the wheel changes. */
 function dragText(state: State): string {
   const known = selectedHandle(state);
   if (!known) return "";
@@ -68,7 +68,7 @@ const TITLES = {
   prepare: "Preparing",
 };
 
-/** The progress of background work, or a button that starts it. */
+/** The progress of background work, or a button that starts to learn features. */
 export function ProgressCard() {
   const { progress, edit, mesh } = useParts();
   if (progress) {
@@ -107,7 +107,7 @@ function remaining(seconds: number | null): string {
   return `${Math.ceil(seconds / 60)} min left`;
 }
 
-/** The message that the session has ended. */
+/** A message that the session has ended, and why. */
 export function Ended() {
   const { ended } = useParts();
   if (ended === null) return null;

@@ -40,7 +40,7 @@ export function SymmetryPanel({ known: { symmetry: used, planes: found } }: { re
   );
 }
 
-/** Return the axis that is perpendicular to a plane, if there is one. */
+/** Return the coordinate axis that is perpendicular to a plane, if there is one. */
 function axisOf({ normal }: SymmetryPlane): string | undefined {
   return AXES.find((_, i) => Math.abs(normal[i]) > 0.999)?.toUpperCase();
 }

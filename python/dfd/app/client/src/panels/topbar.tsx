@@ -36,7 +36,7 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
     exported("GLB", "materials, skins", "glb"),
     exported("OBJ", "materials", "obj"),
     exported("PLY", "", "ply"),
-    exported("STL", "shape alone", "stl"),
+    exported("STL", "shape only", "stl"),
   ];
   const held = (edit?.handles.length ?? 0) > 0;
   const rigs = [

@@ -11,19 +11,20 @@ export type PivotAt = "base" | "middle" | "point" | "plane" | "hinge";
 
 export interface Transform {
   readonly translation: Vec3;
-  /** Axis times angle, right-handed. */
+  /** Rotation vector: axis times angle in degrees, right-handed. */
   readonly rotation: Vec3;
   readonly scale: Vec3;
-  /** Null is the handle's own position. */
+  /** The fixed point of rotation and scale; null is the handle's own position. */
   readonly pivot: Vec3 | null;
   /** The name of the pivot, or "auto"; null if `pivot` is not a named point. */
   readonly pivotAt: PivotAt | "auto" | null;
   /** The axes of scale; null is the mesh's own axes. */
   readonly axes: Frame | null;
-  /** The rotation of the held part's tip: a rotation vector, and degrees about the part's axis. */
+  /** Rotation vector of the held part's tip, in degrees. */
   readonly bend: Vec3;
+  /** Rotation of the tip about the part's axis, in degrees. */
   readonly twist: number;
-  /** The place of bend and twist on the axis, in [0, 1]; null spreads them over the length. */
+  /** Where the part bends and twists, from 0 (its base) to 1 (its tip); null spreads both over its length. */
   readonly joint: number | null;
 }
 
@@ -46,7 +47,7 @@ export function quaternionOf(rotation: Vec3): Quaternion {
   return new Quaternion().setFromAxisAngle(axis.normalize(), angle);
 }
 
-/** Return the rotation vector of a unit quaternion, for the shorter rotation. */
+/** Return the rotation vector of a unit quaternion, of at most 180°. */
 export function rotationOf({ x, y, z, w }: Quaternion): Vec3 {
   const sign = w < 0 ? -1 : 1;
   const sine = Math.hypot(x, y, z);
@@ -69,7 +70,7 @@ export function matrixOf({ translation, rotation, scale, axes, pivot }: Transfor
   return relative(linear, [-x, -y, -z]).premultiply(new Matrix4().makeTranslation(...translation));
 }
 
-/** Return the map of p − center that corresponds to `matrix`. */
+/** Convert an affine map of points p to the same map of p − center. */
 export function relative(matrix: Matrix4, [x, y, z]: Vec3): Matrix4 {
   return new Matrix4()
     .makeTranslation(-x, -y, -z)

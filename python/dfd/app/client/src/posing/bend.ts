@@ -10,13 +10,13 @@ export interface PartEnds {
   readonly tip: Vec3;
 }
 
-/** The rotation of the line from base to tip per rotation of the tip, as in `dfd.posing.bend`. */
+/** Angle of the line from base to tip, divided by the angle of the tip itself; as in `dfd.posing.bend`. */
 const LINE_SHARE = 0.44;
 const MOST_DEGREES = 300;
 
 /** Return the approximate position of the tip after a bend by a rotation vector in degrees. */
 export function bentTip({ base, tip }: PartEnds, bend: Vec3, joint: number | null): Vec3 {
-  const line = bend.map((part) => part * share(joint)) as unknown as Vec3;
+  const line = bend.map((part) => part * lineShare(joint)) as unknown as Vec3;
   const out = new Vector3(...tip).sub(new Vector3(...base)).applyQuaternion(quaternionOf(line));
   return out.add(new Vector3(...base)).toArray();
 }
@@ -27,11 +27,11 @@ export function bendTowards({ base, tip }: PartEnds, point: Vec3, joint: number 
   const about = new Vector3().crossVectors(from, to);
   const size = about.length();
   if (size < 1e-9 * from.lengthSq()) return [0, 0, 0];
-  const degrees = (Math.atan2(size, from.dot(to)) * 180) / Math.PI / share(joint);
+  const degrees = (Math.atan2(size, from.dot(to)) * 180) / Math.PI / lineShare(joint);
   return about.multiplyScalar(Math.min(degrees, MOST_DEGREES) / size).toArray();
 }
 
-/** Return the share of the line's rotation. With a joint, only the part beyond it turns. */
-function share(joint: number | null): number {
+/** Return the ratio `LINE_SHARE`, or a larger one if a joint near the base turns most of the part by the full angle. */
+function lineShare(joint: number | null): number {
   return joint === null ? LINE_SHARE : Math.max(1 - joint, LINE_SHARE);
 }

@@ -1,9 +1,10 @@
-/** The columns of weights of a scene, and their effect on single points. It equals the shader `pose.glsl`. */
+/** The scene of the pose shader, and the pose of single points, by the same equations as the shader `pose.glsl`. */
 
 import { MathUtils, Vector3, type Matrix4 } from "three";
 
 import { reflection, type Vec3 } from "./affine";
 
+/** The weights and the transform of a handle at one of its counterparts, or weights for the heat map. */
 export interface Column {
   /** The handle's number; 0 for a column that is only shown in the heat map. */
   readonly handle: number;
@@ -11,7 +12,7 @@ export interface Column {
   readonly weights: Uint16Array;
   /** Whether the column is on the positive side of the mirror plane. */
   readonly positive: boolean;
-  /** Its factor in the heat map. */
+  /** The heat map shows the sum of weight times `heat` over all columns. */
   readonly heat: number;
   readonly transform: Matrix4;
 }
@@ -19,7 +20,7 @@ export interface Column {
 export interface Mirror {
   readonly normal: Vec3;
   readonly offset: number;
-  /** Half the width of the band in which the sides blend, in mesh units. */
+  /** Half the width of the band in which the motions of both sides blend, in mesh units. */
   readonly band: number;
 }
 
@@ -51,14 +52,14 @@ export function height({ normal, offset }: Omit<Mirror, "band">, point: Vec3): n
   return new Vector3(...normal).dot(new Vector3(...point)) - offset;
 }
 
-/** Return the share of the positive side of the mirror plane at a point, which is smooth within the band. */
+/** Return the share of the positive side's motion at a point: 1 or 0 beyond the band, and smooth within it. */
 function positiveShare(mirror: Mirror, point: Vec3): number {
   const above = height(mirror, point);
   if (mirror.band === 0) return above >= 0 ? 1 : 0;
   return MathUtils.smoothstep(above, -mirror.band, mirror.band);
 }
 
-/** Return the transform on the other side of the mirror plane, R D R (Eq. 8). */
+/** Return the transform R D R for the other side of the mirror plane (Eq. 8). */
 export function mirrored(transform: Matrix4, mirror: Mirror): Matrix4 {
   const across = reflection(mirror.normal, mirror.offset);
   return transform.clone().premultiply(across).multiply(across);
@@ -77,9 +78,9 @@ export function posePoint(scene: Scene, point: Vec3, vertex: number): Vec3 {
     if (column.handle === 0) continue;
     const weight = weightOf(column, vertex);
     total += weight;
-    const own = column.positive ? positive : 1 - positive;
-    addMove(column.transform, weight * (mirror ? own : 1));
-    if (mirror) addMove(mirrored(column.transform, mirror), weight * (1 - own));
+    const ownShare = column.positive ? positive : 1 - positive;
+    addMove(column.transform, weight * (mirror ? ownShare : 1));
+    if (mirror) addMove(mirrored(column.transform, mirror), weight * (1 - ownShare));
   }
   if (scene.defaultTransform) addMove(scene.defaultTransform, Math.max(1 - total, 0));
   return posed.toArray();

@@ -4,7 +4,7 @@ import { Triangle } from "three";
 
 import { weightOf, type Column } from "./columns";
 
-/** Sample vertices of the surface, and the area of each. */
+/** Sample vertices of the surface, and the total area of the triangles around each. */
 export interface Surface {
   readonly vertices: Uint32Array;
   readonly areas: Float64Array;
@@ -12,7 +12,7 @@ export interface Surface {
 
 /** The weight below which a motion is not visible. */
 export const LEAST_SEEN = 0.05;
-/** Number of samples, which is enough for whole percents. */
+/** Largest number of samples; it is enough for whole percents. */
 const MOST_SAMPLES = 5_000;
 
 /** Return samples of `count` vertices, from (R, 3) `positions`, (F, 3) `triangles`, and (R) the vertex of each row. */
@@ -39,7 +39,7 @@ export function surfaceOf(
   return { vertices, areas: Float64Array.from(vertices, (vertex) => around[vertex]) };
 }
 
-/** Return the weight of a vertex in all columns of a handle. */
+/** Return the sum of a vertex's weights over the columns of a handle, at most 1. */
 export function followed(columns: readonly Column[], vertex: number): number {
   const total = columns.reduce((sum, column) => sum + weightOf(column, vertex), 0);
   return Math.min(total, 1);

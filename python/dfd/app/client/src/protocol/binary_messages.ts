@@ -12,7 +12,7 @@ const ARRAYS = { U8: Uint8Array, I16: Int16Array, U16: Uint16Array, U32: Uint32A
 
 type Arrays = typeof ARRAYS;
 
-/** The position of an array after the header, in bytes. */
+/** The type of an array, and its position after the header in bytes. */
 interface Entry {
   readonly dtype: string;
   readonly data_offsets: readonly [begin: number, end: number];
@@ -29,7 +29,7 @@ export class Payload {
     return name in this.entries;
   }
 
-  /** Return a view of an array without a copy; fails if it has another type or lies outside the message. */
+  /** Return a view of an array without a copy. Throws if the array has another type or lies outside the message. */
   get<Type extends keyof Arrays>(name: string, dtype: Type): InstanceType<Arrays[Type]> {
     const entry = this.entries[name];
     if (!entry) throw new Error(`The server's message has no array '${name}'.`);

@@ -5,7 +5,7 @@ out vec3 restPosition;
 #ifdef ISOLATED
 out float heat;
 #endif
-flat out uint corner; // the last one of the triangle, which identifies it
+flat out uint corner; // the last corner of the triangle, by which `faces.ts` finds the triangle
 
 void main() {
   restPosition = rest;

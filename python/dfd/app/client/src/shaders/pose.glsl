@@ -1,12 +1,12 @@
-// Eq. 1 and 8 for one vertex; `src/posing/columns.ts` is the same in TypeScript. The scene defines MIRROR, DEFAULT and
-// TURNED where it needs them, because renderers on the CPU evaluate all branches.
+// Eq. 1 and 8 for one vertex; `src/posing/columns.ts` is the same in TypeScript. MIRROR, DEFAULT and TURNED are defined
+// if the scene needs them. They are not uniforms, because renderers on the CPU evaluate both branches of an `if`.
 
-uniform highp usampler2DArray weights; // (layers) rows of 4096 texels
-uniform highp sampler2D columns;       // (columns, 7) numbers of each column, see `pose_textures.ts`
+uniform highp usampler2DArray weights; // one layer per column; vertex i is texel (i % 4096, i / 4096)
+uniform highp sampler2D columns;       // 7 texels per column, see `pose_textures.ts`
 uniform int columnCount;
 uniform mat4 defaultTransform; // D₀
 uniform vec4 mirror;           // unit normal and offset
-uniform float mirrorBand;      // half width of the smooth band
+uniform float mirrorBand;      // half width of the band in which both sides blend
 
 const float UNIT = 1.0 / 65535.0;
 
@@ -20,7 +20,7 @@ vec4 entry(int texel, int k) {
   return texelFetch(columns, ivec2(texel, k), 0);
 }
 
-// The share of the positive side of the mirror plane at a point, which is smooth within the band.
+// Return the share of the positive side's motion at a point: 1 or 0 beyond the band, and smooth within it.
 float positiveShare(vec3 point) {
   float height = dot(point, mirror.xyz) - mirror.w;
   if (mirrorBand == 0.0) return height >= 0.0 ? 1.0 : 0.0;
@@ -38,19 +38,19 @@ Posed posed(vec3 point, int at) {
   float positive = positiveShare(point);
 #endif
   for (int k = 0; k < columnCount; k++) {
-    vec4 role = entry(6, k); // the layer of its weights, its side, its factor in the heat map, whether it moves
+    vec4 role = entry(6, k); // layer of the weights, side (1 or -1), factor in the heat map, 1 if vertices move
     float weight = float(texelFetch(weights, ivec3(at & 4095, at >> 12, int(role.x)), 0).r) * UNIT;
     heat += weight * role.z;
     weight *= role.w;
-    // Rows of D − I, and of its mirror image on the other side of the plane.
+    // Rows of D − I. With MIRROR, entries 3 to 5 are those of the mirrored transform.
     vec4 x = entry(0, k);
     vec4 y = entry(1, k);
     vec4 z = entry(2, k);
 #ifdef MIRROR
-    float own = role.y > 0.0 ? positive : 1.0 - positive;
-    x = mix(entry(3, k), x, own);
-    y = mix(entry(4, k), y, own);
-    z = mix(entry(5, k), z, own);
+    float ownShare = role.y > 0.0 ? positive : 1.0 - positive;
+    x = mix(entry(3, k), x, ownShare);
+    y = mix(entry(4, k), y, ownShare);
+    z = mix(entry(5, k), z, ownShare);
 #endif
     moved += weight * vec3(dot(x, from), dot(y, from), dot(z, from));
 #ifdef TURNED
@@ -66,8 +66,8 @@ Posed posed(vec3 point, int at) {
   return Posed(point + moved, mat3(1.0) + turned, heat);
 }
 
-// Cofactors transform normals under any linear map, also if it mirrors or flattens.
-vec3 turnedNormal(mat3 linear, vec3 normal) {
+// The cofactors of any linear map transform normals, even if the map mirrors or flattens.
+vec3 transformedNormal(mat3 linear, vec3 normal) {
   mat3 cofactors = mat3(cross(linear[1], linear[2]), cross(linear[2], linear[0]), cross(linear[0], linear[1]));
   vec3 turned = cofactors * normal;
   float size = length(turned);

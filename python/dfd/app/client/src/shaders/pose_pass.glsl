@@ -1,13 +1,13 @@
-// Pose each row into buffers, and draw nothing.
+// Write the pose of each row to buffers. Nothing is drawn.
 in vec3 rest;
 in vec3 restNormal;
-in uint vertex; // of the row
+in uint vertex; // vertex of the row
 #ifdef GIVEN
 in vec3 givenPosition; // the server's pose
 in vec3 givenNormal;
 #endif
 
-out vec4 posedPosition; // and heat
+out vec4 posedPosition; // xyz: position, w: heat
 out vec3 posedNormal;
 
 void main() {
@@ -18,7 +18,7 @@ void main() {
 #else
   posedPosition = vec4(result.position, result.heat);
 #if defined(TURNED) || defined(DEFAULT)
-  posedNormal = turnedNormal(result.linear, restNormal);
+  posedNormal = transformedNormal(result.linear, restNormal);
 #else
   posedNormal = restNormal;
 #endif

@@ -1,4 +1,4 @@
-// The look defines what it needs of MAP, COLORS, FEATURES, OWN, HEAT, HEAT_ALONE, ISOLATED and FLAT.
+// The look of the page decides which of MAP, COLORS, FEATURES, OWN, HEAT, HEAT_ALONE, ISOLATED and FLAT are defined.
 precision highp float;
 
 uniform vec3 baseColor; // linear
@@ -43,7 +43,7 @@ vec3 fromScreen(vec3 c) {
 #endif
 
 #ifdef HEAT
-// A ramp from blue through violet to yellow, with a rising contrast to the clay.
+// Return the color of a heat: from blue through violet to yellow, with increasing contrast to the clay color.
 vec3 ramp(float t) {
   vec3 cold = vec3(0.079, 0.100, 0.258);
   vec3 blue = vec3(0.098, 0.145, 0.622);
@@ -67,7 +67,7 @@ void main() {
   vec3 n = normalize(viewNormal);
   vec3 toEye = normalize(-viewPosition);
   float facingEye = dot(n, toEye);
-  // Scans have triangles with either orientation.
+  // Scans have triangles of both orientations, so normals are turned to the eye.
   if (facingEye < 0.0) n = -n;
 
   vec3 albedo = vec3(0.584078, 0.564712, 0.533276); // clay, #c9c6c1

@@ -1,4 +1,4 @@
-in vec4 posedPosition; // and heat
+in vec4 posedPosition; // xyz: position, w: heat
 in vec3 posedNormal;
 #ifdef FEATURES
 in vec4 featureColor;

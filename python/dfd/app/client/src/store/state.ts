@@ -31,7 +31,7 @@ export interface Ahead extends Partial<Omit<HandleState, "handle">> {
 
 /** A picked point of the shape. */
 export interface Picked {
-  /** The nearest vertex, and a row of the mesh for it. */
+  /** The nearest vertex, and a row of the mesh's arrays for it. A vertex at a texture seam has several rows. */
   readonly vertex: number;
   readonly row: number;
   /** The point on the resting surface, relative to the mesh's center. */
@@ -62,12 +62,12 @@ export const CLOSED = {
   /** The server's pose, for blends that the shader does not support. */
   posed: null as Posed | null,
   edit: null as StateMessage | null,
-  /** (V) weights times 65535, by the numbers of columns. */
+  /** (V) weights times 65535, by the number of their column. A handle has one column, or one for each counterpart. */
   columns: new Map() as ReadonlyMap<number, Uint16Array>,
   ahead: new Map() as ReadonlyMap<number, Ahead>,
   selected: null as number | null,
   hover: null as Picked | null,
-  /** The weights that a handle would have: a new one at a vertex, or the selected one with another part. */
+  /** The weights of a new handle at `vertex`; or, if `vertex` is null, of the selected handle with another part. */
   probe: null as { readonly vertex: number | null; readonly weights: Uint16Array } | null,
   /** The painted region: (V) weights of 0 or 65535, and the number of painted vertices. */
   painted: null as { readonly weights: Uint16Array; readonly count: number } | null,
@@ -79,7 +79,7 @@ export const CLOSED = {
   report: null as ReportMessage | null,
   tool: "hold" as Tool,
   comparing: false,
-  /** Transforms by handle while the timeline shows a moment; null shows the edit. */
+  /** The transform of each handle at the moment that the timeline shows; null if the page shows the edit. */
   moment: null as ReadonlyMap<number, Transform> | null,
   playing: false,
 };
@@ -94,7 +94,7 @@ const INITIAL = {
   progress: null as ProgressMessage | null,
   uploading: null as string | null,
   gizmo: "translate" as GizmoMode,
-  /** Whether the gizmo uses the axes of the handle instead of the world's. */
+  /** Whether the gizmo uses the axes of the handle instead of the axes of the world. */
   local: false,
   snap: false,
   dragging: false,
@@ -107,7 +107,7 @@ const INITIAL = {
   /** The radius of the brush, as a fraction of the shape's size. */
   brush: 0.05,
   toasts: [] as readonly Toast[],
-  /** What the camera frames, or its direction; each wish of the user is a new object. */
+  /** What the user wants to see, or from which direction. Each request of the user is a new object. */
   framed: null as { readonly what: "shape" | "selection" | View } | null,
   xray: false,
   /** Whether only the part of the selected handle is shown. */
@@ -126,27 +126,27 @@ export function transformOf(handle: HandleState): Transform {
   return { translation, rotation, scale, pivot: pivot_set ? pivot : null, pivotAt: pivot_at, axes, bend, twist, joint };
 }
 
-/** A handle as shown: the server's state, unconfirmed changes, and the timeline's moment. */
+/** Return a handle as the page shows it: the server's state with unconfirmed changes and the timeline's moment. */
 export function present(state: State, handle: HandleState): HandleState & { readonly transform: Transform } {
   const ahead = state.ahead.get(handle.handle);
   const own = transformOf(handle);
-  // The server finds the pivot at the first rotation.
+  // The server sets the pivot at the first rotation or scale. Until then, the gizmo is at the automatic pivot.
   const turns = state.gizmo === "rotate" || state.gizmo === "scale";
-  const found = turns && !handle.pivot_set && state.axis?.handle === handle.handle;
-  const begins: Transform = found ? { ...own, pivot: state.axis.auto, pivotAt: "auto" } : own;
+  const automatic = turns && !handle.pivot_set && state.axis?.handle === handle.handle;
+  const initial: Transform = automatic ? { ...own, pivot: state.axis.auto, pivotAt: "auto" } : own;
   return {
     ...handle,
     // Locality and radius exclude each other.
     radius: ahead?.locality === undefined ? handle.radius : null,
     ...ahead,
-    transform: state.moment?.get(handle.handle) ?? ahead?.transform ?? begins,
+    transform: state.moment?.get(handle.handle) ?? ahead?.transform ?? initial,
   };
 }
 
 /** Degrees of rotation above which blends use dual quaternions, which the shader does not support. */
 const MOST_LINEAR = 30;
 
-/** Whether the server must pose, because the shader only supports linear blends without bends. */
+/** Return whether the server must compute the pose: the shader only supports linear blends without bends. */
 export function serverPoses(state: State): boolean {
   const { edit } = state;
   if (!edit || state.comparing) return false;
@@ -161,24 +161,24 @@ export function selectedHandle(state: State): HandleState | null {
   return state.edit?.handles.find((handle) => handle.handle === state.selected) ?? null;
 }
 
-/** Return the counterparts of the selected handle without its own place. */
+/** Return the counterparts of the selected handle, without the place of the handle itself. */
 export function otherPlaces(state: State): readonly SimilarPoint[] {
   const handle = selectedHandle(state);
   const known = handle && state.similar?.handle === handle.handle && handle.counterparts !== "only";
   return known ? state.similar.places.slice(1) : [];
 }
 
-/** Whether handles can be added, because the field is there. */
+/** Return whether handles can be added: the shape has a field. */
 export function ready({ edit }: Pick<State, "edit">): boolean {
   return edit?.field.status === "ready";
 }
 
-/** Whether a tool draws over the shape. */
+/** Return whether a tool selects vertices by drawing over the shape. */
 export function draws(tool: Tool): tool is "paint" | "box" {
   return tool === "paint" || tool === "box";
 }
 
-/** Whether only the part that the selected handle holds is visible. */
+/** Return whether only the part that the selected handle holds is visible. */
 export function isolates({ isolated, selected, painted }: Pick<State, "isolated" | "selected" | "painted">): boolean {
   return isolated && selected !== null && !painted;
 }

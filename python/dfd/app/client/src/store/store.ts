@@ -17,10 +17,10 @@ export function createStore<State extends object>(initial: State) {
     /** Replace some keys, and call the listeners of the changed ones. */
     set(change: Partial<State>): void {
       state = { ...state, ...change };
-      // A listener may remove itself or another one.
+      // A listener may remove itself or another listener.
       for (const watcher of [...watchers]) if (watchers.has(watcher)) watcher();
     },
-    /** Call `listener` when the result of `select`, or an element of it, changes; return a function that stops it. */
+    /** Call `listener` when the result of `select`, or an element of it, changes. Returns a function that stops it. */
     watch,
     /** Call `listener` when one key changes. */
     on<Key extends keyof State>(key: Key, listener: (part: State[Key]) => unknown): () => void {

@@ -2,7 +2,7 @@ import { useEffect, useRef, useState } from "preact/hooks";
 
 import { store, type State } from "./state";
 
-/** Milliseconds between updates during a drag, so that users can read numbers. */
+/** Milliseconds between updates during a drag, so that users can read the numbers. */
 const READABLE = 100;
 
 /** Return the state. The component is updated when a key that it read changes. */

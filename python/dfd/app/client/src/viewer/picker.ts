@@ -1,4 +1,4 @@
-/** Find the point under a pixel on the GPU, from the same posed positions as the picture. */
+/** Find the point of the shape under a pixel. The GPU draws points from the same posed positions as the picture. */
 
 import {
   DoubleSide,
@@ -34,7 +34,7 @@ export class Picker {
     this.scene.matrixWorldAutoUpdate = false;
   }
 
-  /** Return the point at pixel (x, y) of a view of `width` × `height`; null beside the shape. */
+  /** Return the point at pixel (x, y) of a view of `width` × `height` pixels; null if the shape is not there. */
   pick(camera: PerspectiveCamera, x: number, y: number, width: number, height: number): Picked | null {
     camera.updateMatrixWorld();
     // The target has one pixel, so the GPU discards all other fragments.
@@ -48,7 +48,7 @@ export class Picker {
     return row === null ? null : { row, point, vertex: this.shape.vertexOf[row] };
   }
 
-  /** Return the visible rows in a box of a view of `width` × `height` pixels; with `through`, all rows. */
+  /** Return the rows in a box of a view of `width` × `height` pixels; without `through`, only visible rows. */
   within(camera: PerspectiveCamera, box: DOMRect, width: number, height: number, through: boolean): Set<number> {
     const { shape } = this;
     const [w, h] = [Math.max(Math.ceil(box.width), 1), Math.max(Math.ceil(box.height), 1)];
@@ -60,7 +60,7 @@ export class Picker {
     camera.clearViewOffset();
     target.dispose();
     const [posed, rest] = [shape.posed.read(), shape.positions];
-    // A vertex is visible within 8 pixels of the surface at its own pixel; `near` is their size at distance 1.
+    // A vertex is visible within 4 pixels of the surface at its own pixel; `near` is their size at distance 1.
     const near = (8 * Math.tan((camera.fov * Math.PI) / 360)) / height;
     const found = new Set<number>();
     const at = new Vector4();
@@ -100,7 +100,7 @@ export class Picker {
   }
 }
 
-/** Create a target of integers, in a format that every WebGL 2 supports. */
+/** Create a render target of integers, in a format that every WebGL 2 supports. */
 function pixels(width: number, height: number): WebGLRenderTarget {
   return new WebGLRenderTarget(width, height, {
     format: RGBAIntegerFormat,

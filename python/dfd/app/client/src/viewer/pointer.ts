@@ -26,17 +26,17 @@ export class Pointer {
     canvas.addEventListener("pointerup", (event) => this.released(event));
     canvas.addEventListener("pointercancel", () => this.forget());
     canvas.addEventListener("pointerleave", () => this.unhover());
-    // Only users of the keyboard see the outline of the focus.
+    // The style sheet hides the focus outline of a canvas that was clicked.
     canvas.addEventListener("pointerdown", () => (canvas.dataset.pointed = ""));
     canvas.addEventListener("blur", () => delete canvas.dataset.pointed);
     // This listener must run before that of the orbit controls, which zoom.
-    canvas.addEventListener("wheel", (event) => this.turned(event), { capture: true, passive: false });
+    canvas.addEventListener("wheel", (event) => this.wheeled(event), { capture: true, passive: false });
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
   }
 
   private pressed(event: PointerEvent): void {
     if (!event.isPrimary) {
-      // A second finger zooms.
+      // A second finger zooms, so that the first one no longer clicks.
       if (this.down) this.down.moved = true;
       return;
     }
@@ -98,7 +98,7 @@ export class Pointer {
     if (!same) this.timer = window.setTimeout(() => showWeights(picked), REST_MILLISECONDS);
   }
 
-  private turned(event: WheelEvent): void {
+  private wheeled(event: WheelEvent): void {
     if (!store.get().dragging) return;
     wheelReach(Math.exp(-(event.deltaY || event.deltaX) / 900));
     event.preventDefault();

@@ -18,14 +18,14 @@ import { heldPart } from "../posing/held";
 import type { ColumnState, HandleState, SymmetryPlane } from "../protocol/messages";
 import { present, type State } from "../store/state";
 
-/** Return the handle's motion about the pivot of a column, in the column's frame. */
+/** Return the handle's motion at a column's counterpart: in the counterpart's frame and about its pivot. */
 export function columnMatrix(handle: Placed, { frame, position }: ColumnState): Matrix4 {
   const { transform, position: held } = handle;
   const back = basisOf(frame);
   const turn = back.clone().transpose();
   const pivot = transform.pivot ?? held;
   const matrix = relative(matrixOf(transform, held), pivot).premultiply(turn).multiply(back);
-  // The column's pivot relative to its position corresponds to the handle's pivot.
+  // In its own frame, the counterpart has the same vector from its pivot to its position as the handle.
   return relative(matrix, subtract(apply(turn, subtract(held, pivot)), position));
 }
 
@@ -67,7 +67,7 @@ export function sceneOf(state: State): Scene {
   };
 }
 
-/** Return the columns of a handle. */
+/** Return the weight columns of a handle. */
 export function columnsOf(state: State, handle: number): readonly Column[] {
   return sceneOf(state).columns.filter((column) => column.handle === handle);
 }
@@ -77,10 +77,10 @@ export function held(state: State, handle: number): number {
   return state.surface ? heldPart(columnsOf(state, handle), state.surface) : 0;
 }
 
-/** The heat of the painted region, in a color that is visible on pale shapes. */
+/** The heat of the painted region. The heat map's color for it is visible on pale shapes. */
 const PAINTED = 0.66;
 
-/** A column that is only shown in the heat map. */
+/** Return a column that is only shown in the heat map. */
 function shownColumn(weights: Uint16Array, heat: number): Column {
   return { handle: 0, weights, positive: true, heat, transform: IDENTITY };
 }

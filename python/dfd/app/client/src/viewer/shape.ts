@@ -41,11 +41,11 @@ export class Shape {
   readonly vertexOf: Uint32Array;
   readonly geometry = new BufferGeometry();
   readonly faces: Faces;
-  /** Whether only the heat map's part is shown. */
+  /** Whether only surface with a heat of at least 0.05 is shown. */
   isolated = false;
   private readonly pose: PoseTextures;
   readonly posed: PosePass;
-  /** Uniforms of all materials. */
+  /** Uniforms that all materials share. */
   private readonly shared = { heatStrength: { value: 1 }, fade: { value: 1 } };
   private readonly materials: ShaderMaterial[];
   private readonly wires: Mesh<BufferGeometry, ShaderMaterial>;
@@ -117,7 +117,7 @@ export class Shape {
     this.compile();
   }
 
-  /** Show the server's pose in place of the shader's; null shows the shader's. */
+  /** Show the server's pose instead of the shader's pose; null shows the shader's pose. */
   setPosed(posed: Posed | null): void {
     this.posed.setGiven(
       posed && { positions: this.perRow(posed.positions, 3), normals: this.perRow(posed.normals, 4) },
@@ -151,7 +151,7 @@ export class Shape {
     return rows;
   }
 
-  /** Compile the materials for the present view. */
+  /** Compile the materials for the present look and modes. */
   private compile(): void {
     const { look, heats, geometry } = this;
     const own = look === "texture";
@@ -190,7 +190,7 @@ export class Shape {
   private async picture(entry: MaterialEntry, file: Uint8Array, map: IUniform): Promise<void> {
     const blob = new Blob([file.slice()], { type: entry.media_type ?? "image/png" });
     try {
-      // The protocol's v points upwards, so the first row of texels is the lowest of the picture.
+      // Texture coordinate v points upwards, so the first row of texels is the lowest row of the picture.
       const image = await createImageBitmap(blob, { imageOrientation: "flipY", premultiplyAlpha: "none" });
       const texture = new Texture(image, Texture.DEFAULT_MAPPING, WRAPS[entry.wrap[0]], WRAPS[entry.wrap[1]]);
       texture.flipY = false;
@@ -202,7 +202,7 @@ export class Shape {
       this.compile();
       this.changed();
     } catch {
-      // The material has its plain color if the browser cannot read the picture.
+      // If the browser cannot read the picture, the material keeps its plain color.
     }
   }
 }

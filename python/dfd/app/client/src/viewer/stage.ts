@@ -8,7 +8,7 @@ import type { View } from "../store/state";
 
 const FIELD_OF_VIEW = 38;
 
-/** Directions from the shape to the camera. Exactly from above, the camera's up direction is undefined. */
+/** Directions from the shape to the camera. `top` and `bottom` are tilted, so that the camera has an up direction. */
 export const VIEWS: Record<View, Vec3> = {
   usual: [0.555, 0.296, 0.777],
   front: [0, 0, 1],
@@ -34,7 +34,7 @@ export class Stage {
 
   constructor(readonly canvas: HTMLCanvasElement) {
     const antialias = !drawsInSoftware();
-    // Browsers would blend the transparent canvas of three.js with the page.
+    // By default, three.js creates a transparent canvas, which browsers blend with the page.
     const context = canvas.getContext("webgl2", { alpha: false, antialias, powerPreference: "high-performance" });
     if (!context) throw new Error("The browser does not support WebGL 2.");
     this.renderer = new WebGLRenderer({ canvas, context, antialias });
@@ -46,7 +46,7 @@ export class Stage {
     this.resize();
   }
 
-  /** Draw at the next frame of the screen. */
+  /** Draw the picture before the next frame of the screen. */
   invalidate(): void {
     this.pending ||= requestAnimationFrame(() => this.draw());
   }
@@ -56,7 +56,7 @@ export class Stage {
     return this.pending === 0;
   }
 
-  /** Draw now. */
+  /** Draw the picture now. */
   draw(): void {
     cancelAnimationFrame(this.pending);
     this.pending = 0;
@@ -74,17 +74,17 @@ export class Stage {
     this.frame([0, 0, 0], radius, VIEWS.usual);
   }
 
-  /** Show a whole sphere, from a given direction or from the present one. */
+  /** Show a whole sphere, seen from a given direction or from the present direction. */
   frame(center: Vec3, radius: number, from?: Vec3): void {
     const half = (FIELD_OF_VIEW * Math.PI) / 360;
     const narrow = Math.atan(Math.tan(half) * Math.min(this.camera.aspect, 1));
     const distance = (1.02 * radius) / Math.sin(narrow);
-    this.stand(from ? new Vector3(...from) : this.direction, distance, new Vector3(...center));
+    this.placeCamera(from ? new Vector3(...from) : this.direction, distance, new Vector3(...center));
   }
 
   /** Look at the same point from another direction. */
   lookFrom(from: Vec3): void {
-    this.stand(new Vector3(...from), this.direction.length(), this.orbit.target);
+    this.placeCamera(new Vector3(...from), this.direction.length(), this.orbit.target);
   }
 
   /** The direction from the target to the camera. */
@@ -92,7 +92,7 @@ export class Stage {
     return this.camera.position.clone().sub(this.orbit.target);
   }
 
-  private stand(from: Vector3, distance: number, target: Vector3): void {
+  private placeCamera(from: Vector3, distance: number, target: Vector3): void {
     this.orbit.target.copy(target);
     this.camera.position.copy(from).setLength(distance).add(target);
     this.camera.updateProjectionMatrix();
@@ -100,7 +100,7 @@ export class Stage {
     this.invalidate();
   }
 
-  /** Project a point to pixels from the view's top left; null behind the camera. */
+  /** Project a point to pixels from the top left of the view; null if it is behind the camera. */
   project(point: Vec3): readonly [number, number] | null {
     const at = new Vector3(...point).project(this.camera);
     if (at.z > 1) return null;

@@ -40,7 +40,6 @@ export class Viewer {
     this.stage = new Stage(canvas);
     this.stage.draws = () => this.shape?.posed.update();
     this.stage.drawn = () => drawMarks(overlay, this.marks, (point) => this.stage.project(point));
-    // The gizmo must receive a press before the orbit controls do.
     this.gizmo = new Gizmo(this.stage.camera, canvas, () => this.stage.invalidate());
     this.stage.scene.add(this.plane, this.gizmo.proxy, this.gizmo.helper);
     this.follow(overlay);
@@ -81,9 +80,9 @@ export class Viewer {
     });
     store.watch(
       (state) => POSED_BY.map((key) => state[key]),
-      () => this.soon(),
+      () => this.poseSoon(),
     );
-    // The mark of the pointer does not change the picture.
+    // The mark under the pointer is an element over the canvas, so the canvas need not be drawn again.
     store.on("hover", () => this.mark());
     store.watch(
       ({ look, wireframe, comparing, edit, xray, ...state }) => {
@@ -103,7 +102,7 @@ export class Viewer {
       else stage.lookFrom(VIEWS[wish.what]);
     });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.dress());
-    // Objects of a lost graphics context cannot be deleted.
+    // All objects of a lost graphics context are lost, so the shape is loaded again.
     stage.canvas.addEventListener("webglcontextlost", () => this.unload());
     stage.canvas.addEventListener("webglcontextrestored", () => this.load());
   }
@@ -137,14 +136,14 @@ export class Viewer {
     this.stage.invalidate();
   }
 
-  private waiting = false;
+  private poseWaits = false;
 
-  /** Pose once after all changes of this event. */
-  private soon(): void {
-    if (this.waiting) return;
-    this.waiting = true;
+  /** Pose once after all changes of the present event. */
+  private poseSoon(): void {
+    if (this.poseWaits) return;
+    this.poseWaits = true;
     queueMicrotask(() => {
-      this.waiting = false;
+      this.poseWaits = false;
       this.pose();
     });
   }
@@ -175,7 +174,7 @@ export class Viewer {
     plane.scale.setScalar(0.65 * this.shape.radius);
   }
 
-  /** Look at the held part, or at the whole shape without one. */
+  /** Look at the surface that the selected handle holds; without a handle, look at the whole shape. */
   private frameSelection(shape: Shape): void {
     const { selected } = store.get();
     const columns = sceneOf(store.get()).columns.filter(({ handle }) => handle === selected && handle > 0);
@@ -193,7 +192,7 @@ export class Viewer {
     }
   }
 
-  /** Show a box, and paint what is visible in it when it is done. */
+  /** Show a selection box. When it is done, paint or erase the vertices in it. */
   selectBox(box: DOMRect, done: boolean, erase: boolean): void {
     this.box.hidden = done;
     for (const side of ["left", "top", "width", "height"] as const) this.box.style[side] = `${box[side]}px`;

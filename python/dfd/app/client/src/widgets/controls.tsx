@@ -51,7 +51,7 @@ export function IconButton({ icon, label, keys, pressed, disabled, onPress }: Ic
   );
 }
 
-/** A button for the action of a key. */
+/** A button for the action of a keyboard shortcut. */
 export function KeyButton({ keys, ...rest }: Omit<IconButtonProps, "label" | "onPress"> & { readonly keys: string }) {
   const [, , label, run] = shortcut(keys) ?? [];
   return <IconButton label={label ?? keys} keys={keys} onPress={run} {...rest} />;
@@ -98,7 +98,7 @@ interface ChoiceProps<Value extends string> extends FieldProps<Value> {
   readonly named?: Partial<Record<Value, string>>;
 }
 
-/** A choice among a few words that are all visible. */
+/** A choice among a few words, all of which are visible. */
 export function Segmented<Value extends string>({ label, value, options, hint, onChange }: ChoiceProps<Value>) {
   return (
     <div class="segmented" role="group" aria-label={label} aria-description={hint} title={hint}>
@@ -151,7 +151,7 @@ export function NumberField({ label, value, step, onChange, axis, hint }: Number
           if (Number.isFinite(valueAsNumber)) onChange(valueAsNumber);
         }}
         onBlur={() => setTyped(null)}
-        // Letters are keys of the page again.
+        // Without the focus on the field, letters are keyboard shortcuts again.
         onKeyDown={(event) => event.key === "Enter" && event.currentTarget.blur()}
       />
     </label>
@@ -197,7 +197,7 @@ interface SliderProps extends FieldProps<number> {
 export function Slider({ label, of = "", hint, value, range: [min, max, step], text, onChange }: SliderProps) {
   const [held, setHeld] = useState<number | null>(null);
   const shown = held ?? value;
-  // The user's value stays until the server confirms it.
+  // The slider shows the user's value for a second, in which the server usually confirms it.
   useEffect(() => {
     if (held === null) return undefined;
     const timer = setTimeout(() => setHeld(null), 1000);
@@ -339,7 +339,7 @@ export function Panel({ title, action, children }: PanelProps) {
   );
 }
 
-/** Rarely used settings. They stay open. */
+/** A button that shows or hides rarely used settings, in all panels at once. */
 export function More({ children }: Pick<PanelProps, "children">) {
   const { more } = useParts();
   return (

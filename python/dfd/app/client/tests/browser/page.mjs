@@ -1,5 +1,5 @@
-// The page in a real browser, as the tests use it. From the environment: DFD_URL, the address with its token;
-// DFD_CHROMIUM, the browser; DFD_SHOTS, a folder for pictures.
+// Helpers of the browser tests. They read environment variables: DFD_URL, the address of the app with its token;
+// DFD_CHROMIUM, the browser; DFD_SHOTS, a folder for pictures; DFD_MESH and DFD_FIELD, the files of the shape.
 import { mkdirSync } from "node:fs";
 import { join } from "node:path";
 import { chromium } from "playwright-core";
@@ -8,7 +8,7 @@ const URL_WITH_TOKEN = process.env.DFD_URL;
 const SHOTS = process.env.DFD_SHOTS ?? "shots";
 export const PATIENCE = 60_000;
 
-// SwiftShader needs no display; Mesa's llvmpipe under Xvfb draws about twice as fast, where there is one.
+// SwiftShader renders on the CPU and needs no display.
 const FLAGS = [
   "--no-sandbox",
   "--disable-quic",
@@ -24,12 +24,12 @@ export function launch() {
   return chromium.launch({ executablePath: process.env.DFD_CHROMIUM ?? "/usr/bin/chromium", args: FLAGS });
 }
 
-/** A tab that keeps what went wrong in it in `problems`. */
+/** Open a tab. The array `problems` receives all errors in the tab. */
 export async function openTab(browser, options = {}) {
   const context = await browser.newContext({ viewport: { width: 1440, height: 900 }, ...options });
   const page = await context.newPage();
   await page.addInitScript(installHook);
-  // What the inspector folds away is there unless a story is about that.
+  // The inspector shows all settings, unless a test stores another choice.
   await page.addInitScript(
     () => window.localStorage.getItem("dfd-more") ?? window.localStorage.setItem("dfd-more", "true"),
   );
@@ -45,9 +45,9 @@ export async function openTab(browser, options = {}) {
   return { context, page, problems };
 }
 
-/** Runs in the page: turns what it gives to tests, `window.dfd`, into what they ask. */
+/** Replace `window.dfd`, the page's objects for tests, by the functions that the tests call. Runs in the page. */
 function installHook() {
-  function asked({ store, viewer, ask, drop, posePoint, sceneOf }) {
+  function testFunctions({ store, viewer, ask, drop, posePoint, sceneOf }) {
     const { stage } = viewer;
     const shown = () => {
       if (!viewer.shape) throw new Error("There is no shape yet.");
@@ -55,54 +55,54 @@ function installHook() {
     };
     return {
       store,
-      /** Lose the connection to the server, as a network does. */
+      /** Close the connection to the server. */
       drop,
-      /** (R, 4) posed positions relative to the mesh's center, and heat, as the shader has them. */
+      /** Return the shader's posed positions relative to the mesh's center, and the heat, (R, 4). */
       positions() {
         const found = shown().posed.read();
         const error = stage.renderer.getContext().getError();
-        if (error !== 0) throw new Error(`The graphics refused something: ${error}`);
+        if (error !== 0) throw new Error(`WebGL reports error ${error}.`);
         return found;
       },
-      /** (V, 3) positions at rest, relative to the mesh's center. */
+      /** Return the positions at rest (V, 3), relative to the mesh's center. */
       rest() {
         const { vertexOf, positions, message } = shown();
         const rest = new Float32Array(3 * message.vertices);
         vertexOf.forEach((vertex, row) => rest.set(positions.subarray(3 * row, 3 * row + 3), 3 * vertex));
         return rest;
       },
-      /** (V, 3) positions relative to the mesh's center, as the server's kernel has them. */
+      /** Return the posed positions of the server's kernel (V, 3), relative to the mesh's center. */
       async computed() {
         const received = await ask({ type: "compute" });
         if (!received) throw new Error("The server computed nothing.");
         return received.payload.get("positions", "F32");
       },
-      /** (R) the vertex of each row. */
+      /** Return the vertex of each row (R). */
       vertices: () => shown().vertexOf,
-      /** The vertex under a pixel of the view. */
+      /** Return the vertex under a pixel of the view. */
       pick: (x, y) => viewer.pick(x, y)?.vertex ?? null,
-      /** Where a vertex appears, in pixels of the page. */
+      /** Return the position of a vertex on the page, in pixels. */
       project(vertex) {
         const row = shown().vertexOf.indexOf(vertex);
         return this.place(posePoint(sceneOf(store.get()), shown().at(row), vertex));
       },
-      /** Where a point, relative to the mesh's center, appears in pixels of the page. */
+      /** Return the position on the page, in pixels, of a point relative to the mesh's center. */
       place(point) {
         const at = stage.project(point);
         const box = stage.canvas.getBoundingClientRect();
         return at && [at[0] + box.left, at[1] + box.top];
       },
       camera: () => stage.camera.position.toArray(),
-      /** Draw now, so that the canvas can be read in the same task; without the shape where `bare`. */
+      /** Draw now, so that the canvas can be read in the same task. With `bare`, the shape is not drawn. */
       draw(bare = false) {
         const { group } = shown();
         group.visible = !bare;
         stage.draw();
         group.visible = true;
       },
-      /** Whether nothing is left to be drawn. */
+      /** Return whether the canvas shows the present state. */
       rests: () => stage.rests,
-      /** Milliseconds of the page's own script in every picture from now on. */
+      /** Return an array to which each later picture adds the milliseconds that the page's script takes for it. */
       drawingTimes() {
         const times = [];
         const draw = stage.draw.bind(stage);
@@ -117,19 +117,19 @@ function installHook() {
   }
   let hook;
   const set = (given) => {
-    hook = asked(given);
+    hook = testFunctions(given);
   };
   Object.defineProperty(window, "dfd", { get: () => hook, set });
 }
 
 export const state = (page, read) => page.evaluate(`(${read})(window.dfd.store.get())`);
 
-/** Ask again and again from here: the page's own policy lets nobody evaluate texts in it. */
+/** Wait until `read(state, argument)` is true, and return its result. */
 export async function until(page, read, argument = null) {
   const end = Date.now() + PATIENCE;
   for (;;) {
     const text = `window.dfd ? (${read})(window.dfd.store.get(), ${JSON.stringify(argument)}) : false`;
-    // While the page is exchanged there is nothing to ask.
+    // While the page reloads, the evaluation fails.
     const found = await page.evaluate(text).catch((error) => {
       if (/destroyed|navigat/i.test(error.message)) return false;
       throw error;
@@ -137,7 +137,7 @@ export async function until(page, read, argument = null) {
     if (found) return found;
     if (Date.now() > end) {
       const shown = await state(page, (s) => ({ toasts: s.toasts, field: s.edit?.field.status, link: s.link }));
-      throw new Error(`It never became true: ${read} of ${JSON.stringify(argument)}; ${JSON.stringify(shown)}`);
+      throw new Error(`This was never true: ${read} with ${JSON.stringify(argument)}; ${JSON.stringify(shown)}`);
     }
     await new Promise((resolve) => setTimeout(resolve, 40));
   }
@@ -150,24 +150,25 @@ export async function open(page, files) {
   await until(page, (s) => s.page === "shape" && s.edit);
 }
 
-/** Open the shape with the field that it has. */
+/** Open the shape together with its field. */
 export async function openShape(page) {
   await open(page, [process.env.DFD_MESH, process.env.DFD_FIELD]);
-  await alive(page);
+  await ready(page);
 }
 
-/** Do `work`, and wait until the shape has come anew, as it does with every new connection. */
-export async function anew(page, work) {
+/** Call `work`, and wait until the server has sent the shape again, as it does after every new connection. */
+export async function shapeSentAgain(page, work) {
   await page.evaluate(() => (window.before = window.dfd.store.get().mesh));
   await work();
   await until(page, (s) => s.mesh !== null && s.mesh !== window.before && s.edit !== null);
 }
 
-export async function alive(page) {
+/** Wait until handles can be added. */
+export async function ready(page) {
   await until(page, (s) => s.edit?.field.status === "ready");
 }
 
-/** Have the features learned, unless they are there or on their way: a known shape has them in a moment. */
+/** Start to learn the features, unless they are cached or already being learned. */
 export async function learn(page) {
   const button = page.getByRole("button", { name: "Learn features" });
   const end = Date.now() + PATIENCE;
@@ -178,12 +179,12 @@ export async function learn(page) {
   await until(page, (s) => s.edit?.field.status !== "none");
 }
 
-/** The pixel, in the page, of a vertex that can be seen there. */
+/** Return a visible vertex, of the vertices `among` if given, and its pixel in the page. */
 export async function visibleVertex(page, among = null) {
   const found = await page.evaluate((wanted) => {
     const element = document.querySelector("canvas");
     const canvas = element.getBoundingClientRect();
-    let covered = null; // by a panel: a click there does not reach the shape
+    let covered = null; // a visible vertex under a panel or a mark, where a click does not reach the canvas
     const count = window.dfd.store.get().mesh.vertices;
     const vertices = wanted ?? Array.from({ length: 60 }, (_, i) => Math.floor(((i + 0.5) / 60) * count));
     for (const vertex of vertices) {
@@ -194,13 +195,13 @@ export async function visibleVertex(page, among = null) {
     }
     return covered;
   }, among);
-  if (!found) throw new Error("No vertex can be seen.");
+  if (!found) throw new Error("No vertex is visible.");
   return found;
 }
 
 /**
- * Click a vertex that can be seen until there are `count` handles, and return it: the page may be laid out anew between
- * a look and a click, and a person would click again.
+ * Click a visible vertex until there are `count` handles, and return the vertex. One click may not be enough, because
+ * the layout of the page can change between the search for the vertex and the click.
  */
 export async function hold(page, among, count) {
   const end = Date.now() + PATIENCE;
@@ -211,11 +212,11 @@ export async function hold(page, among, count) {
       if (await state(page, `(s) => s.edit.handles.length === ${count}`)) return vertex;
       await page.waitForTimeout(40);
     }
-    if (Date.now() > end) throw new Error(`Nothing was taken hold of at vertex ${vertex}, pixel ${at}.`);
+    if (Date.now() > end) throw new Error(`A click on vertex ${vertex}, pixel ${at}, added no handle.`);
   }
 }
 
-/** Pull an arm of the gizmo of the selected handle: (x, y) is the way from its center, in pixels. */
+/** Drag an arrow of the gizmo by `distance` pixels. The arrow is (x, y) pixels from the selected handle. */
 export async function drag(page, [x, y], distance, during = async () => {}) {
   const center = await page.evaluate(() => {
     const { selected, edit } = window.dfd.store.get();
@@ -238,7 +239,7 @@ export function shot(page, name) {
   return page.screenshot({ path: join(SHOTS, `${name}.png`) });
 }
 
-/** Part of the canvas's pixels that the shape covers, and how many shades those have: a blank canvas has none of either. */
+/** Return the share of the canvas that the shape covers, and the number of colors there; 0 and 0 for a blank canvas. */
 export function drawn(page) {
   return page.evaluate(
     () =>
@@ -266,8 +267,8 @@ export function drawn(page) {
 }
 
 /**
- * Largest difference between the shader's positions and the kernel's, over the shape's diagonal: columns, and the gains
- * of counterparts, come a moment after what they follow from, so that it is given time to vanish.
+ * Return the largest distance between the shader's and the kernel's positions, divided by the shape's diagonal. New
+ * weights arrive some time after a change, so the function waits up to five seconds until the distance is small.
  */
 export function shaderError(page) {
   return page.evaluate(async () => {
@@ -280,7 +281,7 @@ export function shaderError(page) {
       vertices.forEach((vertex, row) => {
         for (let i = 0; i < 3; i++) {
           const off = Math.abs(kernel[3 * vertex + i] - shader[4 * row + i]) / diagonal;
-          // Also what is no number is an error.
+          // This comparison also counts NaN as an error.
           if (!(off <= worst)) worst = off;
         }
       });

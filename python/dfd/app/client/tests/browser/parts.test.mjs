@@ -1,4 +1,4 @@
-// Parts of the shape: held, resized, added and removed, and what a handle is limited to.
+// The part that a handle holds: hold it, resize it, add or remove parts, and limit the motion to it.
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 import { hold, launch, openShape, openTab, shot, state, until, visibleVertex } from "./page.mjs";
@@ -12,7 +12,7 @@ before(async () => {
 });
 after(() => browser.close());
 
-/** Click a vertex with a key held down. */
+/** Click at a pixel while a key is down. */
 async function click(at, key) {
   await page.keyboard.down(key);
   await page.mouse.move(at[0] + 1, at[1]);
@@ -22,18 +22,18 @@ async function click(at, key) {
 
 const region = () => state(page, (s) => s.edit.handles[0].region);
 
-test("a part is held, resized, combined and moved alone", async (t) => {
+test("a held part is resized, combined with others, and moved alone", async (t) => {
   const vertex = await hold(page, JSON.parse(process.env.DFD_ALIKE), 1);
   let count;
 
-  await t.test("a larger part is held, and the smaller one again", async () => {
+  await t.test("the handle holds a larger part, then the smaller part again", async () => {
     await page.keyboard.press("]");
     await until(page, (s) => s.edit.handles[0].region > 0);
     const larger = await region();
     const smaller = page.getByRole("button", { name: "Smaller" });
     await smaller.hover();
     await until(page, (s) => s.probe !== null);
-    assert.equal(await region(), larger, "it lights up before it is taken");
+    assert.equal(await region(), larger, "the button only previews the part until it is pressed");
     await shot(page, "part_preview");
     await smaller.click();
     await until(page, (s, before) => s.edit.handles[0].region < before, larger);
@@ -42,20 +42,20 @@ test("a part is held, resized, combined and moved alone", async (t) => {
     await shot(page, "part");
   });
 
-  await t.test("the smallest part stays when a smaller one is asked for", async () => {
+  await t.test("the smallest part cannot be made smaller", async () => {
     for (let size = Infinity; (await region()) < size; await page.waitForTimeout(300)) {
       size = await region();
       await page.keyboard.press("[");
     }
     await page.getByText("There is no smaller part here.").waitFor();
-    assert.ok(await state(page, (s) => s.toasts.every(({ kind }) => kind === "note")), "it is no problem");
+    assert.ok(await state(page, (s) => s.toasts.every(({ kind }) => kind === "note")), "a toast is no note");
     count = await region();
   });
 
   await t.test("Shift adds a part, and Ctrl removes it", async () => {
     const vertices = await state(page, (s) => s.mesh.vertices);
     const far = Array.from({ length: 60 }, (_, i) => Math.floor(((i + 0.5) / 60) * vertices));
-    /** Click one vertex after the other until the region is as wanted; the gizmo may lie over some of them. */
+    /** Click one vertex after the other until the region has the wanted size. The gizmo may cover some vertices. */
     const clickUntil = async (key, wanted) => {
       for (const each of far) {
         const { at } = await visibleVertex(page, [each]).catch(() => ({ at: null }));
@@ -75,7 +75,7 @@ test("a part is held, resized, combined and moved alone", async (t) => {
     assert.equal(await region(), count);
   });
 
-  await t.test("limited to the part, nothing else moves", async () => {
+  await t.test("with a limit to the part, no other vertex moves", async () => {
     const field = page.getByLabel("Move y", { exact: true });
     await field.fill("0.2");
     await field.press("Enter");
@@ -94,7 +94,7 @@ test("a part is held, resized, combined and moved alone", async (t) => {
     await shot(page, "part_limited");
   });
 
-  await t.test("reach ends with the part, or where it is set", async () => {
+  await t.test("reach can be switched between the part and a number", async () => {
     const by = (name) => page.getByRole("group", { name: "Reach by" }).getByRole("button", { name });
     await by("Part").click();
     await until(page, (s) => s.edit.handles[0].reach_by === "part");

@@ -1,4 +1,4 @@
-// Pictures of every look, size and theme, to be looked at; a blank one fails.
+// Save pictures of every look in two window sizes and themes, for people to inspect. A blank canvas fails the test.
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 
@@ -19,7 +19,7 @@ after(() => browser?.close());
 for (const viewport of SIZES) {
   for (const colorScheme of ["light", "dark"]) {
     const size = `${viewport.width}x${viewport.height}-${colorScheme}`;
-    test(`looks at ${size}`, { timeout: 2 * PATIENCE }, async () => {
+    test(`pictures at ${size}`, { timeout: 2 * PATIENCE }, async () => {
       const { context, page, problems } = await openTab(browser, { viewport, colorScheme });
       await shot(page, `${size}-start`);
       await openShape(page);

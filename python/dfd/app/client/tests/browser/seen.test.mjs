@@ -1,4 +1,4 @@
-// What is seen is what is written: bends, moments of the timeline, what shines through and what is alone in sight.
+// Bends, the timeline and its exports, the pivot, the X-ray and isolate modes, and the box tool.
 import assert from "node:assert/strict";
 import { copyFile, writeFile } from "node:fs/promises";
 import { join } from "node:path";
@@ -17,11 +17,11 @@ before(async () => {
 
 after(() => browser?.close());
 
-/** Have what was asked for drawn. */
+/** Wait until the canvas shows the state that the server confirmed. */
 const settled = () => until(page, (s) => s.ahead.size === 0 && window.dfd.rests());
 const handle = () => state(page, (s) => s.edit.handles[0]);
 
-test("what is rarely needed is folded, and stays open once it is opened", { timeout: PATIENCE }, async () => {
+test("rarely used settings are hidden, and the page remembers when they are shown", { timeout: PATIENCE }, async () => {
   const strength = page.getByLabel("Strength", { exact: true });
   await page.evaluate(() => window.dfd.store.set({ more: false }));
   await strength.waitFor({ state: "detached" });
@@ -32,37 +32,33 @@ test("what is rarely needed is folded, and stays open once it is opened", { time
   await page.evaluate(() => window.dfd.store.set({ more: false }));
 });
 
-test(
-  "the tip of what is held is dragged, and what is held bends as the kernel bends it",
-  { timeout: PATIENCE },
-  async () => {
-    await page.keyboard.press("d");
-    await until(page, (s) => s.axis?.tip && window.dfd.rests());
-    const at = await page.evaluate(() => {
-      const { axis, mesh } = window.dfd.store.get();
-      return window.dfd.place(axis.tip.map((x, i) => x - mesh.center[i]));
-    });
-    await page.mouse.move(at[0] - 2, at[1]);
-    await page.mouse.move(...at);
-    await page.waitForTimeout(100);
-    await page.mouse.down();
-    for (let i = 1; i <= 5; i++) await page.mouse.move(at[0] + 9 * i, at[1] - 3 * i);
-    await page.mouse.up();
-    await until(page, (s) => s.edit.handles[0].bend.some((part) => part !== 0) && s.ahead.size === 0 && s.posed);
-    const { bend, translation } = await handle();
-    assert.ok(Math.hypot(...bend) > 5, `bent by ${bend}`);
-    assert.deepEqual(translation, [0, 0, 0]);
-    await page.waitForTimeout(500);
-    assert.ok((await shaderError(page)) <= 1e-4);
-    await page.mouse.move(400, 590);
-    await shot(page, "bent");
-    await page.getByLabel("Twist °").fill("20");
-    await page.getByLabel("Twist °").press("Enter");
-    await until(page, (s) => s.edit.handles[0].twist === 20);
-  },
-);
+test("a drag of the tip bends the held part as the kernel does", { timeout: PATIENCE }, async () => {
+  await page.keyboard.press("d");
+  await until(page, (s) => s.axis?.tip && window.dfd.rests());
+  const at = await page.evaluate(() => {
+    const { axis, mesh } = window.dfd.store.get();
+    return window.dfd.place(axis.tip.map((x, i) => x - mesh.center[i]));
+  });
+  await page.mouse.move(at[0] - 2, at[1]);
+  await page.mouse.move(...at);
+  await page.waitForTimeout(100);
+  await page.mouse.down();
+  for (let i = 1; i <= 5; i++) await page.mouse.move(at[0] + 9 * i, at[1] - 3 * i);
+  await page.mouse.up();
+  await until(page, (s) => s.edit.handles[0].bend.some((part) => part !== 0) && s.ahead.size === 0 && s.posed);
+  const { bend, translation } = await handle();
+  assert.ok(Math.hypot(...bend) > 5, `bent by ${bend}`);
+  assert.deepEqual(translation, [0, 0, 0]);
+  await page.waitForTimeout(500);
+  assert.ok((await shaderError(page)) <= 1e-4);
+  await page.mouse.move(400, 590);
+  await shot(page, "bent");
+  await page.getByLabel("Twist °").fill("20");
+  await page.getByLabel("Twist °").press("Enter");
+  await until(page, (s) => s.edit.handles[0].twist === 20);
+});
 
-test("a moment of the timeline is seen and exported as it is, bent halfway", { timeout: 2 * PATIENCE }, async () => {
+test("a moment of the timeline is exported as the page shows it, half bent", { timeout: 2 * PATIENCE }, async () => {
   await page.keyboard.press("t");
   await page.keyboard.press("k");
   await until(page, (s) => s.edit.poses.length === 1);
@@ -100,7 +96,7 @@ test("a moment of the timeline is seen and exported as it is, bent halfway", { t
   for (const notice of await page.getByRole("button", { name: "Dismiss" }).all()) await notice.click();
   await writeFile(join(folder, "moment.json"), JSON.stringify(seen));
   assert.ok(Math.hypot(...bend) > 2);
-  assert.equal((await handle()).moved, false, "the edit is as it was");
+  assert.equal((await handle()).moved, false, "the timeline must not change the edit");
   await page.locator("body").click({ position: { x: 400, y: 20 } });
   await page.getByRole("button", { name: "Timeline" }).focus();
   await page.keyboard.press("Space");
@@ -110,7 +106,7 @@ test("a moment of the timeline is seen and exported as it is, bent halfway", { t
   await page.keyboard.press("t");
 });
 
-test("what turns turns about what the session finds, or about what is chosen", { timeout: PATIENCE }, async () => {
+test("a handle turns about the automatic pivot, or about the chosen pivot", { timeout: PATIENCE }, async () => {
   await page.keyboard.press("e");
   await page.evaluate(() => window.dfd.store.set({ more: true }));
   await until(page, (s) => s.axis?.handle === s.selected);
@@ -126,7 +122,7 @@ test("what turns turns about what the session finds, or about what is chosen", {
   await until(page, (s) => !s.edit.handles[0].moved);
 });
 
-test("things shine through, and what is held is alone in sight", { timeout: PATIENCE }, async () => {
+test("X-ray makes the shape transparent, and isolate shows only the held part", { timeout: PATIENCE }, async () => {
   await page.mouse.move(400, 590);
   await settled();
   const whole = await drawn(page);
@@ -148,7 +144,7 @@ test("things shine through, and what is held is alone in sight", { timeout: PATI
 });
 
 test(
-  "a box chooses what is seen in it, and what lies behind where things shine through",
+  "a box selects the visible vertices in it, and with X-ray also the hidden vertices",
   { timeout: PATIENCE },
   async () => {
     const canvas = await page.locator("canvas").first().boundingBox();
@@ -181,7 +177,7 @@ test(
   },
 );
 
-test("nothing went wrong on the way", () => {
+test("the page reported no errors", () => {
   assert.ok(Number.isInteger(vertex));
   assert.deepEqual(problems, []);
 });

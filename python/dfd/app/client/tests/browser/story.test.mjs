@@ -1,12 +1,12 @@
-// What a person does, from a file to a file, against the real server: numbers and pixels, not only that nothing fails.
+// One editing session, from opening a mesh to the exported files. It checks positions and pixels.
 import assert from "node:assert/strict";
 import { copyFile, writeFile } from "node:fs/promises";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 
 import {
-  alive,
-  anew,
+  ready,
+  shapeSentAgain,
   drag,
   drawn,
   hold,
@@ -33,7 +33,7 @@ after(() => browser?.close());
 
 let broken = false;
 
-/** A step of one story: after one that failed, the rest would only fail for its sake. */
+/** Define a step of the session. After a failed step, the later steps are skipped. */
 function step(name, run) {
   test(name, { timeout: 2 * PATIENCE }, async (context) => {
     if (broken) {
@@ -48,14 +48,14 @@ function step(name, run) {
 
 const handles = () => state(page, (s) => s.edit.handles);
 
-step("a shape opens, is seen, and comes alive", async () => {
+step("a shape opens and is visible", async () => {
   await shot(page, "start");
   await openShape(page);
   const seen = await drawn(page);
   assert.ok(seen.covered > 0.03 && seen.shades > 50, `the canvas is blank: ${JSON.stringify(seen)}`);
 });
 
-step("resting on a point shows the heat map that it would have", async () => {
+step("a pointer that rests on a point shows the weights of a handle there", async () => {
   const { at } = await visibleVertex(page);
   await page.mouse.move(at[0] + 1, at[1]);
   await page.mouse.move(...at);
@@ -66,17 +66,17 @@ step("resting on a point shows the heat map that it would have", async () => {
       .filter((_, i) => i % 4 === 3)
       .reduce((a, b) => Math.max(a, b), 0),
   );
-  assert.ok(warm > 0.95, `the point itself should be warmest, got ${warm}`);
+  assert.ok(warm > 0.95, `the weight at the point itself must be near 1, got ${warm}`);
 });
 
-step("a click takes hold", async () => {
+step("a click adds a handle", async () => {
   const vertex = await hold(page, JSON.parse(process.env.DFD_ALIKE), 1);
   await until(page, (s) => s.columns.size > 0);
   assert.equal((await handles())[0].vertex, vertex);
   assert.equal(await state(page, (s) => s.selected), (await handles())[0].handle);
 });
 
-step("a counterpart is switched off and on by itself", async () => {
+step("a single counterpart is switched off and on", async () => {
   await until(page, (s) => s.similar !== null && s.similar.places.length > 1);
   const first = page.getByRole("switch", { name: /^Counterpart 1 / });
   await first.locator("xpath=..").click();
@@ -85,7 +85,7 @@ step("a counterpart is switched off and on by itself", async () => {
   await until(page, (s) => s.edit.handles[0].excluded_counterparts.length === 0 && s.similar.places[1].on);
 });
 
-step("a drag moves the shape as the kernel does, and the wheel changes reach under way", async () => {
+step("a drag moves the shape as the kernel does, and the wheel changes the reach meanwhile", async () => {
   const before = (await handles())[0];
   await drag(page, [0, -50], -60, async () => {
     assert.ok(await page.getByText(/reach .* · holds/).isVisible());
@@ -100,23 +100,23 @@ step("a drag moves the shape as the kernel does, and the wheel changes reach und
   assert.ok(error <= TOLERANCE, `the shader differs from the kernel by ${error}`);
 });
 
-step("the paper's preset is one switch and one step", async () => {
+step("the paper's preset is one setting and one undo step", async () => {
   const before = await handles();
-  const told = (s) => ({ preset: s.edit.preset, reach: s.edit.handles[0].reach });
-  const was = await state(page, told);
+  const settings = (s) => ({ preset: s.edit.preset, reach: s.edit.handles[0].reach });
+  const was = await state(page, settings);
   await page.getByLabel("Preset").selectOption("paper");
   await until(page, (s) => s.edit.preset === "paper");
-  assert.deepEqual(await state(page, told), { preset: "paper", reach: 1 });
+  assert.deepEqual(await state(page, settings), { preset: "paper", reach: 1 });
   assert.deepEqual([(await handles())[0].falloff, (await handles())[0].counterparts], ["linear", "shared_pivot"]);
-  assert.ok((await farthest([before[0].vertex])) > 0.001, "the handle does not move any more");
+  assert.ok((await farthest([before[0].vertex])) > 0.001, "the handle no longer moves the shape");
   await page.getByLabel("Preset").scrollIntoViewIfNeeded();
   await shot(page, "paper");
   await page.keyboard.press("Control+z");
   await until(page, (s) => s.edit.preset === "default");
-  assert.deepEqual(await state(page, told), was);
+  assert.deepEqual(await state(page, settings), was);
 });
 
-step("numbers can be typed, for moving, turning and scaling", async () => {
+step("translation, rotation and scale can be typed", async () => {
   for (const [label, value] of [
     ["Rotate ° z", "25"],
     ["Scale x", "1.3"],
@@ -133,7 +133,7 @@ step("numbers can be typed, for moving, turning and scaling", async () => {
   assert.ok((await shaderError(page)) <= TOLERANCE);
 });
 
-step("locality and symmetry show at once what the kernel makes of them", async () => {
+step("with locality and symmetry, the shader's pose equals the kernel's", async () => {
   await page.getByLabel("Locality").fill("4");
   await until(page, (s) => s.edit.handles[0].locality === 4 && s.ahead.size === 0);
   await page.waitForTimeout(500);
@@ -145,7 +145,7 @@ step("locality and symmetry show at once what the kernel makes of them", async (
   await shot(page, "symmetry");
 });
 
-step("a point is fixed and stays", async () => {
+step("a fixed point stays in place", async () => {
   await page.keyboard.press("x");
   const taken = await state(page, (s) => s.edit.handles[0].vertex);
   const count = await state(page, (s) => s.mesh.vertices);
@@ -166,7 +166,7 @@ step("a point is fixed and stays", async () => {
   assert.ok(moved < 1e-5, `the fixed point moved by ${moved}`);
 });
 
-/** Vertices that are far from all that is held and fixed, the farthest first. */
+/** Return all vertices in descending order of the distance from handles and fixed points. */
 function remote() {
   return page.evaluate(() => {
     const { edit, mesh } = window.dfd.store.get();
@@ -181,7 +181,7 @@ function remote() {
   });
 }
 
-/** Paint around a vertex that can be seen, far from what is held and fixed; the vertices that were painted. */
+/** Paint around a visible vertex far from handles and fixed points, and return the painted vertices. */
 async function paint(among = null) {
   await page.keyboard.press("b");
   const { at } = await visibleVertex(
@@ -201,10 +201,10 @@ async function paint(among = null) {
   return painted;
 }
 
-/** Heights of the vertices, as the kernel has them. */
+/** Return the heights of the vertices in the kernel's pose. */
 const heights = () => page.evaluate(async () => (await window.dfd.computed()).filter((_, i) => i % 3 === 1));
 
-/** How far the kernel moves these vertices at most, over the shape's diagonal. */
+/** Return the largest displacement of these vertices by the kernel, divided by the shape's diagonal. */
 function farthest(vertices) {
   return page.evaluate(async (wanted) => {
     const kernel = await window.dfd.computed();
@@ -215,22 +215,22 @@ function farthest(vertices) {
   }, vertices);
 }
 
-step("a painted region is fixed: it stays, and lets go by its strength", async () => {
+step("a painted region is fixed, and its strength can be changed", async () => {
   const painted = await paint();
   await shot(page, "painted");
   const before = await state(page, (s) => s.edit.fixed.length);
   await page.getByRole("button", { name: "Fix", exact: true }).click();
   await until(page, (s, count) => s.edit.fixed.length === count + 1, before);
   assert.equal(await state(page, (s) => s.edit.fixed.at(-1).region), painted.length);
-  assert.ok((await farthest(painted)) < 1e-5, "what was painted moved");
+  assert.ok((await farthest(painted)) < 1e-5, "the painted region moved");
   assert.ok((await shaderError(page)) <= TOLERANCE);
   await page.getByLabel(`Strength of Region of ${painted.length} vertices`).fill("0.5");
   await until(page, (s) => s.edit.fixed.at(-1).strength === 0.5);
   assert.ok((await shaderError(page)) <= TOLERANCE);
 });
 
-step("a painted region is held, and what is painted limits it", async () => {
-  // Where it would look like what is fixed, nothing around it would follow.
+step("a painted region is held, and another region limits the handle", async () => {
+  // The region is on the hooves, because surface that looks like a fixed point does not follow.
   const hooves = JSON.parse(process.env.DFD_ALIKE);
   const painted = await paint(hooves);
   await page.getByRole("button", { name: "Hold", exact: true }).click();
@@ -242,9 +242,9 @@ step("a painted region is held, and what is painted limits it", async () => {
   await field.fill("0.1");
   await field.press("Enter");
   await until(page, (s) => s.edit.handles[1].moved && s.ahead.size === 0);
-  assert.ok((await farthest(painted)) > 0.01, "what was held did not move");
+  assert.ok((await farthest(painted)) > 0.01, "the held region did not move");
   assert.ok((await shaderError(page)) <= TOLERANCE);
-  // A handle that ends with its part would end there whatever else limits it.
+  // With a reach of its part, the handle would end at the part whatever the limit.
   await page.getByRole("group", { name: "Reach by" }).getByRole("button", { name: "Number" }).click();
   await until(page, (s) => s.edit.handles[1].reach_by === "number");
   await page.getByLabel("Reach", { exact: true }).fill("0.7");
@@ -257,12 +257,12 @@ step("a painted region is held, and what is painted limits it", async () => {
   await page.getByLabel("Limit's edge").fill("0.3");
   await until(page, (s) => s.edit.handles[1].mask_feather > 0.2 * s.mesh.diagonal);
   assert.ok((await shaderError(page)) <= TOLERANCE);
-  // Where another handle moves it too, the two share it, so that some of it may sink.
+  // Vertices that another handle moves too may sink, so only the largest rise is checked.
   const raised = Object.values(await heights()).map((height, i) => height - before[i]);
-  assert.ok(Math.max(...raised) > 0.01, "no more follows with a soft edge than with a sharp one");
+  assert.ok(Math.max(...raised) > 0.01, "a soft edge does not move more surface than a sharp edge");
 });
 
-step("everything can be taken back, and done again", async () => {
+step("all changes can be undone and redone", async () => {
   while (await state(page, (s) => s.edit.can_undo)) {
     const before = await state(page, (s) => s.edit.after);
     await page.keyboard.press("Control+z");
@@ -270,7 +270,7 @@ step("everything can be taken back, and done again", async () => {
   }
   assert.equal((await handles()).length, 0);
   while (!(await handles())[0]?.moved) {
-    assert.ok(await state(page, (s) => s.edit.can_redo), "nothing is left to do again, and the handle rests");
+    assert.ok(await state(page, (s) => s.edit.can_redo), "no step is left to redo, but the handle is at rest");
     const before = await state(page, (s) => s.edit.after);
     await page.keyboard.press("Control+Shift+Z");
     await until(page, (s, after) => s.edit.after > after, before);
@@ -298,51 +298,51 @@ step("key poses are stored and play", async () => {
   await page.keyboard.press("t");
   await page.getByRole("button", { name: "Export" }).click();
   await shot(page, "export");
-  await taken(page.getByRole("menuitem", { name: "Animated GLB" }), "quadruped_poses.glb");
+  await exportFile(page.getByRole("menuitem", { name: "Animated GLB" }), "quadruped_poses.glb");
 });
 
-/** Press what exports, and keep the file for Python to look at. */
-async function taken(item, wanted) {
+/** Press a menu item that exports, and keep the file for the checks in Python. */
+async function exportFile(item, wanted) {
   const [download] = await Promise.all([page.waitForEvent("download"), item.click()]);
   const name = download.suggestedFilename();
   assert.equal(name, wanted);
   if (process.env.DFD_OUT) await copyFile(await download.path(), join(process.env.DFD_OUT, name));
 }
 
-/** The edit is there as it was, and the shape with it. */
-async function unchanged(before) {
-  await alive(page);
+/** Check that the edit and the shape are the same as before. */
+async function assertUnchanged(before) {
+  await ready(page);
   await until(page, (s) => s.edit.handles.length === 1);
-  const told = ({ translation, vertex }) => ({ translation, vertex });
-  assert.deepEqual((await handles()).map(told), before.map(told));
+  const settings = ({ translation, vertex }) => ({ translation, vertex });
+  assert.deepEqual((await handles()).map(settings), before.map(settings));
   await until(page, (s) => s.report !== null);
   assert.ok((await shaderError(page)) <= TOLERANCE);
 }
 
-step("a reload loses nothing", async () => {
+step("a reload keeps the edit", async () => {
   await page.keyboard.press("Control+z");
   await until(page, (s) => s.edit.handles[0].moved);
   const before = await handles();
   await page.reload();
   await until(page, (s) => s.edit?.handles.length === 1);
-  await unchanged(before);
+  await assertUnchanged(before);
 });
 
-step("a lost connection comes back by itself, with the edit", async () => {
+step("a lost connection is opened again, with the same edit", async () => {
   const before = await handles();
-  await anew(page, async () => {
+  await shapeSentAgain(page, async () => {
     await page.evaluate(() => window.dfd.drop());
     await until(page, (s) => s.link === "lost");
   });
-  await unchanged(before);
+  await assertUnchanged(before);
 });
 
-step("everything that is exported is written, for Python to compare with what was seen", async () => {
+step("all formats are exported, for Python to compare with the shown positions", async () => {
   const folder = process.env.DFD_OUT;
   for (const format of ["GLB", "PLY", "STL", "OBJ"]) {
     await page.getByRole("button", { name: "Export" }).click();
     const item = page.getByRole("menuitem", { name: new RegExp(`^${format}`) });
-    await taken(item, `quadruped_edited.${format.toLowerCase()}`);
+    await exportFile(item, `quadruped_edited.${format.toLowerCase()}`);
   }
   const seen = await page.evaluate(() => {
     const positions = window.dfd.positions();
@@ -356,6 +356,6 @@ step("everything that is exported is written, for Python to compare with what wa
   if (folder) await writeFile(join(folder, "seen.json"), JSON.stringify(seen));
 });
 
-step("nothing went wrong on the way", () => {
+step("the page reported no errors", () => {
   assert.deepEqual(problems, []);
 });

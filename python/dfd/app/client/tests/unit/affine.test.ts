@@ -41,7 +41,7 @@ describe("matrixOf", () => {
 });
 
 describe("rotations", () => {
-  it("come back from a quaternion, up to half a turn", () => {
+  it("are the same after conversion to a quaternion and back, up to 180°", () => {
     const turns: Vec3[] = [
       [0, 0, 0],
       [30, -40, 50],
@@ -55,7 +55,7 @@ describe("rotations", () => {
 });
 
 describe("interpolate", () => {
-  it("reaches both ends and is halfway in the middle", () => {
+  it("returns both ends, and the mean at 0.5", () => {
     const b: Transform = { ...REST, translation: [2, 4, 6], rotation: [0, 90, 0], scale: [3, 1, 1], twist: 4 };
     expect(interpolate(REST, b, 0).translation).toEqual([0, 0, 0]);
     close(interpolate(REST, b, 1).rotation, [0, 90, 0], 8);
@@ -71,7 +71,7 @@ describe("interpolate", () => {
 });
 
 describe("reflection", () => {
-  it("undoes itself and leaves the plane where it is", () => {
+  it("is its own inverse and does not move the plane", () => {
     const across = reflection([0.6, 0.8, 0], 2);
     close(across.clone().multiply(across).elements, IDENTITY.elements);
     close(apply(across, [1.2, 1.6, 5]), [1.2, 1.6, 5]);

@@ -6,7 +6,7 @@ import { bendTowards, bentTip } from "../../src/posing/bend";
 const ENDS = { base: [1, 0, 0], tip: [1, 2, 0] } as const;
 
 describe("a part that bends", () => {
-  it("rests where its tip is left, and where that is pulled along the axis", () => {
+  it("does not bend if its tip stays or is moved along the axis", () => {
     expect(bentTip(ENDS, [0, 0, 0], null)).toEqual([1, 2, 0]);
     for (const point of [ENDS.tip, [1, 5, 0] as Vec3]) expect(bendTowards(ENDS, point, null)).toEqual([0, 0, 0]);
   });
@@ -23,7 +23,7 @@ describe("a part that bends", () => {
     line.forEach((x, i) => expect(x).toBeCloseTo(ratio * wanted[i], 9));
   });
 
-  it("turns right-handed about its axis, by no more than can be drawn", () => {
+  it("bends right-handed about the rotation vector, by at most 300°", () => {
     const bend = bendTowards(ENDS, [0, 0, 0], null);
     expect(bend[2]).toBeGreaterThan(90); // from +y to −x
     expect(Math.hypot(...bendTowards(ENDS, [1.001, -1, 0], null))).toBeLessThanOrEqual(300.001);

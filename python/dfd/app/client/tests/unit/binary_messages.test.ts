@@ -2,7 +2,7 @@ import { describe, expect, it } from "vitest";
 
 import { decode } from "../../src/protocol/binary_messages";
 
-/** A message with an array as `dfd.app.protocol.binary_messages` writes it. */
+/** Return a message with an array, as the server's `dfd.app.protocol` writes it. */
 function framed(message: object, body: Uint8Array): ArrayBuffer {
   let text = JSON.stringify({
     __metadata__: { message: JSON.stringify(message) },
@@ -21,20 +21,20 @@ const floats = new Uint8Array(Float32Array.of(1.5, -2, 3e8).buffer);
 const positions = { type: "positions", id: 7 };
 
 describe("decode", () => {
-  it("reads a text", () => {
+  it("reads a text message", () => {
     const { message, payload } = decode('{"type":"start","id":0}');
     expect(message.type).toBe("start");
     expect(payload.has("positions")).toBe(false);
   });
 
-  it("reads arrays in place", () => {
+  it("reads arrays", () => {
     const { message, payload } = decode(framed({ ...positions, name: "Körper" }, floats));
     expect(message.id).toBe(7);
     expect([...payload.get("positions", "F32")]).toEqual([1.5, -2, Math.fround(3e8)]);
     expect(payload.has("normals")).toBe(false);
   });
 
-  it("refuses what is cut short, missing or of another type, in a sentence", () => {
+  it("explains what is wrong with arrays that are cut short, missing or of another type", () => {
     const whole = framed(positions, floats);
     expect(() => decode(new ArrayBuffer(3))).toThrow("cut short");
     expect(() => decode(whole.slice(0, 20))).toThrow("cut short");

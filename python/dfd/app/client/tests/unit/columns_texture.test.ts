@@ -9,7 +9,7 @@ const transform = matrixOf({ ...REST, translation: [1, 2, 3] }, [0, 0, 0]);
 const stored = (textures: PoseTextures) => textures.weights.image.data as Uint16Array;
 
 describe("PoseTextures", () => {
-  it("grows when there are more columns than places, and loses none", () => {
+  it("grows when there are more columns than layers, and keeps all columns", () => {
     const textures = new PoseTextures(2);
     const columns = Array.from({ length: 40 }, (_, i) => madeColumn([(i + 1) / 64], { transform }));
     textures.show({ ...EMPTY_SCENE, columns: columns.slice(0, 3) });
@@ -18,7 +18,7 @@ describe("PoseTextures", () => {
     columns.forEach(({ weights }, k) => expect(stored(textures)[4096 * table[28 * k + 24]]).toBe(weights[0]));
   });
 
-  it("writes what a transform adds to a point", () => {
+  it("writes the displacement of a transform", () => {
     const textures = new PoseTextures(2);
     textures.show({ ...EMPTY_SCENE, columns: [madeColumn([0], { transform }), madeColumn([0])] });
     const table = textures.columns.image.data as Float32Array;

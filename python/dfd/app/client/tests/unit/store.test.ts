@@ -5,7 +5,7 @@ import { serverPoses, store as pageStore } from "../../src/store/state";
 import { createStore } from "../../src/store/store";
 
 describe("createStore", () => {
-  it("calls the watchers of a part when its value changes, and no others", () => {
+  it("calls a watcher only when its own part of the state changes", () => {
     const store = createStore({ a: 1, b: "x" });
     const a = vi.fn();
     const b = vi.fn();
@@ -17,7 +17,7 @@ describe("createStore", () => {
     expect(b).not.toHaveBeenCalled();
   });
 
-  it("never changes a state that somebody has", () => {
+  it("does not change earlier states", () => {
     const store = createStore({ a: 1 });
     const before = store.get();
     store.set({ a: 2 });
@@ -27,7 +27,7 @@ describe("createStore", () => {
 });
 
 describe("serverPoses", () => {
-  it("is true for what the shader does not do, unless the resting shape is compared", () => {
+  it("is true for poses that the shader does not support, unless the page shows the original shape", () => {
     const edit = { preset: "default", handles: [] } as unknown as StateMessage;
     const state = { ...pageStore.get(), edit };
     expect(serverPoses(state)).toBe(false);

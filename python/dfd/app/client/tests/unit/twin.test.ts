@@ -27,17 +27,17 @@ const up = matrixOf({ ...REST, translation: [0, 1, 0] }, [0, 0, 0]);
 describe("posePoint", () => {
   const point: Vec3 = [1, 2, 3];
 
-  it("leaves everything in place while all rests", () => {
+  it("leaves a point in place if all columns are at rest", () => {
     expect(posePoint(scene([column({}), column({})]), point, 0)).toEqual(point);
   });
 
-  it("moves by the weight, and adds up", () => {
+  it("adds the weighted motions of all columns", () => {
     expect(posePoint(scene([column({ transform: up })]), point, 1)[1]).toBeCloseTo(2.75, 4);
     const both = scene([column({ transform: up }), column({ transform: up })]);
     expect(posePoint(both, point, 1)[1]).toBeCloseTo(3.5, 4);
   });
 
-  it("gives D₀ what the weights leave of 1 (Eq. 1)", () => {
+  it("moves by D₀ with the weight 1 minus the sum of all weights (Eq. 1)", () => {
     const down = scene([column({})], { defaultTransform: matrixOf({ ...REST, translation: [0, -1, 0] }, [0, 0, 0]) });
     expect(posePoint(down, point, 0)[1]).toBeCloseTo(2, 4);
     expect(posePoint(down, point, 1)[1]).toBeCloseTo(1.75, 4);
@@ -55,14 +55,14 @@ describe("posePoint", () => {
   });
 });
 
-describe("transforms of places", () => {
-  it("act relative to a center", () => {
+describe("transforms", () => {
+  it("can be converted to coordinates relative to a center", () => {
     const turn = matrixOf({ ...REST, rotation: [0, 0, 90] }, [10, 0, 0]);
     const moved = apply(relative(turn, [10, 0, 0]), [1, 0, 0]);
     [0, 1, 0].forEach((x, i) => expect(moved[i]).toBeCloseTo(x, 10));
   });
 
-  it("mirror a motion as the mirrored point moves", () => {
+  it("move a mirrored point to the mirror image of the moved point", () => {
     const mirror = { normal: [0, 0, 1] as Vec3, offset: 1, band: 0 };
     const turn = matrixOf({ ...REST, rotation: [20, 30, 40], translation: [1, 2, 3] }, [1, 1, 1]);
     const flip = (p: Vec3): Vec3 => [p[0], p[1], 2 - p[2]];
@@ -70,7 +70,7 @@ describe("transforms of places", () => {
     a.forEach((x, i) => expect(x).toBeCloseTo(b[i], 10));
   });
 
-  it("do at a counterpart, in its frame, what they do at the handle", () => {
+  it("move a counterpart in its frame as they move the handle", () => {
     const frame: Frame = [
       [-1, 0, 0],
       [0, 1, 0],
@@ -82,7 +82,7 @@ describe("transforms of places", () => {
         { column: 1, frame, position: [-2, 0, 0] },
       );
     const other = at({ rotation: [0, 0, 90], translation: [1, 0, 0], pivot: [1, 0, 0] });
-    // The pivot's translation, mirrored, and the turn the other way round.
+    // The translation of the pivot is mirrored, and the rotation has the opposite direction.
     [-2, 0, 0].forEach((x, i) => expect(apply(other, [-1, 0, 0])[i]).toBeCloseTo(x, 10));
     [-2, 1, 0].forEach((x, i) => expect(apply(other, [-2, 0, 0])[i]).toBeCloseTo(x, 10));
     [-3, 1, 0].forEach((x, i) =>
@@ -95,7 +95,7 @@ describe("sameScene", () => {
   const mirror = { normal: [1, 0, 0], offset: 0, band: 0 } as const;
   const one = scene([column({})], { defaultTransform: IDENTITY, mirror });
 
-  it("compares numbers, not the objects that hold them", () => {
+  it("is true for different objects with equal numbers", () => {
     const columns = [{ ...one.columns[0], transform: IDENTITY.clone() }];
     const copy = { columns, defaultTransform: IDENTITY.clone(), mirror: { ...mirror, normal: [1, 0, 0] as const } };
     expect(sameScene(one, copy)).toBe(true);
@@ -108,5 +108,5 @@ describe("sameScene", () => {
     ["D₀", { ...one, defaultTransform: null }],
     ["mirror", { ...one, mirror: { ...mirror, normal: [0, 1, 0] } }],
     ["band", { ...one, mirror: { ...mirror, band: 1 } }],
-  ])("sees another %s", (_, other) => expect(sameScene(one, other)).toBe(false));
+  ])("is false for a different %s", (_, other) => expect(sameScene(one, other)).toBe(false));
 });

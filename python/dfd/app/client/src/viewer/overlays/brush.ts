@@ -1,4 +1,4 @@
-/** The brush measures its radius on the resting shape, so that posed parts that touch stay separate. */
+/** Paint regions. The brush uses distances at rest, so that it does not paint other parts that touch in the pose. */
 
 import { Sphere, Vector3 } from "three";
 
@@ -11,7 +11,7 @@ export function paint(shape: Shape, picked: Picked, erase: boolean): void {
   touch(shape, (row) => ball.containsPoint(at.fromArray(shape.positions, 3 * row)), erase);
 }
 
-/** Paint or erase the vertices of some rows. */
+/** Paint or erase the vertices of all rows for which `within` is true. */
 export function touch({ vertexOf, message: mesh }: Shape, within: (row: number) => boolean, erase: boolean): void {
   const { painted } = store.get();
   const weights = painted?.weights.slice() ?? new Uint16Array(mesh.vertices);

@@ -23,7 +23,7 @@ interface Held {
   readonly transform: Transform;
   readonly position: Vec3;
   readonly center: Vec3;
-  /** Both ends of the axis, in the bend mode. */
+  /** Both ends of the part's axis, in the bend mode. */
   readonly ends: PartEnds | null;
   /** Whether only the pivot moves. */
   readonly pivoting: boolean;
@@ -112,7 +112,7 @@ function heldOf(state: State): Held | null {
   return { ...present(state, handle), center: mesh.center, ends, pivoting };
 }
 
-/** The rotation from the mesh's axes to the axes of scale. */
+/** Return the rotation from the mesh's axes to the axes of scale. */
 function axesTurn({ axes }: Transform): Quaternion {
   return axes ? new Quaternion().setFromRotationMatrix(basisOf(axes)) : new Quaternion();
 }

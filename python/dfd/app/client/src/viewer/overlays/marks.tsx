@@ -1,4 +1,4 @@
-/** Marks over the canvas: handles, fixed places, counterparts, suggestions and the vertex under the pointer. */
+/** Marks over the canvas: handles, fixed points, counterparts, suggestions and the vertex under the pointer. */
 
 import { render } from "preact";
 
@@ -85,7 +85,7 @@ export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
   return marks;
 }
 
-/** Return marks that switch the counterparts of the selected handle. */
+/** Return marks for the counterparts of the selected handle. A press switches the counterpart on or off. */
 function counterpartMarks(state: State, posed: (vertex: number | null, position: Vec3) => Vec3): Mark[] {
   const { selected } = state;
   if (selected === null) return [];

@@ -1,11 +1,11 @@
-/** Find the corner nearest to a picked point, in the triangle that contains the point. */
+/** Find the corner that is nearest to a picked point, in the triangle that contains the point. */
 
 import { Triangle, Vector3 } from "three";
 
 import type { Vec3 } from "../../posing/affine";
 
 export class Faces {
-  /** The triangles, sorted by their last corners, and the index of the first one of each corner. */
+  /** The triangles, sorted by their last corner; those of corner c begin at `starts[c]`. */
   private readonly order: Uint32Array;
   private readonly starts: Uint32Array;
 
@@ -22,7 +22,7 @@ export class Faces {
     for (let face = 0; face < count; face++) this.order[next[triangles[3 * face + 2]]++] = face;
   }
 
-  /** Return the row of that corner; `lastCorner` is the last row of the triangle. */
+  /** Return the row of the corner nearest to `point`. `lastCorner` is the row of the triangle's last corner. */
   nearestRow(point: Vec3, lastCorner: number): number | null {
     let best: number | null = null;
     let least = Infinity;

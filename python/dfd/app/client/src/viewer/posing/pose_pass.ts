@@ -32,7 +32,7 @@ export class PosePass {
   private readonly buffers: WebGLBuffer[] = [];
   private readonly input: WebGLVertexArrayObject;
   private readonly output: WebGLTransformFeedback;
-  private readonly nowhere: WebGLFramebuffer;
+  private readonly framebuffer: WebGLFramebuffer;
   private readonly pixel: WebGLRenderbuffer;
   private readonly givenPosition: WebGLBuffer;
   private readonly givenNormal: WebGLBuffer;
@@ -40,7 +40,7 @@ export class PosePass {
   /** Whether the buffers contain the present pose. */
   private fresh = false;
 
-  /** The input is (R, 3) resting positions, (R, 4) normals of length 32767, and (R) the vertices of the rows. */
+  /** Takes (R, 3) resting positions, (R, 4) normals of length 32767, and (R) the vertex of each row. */
   constructor(
     private readonly renderer: WebGLRenderer,
     positions: Float32Array,
@@ -54,9 +54,9 @@ export class PosePass {
     this.input = gl.createVertexArray();
     gl.bindVertexArray(this.input);
     const rest = this.filled(positions);
-    this.reads(ATTRIBUTES.rest, 3, gl.FLOAT);
+    this.readAttribute(ATTRIBUTES.rest, 3, gl.FLOAT);
     this.filled(normals);
-    this.reads(ATTRIBUTES.restNormal, 4, gl.SHORT);
+    this.readAttribute(ATTRIBUTES.restNormal, 4, gl.SHORT);
     this.filled(vertexOf);
     gl.enableVertexAttribArray(ATTRIBUTES.vertex);
     gl.vertexAttribIPointer(ATTRIBUTES.vertex, 1, gl.UNSIGNED_INT, 0, 0);
@@ -67,10 +67,10 @@ export class PosePass {
     gl.bindVertexArray(null);
     gl.bindBuffer(gl.ARRAY_BUFFER, null);
     this.output = gl.createTransformFeedback();
-    // Without a framebuffer of its own, the pass would clear the picture in browsers.
-    this.nowhere = gl.createFramebuffer();
+    // Without a framebuffer of its own, the pass would clear the canvas in browsers.
+    this.framebuffer = gl.createFramebuffer();
     this.pixel = gl.createRenderbuffer();
-    gl.bindFramebuffer(gl.FRAMEBUFFER, this.nowhere);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);
     gl.bindRenderbuffer(gl.RENDERBUFFER, this.pixel);
     gl.renderbufferStorage(gl.RENDERBUFFER, gl.RGBA8, 1, 1);
     gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.RENDERBUFFER, this.pixel);
@@ -85,7 +85,7 @@ export class PosePass {
     this.fresh = false;
   }
 
-  /** Use the server's pose, (R, 3) and (R, 4), in place of the shader's; null uses the shader's. */
+  /** Use the server's positions (R, 3) and normals (R, 4) instead of the shader's; null uses the shader's. */
   setGiven(given: Posed | null): void {
     if (!given && !this.given) return;
     const { gl } = this;
@@ -94,10 +94,10 @@ export class PosePass {
     gl.bindVertexArray(this.input);
     gl.bindBuffer(gl.ARRAY_BUFFER, this.givenPosition);
     gl.bufferData(gl.ARRAY_BUFFER, given?.positions ?? NOTHING, gl.DYNAMIC_DRAW);
-    this.reads(ATTRIBUTES.givenPosition, 3, gl.FLOAT, this.given);
+    this.readAttribute(ATTRIBUTES.givenPosition, 3, gl.FLOAT, this.given);
     gl.bindBuffer(gl.ARRAY_BUFFER, this.givenNormal);
     gl.bufferData(gl.ARRAY_BUFFER, given?.normals ?? NOTHING, gl.DYNAMIC_DRAW);
-    this.reads(ATTRIBUTES.givenNormal, 4, gl.SHORT, this.given);
+    this.readAttribute(ATTRIBUTES.givenNormal, 4, gl.SHORT, this.given);
     gl.bindVertexArray(null);
     this.renderer.resetState();
   }
@@ -130,7 +130,7 @@ export class PosePass {
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.output);
     gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, 0, this.position.buffer);
     gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, 1, this.normal.buffer);
-    gl.bindFramebuffer(gl.FRAMEBUFFER, this.nowhere);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);
     gl.enable(gl.RASTERIZER_DISCARD);
     gl.beginTransformFeedback(gl.POINTS);
     gl.drawArrays(gl.POINTS, 0, this.count);
@@ -158,7 +158,7 @@ export class PosePass {
     this.buffers.forEach((buffer) => gl.deleteBuffer(buffer));
     gl.deleteVertexArray(this.input);
     gl.deleteTransformFeedback(this.output);
-    gl.deleteFramebuffer(this.nowhere);
+    gl.deleteFramebuffer(this.framebuffer);
     gl.deleteRenderbuffer(this.pixel);
     this.programs.forEach(({ program }) => gl.deleteProgram(program));
   }
@@ -174,8 +174,8 @@ export class PosePass {
     return buffer;
   }
 
-  /** Read an attribute from the bound buffer; integers represent numbers in [-1, 1]. */
-  private reads(place: number, size: number, type: GLenum, on = true): void {
+  /** Let the shader read an attribute from the bound buffer. Integers represent numbers in [-1, 1]. */
+  private readAttribute(place: number, size: number, type: GLenum, on = true): void {
     const { gl } = this;
     if (on) gl.enableVertexAttribArray(place);
     else gl.disableVertexAttribArray(place);

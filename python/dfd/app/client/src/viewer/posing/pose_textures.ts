@@ -1,4 +1,4 @@
-/** The input of the pose shader: a layer of weights, and a row of numbers, for each column. */
+/** The input of the pose shader: for each column of a scene, a layer of weights and a row of `columns`. */
 
 import {
   DataArrayTexture,
@@ -19,7 +19,7 @@ const WIDTH = 4096;
 const TEXELS = 7;
 const LEAST_LAYERS = 4;
 const LEAST_ROWS = 16;
-/** The elements of the linear part of an affine matrix. */
+/** Indices of the linear part's elements in an affine matrix. */
 const LINEAR = [0, 1, 2, 4, 5, 6, 8, 9, 10];
 
 export class PoseTextures {
@@ -28,16 +28,16 @@ export class PoseTextures {
   scene: Scene = EMPTY_SCENE;
   private readonly height: number;
   /** The column of weights in each layer. */
-  private places = empty(LEAST_LAYERS);
+  private stored = empty(LEAST_LAYERS);
 
   constructor(vertexCount: number) {
     this.height = Math.max(Math.ceil(vertexCount / WIDTH), 1);
     this.weights = this.layers(LEAST_LAYERS);
   }
 
-  /** Set the scene of the shader. Each column of weights is uploaded once. */
+  /** Set the scene of the shader. Weights are uploaded only if they are new. */
   show(scene: Scene): void {
-    this.keep(scene);
+    this.storeWeights(scene);
     const count = scene.columns.length;
     if (count > this.columns.image.height) {
       this.columns.dispose();
@@ -48,7 +48,7 @@ export class PoseTextures {
       const at = 4 * TEXELS * k;
       writeMove(table, at, column.transform);
       writeMove(table, at + 12, scene.mirror ? mirrored(column.transform, scene.mirror) : column.transform);
-      const layer = this.places.indexOf(column.weights);
+      const layer = this.stored.indexOf(column.weights);
       table.set([layer, column.positive ? 1 : -1, column.heat, column.handle > 0 ? 1 : 0], at + 24);
     });
     this.columns.needsUpdate = true;
@@ -63,19 +63,19 @@ export class PoseTextures {
     this.textures.forEach((texture) => texture.dispose());
   }
 
-  /** Give each column of weights a layer of the texture. */
-  private keep(scene: Scene): void {
+  /** Store each column of weights in a layer of the texture. */
+  private storeWeights(scene: Scene): void {
     const wanted = new Set(scene.columns.map(({ weights }) => weights));
-    if (wanted.size > this.places.length) {
+    if (wanted.size > this.stored.length) {
       this.weights.dispose();
       this.weights = this.layers(2 * wanted.size);
-      this.places = empty(2 * wanted.size);
+      this.stored = empty(2 * wanted.size);
     }
-    this.places = this.places.map((kept) => (kept && wanted.has(kept) ? kept : null));
+    this.stored = this.stored.map((kept) => (kept && wanted.has(kept) ? kept : null));
     for (const weights of wanted) {
-      if (this.places.includes(weights)) continue;
-      const place = this.places.indexOf(null);
-      this.places[place] = weights;
+      if (this.stored.includes(weights)) continue;
+      const place = this.stored.indexOf(null);
+      this.stored[place] = weights;
       (this.weights.image.data as Uint16Array).set(weights, WIDTH * this.height * place);
       this.weights.addLayerUpdate(place);
       this.weights.needsUpdate = true;
@@ -112,7 +112,7 @@ export function definesOf({ columns, mirror, defaultTransform }: Scene): string[
   return Object.entries(has).flatMap(([name, part]) => (part ? [name] : []));
 }
 
-/** Write the rows of D − I. Displacements are more precise than positions where the motion is small. */
+/** Write the rows of D − I. For small motions, displacements are more precise than positions. */
 function writeMove(table: Float32Array, at: number, { elements }: Matrix4): void {
   for (let i = 0; i < 12; i++) {
     const k = 4 * (i % 4) + Math.floor(i / 4);
