@@ -36,7 +36,7 @@ COMPARED = ("ARAP", "biharmonic", "BBW", "NeuralMLS")  # OptCtrlPoints would hav
 EXPLODED = 3.0  # A result is not drawn if its diagonal divided by the shape's is larger.
 BEFORE, AFTER = np.array([64, 112, 216]), np.array([52, 168, 83])  # RGB colors of the two silhouettes
 LEGEND = """\
-In the first picture, the dot is the handle; in the others, its target. Squares are the fixed points or control points
+The dot is the handle in pictures at rest, and its target in the others. Squares are the fixed points or control points
 of the other methods. The shape is blue before the deformation and green after it. **handle error**: distance of the
 handle from its target, in % of the diagonal. **area**, **angle**, **edge**: mean changes over the surface. **volume**:
 change of the enclosed volume; empty for open surfaces. **flipped faces**: number of faces that fold over. **size**: the
@@ -81,7 +81,7 @@ def case_of(shape: Shape, pull: BoxHandle) -> Case:
 
 
 def stretched(context: Context, most: tuple[int, int]) -> Iterator[Case]:
-    """Yield a case for each available mesh: fifty control points, the lower of which move down."""
+    """Yield a case for each available mesh: fifty control points, of which the lower ones move down."""
     for shape in (given.refined() for given, _ in context.cases(STRETCHED, most)):
         mesh = shape.mesh
         corners = np.unique(mesh.faces)
@@ -147,7 +147,7 @@ def drawn(context: Context, case: Case, results: Mapping[str, Float64 | str], *,
 
 
 def silhouettes(mesh: dfd.Mesh, moved: Float64, target: Float64, where: dict[str, Any]) -> UInt8:
-    """Draw the shape at rest in blue, and over it the moved shape in green with the target, as in Fig. 8."""
+    """Draw the shape at rest in blue, blended with the moved shape in green, and the target on top, as in Fig. 8."""
     shown = ({}, {"vertices": moved}, {"vertices": moved, "handles": target})
     old, new, marked = (picture(mesh, **options, **where).astype(float) for options in shown)
     in_old, in_new = ((image < 250).any(axis=2, keepdims=True) for image in (old, new))

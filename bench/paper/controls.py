@@ -81,10 +81,9 @@ def fig5(context: Context) -> Page:
         return {"weights": subject.shape.mesh.vertices @ plane.normal > plane.offset} if plane else {}
 
     text = (
-        "The score of a plane is the mean distance between the features of a vertex and of its mirror image. The paper "
-        f"accepts coordinate planes with a score below ε = {DEFAULTS['paper'].threshold:g}; dfd's default also tries "
-        "other planes. If no plane is accepted, the table has the score of the best coordinate plane. The first "
-        "picture colors the two sides of the plane."
+        "Score: mean distance between the features of a vertex and of its mirror image. The paper accepts coordinate "
+        f"planes with a score below ε = {DEFAULTS['paper'].threshold:g}; dfd's default also tries other planes. If no "
+        "plane is accepted, the score is that of the best coordinate plane. The first picture colors the two sides."
     )
     return gallery(
         context.subjects(SYMMETRY, (2, 4), refined=True),

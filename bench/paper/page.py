@@ -52,9 +52,8 @@ def gallery(
 ) -> Page:
     """Return a page with the sessions that `variants` returns for every subject, by name, and a table row for each.
 
-    `measure` takes the subject, a session and the subject's first session, whose camera draws all of them. It returns
-    cells of the row. Each view of `session_views` in `shown` gets a row of pictures. `azimuth`, in degrees, places the
-    camera of subjects without their own. `source` returns options of `picture` for the shape at rest.
+    `measure` takes the subject, a session, and the subject's first session, whose camera draws all. It returns cells of
+    the row. Each of the views `shown` is a row of pictures. `source` returns options of `picture` for the rest shape.
     """
     drawn: list[Pictures] = []
     rows: list[Row] = []

@@ -28,10 +28,7 @@ from dfd.geometry.topology import face_components, face_sides, first_at_place, i
 PHASES = ("preprocess s", "bind s", "pose s")
 TIMED = dict.fromkeys(("koala", "scorpion", "spot", "quadruped"))
 FACES = (1_000, 10_000, 100_000, 1_000_000, 10_000_000)
-PATIENCE = (
-    40.0,
-    600.0,
-)  # time limits of a peer in a quick and in a full run, seconds: for tetrahedra, and for the rest
+PATIENCE = (40.0, 600.0)  # limits in a quick and a full run: seconds for a peer's tetrahedra, and for its other steps
 PEER_HANDLES = 10  # handles of a timed peer, by farthest point sampling; some peers need several
 
 BROKEN = pulls_of("truck_defects", "chair_nonmanifold", "plane_holes", "knight", "robot")
@@ -145,7 +142,7 @@ def defects(mesh: dfd.Mesh) -> tuple[int, int, Int64]:
 
 
 def gap(mesh: dfd.Mesh, moved: NDArray[np.floating]) -> float | None:
-    """Return how far near vertices of different components move apart, mean in mesh units; None without such pairs."""
+    """Return the mean distance by which near vertices of different components move apart; None if there are none."""
     faces = first_at_place(mesh)[mesh.faces]
     component = np.full(len(mesh.vertices), -1)
     component[faces] = face_components(faces.astype(np.int32))[:, None]
@@ -177,9 +174,9 @@ def fig17(context: Context) -> Page:
         return {"colors": np.where(at_boundary[:, None], BOUNDARY, CLAY)}
 
     text = (
-        "Boundary vertices are red. The gap is how far vertices of different components, at rest within "
-        f"{NEAR:.1%} of the diagonal of each other, move apart: mean, in % of the largest motion of a vertex. The "
-        "paper's example has 3,804 boundary edges, 70 components and 12 non-manifold edges."
+        "Boundary vertices are red. The gap is the mean distance by which vertices of different components, at rest "
+        f"closer than {NEAR:.1%} of the diagonal, move apart, in % of the largest motion. The paper's example has "
+        "3,804 boundary edges, 70 components and 12 non-manifold edges."
     )
     subjects = context.subjects(BROKEN, (2, 4))
     return gallery(subjects, lambda subject: {"pull": subject.pull()}, torn, text, source=marked)
@@ -200,8 +197,8 @@ def fig18(context: Context) -> Page:
 
     def subjects() -> Iterator[Subject]:
         for given, case in context.cases(LARGE, (1, 4)):
-            shapes = [remeshed(given, divisor) for divisor in DIVISORS[: context.quick_or_full((2, 3))]]
-            for shape, preset in product(shapes, PRESETS):
+            finer = [remeshed(given, divisor) for divisor in DIVISORS[: context.quick_or_full((2, 3))]]
+            for shape, preset in product(finer, PRESETS):
                 field, seconds, stages = distilled(context, shape, preset)
                 rendering = sum(stages.seconds.get(name, 0.0) for name in RENDERING)
                 taken[shape.name, preset] = {"R s": rendering, "T s": seconds - rendering}
@@ -245,8 +242,7 @@ def table1(context: Context) -> Page:
         f"One foot is pulled. Global semantics: every other foot moves at least {FOLLOWED:g} of its distance, and the "
         f"flank less than half as far as any foot. Local control: the flank moves less than {FOLLOWED / 2:g} of that "
         f"distance, with λ = 8 for DFD. Size robust: {MORE} times the faces take less than {MORE / 2:g} times as long. "
-        f"New handle: its weights take less than {FRAME * 1000:.0f} ms at the larger size. The networks of APAP and "
-        "DeepMetaHandles are not available."
+        f"New handle: its weights take less than {FRAME * 1000:.0f} ms at the larger size."
     )
     return Page(text, rows=rows)
 
@@ -313,9 +309,8 @@ def table3(context: Context) -> Page:
         add(name, seconds, shape="paper")
     text = (
         f"Seconds are means over {repeats} random sets of handles. Both methods bind the same nodes of fTetWild's "
-        "tetrahedra. Their edge length, a fraction of the diagonal, is reduced until OptCtrlPoints fails. Its seconds, "
-        "after one factorization, are for a back substitution per handle and the solution of a small dense system. "
-        "The paper measured on an NVIDIA A40."
+        "tetrahedra. Their edge length, a fraction of the diagonal, decreases until OptCtrlPoints fails. Its seconds "
+        "are for back substitutions and a small dense system, after factorization. The paper used an NVIDIA A40."
     )
     return Page(text, rows=rows)
 
@@ -329,7 +324,7 @@ def _seconds(features: Callable[[], Float32], sets: Sequence[Int64]) -> float:
 
 
 def speedup(rows: Sequence[Row]) -> float:
-    """Return the seconds of OptCtrlPoints divided by those of DFD with forward pass, for 1 handle, on most nodes."""
+    """Return the time of OptCtrlPoints divided by that of DFD with its forward pass, for one handle and most nodes."""
     own = [row for row in rows if row.get("nodes")]
     most = max((row["nodes"] for row in own), default=0)
     seconds = {row["method"]: row["1 handle s"] for row in own if row["nodes"] == most}

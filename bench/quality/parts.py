@@ -12,8 +12,7 @@ MERGED = (
     ("leg", r"leg|knee|thigh|shin|calf"),
     ("torso", r"root|hips|pelvis|spine|chest|torso|body"),
 )
-# Kinds of parts of animals and people, with patterns for the names of their joints in lower case. The first match
-# counts. Parts of one kind, such as all legs, move together.
+# Kinds of parts of animals and people, with patterns for the names of joints in lower case. The first match counts.
 KINDS = (
     ("ear", r"^ear"),
     ("horn", r"horn"),
@@ -29,8 +28,7 @@ KINDS = (
     ("neck", r"neck"),
     ("head", r"head|mouth|jaw|chin|nose|eye|tongue|brow|face|^main1"),
 )
-# Families of shapes, with words in the names of their files. The first match counts. A shape is tested with results
-# that were learned without its family.
+# Families of shapes, with words in the names of their files. The first match counts.
 FAMILIES = (
     ("seats", "chair couch bench bed stool"),
     ("fish", "fish shark whale"),

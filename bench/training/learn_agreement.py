@@ -50,7 +50,7 @@ def transferred(shapes: list[tuple[RiggedShape, dfd.Deformer]]) -> Iterator[tupl
 
 
 def fitted(rows: Float64, right: Bool, weight: Float64) -> Float64:
-    """Return the constants EQUAL, BY_SHARE and BY_PLACE (3,) for which `right` (N,) is likeliest, given `rows` (N, 2)."""
+    """Return EQUAL, BY_SHARE and BY_PLACE (3,), with which `right` (N,) has the largest likelihood by `rows` (N, 2)."""
     sign = np.where(right, -1.0, 1.0)
 
     def loss(constants: Float64) -> float:

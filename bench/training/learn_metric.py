@@ -69,8 +69,8 @@ def learn(lessons: Sequence[Lesson], encoder: Encoder) -> Metric:
 def discriminants(lessons: Sequence[Lesson]) -> tuple[Float32, Float32]:
     """Return the directions with the largest variance between parts divided by the variance within parts.
 
-    Directions are linear maps of features, (D, d), and of thickness bands, (BANDS, d). All families have equal weight.
-    A direction is scaled to unit variance within parts, and then by a power of its ratio of variances.
+    They map features, (D, d), and thickness bands, (BANDS, d). Families have equal weight. A direction has unit
+    variance within parts, multiplied by a power of the ratio of variances.
 
     Source: Fisher, "The use of multiple measurements in taxonomic problems", 1936; ridge: Friedman, "Regularized
     discriminant analysis", 1989.
@@ -90,8 +90,7 @@ def discriminants(lessons: Sequence[Lesson]) -> tuple[Float32, Float32]:
 def learn_kinds(taught: Sequence[Lesson]) -> Kinds:
     """Return a network that classifies features by kind of part, learned from all shapes with at least two of `KINDS`.
 
-    The weight of a family is the square root of its number of shapes. Its shapes share this weight equally, and the
-    parts of a shape share the weight of the shape.
+    A family has the weight √(number of its shapes). Its shapes have equal weight, and so have the parts of a shape.
     """
     generator = np.random.default_rng(0)
     rows, kinds, chances = [], [], []

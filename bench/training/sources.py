@@ -41,8 +41,7 @@ def run(
 ) -> None:
     """Run a command that learns from lessons, and writes the result, by default to `folder`, and a report.
 
-    A lesson is the data of one training shape. `lessons_of` takes the folders DFD_MESHES and `--lessons`, and the
-    encoder.
+    A lesson is the data of one shape. `lessons_of` takes the folders DFD_MESHES and `--lessons`, and the encoder.
     """
     parser = argparse.ArgumentParser(f"python -m {module}", description=description)
     parser.add_argument("--encoder", default=DEFAULT_ENCODER)

@@ -1,7 +1,4 @@
-"""Learn a probe that finds the up direction of a shape, from pictures of shapes with known up.
-
-Ridge regression learns the votes of pictures for up directions; logistic regression learns the log-odds of the votes.
-"""
+"""Learn a probe of the up direction: votes of pictures by ridge regression, and their odds by logistic regression."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -157,8 +154,8 @@ def left_out_choices(lessons: tuple[UpLesson, ...], group: Group) -> dict[str, C
 def learned_odds(lessons: tuple[UpLesson, ...], without: Collection[str] = ()) -> Float64:
     """Return the odds (3, 9) of an `UpProbe`, learned without the lessons that `without` names.
 
-    Each shape counts twice: with votes learned without its family, and with votes learned without itself. The reason is
-    that a new shape may or may not belong to a known family.
+    Each shape counts twice: with votes learned without its family, and with votes learned without itself only. A new
+    shape, too, may or may not belong to a known family.
     """
     some = [
         left_out_choices(lessons, group)[each.name]
