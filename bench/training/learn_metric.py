@@ -41,7 +41,7 @@ HIDDEN = 256
 POINTS = 80  # largest number of vertices of a part that are used
 STEPS, BATCH, LEARNING_RATE, DECAY = 400, 1024, 3e-3, 0.05
 DROPPED, DROPPED_UNITS = 0.2, 0.5  # dropout: fractions of the inputs and of the hidden units
-LABEL_SMOOTHING = 0.05  # label smoothing, so that the network is less certain of unknown shapes
+LABEL_SMOOTHING = 0.05  # makes the network less certain of unknown shapes
 FAMILY_POWER = 0.5  # The weight of a family is its number of shapes to this power.
 SCALE = 20.0  # factor on features, about √384, so that the inputs are near 1
 
@@ -52,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def lessons_of(folder: Path, more: Path | None, encoder: Encoder) -> Iterator[Lesson]:
-    """Yield the lesson of every shape."""
+    """Yield the lesson, the training data, of every shape."""
     found = [*shapes.rigs(folder / "rigs"), *shapes.rigs(folder / "upright"), *shapes.characters(folder)]
     for under in ("rigs", "people") if more else ():
         found += shapes.rigs(more / under)
@@ -69,8 +69,8 @@ def learn(lessons: Sequence[Lesson], encoder: Encoder) -> Metric:
 def discriminants(lessons: Sequence[Lesson]) -> tuple[Float32, Float32]:
     """Return the directions with the largest variance between parts divided by the variance within parts.
 
-    They map features, (D, d), and thickness bands, (BANDS, d). Families have equal weight. A direction has unit
-    variance within parts, multiplied by a power of the ratio of variances.
+    They map features, (D, d), and thickness bands, (BANDS, d). Families have equal weight. Each direction is scaled to
+    unit variance within parts, then multiplied by a power of its ratio of variances.
 
     Source: Fisher, "The use of multiple measurements in taxonomic problems", 1936; ridge: Friedman, "Regularized
     discriminant analysis", 1989.

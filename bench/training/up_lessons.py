@@ -16,14 +16,14 @@ from dfd.upright.probe import FORM_TOKENS, FORMS, TERMS, VECTOR_TOKENS, VECTORS,
 from dfd.upright.probe_views import ViewTokens
 from dfd.upright.stability import StabilityCues
 
-FRAMES = np.stack(axis_frames(np.eye(3)))
+FRAMES = np.stack(axis_frames(np.eye(3)))  # (6, 3, 3), one for each signed coordinate axis as up
 UPS = FRAMES[:, 1]
 TRUE = 2  # index of +y, the true up, in `UPS`
 LESSONS = "lessons/"  # prefix of the names of shapes from the folder `--lessons`
-RIDGE = 1.0  # regularization of the votes, relative to the mean moment of their terms
+RIDGE = 1.0  # regularization of the votes, relative to the mean square of their terms
 SHRINK = 3.0  # regularization of the odds, for terms of unit spread
 FOLDS = 16
-NEAR = np.cos(np.radians(20))  # For a tilted shape, a candidate within this angle of the true up is right.
+NEAR = np.cos(np.radians(20))  # cosine of the largest angle between a right candidate and the up of a tilted shape
 TILTED = 0.5  # weight of pictures along random axes; those along the axes of the shape have weight 1
 
 Choice = tuple[Float64, Bool]  # the terms (K, 9) of K candidates for up, and whether each is right (K,)
@@ -36,8 +36,8 @@ class UpLesson:
     """The data of one training shape with up +y: the tokens of its pictures, and the cues of its surface."""
 
     name: str
-    sides: tuple[ViewTokens, ...]  # of the pictures around each of `FRAMES`, from its sides
-    corners: ViewTokens  # of the pictures around all of `FRAMES`, from their corners
+    sides: tuple[ViewTokens, ...]  # of the pictures by the cameras SIDES, around each of `FRAMES`
+    corners: ViewTokens  # of the pictures by the cameras CORNERS, around all of `FRAMES`
     evidence: Float64  # (6, 7) values of the surface's cues for each of `FRAMES`
     rotation: Float64  # (3, 3) from the upright shape to the tilted one
     tilted: ViewTokens  # of the pictures of the tilted shape, around the axes of its file
@@ -69,7 +69,7 @@ class Ridge:
     """
 
     def __init__(self, terms: Float64, right: Bool, blocks: int) -> None:
-        """Store `terms` (L, 12, J D): six candidates of the upright and of the tilted shape; `right` (6,) is true."""
+        """Store the terms (L, 12, J D) for six ups of L upright and tilted shapes; `right` (6,) marks the true up."""
         weights = np.repeat([1.0, TILTED], len(FRAMES))
         mean_squares = np.einsum("n,lnd->d", weights, np.square(terms)) / (len(terms) * weights.sum())
         block_squares = mean_squares.reshape(blocks, -1).sum(axis=1)
