@@ -1,4 +1,4 @@
-"""glTF files that are compressed, as the encoders of their formats make them."""
+"""Make compressed glTF files of a cube, with the encoders of the formats Draco and meshopt."""
 
 from __future__ import annotations
 

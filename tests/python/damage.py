@@ -1,4 +1,4 @@
-"""Meshes damaged at random, as scans, exporters and half-finished models are."""
+"""Damage meshes at random, with the defects of scans, exporters and unfinished models."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Damage = Callable[[Float64, Faces, Random], tuple[Float64, Faces]]
 
 
 def holes(vertices: Float64, faces: Faces, random: Random) -> tuple[Float64, Faces]:
-    """Take away the faces around a few vertices, and some anywhere."""
+    """Remove the faces around a few places, and a random fraction of all faces."""
     size = np.ptp(vertices, axis=0).max()
     middles = vertices[faces].mean(axis=1)
     kept = random.random(len(faces)) > random.choice([0.0, 0.02, 0.3])
@@ -29,19 +29,19 @@ def holes(vertices: Float64, faces: Faces, random: Random) -> tuple[Float64, Fac
 
 
 def flipped(vertices: Float64, faces: Faces, random: Random) -> tuple[Float64, Faces]:
-    """Turn a part of the faces round."""
+    """Reverse the orientation of some faces."""
     chosen = random.random(len(faces)) < random.choice([0.05, 0.5])
     return vertices, np.where(chosen[:, None], faces[:, ::-1], faces)
 
 
 def duplicated(vertices: Float64, faces: Faces, random: Random) -> tuple[Float64, Faces]:
-    """Have some faces twice, some of them turned round, some three times."""
+    """Repeat some faces once or twice, some of them with reversed orientation."""
     again = faces[random.integers(0, len(faces), 1 + len(faces) // 10)]
     return vertices, np.concatenate([faces, again, again[::2, ::-1], again[::3, [1, 2, 0]]])
 
 
 def merged(vertices: Float64, faces: Faces, random: Random) -> tuple[Float64, Faces]:
-    """Let faces name a vertex far away in place of their own: spikes, non-manifold edges, faces of two corners."""
+    """Replace vertices of faces by random other vertices: spikes, non-manifold edges, faces with two equal corners."""
     new = faces.copy()
     for _ in range(1 + len(vertices) // 200):
         one, other = random.integers(0, len(vertices), 2)
@@ -50,7 +50,7 @@ def merged(vertices: Float64, faces: Faces, random: Random) -> tuple[Float64, Fa
 
 
 def placed_alike(vertices: Float64, faces: Faces, random: Random) -> tuple[Float64, Faces]:
-    """Put vertices where others are."""
+    """Move some vertices to the positions of other vertices."""
     moved = vertices.copy()
     chosen = random.integers(0, len(vertices), 1 + len(vertices) // 20)
     moved[chosen] = vertices[random.integers(0, len(vertices), len(chosen))]
@@ -58,7 +58,7 @@ def placed_alike(vertices: Float64, faces: Faces, random: Random) -> tuple[Float
 
 
 def split(vertices: Float64, faces: Faces, random: Random) -> tuple[Float64, Faces]:
-    """Give every face, or a part of them, corners of their own, which may not quite meet."""
+    """Give some or all faces separate corners, with small gaps between neighbors or none."""
     chosen = random.random(len(faces)) < random.choice([0.1, 1.0])
     corners = faces[chosen].ravel()
     apart = random.choice([0.0, 1e-9, 1e-3]) * np.ptp(vertices, axis=0).max()
@@ -69,7 +69,7 @@ def split(vertices: Float64, faces: Faces, random: Random) -> tuple[Float64, Fac
 
 
 def slivers(vertices: Float64, faces: Faces, random: Random) -> tuple[Float64, Faces]:
-    """Add faces that are hardly wider than nothing, or not at all, along edges that are there."""
+    """Add faces of almost no width, or of none, along existing edges."""
     chosen = faces[random.integers(0, len(faces), 1 + len(faces) // 20)]
     share = random.choice([0.0, 1e-12, 0.5], len(chosen))[:, None]
     aside = random.choice([0.0, 1e-15, 1e-7]) * random.normal(size=(len(chosen), 3))
@@ -80,7 +80,7 @@ def slivers(vertices: Float64, faces: Faces, random: Random) -> tuple[Float64, F
 
 
 def strays(vertices: Float64, faces: Faces, random: Random) -> tuple[Float64, Faces]:
-    """Add vertices that no face uses, beside the shape and far away from it."""
+    """Add vertices that no face uses, near the shape or far away from it."""
     size = np.ptp(vertices, axis=0).max()
     count = int(random.choice([1, 7, 200]))
     far = vertices.mean(axis=0) + random.normal(size=(count, 3)) * size * random.choice([0.1, 1.0, 30.0])
@@ -90,7 +90,7 @@ def strays(vertices: Float64, faces: Faces, random: Random) -> tuple[Float64, Fa
 
 
 def small_components(vertices: Float64, faces: Faces, random: Random) -> tuple[Float64, Faces]:
-    """Add many small components: single faces and little tetrahedra, on the surface and around it."""
+    """Add many small components, single faces or tetrahedra, near the surface."""
     size = np.ptp(vertices, axis=0).max()
     count = int(random.choice([3, 40, 400]))
     at = vertices[random.integers(0, len(vertices), count)] + random.normal(size=(count, 3)) * size * 0.05
@@ -102,7 +102,7 @@ def small_components(vertices: Float64, faces: Faces, random: Random) -> tuple[F
 
 
 def torn_apart(vertices: Float64, faces: Faces, random: Random) -> tuple[Float64, Faces]:
-    """Move what lies on one side of a plane away, with corners of its own."""
+    """Detach the faces on one side of a random plane, and move them away."""
     normal = random.normal(size=3)
     beyond = (vertices[faces].mean(axis=1) - vertices.mean(axis=0)) @ normal > 0
     new = faces.copy()
@@ -112,21 +112,21 @@ def torn_apart(vertices: Float64, faces: Faces, random: Random) -> tuple[Float64
 
 
 def squeezed(vertices: Float64, faces: Faces, random: Random) -> tuple[Float64, Faces]:
-    """Make it flat, nearly flat, long, tiny, huge, or far from the origin."""
+    """Make the shape flat, nearly flat, long, tiny or huge, and sometimes move it far from the origin."""
     factors = [[1, 1, 0], [1, 1e-7, 1], [50, 1, 1], [1e-6] * 3, [1e6] * 3]
     shift = float(random.choice([0.0, 0.0, 1e3])) * np.ptp(vertices, axis=0).max()
     return vertices * factors[random.integers(len(factors))] + shift, faces
 
 
 def shuffled(vertices: Float64, faces: Faces, random: Random) -> tuple[Float64, Faces]:
-    """Number vertices and faces in another order."""
+    """Change the order of vertices and faces."""
     order = random.permutation(len(vertices))
     new = np.argsort(order)[faces][random.permutation(len(faces))]
     return vertices[order], new.astype(np.int32)
 
 
 def few(vertices: Float64, faces: Faces, random: Random) -> tuple[Float64, Faces]:
-    """Leave a handful of faces."""
+    """Keep only a few faces."""
     return vertices, faces[random.integers(0, len(faces), int(random.choice([1, 2, 9])))]
 
 
@@ -134,11 +134,11 @@ DAMAGES: tuple[Damage, ...] = (
     *(holes, flipped, duplicated, merged, placed_alike, split, slivers, strays, small_components, torn_apart, squeezed),
     *(shuffled, few),
 )
-RARE = (few, squeezed)  # little is left to be damaged after them
+RARE = (few, squeezed)  # chosen less often: after them, other damage has little effect
 
 
 def damaged(mesh: Mesh, seed: int) -> tuple[Mesh, str]:
-    """`mesh` with two to five kinds of damage, the same ones for a seed, and their names."""
+    """Return `mesh` with two to five kinds of damage, and their names. A seed always gives the same damage."""
     random = np.random.default_rng([seed, 2026])
     chosen = [each for each in DAMAGES if random.random() < (0.07 if each in RARE else 0.25)]
     if len(chosen) < 2:

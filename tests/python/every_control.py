@@ -1,4 +1,4 @@
-"""A walk of one mesh through every control, in which nothing may crash, hang or become NaN."""
+"""Run every control of `dfd` on one mesh. No step may crash or hang, and no result may be NaN."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ from dfd.symmetry.plane import SymmetryPlane
 from dfd.symmetry.search import symmetry_planes
 from dfd.weights.bind import Falloff, bind
 
-__all__ = ["walk"]
+__all__ = ["check_every_control"]
 
 
-def walk(mesh: Mesh, field: Field, seed: int) -> None:
-    """Take `mesh` through every control once; handles are drawn by `seed`.
+def check_every_control(mesh: Mesh, field: Field, seed: int) -> None:
+    """Use every control once on `mesh`, with random handles of `seed`.
 
     Raises
     ------
     AssertionError
-        If what comes out is not what was promised: finite, within its bounds, and the input as it was.
+        If a result is not finite or not within its bounds, or if a step changes its input.
     """
     random = np.random.default_rng(seed)
     before = mesh.vertices.copy(), mesh.faces.copy()
     handles = random.choice(len(mesh.vertices), min(3, len(mesh.vertices)), replace=False).tolist()
     features = field.features(mesh)
     _bound(mesh, features, handles, random)
-    planes = _symmetries(mesh, field) if seed % 4 == 0 else []  # the longest step of all
+    planes = _symmetries(mesh, field) if seed % 4 == 0 else []  # the slowest step
     assert all(each.what and each.means for each in findings(mesh))
     _edited(mesh, field, features, handles, planes, random)
     _posed(mesh, features, handles, random)
@@ -80,7 +80,7 @@ def _edited(
     planes: list[SymmetryPlane],
     random: np.random.Generator,
 ) -> None:
-    """A session: handles with every kind of counterparts, regions, distances, fixed points, symmetry, rules."""
+    """Check sessions: handles with every kind of counterparts, regions, distances, fixed points, symmetry, presets."""
     size = mesh.diagonal
     session = Deformer(mesh, field, features=features)
     turned: dict[str, Any] = {"rotation": (10, 70, 20), "scale": (1.5, 0.7, 1.0), "translation": [0.1 * size] * 3}
@@ -97,7 +97,7 @@ def _edited(
         _tried(session.add, handle, counterparts=kind, reach=random.choice([0.3, 1.0]), **turned)
     for region in _regions(mesh, random):
         _tried(session.add, region, strength=0.5, translation=(0, 0.1 * size, 0))
-        if region != "top":  # a point
+        if region != "top":  # "top" is a point, not a region
             _tried(session.change, session.handles[0].id, mask=region)
         _tried(session.fix, region, strength=0.5)
     _tried(session.change, session.handles[0].id, mask="everywhere", reach="part")
@@ -138,7 +138,7 @@ def _regions(mesh: Mesh, random: np.random.Generator) -> list[Any]:
 
 
 def _posed(mesh: Mesh, features: NDArray[np.float32], handles: list[int], random: np.random.Generator) -> None:
-    """The functions by themselves: every overlap with every blend, across a plane and not."""
+    """Check `pose`: every rule for overlaps with every blend, without and with a mirror plane."""
     weights = bind(features, handles)
     transforms = np.stack([Transform(rotation=random.normal(size=3) * 90, scale=1.3).matrix() for _ in handles])
     across = SymmetryPlane((1.0, 0.0, 0.0), float(mesh.vertices[:, 0].mean()), band=0.03 * mesh.diagonal)
@@ -150,7 +150,7 @@ def _posed(mesh: Mesh, features: NDArray[np.float32], handles: list[int], random
 
 
 def _tried(step: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
-    """What a step gives; None where it refuses the mesh, which it has to do by a sentence."""
+    """Return the result of `step`, or None if it refuses the mesh with one of the messages `REFUSALS`."""
     try:
         return step(*arguments, **options)
     except ValueError as error:
@@ -159,7 +159,7 @@ def _tried(step: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
         return None
 
 
-# What a shape may be refused for: nothing to measure, nothing in a region, counterparts that cannot be told apart.
+# A step may refuse a mesh without area, an empty region, counterparts that cannot be distinguished, and the like.
 REFUSALS = re.compile(
     "must have a face with an area|must hold a vertex|must be a part of the scene|look the same|"
     "cannot move|must leave something|must lie at distinct places|must be free places|"

@@ -1,4 +1,4 @@
-"""Ray in this process: tasks run in order, and their processes end as a test wants it."""
+"""A replacement of Ray that runs tasks in this process, in order. A test chooses how the process of a task ends."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from dfd.batch.steps import process
 
 
 class RayError(Exception):
-    """The base of what Ray raises."""
+    """The base class of Ray's errors."""
 
 
 class RayTaskError(RayError):
-    """An error of the task itself."""
+    """The task raised an error."""
 
     def __init__(self, cause: BaseException) -> None:
         self.cause = cause
@@ -24,7 +24,7 @@ class OutOfMemoryError(RayError):
 
 
 class FakeRay:
-    """Runs tasks in this process, in order; `ends` maps a shape's name to what becomes of its process."""
+    """Run tasks in this process, in order. `ends` maps a shape's name to the error of its process, or to "hangs"."""
 
     exceptions = SimpleNamespace(RayError=RayError, RayTaskError=RayTaskError, OutOfMemoryError=OutOfMemoryError)
 

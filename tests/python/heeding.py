@@ -1,6 +1,6 @@
-"""`dfd` as a process that heeds interruptions, however the tests were started."""
+"""Code that runs the command `dfd` in a process that can be interrupted by SIGINT."""
 
 __all__ = ["HEED"]
 
-# What ignores SIGINT hands that on to its children, as `nohup` does: they begin with Python's own handler again.
+# Child processes inherit an ignored SIGINT, for example from `nohup`. This code restores Python's handler first.
 HEED = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from dfd.cli import main; main()"

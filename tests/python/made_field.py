@@ -1,4 +1,4 @@
-"""Fields with random weights: not distilled, but real networks."""
+"""Make fields with random weights, which need no distillation."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dfd.field.architecture import Architecture
 
 
 def same(first: Field, second: Field) -> bool:
-    """Whether two fields are equal to the bit, settings and all."""
+    """Return whether two fields have exactly the same parameters and settings."""
     arrays = [{**field.parameters, "center": field.center} for field in (first, second)]
     equal = arrays[0].keys() == arrays[1].keys() and all(
         np.array_equal(values, arrays[1][name]) for name, values in arrays[0].items()
@@ -22,7 +22,7 @@ def same(first: Field, second: Field) -> bool:
 def made_field(
     dimension: int, *, width: int = 256, layers: int = 4, octaves: int = 0, seed: int = 0, **how: Any
 ) -> Field:
-    """Return a field of this architecture with weights drawn as torch would; `how` is what `Field` takes besides."""
+    """Return a field with random weights, drawn as torch draws them; `how` are further arguments of `Field`."""
     generator = np.random.default_rng(seed)
     parameters = {}
     fan_in = 1
@@ -35,6 +35,6 @@ def made_field(
 
 
 def field_of(mesh: Mesh, seed: int = 0, **how: Any) -> Field:
-    """Return a field over `mesh` that has learnt nothing: enough to see what is done with one."""
+    """Return a field for `mesh` with random weights; `how` are further arguments of `Field`."""
     how = {"center": mesh.bounds.mean(0), "scale": 2 / max(float(mesh.extents.max()), 1e-30)} | how
     return made_field(16, seed=seed, width=32, layers=2, **how)

@@ -1,4 +1,4 @@
-"""A rigged shape whose joints are known."""
+"""Make a rigged shape with known joints."""
 
 import numpy as np
 import trimesh
@@ -9,7 +9,7 @@ from bench.quality.measures import area_fractions
 
 
 def two_legs():
-    """A body with two legs of two boxes each; joints: root, leg.l, foot.l, leg.r, foot.r."""
+    """Return a body with two legs of two boxes each. Each box has one joint: root, leg.l, foot.l, leg.r, foot.r."""
     places = [(0, 4, 0), (-1, 2, 0), (-1, 0, 0), (1, 2, 0), (1, 0, 0)]
     sizes = [(6, 2, 2), (1, 1, 1), (1, 1, 1), (1, 1, 1), (1, 1, 1)]
     boxes = [trimesh.creation.box(size).apply_translation(at) for size, at in zip(sizes, places, strict=True)]

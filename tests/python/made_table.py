@@ -1,4 +1,4 @@
-"""A table that stands, and a probe of which way is up that goes by its surface alone."""
+"""Make a table with +y up, and a probe that finds the up direction from the surface alone."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def box(low, high):
 
 
 def table():
-    """A table: upright, longer than it is deep, y up."""
+    """Return a table with +y up that is longer along x than along z."""
     parts = [box((-1, 0.9, -0.5), (1, 1.0, 0.5))]
     parts += [box((x - 0.05, 0, z - 0.05), (x + 0.05, 0.9, z + 0.05)) for x, z in TABLE_LEGS]
     vertices = np.concatenate([corners for corners, _ in parts])
@@ -28,7 +28,7 @@ def table():
 
 
 def probe_of(encoder, **changes):
-    """A probe that goes by the surface alone: what stands stably and shows the least of its sides is upright."""
+    """Return a probe without votes of pictures: only stability and other surface cues decide the up direction."""
     odds = np.zeros(len(TERMS))
     odds[[TERMS.index("stable"), TERMS.index("facing up"), TERMS.index("mirrors flat")]] = 15.0, 7.5, 30.0
     own = encoder.settings()

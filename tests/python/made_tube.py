@@ -1,4 +1,4 @@
-"""Tubes to bend: closed, of even rings, along any curve."""
+"""Make closed tubes along any curve, to test bending."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ AROUND = 24
 
 
 def tube(points, radius=0.1):
-    """A closed tube around `points` (K, 3), whose ring k has the vertices 24 k … 24 k + 23; `radius` is one or K."""
+    """Return a closed tube around `points` (K, 3), `radius` a number or (K,); ring k has vertices 24 k … 24 k + 23."""
     points = np.asarray(points, float)
     along = np.gradient(points, axis=0)
     along /= np.linalg.norm(along, axis=1, keepdims=True)
@@ -30,6 +30,6 @@ def tube(points, radius=0.1):
 
 
 def straight(length=4.0, rings=81, radius=0.2):
-    """A tube that stands along y."""
+    """Return a straight tube along +y from the origin."""
     along = np.linspace(0.0, length, rings)
     return tube(np.stack([0 * along, along, 0 * along], axis=1), radius)

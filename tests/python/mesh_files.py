@@ -1,4 +1,4 @@
-"""Small mesh files that the tests write for themselves."""
+"""Write small mesh files for tests."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from PIL import Image
 from dfd.mesh.appearance import Appearance
 from dfd.mesh.mesh import Mesh, load
 
-# a unit cube: 8 corners, 12 outward triangles
+# A unit cube: 8 corners, and 12 triangles with outward normals.
 CORNERS = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
 CUBE = np.array(
     [
@@ -31,13 +31,13 @@ def write(path: Path, content: str | bytes) -> Path:
 
 
 def obj_cube() -> str:
-    """The text of a cube."""
+    """Return the text of an OBJ file of the cube."""
     lines = [f"v {x:g} {y:g} {z:g}" for x, y, z in CORNERS] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in CUBE]
     return "\n".join(lines) + "\n"
 
 
 def checkered(path: Path, size: int = 4) -> Path:
-    """A picture of four quarters: red and green above, blue and white below."""
+    """Write a picture of four squares: red and green at the top, blue and white at the bottom."""
     texels = np.zeros((size, size, 3), np.uint8)
     half = size // 2
     texels[:half, :half], texels[:half, half:] = (255, 0, 0), (0, 255, 0)
@@ -47,7 +47,7 @@ def checkered(path: Path, size: int = 4) -> Path:
 
 
 def painted_cube(folder: Path) -> Path:
-    """An OBJ file of a cube with a texture, `paint.png`."""
+    """Write an OBJ file of a cube with the texture `paint.png`."""
     checkered(folder / "paint.png", 64)
     write(folder / "cube.mtl", "newmtl paint\nmap_Kd paint.png\n")
     faces = re.sub(r"(?<=[f\d]) (\d+)", r" \1/1", "".join(re.findall(r"f .*\n", obj_cube())))
@@ -56,7 +56,7 @@ def painted_cube(folder: Path) -> Path:
 
 
 class Gltf:
-    """Builds a glTF file with one buffer, piece by piece."""
+    """Build a glTF file with one buffer, piece by piece."""
 
     def __init__(self) -> None:
         self.header: dict[str, Any] = {
@@ -80,7 +80,7 @@ class Gltf:
         return len(self.header["accessors"]) - 1
 
     def mesh(self, name: str, vertices: Any, faces: Any, **primitive: Any) -> int:
-        """Add a mesh of one primitive; returns its index."""
+        """Add a mesh of one primitive, and return its index."""
         attributes = {"POSITION": self.accessor(vertices, 5126, "VEC3"), **primitive.pop("attributes", {})}
         indices = self.accessor(np.ravel(faces), 5125, "SCALAR")
         self.header["meshes"].append(
@@ -94,7 +94,7 @@ class Gltf:
         return len(self.header["nodes"]) - 1
 
     def image(self, path: Path) -> None:
-        """Add a texture and a material 0 that shows it."""
+        """Add a texture, and a material with index 0 that uses it."""
         self.header["images"] = [{"bufferView": self.view(path.read_bytes()), "mimeType": "image/png"}]
         self.header["textures"] = [{"source": 0}]
         self.header["materials"] = [{"name": "paint", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
@@ -110,7 +110,7 @@ class Gltf:
 
 
 def textured_quad(tmp_path: Path, **attributes: Any) -> Gltf:
-    """A square in the plane z = 0 whose texture covers it once: u to the right, v up."""
+    """Return a square in the plane z = 0, covered once by a texture: u points to the right, v up."""
     gltf = Gltf()
     uv = gltf.accessor([(0, 1), (1, 1), (1, 0), (0, 0)], 5126, "VEC2")
     square = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
@@ -122,7 +122,7 @@ def textured_quad(tmp_path: Path, **attributes: Any) -> Gltf:
 
 
 def scene_of_three(tmp_path: Path) -> Path:
-    """A textured square, and a colored cube placed twice, once turned and shrunk."""
+    """Write a scene of a textured square and two instances of a colored cube, one of them rotated and scaled."""
     gltf = textured_quad(tmp_path)
     colors = np.tile(np.array([(255, 0, 0, 255), (0, 255, 0, 255)], np.uint8), (4, 1))
     cube = gltf.mesh("cube", CORNERS, CUBE, attributes={"COLOR_0": gltf.accessor(colors, 5121, "VEC4")})
@@ -134,14 +134,14 @@ def scene_of_three(tmp_path: Path) -> Path:
 
 
 def look_of(source: Path | Mesh) -> Appearance:
-    """The appearance of a mesh or a file, which has one."""
+    """Return the appearance of a mesh or a file; fail if it has none."""
     mesh = source if isinstance(source, Mesh) else load(source)
     assert mesh.appearance is not None
     return mesh.appearance
 
 
 def same_shape(a: Mesh, b: Mesh, tolerance: float = 1e-6) -> bool:
-    """Whether two meshes have the same triangles in the same order, whatever their vertices are numbered."""
+    """Return whether two meshes have the same triangles in the same order; vertices may be numbered differently."""
     return a.faces.shape == b.faces.shape and np.allclose(
         a.vertices[a.faces], b.vertices[b.faces], rtol=0, atol=tolerance
     )

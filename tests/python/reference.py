@@ -1,4 +1,4 @@
-"""The slow twins of bind, pose and distances along the surface."""
+"""Slow, simple versions ("twins") of bind, pose, fields and distances along the surface, to test the fast ones."""
 
 from __future__ import annotations
 
@@ -48,9 +48,9 @@ def bind(
     reach: ArrayLike = 1.0,
     falloff: Any = "linear",
 ) -> Array:
-    """(V, H) weights as `dfd.bind` gives them: reach and falloff of Eq. 4 and 5, then Eq. 6, then Eq. 7.
+    """Return the weights (V, H) of `dfd.bind`: Eq. 4 and 5 with reach and falloff, then Eq. 6, then Eq. 7.
 
-    Each of `handles` and `fixed` is a vertex, several, or feature rows; it weighs by its nearest member.
+    Each of `handles` and `fixed` is a vertex, several vertices, or feature rows; the nearest of these gives its weight.
     """
     z = np.asarray(features, np.float64)
     weights = _nearest_weights(z, handles, reach, falloff)
@@ -60,7 +60,7 @@ def bind(
 
 
 def _nearest_weights(z: Array, items: Any, reach: ArrayLike, falloff: Any) -> Array:
-    """(V, N) weights of features (V, D) for the nearest member of each item."""
+    """Return the weights (V, N) of features `z` (V, D) for the nearest member of each item."""
     weights = np.zeros((len(z), len(items)))
     reaches = np.broadcast_to(reach, len(items))
     names = [falloff] * len(items) if isinstance(falloff, str) else falloff
@@ -73,26 +73,26 @@ def _nearest_weights(z: Array, items: Any, reach: ArrayLike, falloff: Any) -> Ar
 
 
 def feature_weights(features: ArrayLike, handles: ArrayLike) -> Array:
-    """(V, H) weights of features (V, D) for handle rows (H, D): max(1 − ‖Z_i − Z_j‖₂, 0), Eq. 4 and 5."""
+    """Return the weights (V, H) of Eq. 4 and 5, max(1 − ‖Z_i − Z_j‖₂, 0), for `features` (V, D), `handles` (H, D)."""
     return _nearest_weights(np.asarray(features, np.float64), np.asarray(handles, np.float64), 1.0, "linear")
 
 
 def subtract_fixed(weights: ArrayLike, fixed_weights: ArrayLike) -> Array:
-    """(V, H) weights less the largest weight (V, P) of any fixed point, at least 0, Eq. 6."""
+    """Return weights (V, H) minus each vertex's largest weight (V, P) for a fixed point, and at least 0, Eq. 6."""
     w, f = np.asarray(weights, np.float64), np.asarray(fixed_weights, np.float64)
     held: Array = f.max(axis=1, keepdims=True, initial=0.0)
     return np.maximum(w - held, 0.0)
 
 
 def geodesic_falloff(weights: ArrayLike, geodesic: ArrayLike, locality: ArrayLike) -> Array:
-    """(V, H) weights times (1 − G)^λ for geodesic distances (H, V) in [0, 1] and λ of every handle, Eq. 7."""
+    """Return weights (V, H) multiplied by (1 − G)^λ, with distances G (H, V) in [0, 1] and one λ per handle, Eq. 7."""
     w, g = np.asarray(weights, np.float64), np.asarray(geodesic, np.float64)
     falloff: Array = (1.0 - g.T) ** np.asarray(locality, np.float64)
     return w * falloff
 
 
 def positive_share(vertices: ArrayLike, symmetry: SymmetryPlane) -> Array:
-    """(V,) how much of each vertex is on the positive side: a step at the plane, or a smoothstep over ±band."""
+    """Return the share (V,) of the positive side at each vertex: a step at the plane, or a smoothstep over ±band."""
     heights: Array = np.asarray(vertices, np.float64) @ np.asarray(symmetry.normal) - symmetry.offset
     if symmetry.band == 0:
         return np.where(heights >= 0, 1.0, 0.0)
@@ -113,7 +113,7 @@ def pose(
     overlap: str = "paper",
     blend: str = "linear",
 ) -> Any:
-    """(V, 3) vertices, and with `normals` those as well, as `dfd.pose` gives them: Eq. 1, 8 and beyond."""
+    """Return the moved vertices (V, 3) of `dfd.pose`, and with `normals` also these: Eq. 1, 8, overlaps and blends."""
     v, w, d = (np.asarray(value, np.float64) for value in (vertices, weights, transforms))
     count = w.shape[1]
     if len(v) == 0:
@@ -157,12 +157,12 @@ def pose(
 
 
 class _Parts(NamedTuple):
-    """A transform taken apart at a place, each part less that of the identity."""
+    """A transform, split into parts about a place. From each part, that of the identity is subtracted."""
 
     matrix: Array  # (4, 4)
     rotation: Array  # (4,) quaternion w, x, y, z
-    dual: Array  # (4,) dual part of the rigid motion that follows a stretch about the place
-    stretch: Array  # (4, 4) that stretch
+    dual: Array  # (4,) dual part of the rigid motion that follows the stretch
+    stretch: Array  # (4, 4) stretch about the place
 
 
 def _sum(parts: list[_Parts], weights: Any) -> _Parts:
@@ -173,7 +173,7 @@ IDENTITY_QUATERNION = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def _parts(matrix: Array, place: Array, towards: Array | None) -> _Parts:
-    """Parts of an affine (4, 4), its quaternion on the side of `towards` (less the identity's), or of 1."""
+    """Return the parts of an affine map (4, 4). The sign of its quaternion is that nearer to `towards`, or to 1."""
     linear = matrix[:3, :3]
     rotation, stretch = _polar(linear)
     q = _quaternion(rotation)
@@ -187,7 +187,7 @@ def _parts(matrix: Array, place: Array, towards: Array | None) -> _Parts:
 
 
 def _apply(blend: str, sums: _Parts, excess: float, vertex: Array) -> tuple[Array, Array]:
-    """(3,) where blended parts move a vertex, and the (3, 3) linear part that turns its normal."""
+    """Return the vertex (3,) moved by blended parts, and the linear part (3, 3) that rotates its normal."""
     matrix, stretch = sums.matrix + np.eye(4), sums.stretch + np.eye(4)
     if blend == "linear":
         matrix[:3, :3] += excess * np.eye(3)
@@ -202,7 +202,7 @@ def _apply(blend: str, sums: _Parts, excess: float, vertex: Array) -> tuple[Arra
 
 
 def _turn_normal(linear: Array, normal: Array) -> Array:
-    """(3,) unit normal turned by the cofactors of a linear part, or as it is where that squeezes everything flat."""
+    """Return the unit normal (3,) multiplied by the cofactors of a linear part, or unchanged if the product is 0."""
     a, b, c = linear
     turned = np.array([np.cross(b, c), np.cross(c, a), np.cross(a, b)]) @ normal
     length = np.linalg.norm(turned)
@@ -211,10 +211,10 @@ def _turn_normal(linear: Array, normal: Array) -> Array:
 
 
 def _polar(linear: Array) -> tuple[Array, Array]:
-    """(3, 3) proper rotation R and symmetric S with R S = `linear`; mirroring is left to S, and R to the identity."""
+    """Return a rotation R and a symmetric S, both (3, 3), with R S = `linear`. If `linear` mirrors, S does."""
     u, sizes, vt = np.linalg.svd(linear)
     if np.linalg.det(u @ vt) < 0 and sizes[2] <= 1e-12 * sizes[0]:
-        u[:, 2] *= -1  # nothing is mirrored where the shape is flat
+        u[:, 2] *= -1  # a map onto a plane does not mirror
     if np.linalg.det(u @ vt) >= 0:
         return u @ vt, vt.T @ np.diag(sizes) @ vt
     flips = [np.array(signs) for signs in ([-1.0, 1, 1], [1.0, -1, 1], [1.0, 1, -1], [-1.0, -1, -1])]
@@ -223,7 +223,7 @@ def _polar(linear: Array) -> tuple[Array, Array]:
 
 
 def _quaternion(rotation: Array) -> Array:
-    """(4,) w, x, y, z of a rotation matrix: the eigenvector of its quadratic form (Bar-Itzhack, 2000)."""
+    """Return the quaternion w, x, y, z of a rotation matrix: an eigenvector of a quadratic form (Bar-Itzhack, 2000)."""
     m = rotation
     form = np.array(
         [
@@ -238,7 +238,7 @@ def _quaternion(rotation: Array) -> Array:
 
 
 def _product(a: Array, b: Array) -> Array:
-    """The product of two quaternions."""
+    """Return the product of two quaternions."""
     scalar = a[0] * b[0] - a[1:] @ b[1:]
     return np.array([scalar, *(a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:]))])
 
@@ -249,12 +249,12 @@ def _conjugate(q: Array) -> Array:
 
 
 def _square(matrix: Array) -> Array:
-    """An affine (3, 4) or (4, 4) as (4, 4)."""
+    """Return an affine map (3, 4) or (4, 4) as a (4, 4) matrix."""
     return np.vstack([matrix[:3], [0.0, 0.0, 0.0, 1.0]])
 
 
 def _reflection(symmetry: SymmetryPlane) -> Array:
-    """(4, 4) R of Eq. 8."""
+    """Return the reflection R of Eq. 8 as a (4, 4) matrix."""
     normal = np.asarray(symmetry.normal, np.float64)
     reflection = np.eye(4)
     reflection[:3, :3] -= 2.0 * np.outer(normal, normal)
@@ -263,7 +263,7 @@ def _reflection(symmetry: SymmetryPlane) -> Array:
 
 
 def surface_distances(vertices: ArrayLike, faces: ArrayLike, links: ArrayLike, source: int) -> Array:
-    """(V,) distances along faces (F, 3) and links (L, 2) of vertices (V, 3) from one of them; infinite where cut off.
+    """Return distances (V,) along faces (F, 3) and links (L, 2) from vertex `source`; infinite if not connected.
 
     Source: Novotni and Klein, "Computing geodesic distances on triangular meshes", 2002.
     """
@@ -334,7 +334,7 @@ def field(network: Field, points: ArrayLike) -> Array:
 def kinds_of_parts(
     features: ArrayLike, mean: Array, hidden: Array, hidden_bias: Array, output: Array, output_bias: Array
 ) -> Array:
-    """(N, K) square roots of the probabilities of kinds, of features (N, D): one rectified layer and a softmax."""
+    """Return square roots (N, K) of the probabilities of kinds of parts: one ReLU layer and a softmax."""
     result = np.empty((len(np.asarray(features)), len(output_bias)))
     for row, feature in enumerate(np.asarray(features, np.float64)):
         units = np.maximum(hidden.T @ (feature - mean) + hidden_bias, 0.0)

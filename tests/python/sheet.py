@@ -1,4 +1,4 @@
-"""A made sheet at any resolution, and an edit of it."""
+"""Make a wavy sheet at any resolution, and an edit of it."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ __all__ = ["full_edit", "grid"]
 
 
 def grid(size):
-    """A wavy sheet of size × size vertices over the unit square, centered on x = 0."""
+    """Return a wavy sheet of size × size vertices over the unit square, with x from −0.5 to 0.5 and z from 0 to 1."""
     x, z = (axis.ravel() for axis in np.meshgrid(np.linspace(-0.5, 0.5, size), np.linspace(0, 1, size)))
     corner = (np.arange(size - 1)[:, None] * size + np.arange(size - 1)).ravel()
     faces = np.concatenate(
@@ -24,7 +24,7 @@ def grid(size):
 
 
 def full_edit(mesh):
-    """An edit that uses everything an edit can hold."""
+    """Return an edit of `mesh` that sets every field of an edit."""
     axes = ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
     turned = Transform((0.0, 0.25, 0.0), (0.0, 0.0, 30.0), (1.0, 2.0, 0.5), (0.5, 0.5, 0.5), axes)
     near = Controls(

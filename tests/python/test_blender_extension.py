@@ -1,4 +1,4 @@
-"""The parts of the Blender extension that need no Blender; `make test-blender` tests all of it inside one."""
+"""Test the modules of the Blender extension that run without Blender. `make test-blender` tests the rest."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def part(name: str) -> ModuleType:
 
 @pytest.fixture(scope="module")
 def shape() -> dfd.Mesh:
-    """A chair that stands beside the middle, so that no turn leaves its box where it was."""
+    """Return a chair that is not centered at the origin, so that every rotation changes its bounding box."""
     mesh = dfd.samples.chair(4000).mesh
     return dfd.Mesh(mesh.vertices + [0, 1, 0], mesh.faces)
 
@@ -49,7 +49,7 @@ def field_file(shape: dfd.Mesh, tmp_path: Path) -> Path:
 
 
 def in_blender(vertices: np.ndarray) -> np.ndarray:
-    """As the importer of glTF files turns them."""
+    """Return vertices rotated as by Blender's importer of glTF files."""
     return np.stack([vertices[:, 0], -vertices[:, 2], vertices[:, 1]], axis=1)
 
 

@@ -1,4 +1,4 @@
-"""Inputs that once failed, or that were written to: each is read as `make fuzz` reads it."""
+"""Test the inputs in tests/corpus with the checks of `make fuzz`: inputs that once failed, and some made by hand."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Damaged meshes through every control: no crash, no hang, no NaN.
+"""Test every control on damaged meshes: there must be no crash, no hang and no NaN.
 
-DFD_DAMAGED says how many, 12 if it is not set. With DFD_MESHES, meshes of the world are damaged, too, and go through
-whole.
+The environment variable DFD_DAMAGED is the number of damaged meshes, by default 12. If DFD_MESHES names a folder, its
+meshes are tested too, damaged and undamaged.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from damage import DAMAGES, damaged
-from every_control import walk
+from every_control import check_every_control
 from made_field import field_of
 
 import dfd
@@ -27,12 +27,12 @@ FOLDER = os.environ.get("DFD_MESHES")
 FILES = sorted(path for path in Path(FOLDER).rglob("*") if path.suffix in (".obj", ".glb")) if FOLDER else []
 SHAPES = ["chair", "quadruped", "robot", *FILES]
 MOST_FACES = 3000  # of a shape before it is damaged
-LONGEST = 600  # seconds after which it is a hang
+LONGEST = 600  # seconds after which a test counts as hanging
 
 
 @pytest.fixture(autouse=True)
 def _no_hang() -> Iterator[None]:
-    """A hang ends with where it hung; warnings for people are none of what is looked for."""
+    """End a test that hangs, and print its stack. Ignore warnings for users."""
     faulthandler.dump_traceback_later(LONGEST, exit=True)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
@@ -42,29 +42,29 @@ def _no_hang() -> Iterator[None]:
 
 @cache
 def shape(number: int) -> dfd.Mesh:
-    """A sample or a mesh of the world, with few faces."""
+    """Return a sample or a mesh of DFD_MESHES, simplified to few faces."""
     source = SHAPES[number % len(SHAPES)]
     mesh = dfd.load(source) if isinstance(source, Path) else getattr(dfd.samples, source)(4000).mesh
     return simplify(mesh, MOST_FACES)
 
 
 def rippled(mesh: dfd.Mesh, seed: int) -> dfd.Field:
-    """A field that has learnt nothing, smooth or full of ripples."""
+    """Return a field with random weights, smooth or with high frequencies."""
     return field_of(mesh, seed, octaves=seed % 4)
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, COUNT))])
 def test_damaged_meshes_go_through_every_control(seed: int) -> None:
     mesh, _ = damaged(shape(seed), seed)
-    walk(mesh, rippled(mesh, seed), seed)
+    check_every_control(mesh, rippled(mesh, seed), seed)
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not FILES, reason="DFD_MESHES names no folder of meshes")
 @pytest.mark.parametrize("path", FILES if COUNT >= 50 else FILES[:3], ids=lambda path: path.stem)
-def test_meshes_of_the_world_go_through_every_control(path: Path) -> None:
+def test_real_meshes_go_through_every_control(path: Path) -> None:
     mesh = dfd.load(path)
-    walk(mesh, rippled(mesh, 3), 4)
+    check_every_control(mesh, rippled(mesh, 3), 4)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -90,7 +90,7 @@ def test_every_kind_of_damage_is_done() -> None:
     assert all(damage.__name__ in done for damage in DAMAGES)
 
 
-def test_what_is_not_finite_is_refused_at_the_door() -> None:
+def test_vertices_that_are_not_finite_are_refused() -> None:
     mesh, _ = damaged(shape(0), 1)
     for wrong in (np.nan, np.inf):
         vertices = mesh.vertices.copy()

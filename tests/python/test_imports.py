@@ -1,4 +1,4 @@
-"""Imports between packages: a package imports only packages before it in `PACKAGES`, and no imports are circular."""
+"""Test imports: a package imports only packages before it in `PACKAGES`, and no imports are circular."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ PACKAGES = (
     "app",
     "cli",
 )
-# `samples` may import the packages up to `mesh`, and no package but those of `MAY_ALSO` imports it.
+# `samples` may import the packages up to `mesh`. Only the packages in `MAY_ALSO` may import `samples`.
 BESIDE = {"samples": "mesh"}
-# The demo is of the samples, and the app offers them.
+# The app offers the samples, and the demo command uses them.
 MAY_ALSO = {"app": ("samples",), "cli": ("samples",)}
 
 # Packages that may import the public names of `dfd`.
@@ -47,13 +47,13 @@ def module_of(path: Path) -> str:
 
 
 def imports_of(path: Path, known: set[str]) -> set[str]:
-    """Modules of the package that a file imports, wherever it does so."""
+    """Return the modules of `known` that a file imports, at its top or inside functions."""
     found = set()
     for node in ast.walk(ast.parse(path.read_text("utf-8"))):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
-            for alias in node.names:  # a file of a folder, or a name of a file
+            for alias in node.names:  # the imported name is a module, or a name in one
                 file = f"{node.module}.{alias.name}"
                 found.add(file if file in known else node.module)
     return {name for name in found if name in known}
@@ -86,7 +86,7 @@ def test_samples_import_only_what_they_may(module: str, last: str) -> None:
 
 
 def test_no_imports_are_circular() -> None:
-    """Imports under TYPE_CHECKING count as well."""
+    """Check all imports, including those under TYPE_CHECKING."""
     try:
         tuple(TopologicalSorter({name: found - {"dfd"} for name, found in IMPORTS.items()}).static_order())
     except CycleError as error:
@@ -94,7 +94,7 @@ def test_no_imports_are_circular() -> None:
 
 
 def test_the_core_imports_no_tools() -> None:
-    """Meshes, fields, weights and poses import nothing of app, batch, command line, export or pictures."""
+    """Check that meshes, fields, weights and poses do not import the app, batch, command line, export or pictures."""
     reached = {name for name in FILES if package_of(name) in ("mesh", "field", "weights", "posing")}
     waiting = list(reached)
     while waiting:

@@ -1,4 +1,4 @@
-"""The twins themselves, held to numbers worked out by hand from the paper's equations."""
+"""Test the slow reference versions in `reference` against numbers computed by hand from the paper's equations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A vision network small enough for tests, as transformers saves it."""
+"""Save a vision network that is small enough for tests, in the format of transformers."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import transformers
 
 
 def save_tiny_encoder(folder: Path, seed: int = 0) -> Path:
-    """Write a DINOv2 of three blocks and 16 numbers a token, with random weights, into `folder`."""
+    """Write a DINOv2 with random weights, three blocks and tokens of 16 numbers into `folder`."""
     config = transformers.Dinov2Config(
         hidden_size=16, num_hidden_layers=3, num_attention_heads=2, mlp_ratio=2, image_size=32, patch_size=8
     )

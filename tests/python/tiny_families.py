@@ -1,4 +1,4 @@
-"""A tiny network of each family, and what transformers itself makes of its tokens."""
+"""Make a tiny network of each encoder family, and compute its expected tokens with transformers itself."""
 
 from __future__ import annotations
 
@@ -189,7 +189,7 @@ def pictures(count: int, size: int, seed: int = 0) -> np.ndarray:
 
 
 def normalized(encoder: Encoder, images: np.ndarray) -> torch.Tensor:
-    """What the network is to be given, computed in NumPy."""
+    """Return the expected input of the network, computed with NumPy."""
     mean = np.array(encoder._model.channels.mean)
     std = np.array(encoder._model.channels.std)
     values = (images.astype(np.float64) / 255 - mean) / std
@@ -197,5 +197,5 @@ def normalized(encoder: Encoder, images: np.ndarray) -> torch.Tensor:
 
 
 def tokens(encoder: Encoder) -> np.ndarray:
-    """Of one small picture."""
+    """Return the tokens of one small picture."""
     return encoder.encode(pictures(1, 32))
