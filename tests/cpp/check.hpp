@@ -1,6 +1,6 @@
 #pragma once
 
-// Tools of the core's tests: named cases that run in order, checks that continue after a failure, and an exit code.
+// A small test framework. Named cases run in order, checks continue after a failure, and a failure gives exit code 1.
 
 #include <cmath>
 #include <cstdio>

@@ -13,7 +13,7 @@ constexpr std::size_t octaves = 2, inputs = 3 + 6 * octaves;
 const std::array<double, 3> center{1, -2, 0.5};
 constexpr double scale = 0.25;
 
-/// Two hidden layers and the last layer, whose widths are no multiples of a group.
+/// A network of two hidden layers and an output layer. Some widths are not multiples of 8, the group size of the kernel.
 struct Network {
     std::vector<std::size_t> widths;
     std::vector<std::vector<float>> numbers;
@@ -35,7 +35,7 @@ struct Network {
         }
     }
 
-    /// The same in double, with each sine and layer computed directly.
+    /// Returns the features at a point, computed in double with a direct formula for each sine and each layer.
     std::vector<double> expected(const double* point) const
     {
         std::vector<double> values(inputs);
@@ -70,7 +70,7 @@ struct Network {
 
 }  // namespace
 
-CASE("unit features as in double, for every remainder of points and outputs, on every instruction set")
+CASE("features equal those computed in double, for all sizes and instruction sets")
     std::mt19937 random(5);
     std::uniform_real_distribution<double> uniform(-4, 4);
     std::vector<double> points(3 * 101);

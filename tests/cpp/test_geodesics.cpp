@@ -8,7 +8,7 @@
 
 namespace {
 
-/// A flat square of n × n vertices, 1 wide.
+/// A flat unit square of n × n vertices.
 struct Grid {
     std::vector<double> vertices;
     std::vector<std::int32_t> faces;
@@ -53,12 +53,12 @@ double largest_error(const Grid& grid, std::size_t samples)
 
 }  // namespace
 
-CASE("flat ground is measured exactly, and through samples nearly so")
+CASE("distances on a flat square are exact, and with samples they are within 1.2 % of its width")
     CHECK(largest_error(Grid(40), 1600) < 1e-5);
     CHECK(largest_error(Grid(120), 800) < 0.012);
 END
 
-CASE("threads change no bit, nor does asking again")
+CASE("distances are bitwise equal for every number of threads and in repeated calls")
     const Grid grid(100);
     const dfd::Geodesics geodesics(grid.points(), grid.triangles(), {}, 500, 3);
     const auto found = from(geodesics, 77);

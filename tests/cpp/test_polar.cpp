@@ -8,7 +8,7 @@ namespace {
 
 using dfd::Matrix3d;
 
-// Returns R S - I of a decomposition.
+// Returns R S - I for the rotation R and the stretch S of a decomposition.
 Matrix3d composed(const dfd::Polar& polar)
 {
     const auto& [xx, yy, zz, yz, zx, xy] = polar.stretch;
@@ -35,7 +35,7 @@ void check_composed(const Matrix3d& change, double size = 1)
 
 }  // namespace
 
-CASE("a rotation times a stretch gives the matrix back")
+CASE("the product of rotation and stretch is the decomposed matrix")
     std::mt19937 random(5);
     std::normal_distribution<double> normal;
     for (int trial = 0; trial < 2000; ++trial) {
@@ -45,7 +45,7 @@ CASE("a rotation times a stretch gives the matrix back")
     }
 END
 
-CASE("the identity, and what only stretches, turns by nothing at all")
+CASE("the identity and pure stretches have the identity rotation")
     const dfd::Polar still = dfd::polar_decomposition({});
     CHECK(still.rotation == (dfd::Quaternion{1, 0, 0, 0}) && still.stretch == dfd::Symmetric3d{});
     for (const double x : {1.0, -0.5, -1.0, -2.0, 1e100}) {
@@ -56,12 +56,12 @@ CASE("the identity, and what only stretches, turns by nothing at all")
     }
 END
 
-CASE("maps onto a plane, a line or a point, and large maps")
+CASE("maps onto a plane, a line or a point, and maps with large entries are decomposed")
     check_composed({-1, 0, 0, 0, 0, 0, 0, 0, 0});
     check_composed({-1, 0, 0, 0, -1, 0, 0, 0, 1});
     check_composed({-1, 0, 0, 0, -1, 0, 0, 0, -1});
     check_composed({-1, 1, 0, 0, -1, 0, 0, 0, -1});  // (x, y, z) -> (y, 0, 0)
-    check_composed({0, 1, 2, 2, 1, 4, 3, 3, 5});     // rows that depend on one another
+    check_composed({0, 1, 2, 2, 1, 4, 3, 3, 5});     // the rows of the matrix are linearly dependent
     check_composed({1e150, 2e150, -1e150, 3e150, 0, 1e150, 5e149, 1e150, 2e150}, 4e150);
     for (const Matrix3d& change : {Matrix3d{-1, 0, 0, 0, 0, 0, 0, 0, 0}, Matrix3d{-1, 0, 0, 0, -1, 0, 0, 0, 1},
                                    Matrix3d{-1, 0, 0, 0, -1, 0, 0, 0, -1}})

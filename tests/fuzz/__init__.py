@@ -1,1 +1,1 @@
-"""Made and damaged input for every reader of untrusted input (`make fuzz`)."""
+"""Generate and damage input for every function that reads untrusted input (`make fuzz`)."""

@@ -1,8 +1,8 @@
-"""python -m tests.fuzz [--seconds N] [--seed N] [TARGET …]: each target gets its part of the time.
+"""python -m tests.fuzz [--seconds N] [--seed N] [TARGET …]: test random inputs; targets share the time equally.
 
-Each runs in a process of its own, and the kernels in one for every instruction set of the machine. An input that fails
-is kept, as small as Hypothesis can make it, in tests/corpus under its target's name, where the tests find it from then
-on; where the process itself died, in a decoder say, the input that it died of. Exits 1 if anything failed.
+Each target runs in a separate process; the kernels run in one process for each instruction set of the machine. An input
+that fails is minimized by Hypothesis and saved in tests/corpus, where the tests read it. If the process itself ends,
+its last input is saved. The exit status is the number of failed runs.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 CORPUS = ROOT / "tests/corpus"
 SLOWEST = 20.0  # seconds that one input may take
-LONGEST = 400.0  # further seconds of a target to minimize a failing input
+LONGEST = 400.0  # seconds that a target may take longer, to minimize a failing input
 
 
 def main() -> int:
-    """Return the number of targets that failed."""
+    """Return the number of runs that failed."""
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz")
     parser.add_argument("--seconds", type=float, default=60.0)
-    parser.add_argument("--seed", type=int, default=None, help="the same inputs each time, as far as the time goes")
+    parser.add_argument("--seed", type=int, default=None, help="seed of the inputs; by default the time")
     parser.add_argument("--input", type=Path, help=argparse.SUPPRESS)  # for child processes: path of the input
     parser.add_argument("targets", nargs="*")
     given = parser.parse_args()
@@ -50,7 +50,7 @@ def main() -> int:
 
 
 def survives(name: str, isa: str | None, seconds: float, seed: int) -> bool:
-    """Run one target in a child process, return whether it passed, and keep an input that ended the process."""
+    """Run one target in a child process, and save an input that ends the process; return whether the target passed."""
     print(name if isa is None else f"{name} with {isa}", end=": ", flush=True)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, name)
@@ -67,7 +67,7 @@ def survives(name: str, isa: str | None, seconds: float, seed: int) -> bool:
 
 
 def keep(name: str, content: bytes) -> Path:
-    """Write a failing input to the tests' corpus and return its path."""
+    """Save a failing input in tests/corpus, and return its path."""
     CORPUS.mkdir(exist_ok=True)
     stem, ending = name.split(".")
     kept = CORPUS / f"{stem}-{hashlib.sha256(content).hexdigest()[:12]}.{ending}"
@@ -76,7 +76,7 @@ def keep(name: str, content: bytes) -> Path:
 
 
 def fuzz(name: str, seconds: float, seed: int, path: Path) -> bool:
-    """Run one target for `seconds`, with each input at `path`; print the result and return whether it passed."""
+    """Run one target for `seconds`, print the result, and return whether it passed. Inputs are written to `path`."""
     import hypothesis
     from hypothesis import HealthCheck, Phase, given, settings
 
@@ -97,7 +97,7 @@ def fuzz(name: str, seconds: float, seed: int, path: Path) -> bool:
         began = time.monotonic()
         try:
             run(check, path)
-            assert time.monotonic() - began < SLOWEST, "it takes too long"
+            assert time.monotonic() - began < SLOWEST, "the input takes too long"
         except BaseException as error:
             worst, failure = content, error
             raise

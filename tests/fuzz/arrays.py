@@ -1,4 +1,4 @@
-"""Arrays of odd shapes, types and memory layouts into every public function; kernels beside their float64 twins."""
+"""Call public functions with arrays of unusual shapes, types and layouts; compare kernels with float64 versions."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ CALLS: dict[str, Callable[..., Any]] = {
 
 
 def moved(field: dfd.VertexField, at: Any, by: Any) -> np.ndarray:
-    """Return the cube posed with a moved handle and a fixed point at `at`."""
+    """Return the vertices of the cube after a handle at `at` is moved, and a fixed point is set there."""
     session = dfd.Deformer(MESH, field)
     session.add(at, translation=by)
     session.fix(at)
@@ -72,14 +72,14 @@ def moved(field: dfd.VertexField, at: Any, by: Any) -> np.ndarray:
 
 
 def turned(**given: Any) -> np.ndarray:
-    """Return the cube posed with a handle at its first vertex, whose controls are `given`."""
+    """Return the vertices of the cube after a handle at its first vertex gets the controls `given`."""
     session = dfd.Deformer(MESH, FIELD)
     session.add(0, **{name: value for name, value in given.items() if value is not None})
     return session.vertices
 
 
 def whole_shape(mesh: dfd.Mesh, at: Any) -> list[float]:
-    """Return values computed from a whole shape, and at points on it."""
+    """Return distances from the vertices `at`, the normals of mirror planes, and the sizes of parts of a mesh."""
     field = field_of(mesh)
     distances = dfd.Geodesics(mesh).distances(at)
     planes = [number for plane in dfd.symmetry_planes(field, mesh) for number in plane.normal]
@@ -127,7 +127,7 @@ def kernel_input() -> st.SearchStrategy[bytes]:
 
 
 def run_kernels(path: Path) -> None:
-    """Check that bind and pose agree with their twins, keep their bounds, and do not change their inputs."""
+    """Check that bind and pose agree with their slow versions, keep their bounds, and do not change their inputs."""
     case = json.loads(path.read_bytes())
     random = np.random.default_rng(case["seed"])
     count, handle_count = case["vertices"], min(case["handles"], case["vertices"])

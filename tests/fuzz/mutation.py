@@ -1,4 +1,4 @@
-"""Damage to valid files: to the bytes of any file, and to the values of JSON."""
+"""Damage valid files: change the bytes of any file, or the values of a JSON document."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LETTERS = b'0123456789-./ \n\tvfe#\\{}[]":,\xff\x00'
 
 @st.composite
 def damaged_bytes(draw: st.DrawFn, good: bytes) -> bytes:
-    """Draw `good` with up to six changed bytes, or removed, inserted or repeated runs of bytes."""
+    """Draw `good` after up to six changes: of one byte, or by removing, inserting or repeating several bytes."""
     data = bytearray(good)
     for _ in range(draw(st.integers(1, 6))):
         place = draw(st.integers(0, max(len(data) - 1, 0)))

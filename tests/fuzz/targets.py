@@ -1,4 +1,4 @@
-"""The targets of fuzzing: each reads one input as a user's program would, and checks the result.
+"""The targets of fuzzing: each reads one input through the public functions, and checks the result.
 
 Invalid input must raise ValueError or OSError with a short message of one line.
 """
@@ -49,14 +49,14 @@ Target = tuple[Bytes, Callable[[Path], None]]
 
 
 def run(check: Callable[[Path], None], path: Path) -> None:
-    """Let `check` read `path`, and check the messages of the errors that it raises."""
+    """Call `check` with `path`, and check the message if it raises ValueError or OSError."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
             check(path)
         except (ValueError, OSError) as error:
             if isinstance(error, UnicodeError) or "\n" in str(error) or len(str(error)) > LONGEST_MESSAGE:
-                raise AssertionError(f"no message for people: {str(error)[:1000]!r}") from error
+                raise AssertionError(f"no message for users: {str(error)[:1000]!r}") from error
 
 
 def load_mesh(path: Path) -> None:
@@ -91,7 +91,7 @@ def load_edit(path: Path) -> None:
 
 
 def apply_edit(path: Path) -> None:
-    """Check that an edit that is read gives finite vertices, and that every form of export loads again."""
+    """Check that an edit gives finite vertices, and that `dfd.load` can read every form of export."""
     session = dfd.Deformer.load(path, SHAPE, FIELD)
     assert np.isfinite(session.vertices).all()
     assert "\n" not in str(session.report().warning or "")
@@ -103,12 +103,12 @@ def apply_edit(path: Path) -> None:
 
 
 def export_mesh(path: Path) -> None:
-    """Check that every export of a mesh raises, or writes a file that loads again."""
+    """Check that every export of a mesh raises an error, or writes a file that `dfd.load` can read."""
     mesh = dfd.load(path)
     if len(mesh.vertices) > 1000 or not 1e-3 < mesh.diagonal < 1e3:
         return
     session = dfd.Deformer(mesh, field_of(mesh))
-    session.add(0, translation=(0, 0.1, 0), counterparts="shared_pivot")  # without planes, which take most of the time
+    session.add(0, translation=(0, 0.1, 0), counterparts="shared_pivot")  # needs no search for planes, which is slow
     calls: dict[str, Callable[[Path], object]] = {
         **{name: partial(dfd.export_rig, session, form=form) for name, form in EXPORTS},
         "parts.obj": lambda to: export_parts(mesh, dfd.parts(session.field, mesh).cut(), to),
@@ -122,7 +122,7 @@ def export_mesh(path: Path) -> None:
 
 
 def load_poses(path: Path) -> None:
-    """Check that key poses that are read are finite and in order, and give finite vertices with an edit."""
+    """Check that key poses have finite times, and can be exported as an animation that `dfd.load` can read."""
     moments = read_key_poses(path)
     seconds = [moment.seconds for moment in moments]
     assert np.isfinite(seconds).all()
@@ -134,13 +134,13 @@ def load_poses(path: Path) -> None:
 
 
 def compressed(folder: Path) -> list[bytes]:
-    """Return a GLB file for each decoder that is installed."""
+    """Return a compressed GLB file for each installed decoder."""
     made = {"DracoPy": lambda: draco_cube().glb(), "meshopt": lambda: packed_glb(meshopt_cube())}
     return [make() for package, make in made.items() if importlib.util.find_spec(package)]
 
 
 def seeds() -> Mapping[str, list[bytes]]:
-    """Return valid files by file extension."""
+    """Return valid files by file extension, and by "compressed" and "rigged"."""
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         found = {".glb": [textured_quad(folder).glb(), scene_of_three(folder).read_bytes()]}
@@ -168,13 +168,13 @@ def seeds() -> Mapping[str, list[bytes]]:
 
 
 def damaged_glb(good: bytes) -> Bytes:
-    """Draw a GLB file with damaged JSON and correct chunk sizes."""
+    """Draw the GLB file `good` with damaged JSON and correct chunk sizes."""
     text, data = split_glb(good)
     return damaged_json(json.loads(text)).map(lambda header: join_glb(to_bytes(header), data or b""))
 
 
 def damaged_data(good: bytes) -> Bytes:
-    """Draw a GLB file with valid JSON and damaged binary data, which decoders read."""
+    """Draw the GLB file `good` with valid JSON and damaged binary data."""
     text, data = split_glb(good)
     longer = damaged_bytes(data or b"").map(lambda found: found[: len(data or b"")].ljust(len(data or b""), b"\0"))
     return longer.map(lambda found: join_glb(text, found))
@@ -208,8 +208,8 @@ def _targets() -> dict[str, Target]:
 
 
 def to_bytes(document: object) -> bytes:
-    """Write JSON."""
+    """Return `document` as JSON text."""
     return json.dumps(document).encode()
 
 
-TARGETS = _targets()  # by what their files are called
+TARGETS = _targets()  # by the name of their input file

@@ -35,7 +35,7 @@ def test_a_broken_promise_fails(tmp_path: Path) -> None:
     def surprised(_: Path) -> None:
         raise KeyError("x")
 
-    with pytest.raises(AssertionError, match="no message for people"):
+    with pytest.raises(AssertionError, match="no message for users"):
         run(two_lines, tmp_path)
     with pytest.raises(KeyError):
         run(surprised, tmp_path)

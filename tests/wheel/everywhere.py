@@ -1,7 +1,7 @@
-"""Build the wheel, repair it, and try it in a fresh environment of every Python ≥ 3.10 that is to be found.
+"""Build and repair the wheel, and test it in a new environment of every installed Python ≥ 3.10.
 
-python tests/wheel/everywhere.py [FOLDER], FOLDER being where the wheel goes. Each environment holds the wheel and the
-packages of `ALONE`, without torch; that of the newest Python that torch can be installed for is then given torch too.
+python tests/wheel/everywhere.py [FOLDER] writes the wheel into FOLDER. Each environment has the wheel and the packages
+of `ALONE`, without torch. In the newest Python that torch supports, the wheel is tested a second time with torch.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ OLDEST = (3, 10)
 
 
 def main(folder: Path) -> int:
-    """Return the number of environments that the wheel fails in, or 1 where there is none."""
+    """Return the number of environments in which the wheel fails, or 1 if no Python is found."""
     wheel = repaired(folder)
     print(f"{wheel.name}: {wheel.stat().st_size / 1e6:.1f} MB", flush=True)
     found = sorted(pythons().items(), reverse=True)
@@ -43,14 +43,14 @@ def main(folder: Path) -> int:
 
 
 def repaired(folder: Path) -> Path:
-    """The wheel as it can be uploaded: on Linux with the tag of the oldest system that it runs on."""
+    """Return the path of a wheel that can be uploaded. On Linux, its tag names the oldest system that can use it."""
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as place:
         run(sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "-c", "constraints.txt", "-w", place, ".")
         (built,) = Path(place).glob("*.whl")
         if not sys.platform.startswith("linux"):
             return built.rename(folder / built.name)
-        # The OpenMP runtime stays outside: torch and the kernels share one, torch's own or the system's.
+        # The wheel must not contain an OpenMP runtime: kernels and torch share one, that of torch or of the system.
         run(sys.executable, "-m", "auditwheel", "repair", "--exclude", "libgomp.so.1", "-w", place + "/repaired", built)
         (whole,) = Path(place, "repaired").glob("*.whl")
         target = folder / whole.name
@@ -59,7 +59,7 @@ def repaired(folder: Path) -> Path:
 
 
 def pythons() -> dict[tuple[int, int], str]:
-    """Every Python that the wheel is for, by version: on the path, and of pyenv."""
+    """Return every Python on the path and of pyenv that the wheel supports, by version."""
     found: dict[tuple[int, int], str] = {}
     for path in candidates():
         done = subprocess.run(
@@ -68,7 +68,7 @@ def pythons() -> dict[tuple[int, int], str]:
             text=True,
             check=False,
         )
-        if done.returncode == 0:  # pyenv's names on the path answer only where their version is chosen
+        if done.returncode == 0:  # a command of pyenv on the path fails if its version is not selected
             major, minor = map(int, done.stdout.split())
             if (major, minor) >= OLDEST:
                 found.setdefault((major, minor), str(path))
@@ -85,7 +85,7 @@ def candidates() -> Iterator[Path]:
 
 
 def smoke(python: Path) -> bool:
-    """Run the smoke test away from the sources, so that what is installed is what is tried."""
+    """Run the smoke test in an empty folder, so that it imports the installed package instead of the sources."""
     with tempfile.TemporaryDirectory() as elsewhere:
         bare = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
         command = [python, "-I", ROOT / "tests/wheel/smoke.py"]

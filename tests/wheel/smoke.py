@@ -1,6 +1,6 @@
-"""What an installed wheel must do wherever it is installed: bind, pose and evaluate a field, whatever is beside it.
+"""Test an installed wheel: bind, pose and evaluate a field, with torch or without it.
 
-python tests/wheel/smoke.py, with the Python that the wheel is installed in. With torch there, both share their threads.
+python tests/wheel/smoke.py, with the Python of the wheel's environment. With torch, both must share one OpenMP runtime.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ MAPS = Path("/proc/self/maps")
 
 
 def main() -> None:
-    """Compute each thing on one thread and on three, and compare with what it must be."""
+    """Compute weights, positions and features on one thread and on three, and compare them with expected values."""
     random = np.random.default_rng(0)
     features = random.standard_normal((5000, 24)).astype(np.float32)
     features /= np.linalg.norm(features, axis=1, keepdims=True)
@@ -40,14 +40,14 @@ def main() -> None:
     np.testing.assert_allclose(weights, expected, atol=2e-4)
     np.testing.assert_allclose(posed[:, 1] - vertices[:, 1], 0.5 * weights[:, 0], atol=1e-6)
     np.testing.assert_allclose(np.linalg.norm(rows, axis=1), 1, atol=1e-5)
-    assert "torch" not in sys.modules, "torch was imported by those who need none"
+    assert "torch" not in sys.modules, "dfd imported torch, which these functions do not need"
     if WITH_TORCH:
         beside_torch(features, results[0][0])
     print(sys.version.split()[0], *_core.instruction_sets(), "beside torch" if WITH_TORCH else "without torch")
 
 
 def random_field(random: np.random.Generator) -> dfd.Field:
-    """A small network of random weights."""
+    """Return a field with a small network and random weights."""
     parameters = {
         name: (random.standard_normal(shape) / np.sqrt(shape[-1])).astype(np.float32)
         for name, shape in Architecture(8, 32, 2, 4).shapes().items()
@@ -56,7 +56,7 @@ def random_field(random: np.random.Generator) -> dfd.Field:
 
 
 def beside_torch(features: np.ndarray, wanted: np.ndarray) -> None:
-    """Tensors go in and come out, and one OpenMP runtime is loaded for both."""
+    """Check that `bind` takes and returns tensors, and that only one OpenMP runtime is loaded."""
     import torch
 
     square = torch.ones(400, 400)
