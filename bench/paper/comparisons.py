@@ -31,9 +31,9 @@ DENSE_TEXT = (
 )
 
 PRESET_OF: dict[str, Preset] = {NAMES[preset]: preset for preset in PRESETS}
-BALL = 0.01  # radius, of the longest side, in which the paper constrains all vertices around a handle or fixed point
+BALL = 0.01  # The paper constrains all vertices within this distance of a held vertex, relative to the longest side.
 COMPARED = ("ARAP", "biharmonic", "BBW", "NeuralMLS")  # OptCtrlPoints would have the same weights as "biharmonic"
-EXPLODED = 3.0  # A result is not drawn if its diagonal divided by the shape's is larger.
+EXPLODED = 3.0  # largest diagonal of a result that is drawn, divided by the diagonal of the shape
 BEFORE, AFTER = np.array([64, 112, 216]), np.array([52, 168, 83])  # RGB colors of the two silhouettes
 LEGEND = """\
 The dot is the handle in pictures at rest, and its target in the others. Squares are the fixed points or control points
@@ -46,11 +46,11 @@ at most 6,000 faces. The networks of APAP and DeepMetaHandles are not available.
 
 @dataclass(frozen=True)
 class Case:
-    """A shape with held vertices. DFD moves only the handle, one of them; the other methods constrain all of them."""
+    """A shape and its held vertices. DFD moves one of these, the handle; the other methods constrain all of them."""
 
     shape: Shape
     held: Int64  # (C,) vertex indices
-    targets: Float64  # (C, 3) positions that the held vertices shall reach, mesh units
+    targets: Float64  # (C, 3) target positions of the held vertices, mesh units
     handle: int = 0  # index into `held` of DFD's handle
     dense: bool = False  # True: all held vertices move. False: all held vertices except the handle are fixed.
 
@@ -202,7 +202,7 @@ def _compared(
     weights: bool = False,
     all_handles: bool = False,
 ) -> Page:
-    """Draw and measure every case by every method; `all_handles`: only by DFD, with all held vertices as handles.
+    """Return a page of every case by every method, or with `all_handles` by DFD with all held vertices as handles.
 
     If a method fails, the page shows the reason instead of a picture.
     """

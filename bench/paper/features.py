@@ -121,7 +121,7 @@ def distilled(context: Context, shape: Shape, preset: Preset) -> tuple[dfd.Field
 
 
 def resampled(shape: Shape, count: int) -> Shape:
-    """Return the shape with about `count` faces: simplified, then if needed subdivided into four faces per face."""
+    """Return the shape with about `count` faces: simplified, and then subdivided if it has fewer faces than that."""
     if len(shape.mesh.faces) >= count:
         return Shape(shape.name, simplify(shape.mesh, count))
     return Shape(shape.name, subdivided(resampled(shape, count // 4).mesh))
@@ -154,7 +154,7 @@ def fig13(context: Context) -> Page:
     text = (
         f"The coarse copy has {COARSE} faces, much larger than the details of the features. Both fits to it with the "
         "paper preset take the same number of steps; the fit to vertices repeats its few samples. Roughness is the "
-        "mean of |∇W| on the fine mesh, in 1 / diagonal. The mean difference is that from the fine copy's weights."
+        "mean of |∇W| on the fine mesh, in 1 / diagonal. The mean difference compares with the fine copy's weights."
     )
     return gallery(context.subjects(PULLED, (1, 2), presets=("paper",)), variants, measure, text)
 

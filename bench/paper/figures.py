@@ -16,7 +16,7 @@ OURS = NAMES["paper"]
 
 
 def column(name: str, reduce: Callable[[Any], Any] = np.mean, **where: Any) -> Rule:
-    """Return the rule that reduces column `name` of some rows: `where` maps other columns to their accepted values."""
+    """Return the rule that reduces column `name` of all rows whose other columns have one of the values in `where`."""
 
     def number(rows: Sequence[Row]) -> float:
         fitting = [row for row in rows if all(row.get(key) in np.atleast_1d(each) for key, each in where.items())]

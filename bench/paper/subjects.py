@@ -50,7 +50,7 @@ class Shape:
         return self.mesh.bounds[0] + np.asarray(point) * self.mesh.extents
 
     def refined(self) -> Shape:
-        """Return the shape with edges above `LONGEST_EDGE` halved, without colors and textures; itself if none is."""
+        """Return the shape with edges above `LONGEST_EDGE` halved, without colors; itself if there is no such edge."""
         longest = LONGEST_EDGE * self.mesh.diagonal
         vertices, faces = split_long_edges(self.mesh.vertices, self.mesh.faces, longest, most=50_000)
         return self if len(faces) == len(self.mesh.faces) else Shape(self.name, dfd.Mesh(vertices, faces))
@@ -120,7 +120,7 @@ class Subject:
         symmetric: bool = False,
         features: Float32 | None = None,
     ) -> dfd.Deformer:
-        """Return a session with `handles`, given as keywords of `Deformer.add`, and with the vertices `fixed` fixed.
+        """Return a session with `handles`, given as keywords of `Deformer.add`, and fixed points at vertices `fixed`.
 
         `symmetric` mirrors the handles at the plane that `"auto"` finds with the preset, if there is one.
         """
@@ -166,7 +166,7 @@ class Context:
         return values[0 if self.quick else 1]
 
     def cases(self, known: Mapping[str, Any], most: tuple[int, int]) -> list[tuple[Shape, Any]]:
-        """Return the shapes of `known`, cases by shape name, for which there is a file or a sample, with their cases.
+        """Return each key of `known` that is an available shape, from a file or a sample, with its case, the value.
 
         `most` limits their number in a quick and in a full run.
         """
