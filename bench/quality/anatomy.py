@@ -23,11 +23,11 @@ from dfd.geometry.topology import face_sides
 from dfd.mesh.file.gltf.header import objects, parents
 
 LARGEST_MEANT = 0.6  # A user does not mean a subtree with a larger fraction of the surface area.
-SMALLEST_JUDGED, LARGEST_JUDGED = 0.003, 0.4  # Joints get handles if their fraction of the area is between these.
+SMALLEST_JUDGED, LARGEST_JUDGED = 0.003, 0.4  # A joint gets handles if its subtree has such a fraction.
 HANDLES = 3  # per joint
 HELD_WELL = 0.7  # soft IoU from which a joint is held well
 LEGEND = {
-    "soft IoU": "Σ min(w, t) / Σ max(w, t) over the surface, for weights w and the closest set t that a user may mean",
+    "soft IoU": "Σ min(w, t) / Σ max(w, t) over the surface, for weights w and the best set t that a user may mean",
     "left behind": "the fraction of the joint's subtree that does not follow the handle",
     "held well": f"the fraction of joints with a soft IoU of at least {HELD_WELL}",
 }

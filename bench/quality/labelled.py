@@ -20,7 +20,7 @@ from dfd.segmentation.parts import Parts
 EACH = 4  # handles per label
 FEW_FACES, FACES = 4_000, 20_000  # of a sample, in a quick and in a full run
 LEGEND = {
-    "precision": "average precision for the handle's label, with vertices ranked by weight (or, where named, distance)",
+    "precision": "average precision for the handle's label of vertices ranked by weight, or by the named distance",
     "part": "IoU of the label and the part at the handle, with its counterparts",
     "grip": "soft IoU, Σ min(w, t) / Σ max(w, t) over the surface, for the weights w of a session and the label t",
     "paper's grip": 'the same for a session with preset "paper"',

@@ -18,7 +18,7 @@ ANGLE, PULL = 30.0, 0.2  # in degrees, and as a fraction of the part's size
 MOTIONS: dict[str, Any] = {"bend": {"bend": ANGLE}, "twist": {"twist": ANGLE}, "turn": {"rotation": (0.0, 0.0, ANGLE)}}
 LEGEND = {
     "apart": "fraction of the pairs of joints in which a handle on the left side moves several separate components",
-    "bend": f"of these, the fraction whose right side mirrors a bend of the left by {ANGLE:g}°, up to {EXACT:.0%}",
+    "bend": f"of these, the fraction in which the right side mirrors a bend by {ANGLE:g}°; error at most {EXACT:.0%}",
     "twist": f"the same for a twist by {ANGLE:g}°",
     "turn": f"the same for a rotation by {ANGLE:g}°",
     "pull": f"the same for a translation by {PULL:.0%} of the part's size",
@@ -27,7 +27,7 @@ LEGEND = {
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """The vertices of a joint and its descendants, and those on the other side. The file lists the left side first."""
+    """The vertices of a joint with its descendants, and those of its counterpart. "Left" is the side listed first."""
 
     vertex: int  # position of the handle: the vertex of the left joint that is nearest to its center
     left: Int64  # (N,) vertex indices
@@ -36,7 +36,7 @@ class Pair:
     size: float  # diagonal of the left side's bounding box, mesh units
 
     def error(self, moved: Float64) -> float:
-        """Return the RMS difference of the right from the mirrored left displacements (V, 3), divided by `size`."""
+        """Return the RMS difference between right and mirrored left displacements (V, 3), divided by `size`."""
         mirrored = moved[self.left]
         mirrored[:, self.axis] *= -1.0
         apart = np.linalg.norm(moved[self.right] - mirrored, axis=1)

@@ -43,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def lessons_of(folder: Path, more: Path | None, encoder: Encoder) -> Iterator[UpLesson]:
-    """Yield the lesson of every shape."""
+    """Yield the lesson, the training data, of every shape."""
     for path in upright_files(folder, more):
         known = LESSONS if more and path.is_relative_to(more) else ""
         yield lesson(f"{known}{path.parent.name}/{path.stem}", dfd.load(path), encoder)
