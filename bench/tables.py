@@ -1,4 +1,4 @@
-"""Write tables of numbers and words, as CSV and as Markdown; None is an empty cell."""
+"""Format tables as CSV and as Markdown, and write text files. A cell that is None stays empty."""
 
 import csv
 import io
@@ -15,13 +15,13 @@ Rows = Sequence[Sequence[Any]]
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file atomically, and create its folder."""
+    """Write a file atomically; create its folder if there is none."""
     path.parent.mkdir(parents=True, exist_ok=True)
     write_file(path, text)
 
 
 def to_csv(columns: Iterable[str], rows: Rows) -> str:
-    """Return a line of names and a line for each row."""
+    """Return CSV text: a line of column names, then one line for each row."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
@@ -31,7 +31,7 @@ def to_csv(columns: Iterable[str], rows: Rows) -> str:
 
 
 def to_markdown(columns: Iterable[str], rows: Rows, form: str = ".3g") -> str:
-    """Return a table with numbers to the right; `form` is the format of fractions."""
+    """Return a Markdown table with numbers aligned right; `form` is the format of floats."""
     right = [all(cell is None or isinstance(cell, int | float) for cell in each) for each in zip(*rows, strict=True)]
     rule = "|" + "|".join("---:" if each else "---" for each in right) + "|"
     return "\n".join([_line(columns), rule, *(_line(_shown(cell, form) for cell in row) for row in rows)])

@@ -1,4 +1,4 @@
-"""Make each figure and table of the paper by one command, on available meshes.
+"""Reproduce each figure and table of the paper by one command, on available meshes.
 
-A page is a function of one argument, the `Context` of `subjects`, which has the meshes, fields and sessions.
+A function makes the page of each figure. Its argument is a `subjects.Context`, which loads meshes and makes fields.
 """

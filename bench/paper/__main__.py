@@ -1,4 +1,4 @@
-"""`python -m bench.paper NAME`: one figure or table of the paper, as a page of pictures and numbers."""
+"""`python -m bench.paper NAME`: write a page that reproduces one figure or table of the paper."""
 
 import argparse
 import sys
@@ -16,13 +16,13 @@ OUTPUT = Path(__file__).resolve().parents[1] / "results" / "paper"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Make one page, or list them."""
+    """Write the page that the command line names, or list all pages."""
     parser = argparse.ArgumentParser("python -m bench.paper", description=__doc__)
-    parser.add_argument("name", metavar="NAME", nargs="?", choices=[*PAGES, *CANNOT], help="of the page, see --list")
-    parser.add_argument("--list", action="store_true", help="list the pages and stop")
-    parser.add_argument("--quick", action="store_true", help="fewer and smaller pictures, fewer shapes")
+    parser.add_argument("name", metavar="NAME", nargs="?", choices=[*PAGES, *CANNOT], help="page to write, see --list")
+    parser.add_argument("--list", action="store_true", help="list all pages and stop")
+    parser.add_argument("--quick", action="store_true", help="render fewer and smaller pictures of fewer shapes")
     parser.add_argument("-o", "--output", type=Path, default=OUTPUT, help="folder to write to (%(default)s)")
-    parser.add_argument("--encoder", default=DEFAULT_ENCODER, help="of all fields (%(default)s)")
+    parser.add_argument("--encoder", default=DEFAULT_ENCODER, help="image encoder of all fields (%(default)s)")
     options = parser.parse_args(arguments)
     name = options.name
     if options.list:
@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.error("NAME must be one of " + ", ".join(PAGES))
     if name in CANNOT:
         parser.error(f"{name} cannot be made: {CANNOT[name]}")
-    # Pages say themselves which settings --quick changes.
+    # Each page lists the settings that --quick changes, so this warning would repeat them.
     warnings.filterwarnings("ignore", "Deformer: `preset` 'paper'", UserWarning)
     context = Context(options.quick, options.encoder, say=partial(print, file=sys.stderr))
     try:

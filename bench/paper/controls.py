@@ -1,4 +1,4 @@
-"""Pages about edits (Fig. 1 to 3), symmetry (Fig. 5), fixed points (Fig. 6) and locality (Fig. 7)."""
+"""Pages that show edits (Fig. 1 to 3), symmetry (Fig. 5), fixed points (Fig. 6) and locality (Fig. 7)."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ TWISTS = {
     "human_neutral": BoxHandle((0.5, 0.75, 1.0), rotation=TWIST, pivot=MIDDLE, fixed=((0.45, 0.0, 1.0),)),
     "kaiju": BoxHandle((0.5, 0.6, 0.8), rotation=TWIST, pivot=MIDDLE, fixed=((0.3, 0.0, 0.7),)),
 }
-ALIKE = 0.5  # weight (Eq. 4) for the fixed point, above which a vertex is alike
+SIMILAR = 0.5  # A vertex counts as similar to the fixed point if its weight for that point (Eq. 4) is at least this.
 
 TURNS = {
     "spot": BoxHandle((0.3, 1.0, 0.15), rotation=(0, 0, 30), pivot=(0.45, 0.88, 0.2), azimuth=150),
@@ -24,7 +24,7 @@ TURNS = {
     "quadruped": BoxHandle((0.3, 1.0, 0.9), rotation=(0, 0, 40), pivot=(0.5, 0.72, 0.8), azimuth=35),
 }
 LOCALITIES = (0, 2, 8, 32)
-FOLLOWS = 0.1
+FOLLOWS = 0.1  # A vertex follows the handle if its weight is above this.
 
 SYMMETRY = pulls_of("scorpion", "human_neutral", "koala", "spot", "quadruped")
 AFFINE = {
@@ -36,11 +36,11 @@ AFFINE = {
 
 
 def fig1(context: Context) -> Page:
-    """Edits of the teaser: one handle, mirrored by the plane of symmetry."""
+    """Edits as in the teaser: one handle, mirrored at the plane of symmetry."""
     return gallery(
         context.subjects(SYMMETRY, (2, 4), refined=True),
         lambda subject: {"edit": subject.pull(symmetric=True)},
-        lambda _, session, __: {"plane %": 100 * (session.symmetry is not None)},
+        lambda _, session, __: {"plane found %": 100 * (session.symmetry is not None)},
     )
 
 
@@ -58,32 +58,32 @@ def fig2(context: Context) -> Page:
 def fig3(context: Context) -> Page:
     """Translations by one handle, with its weights."""
 
-    def off(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> Row:
+    def error(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> Row:
         handle, mesh = subject.case.on(subject.shape), subject.shape.mesh
         target = mesh.vertices[handle["at"]] + handle["translation"]
-        return {"off %": 100 * float(np.linalg.norm(session.vertices[handle["at"]] - target)) / mesh.diagonal}
+        return {"handle error %": 100 * float(np.linalg.norm(session.vertices[handle["at"]] - target)) / mesh.diagonal}
 
     subjects = context.subjects(PULLS, (3, 10), refined=True)
-    return gallery(subjects, lambda subject: {"edit": subject.pull()}, off)
+    return gallery(subjects, lambda subject: {"edit": subject.pull()}, error)
 
 
 def fig5(context: Context) -> Page:
-    """Planes of visual symmetry, and one handle with and without them."""
+    """Planes of visual symmetry, and a translation of one handle with and without such a plane."""
 
     def score(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> Row:
         if plane := session.symmetry:
-            return {"plane %": 100, "normal": str(np.round(plane.normal, 2)), "score": plane.score}
+            return {"plane found %": 100, "normal": str(np.round(plane.normal, 2)), "score": plane.score}
         axes = dfd.symmetry_planes(subject.field, subject.shape.mesh, threshold=2.0, candidates="axes")
-        return {"plane %": 0, "normal": "", "score": axes[0].score if axes else None}
+        return {"plane found %": 0, "normal": "", "score": axes[0].score if axes else None}
 
     def sides(subject: Subject) -> dict[str, Any]:
         plane = subject.pull(symmetric=True).symmetry
         return {"weights": subject.shape.mesh.vertices @ plane.normal > plane.offset} if plane else {}
 
     text = (
-        "The score is the mean distance between the features of a vertex and of its mirror image. The paper takes "
-        f"coordinate planes with a score below ε = {DEFAULTS['paper'].threshold:g}; the default also looks for others. "
-        "Without a plane, the score is that of the best coordinate plane. Colors of the first picture: its sides."
+        "Score: mean distance between the features of a vertex and of its mirror image. The paper accepts coordinate "
+        f"planes with a score below ε = {DEFAULTS['paper'].threshold:g}; dfd's default also tries other planes. If no "
+        "plane is accepted, the score is that of the best coordinate plane. The first picture colors the two sides."
     )
     return gallery(
         context.subjects(SYMMETRY, (2, 4), refined=True),
@@ -95,21 +95,22 @@ def fig5(context: Context) -> Page:
 
 
 def fig6(context: Context) -> Page:
-    """Feature space constraints (Eq. 6): a twist without and with a fixed point, which holds similar parts."""
+    """Feature space constraints (Eq. 6): a twist without and with a fixed point, which also keeps similar parts."""
 
     def held(subject: Subject) -> list[int]:
         return [subject.shape.at(point) for point in subject.case.fixed]
 
     def moved(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> Row:
         mesh = subject.shape.mesh
-        alike = dfd.bind(subject.field.features(mesh), held(subject))[:, 0] >= ALIKE
+        similar = dfd.bind(subject.field.features(mesh), held(subject))[:, 0] >= SIMILAR
         lengths = 100 * np.linalg.norm(session.vertices - mesh.vertices, axis=1) / mesh.diagonal
-        sets = {"alike moves %": alike, "all else moves %": ~alike}
+        sets = {"similar vertices move %": similar, "other vertices move %": ~similar}
         return {name: float(lengths[each].mean()) for name, each in sets.items() if each.any()}
 
     text = (
-        f"Mean distances moved, of the diagonal. Alike vertices have a weight of at least {ALIKE} for the fixed point. "
-        "With fixed points, handles of dfd still reach their targets; the paper's do not."
+        "The table has the mean motion of vertices, in % of the diagonal. Vertices are similar to the fixed point if "
+        f"their weight for that point is at least {SIMILAR}. Despite fixed points, handles reach their targets with "
+        "dfd's default. With the paper preset, they do not."
     )
     return gallery(
         context.subjects(TWISTS, (2, 3)),
@@ -120,10 +121,10 @@ def fig6(context: Context) -> Page:
 
 
 def fig7(context: Context) -> Page:
-    """Locality (Eq. 7): one rotation under growing λ."""
+    """Locality (Eq. 7): one rotation with increasing λ."""
     return gallery(
         context.subjects(TURNS, (1, 2)),
         lambda subject: {f"λ = {each}": subject.pull({"locality": each}) for each in LOCALITIES},
         lambda _, session, __: {"follows %": following(session, FOLLOWS)},
-        f"How much of the surface has a weight above {FOLLOWS}.",
+        f"The table has the percentage of the surface area with a weight above {FOLLOWS}.",
     )

@@ -1,4 +1,4 @@
-"""Measure how a deformation distorts a surface, as in the paper's Fig. 22: area, angles, edges, volume, faces."""
+"""Measure the distortion of a deformed surface, as in Fig. 22: area, angles, edges, volume, flipped faces."""
 
 import igl
 import numpy as np
@@ -11,20 +11,20 @@ from dfd.geometry.topology import face_areas, face_sides, first_at_place
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.normals import face_normals
 
-FOLD = -0.5  # sum of the cosines between a face and its neighbors; a folded face is below it, a creased one above
+FOLD = -0.5  # A face is folded if the cosines between its normal and those of its neighbors sum to less than this.
 
 
 def surface_metrics(mesh: Mesh, vertices: ArrayLike) -> dict[str, float | None]:
-    """Return columns of a table for the surface of `mesh` with its vertices moved to `vertices` (V, 3), mesh units.
+    """Return table columns: the distortion of `mesh` if its vertices move to `vertices` (V, 3), mesh units.
 
-    Area, angle and edge are mean changes over the surface, weighted by resting areas and lengths. Volume is the change
-    of the enclosed volume; None if the surface is open or encloses nothing. Flipped faces are folded over against the
-    faces around them, but not at rest. Rigid motion has no effect. Faces without area at rest are left out.
+    Area, angle and edge are mean changes over the surface, weighted by areas or lengths at rest. Volume is the change
+    of the enclosed volume, or None if the surface is open or encloses nothing. Flipped faces are folded after the
+    deformation but not at rest. A rigid motion changes no value. Faces without area at rest are ignored.
 
-    Raises ValueError if `vertices` is not finite or has another shape than those of the mesh, or no face has an area.
+    Raises ValueError if `vertices` is not finite or not of the array shape (V, 3), or if no face has an area.
     """
     moved = check.array("surface_metrics", "vertices", vertices, mesh.vertices.shape, dtype=np.float64)
-    # Unit size about the origin keeps the precision of very small and very large shapes.
+    # Scaling to unit size about the origin keeps the precision for very small and very large shapes.
     center, size = mesh.bounds.mean(axis=0), max(mesh.diagonal, np.finfo(float).tiny)
     both = [np.ascontiguousarray(each - center) / size for each in (mesh.vertices, moved)]
     faces = first_at_place(mesh)[mesh.faces].astype(np.int64)
@@ -48,7 +48,7 @@ def surface_metrics(mesh: Mesh, vertices: ArrayLike) -> dict[str, float | None]:
 
 
 def _folded(vertices: Float64, faces: NDArray[np.integer], edge: Int64) -> Bool:
-    """Return whether each face (F,) faces away from its neighbors; `edge` (3 F,) is the edge of each side of a face."""
+    """Return the mask (F,) of folded faces, see `FOLD`; `edge` (3 F,) is the edge index of each side of a face."""
     normals = unit(face_normals(vertices, faces))
     around = group_sums(edge, np.repeat(normals, 3, axis=0), edge.max() + 1)
     others = around[edge].reshape(-1, 3, 3).sum(axis=1) - 3 * normals

@@ -1,4 +1,4 @@
-"""Pages about features: distillation (Fig. 4, 13), encoders (Fig. 11, 12), and other shapes (Fig. 19, 20)."""
+"""Pages that show features: distillation (Fig. 4, 13), encoders (Fig. 11, 12), and other shapes (Fig. 19, 20)."""
 
 import time
 from collections.abc import Callable
@@ -29,35 +29,36 @@ from dfd.pictures.picture import picture
 from dfd.views.render import Supervision, Views, render
 
 DISTILLED = dict.fromkeys(("koala", "plane_holes", "scorpion", "spot", "quadruped"))
-LUCY = (200_000, 28_000_000)  # faces, in a quick and a whole run
-AT_ONCE = 500_000  # vertices, which bounds the memory for features
+LUCY = (200_000, 28_000_000)  # number of faces in a quick and in a full run
+CHUNK = 500_000  # vertices whose features are computed at once, to limit the memory
 SUPERVISION: dict[str, Supervision] = {"pixels of vertices": "vertex", "pixels of triangles": "barycentric"}
 
-COARSE = 200  # faces, of triangles much larger than features
+COARSE = 200  # faces of the coarse copy, whose triangles are much larger than the details of the features
 VERTICES_ALONE = "paper preset, coarse copy, vertices alone"
 PULLED = pulls_of("koala", "scorpion", "human_neutral", "quadruped")
 COARSE_COPY: dict[str, Any] = {"simplify_to": COARSE}
-KINDS: dict[str, tuple[Preset, dict[str, Any]]] = {  # by column, the preset and the changed settings
+KINDS: dict[str, tuple[Preset, dict[str, Any]]] = {  # by variant, the preset and the changed settings
     "paper preset, fine copy, all pixels": ("paper", {}),
     VERTICES_ALONE: ("paper", {**COARSE_COPY, "supervision": "vertex"}),
     "paper preset, coarse copy, all pixels": ("paper", COARSE_COPY),
     "dfd default, coarse copy": ("default", COARSE_COPY),
 }
 
-Choice = tuple[str, int | None]  # an encoder's name, and the block of its tokens; None is its default
+Choice = tuple[str, int | None]  # an encoder's name, and the block that gives its tokens; None is its default block
 OTHERS = tuple(name for name in KNOWN_ENCODERS if name != DEFAULT_ENCODER)
 BLOCKS = (3, 6, 9, 12)
 HELD = pulls_of("spot", "scorpion", "human_neutral", "quadruped")
 
-# The shape that is distilled, the place of the handle, and others of its class, each with the rotation about y, in
-# degrees, after which they face the same way.
+# By distilled shape: the handle's position, as fractions of the box, and other shapes of the same class. A rotation
+# about y by the given degrees turns each of these to face the same direction as the distilled shape.
 CLASSES = {
     "spot": ((0.2, 0.0, 0.2), {"quadruped": 180, "horse": 180, "alpaca": 180}),
     "fox": ((0.2, 0.0, 0.8), {"wolf": 0, "horse": 0}),
     "quadruped": ((0.2, 0.0, 0.85), {}),
 }
-DOWN = np.array([0.0, -0.12, 0.0])  # of the diagonal
+DOWN = np.array([0.0, -0.12, 0.0])  # translation, as a fraction of the diagonal
 
+# By chair: the handle's position on each part, as fractions of the box.
 LEG, SEAT, BACK = (0.0, 0.0, 1.0), (0.5, 0.5, 0.7), (0.5, 1.0, 0.15)
 CHAIR = {"leg": LEG, "seat": SEAT, "back": BACK}
 CHAIRS = {
@@ -68,15 +69,15 @@ CHAIRS = {
     "chair": CHAIR,
     "bench_1": {**CHAIR, "seat": (0.5, 0.45, 0.7), "arm": (0.0, 0.65, 0.7)},
 }
-FOLLOWS = 0.5
+FOLLOWS = 0.5  # A vertex follows the handle if its weight is above this.
 
 
 def fig4(context: Context) -> Page:
-    """Training pixels; fields of the shape and of a copy with 1 % of its faces; seconds of all steps."""
+    """Fields of a shape and of its copy with 1 % of the faces; their training pixels; the seconds of all steps."""
     rows: list[Row] = []
     drawn: list[Pictures] = []
     for given, _ in context.cases(DISTILLED, (1, 2)):
-        shape = resampled(given, context.of(LUCY))
+        shape = resampled(given, context.quick_or_full(LUCY))
         mesh = shape.mesh
         few = simplify(mesh, max(500, len(mesh.faces) // 100))
         pixels = {"vertices": len(few.vertices)} | {
@@ -89,12 +90,12 @@ def fig4(context: Context) -> Page:
             begin = time.perf_counter()
             field, distill_seconds, _ = distilled(context, shape, preset)
             handle = field(mesh.vertices[[shape.at((0.5, 1.0, 0.5))]])
-            for some in np.array_split(mesh.vertices, len(mesh.vertices) // AT_ONCE + 1):
+            for some in np.array_split(mesh.vertices, len(mesh.vertices) // CHUNK + 1):
                 dfd.bind(field(some), handle)
             seconds = {"distill s": distill_seconds, "weights s": time.perf_counter() - begin}
             of_few = context.field(Shape(f"{shape.name} reduced", few), preset)(few.vertices)
             own = field(few.vertices)
-            # Each fit has another rotation of feature space, so the colors of both use the same directions.
+            # Colors depend on the main directions of the features, so both fields must be colored together.
             colors = np.split(feature_colors(np.concatenate([own, of_few])), 2)
             for some, what in zip(colors, ("the shape", "the reduced one"), strict=True):
                 row.append((picture(few, colors=some, **where), f"{NAMES[preset]}: field of {what}"))
@@ -103,16 +104,16 @@ def fig4(context: Context) -> Page:
             rows.append({**start, **pixels, **seconds, "mean distance": off, "spread": spread})
         drawn.append((shape.name, row))
     text = (
-        "Pixels are those of eight pictures of 252² of the reduced shape, whose vertices are counted. Other methods "
-        "learn from the pixels that a vertex falls into, barycentric distillation from every pixel that a triangle "
-        "covers. The table has the mean distance of both fields at these vertices, and the spread of the features. "
-        "The paper: Lucy, 28 million faces, takes 5.7 minutes to render, 3.7 s if reduced."
+        "Vertices and pixels are counted for the reduced shape, in eight pictures of 252². Other methods train on the "
+        "pixels that contain a vertex, barycentric distillation on all pixels that triangles cover. Mean distance: "
+        "between the features of both fields at the reduced shape's vertices. Spread: mean distance of the features "
+        "from their mean. In the paper, Lucy (28 million faces) takes 5.7 minutes to render, and 3.7 s if reduced."
     )
     return Page(text, drawn, rows)
 
 
 def distilled(context: Context, shape: Shape, preset: Preset) -> tuple[dfd.Field, float, Stages]:
-    """Return a field without use of the cache, its seconds without loading the encoder, and its stages."""
+    """Distill without the cache; return the field, the seconds without loading the encoder, and the timed stages."""
     model, stages = context.loaded(preset), Stages(show=False)
     begin = time.perf_counter()
     field = context.field(shape, preset, encoder=model, stages=stages)
@@ -120,19 +121,19 @@ def distilled(context: Context, shape: Shape, preset: Preset) -> tuple[dfd.Field
 
 
 def resampled(shape: Shape, count: int) -> Shape:
-    """Return the shape with about `count` faces, simplified so that cutting faces into four gives that number."""
+    """Return the shape with about `count` faces: simplified, and then subdivided if it has fewer faces than that."""
     if len(shape.mesh.faces) >= count:
         return Shape(shape.name, simplify(shape.mesh, count))
     return Shape(shape.name, subdivided(resampled(shape, count // 4).mesh))
 
 
 def _distinct_pixels(views: Views) -> int:
-    """Return the number of pixels of all pictures that show a point or more."""
+    """Return the number of pixels, in all pictures, that contain at least one training point."""
     return len(np.unique(np.stack([views.view, np.rint(views.row), np.rint(views.column)]), axis=1).T)
 
 
 def fig13(context: Context) -> Page:
-    """Fields of a coarse copy, fitted to all pixels or to its vertices only, evaluated on the fine mesh."""
+    """Weights on a fine mesh from the fields of a coarse copy, trained on all its pixels or on its vertices only."""
 
     def variants(subject: Subject) -> dict[str, dfd.Deformer]:
         sessions = {}
@@ -146,24 +147,25 @@ def fig13(context: Context) -> Page:
 
     def measure(subject: Subject, each: dfd.Deformer, fine: dfd.Deformer) -> Row:
         mesh = subject.shape.mesh
-        off = float(area_fractions(mesh) @ np.abs(each.weights - fine.weights)[:, 0])
-        return {"roughness": roughness(mesh, each.weights[:, 0]), "off": off if each.preset == "paper" else None}
+        difference = float(area_fractions(mesh) @ np.abs(each.weights - fine.weights)[:, 0])
+        compared = {"mean difference": difference if each.preset == "paper" else None}
+        return {"roughness": roughness(mesh, each.weights[:, 0]), **compared}
 
     text = (
-        f"The coarse copy has {COARSE} faces, much larger than features. Fits to it take the same number of steps; "
-        "with vertices alone, they repeat the same samples. Roughness is the mean of |∇W| on the fine mesh, in weight "
-        "per diagonal; off is the mean difference from the weights of the fine copy."
+        f"The coarse copy has {COARSE} faces, much larger than the details of the features. Both fits to it with the "
+        "paper preset take the same number of steps; the fit to vertices repeats its few samples. Roughness is the "
+        "mean of |∇W| on the fine mesh, in 1 / diagonal. The mean difference compares with the fine copy's weights."
     )
     return gallery(context.subjects(PULLED, (1, 2), presets=("paper",)), variants, measure, text)
 
 
 def fig11(context: Context) -> Page:
-    """One deformation with the features of several image encoders."""
+    """One deformation, repeated with the features of several image encoders."""
 
     def angles(subject: Subject, each: dfd.Deformer, _: dfd.Deformer) -> Row:
         return {"angle °": surface_metrics(subject.shape.mesh, each.vertices)["angle °"]}
 
-    text = "Mean changes of angles over the surface; no fixed point, no regularization."
+    text = "The table has the mean change of angles over the surface. There is no fixed point and no regularization."
     return _encoded(context, "after", angles, text)
 
 
@@ -177,8 +179,8 @@ def fig12(context: Context) -> Page:
         return {"correlation": None if each is first else found}
 
     text = (
-        "The correlation over the surface with the weights of the first encoder. The paper shows DINO, CLIP, SAM 2, "
-        "Diff3F and others."
+        "The table has the correlation with the weights of the first encoder over the surface. The paper shows DINO, "
+        "CLIP, SAM 2, Diff3F and others."
     )
     return _encoded(context, "weights", correlation, text)
 
@@ -195,7 +197,7 @@ def _encoded(context: Context, shown: str, measure: Callable[..., Row], text: st
 
 
 def encoders(context: Context) -> tuple[dict[str, Choice], str]:
-    """Return encoders by their names on a page, the default first, and a sentence about those that are missing."""
+    """Return the available encoders by caption, the default first, and a sentence that lists the missing ones."""
     own = context.loaded("paper")
     label = str(own.name).rpartition("/")[2]
     found: dict[str, Choice] = {f"{label}, block {own.block}": (own.name, None)}
@@ -212,23 +214,23 @@ def encoders(context: Context) -> tuple[dict[str, Choice], str]:
             absent[name] = one_line(error)
     if not absent:
         return found, ""
-    return found, f"\n\nNot available here: {', '.join(absent)}. The first one: {next(iter(absent.values()))}"
+    return found, f"\n\nNot available here: {', '.join(absent)}. The first one's error: {next(iter(absent.values()))}"
 
 
 def roughness(mesh: dfd.Mesh, weights: NDArray[np.floating]) -> float:
-    """Return the mean of |∇W| over the surface for weights (V,), in weight per diagonal of the box."""
+    """Return the mean of |∇W| over the surface for weights (V,), in 1 / diagonal of the box."""
     faces = mesh.faces[(areas := face_areas(mesh.vertices, mesh.faces)) > 0].astype(np.int64)
     slopes = (igl.grad(mesh.vertices, faces) @ weights.astype(np.float64)).reshape(3, -1)
     return float(np.average(np.linalg.norm(slopes, axis=0), weights=areas[areas > 0]) * mesh.diagonal)
 
 
 def subdivided(mesh: dfd.Mesh) -> dfd.Mesh:
-    """Return the mesh with every face cut into four, without its appearance."""
+    """Return the mesh with every face split into four, without colors and textures."""
     return dfd.Mesh(*trimesh.remesh.subdivide(mesh.vertices, mesh.faces))
 
 
 def fig19(context: Context) -> Page:
-    """One field on other tessellations of a shape, and on other shapes of its class."""
+    """Weights by one field, on other tessellations of its shape and on other shapes of the same class."""
 
     def variants(subject: Subject) -> dict[str, dfd.Deformer]:
         shape, field, (place, others) = subject.shape, subject.field, subject.case
@@ -244,42 +246,42 @@ def fig19(context: Context) -> Page:
         return sessions
 
     def measure(subject: Subject, each: dfd.Deformer, first: dfd.Deformer) -> Row:
-        mesh, weights, off = each.mesh, each.weights[:, 0], None
+        mesh, weights, difference = each.mesh, each.weights[:, 0], None
         distance, nearest = KDTree(mesh.vertices).query(first.mesh.vertices)
         if each is not first and distance.max() < 0.1 * mesh.diagonal:  # another tessellation of the same shape
-            off = float(np.abs(weights[nearest] - first.weights[:, 0]).mean())
+            difference = float(np.abs(weights[nearest] - first.weights[:, 0]).mean())
         follows = 100 * float(area_fractions(mesh)[weights > FOLLOWS].sum())
-        return {"faces": len(mesh.faces), "follows %": follows, "mean difference": off}
+        return {"faces": len(mesh.faces), "follows %": follows, "mean difference": difference}
 
     text = (
-        "Other tessellations evaluate the field at their own vertices. Another shape of the class is turned to face "
-        "the same way and scaled to the box; its handle is the vertex whose feature is nearest to that of the handle. "
-        f"The table: how much of the surface has a weight above {FOLLOWS}, and the mean difference from the weights of "
-        "the shape's own mesh."
+        "For other tessellations, the field is evaluated at their vertices. Another shape of the class is first "
+        "rotated to face the same direction, and scaled into the box of the distilled shape. Its handle is the vertex "
+        "with the feature nearest to that of the first handle. The table has the percentage of the surface area with "
+        f"a weight above {FOLLOWS}, and the mean difference from the weights on the first mesh."
     )
     return gallery(context.subjects(CLASSES, (1, 2)), variants, measure, text)
 
 
 def turned(shape: Shape, degrees: float) -> dfd.Mesh:
-    """Return the shape turned about y, its long edges halved, without its appearance."""
+    """Return the shape rotated about y, with long edges halved, and without colors and textures."""
     refined = shape.refined().mesh
     return dfd.Mesh(Rotation.from_euler("y", degrees, degrees=True).apply(refined.vertices), refined.faces)
 
 
 def in_box_of(mesh: dfd.Mesh, other: dfd.Mesh) -> Float64:
-    """Return the vertices of `mesh`, scaled along each axis into the box of `other`."""
+    """Return the vertices of `mesh`, scaled along each axis to fit the bounding box of `other`."""
     return other.bounds[0] + (mesh.vertices - mesh.bounds[0]) / np.maximum(mesh.extents, 1e-12) * other.extents
 
 
 def fig20(context: Context) -> Page:
-    """Weights of the same parts on different shapes of one class."""
+    """Weights of handles on the same parts of different shapes of one class."""
     return gallery(
         context.subjects(CHAIRS, (3, 6), refined=True),
         lambda subject: {
             part: subject.session([{"at": subject.shape.at(place)}]) for part, place in subject.case.items()
         },
         lambda _, each, __: {"follows %": following(each, FOLLOWS)},
-        f"How much of the surface, in % of its area, has a weight above {FOLLOWS} for each part.",
+        f"The table has the percentage of the surface area with a weight above {FOLLOWS}, for a handle on each part.",
         shown=["weights"],
         azimuth=35.0,
     )

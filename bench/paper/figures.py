@@ -1,6 +1,6 @@
-"""The claims of all figures and tables of the paper and its supplement, and the numbers that decide them.
+"""List the claim of each figure and table of the paper, and the number that decides whether the result agrees.
 
-Where the paper has no number, the bound is ours, the least that its words need.
+If the paper gives no number, the bound is our choice.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,7 +16,7 @@ OURS = NAMES["paper"]
 
 
 def column(name: str, reduce: Callable[[Any], Any] = np.mean, **where: Any) -> Rule:
-    """Return the rule that reduces a column over the rows that have one of the given values in other columns."""
+    """Return the rule that reduces column `name` of all rows whose other columns have one of the values in `where`."""
 
     def number(rows: Sequence[Row]) -> float:
         fitting = [row for row in rows if all(row.get(key) in np.atleast_1d(each) for key, each in where.items())]
@@ -26,69 +26,67 @@ def column(name: str, reduce: Callable[[Any], Any] = np.mean, **where: Any) -> R
     return number
 
 
-def ratio(name: str, above: dict[str, Any], below: dict[str, Any]) -> Rule:
-    """Return the rule for one mean over another."""
-    return lambda rows: column(name, **above)(rows) / max(column(name, **below)(rows), 1e-9)
+def ratio(name: str, dividend: dict[str, Any], divisor: dict[str, Any]) -> Rule:
+    """Return the rule that divides the mean of column `name` over some rows by the mean over other rows."""
+    return lambda rows: column(name, **dividend)(rows) / max(column(name, **divisor)(rows), 1e-9)
 
 
 def spread(found: Any) -> float:
-    """Return the largest over the smallest value."""
+    """Return the largest value divided by the smallest."""
     return float(max(found) / max(min(found), 1e-9))
 
 
-DFD = {"method": OURS}  # failures of DFD count; those of the others do not
-# Results that explode have a note.
+# Results that are too large have a note. They count for DFD, but not for the other methods.
+DFD = {"method": OURS}
 PEERS, COORDINATES = ({"method": each, "note": ""} for each in (comparisons.COMPARED, "biharmonic"))
 FAILING = {"method": comparisons.COMPARED}
 FREE, FIXED, FAR, WIDE = ({"preset": OURS, "variant": each} for each in ("free", "fixed", "λ = 32", "λ = 0"))
 PIXELS, VERTICES = ({"variant": name} for name in ("paper preset, coarse copy, all pixels", features.VERTICES_ALONE))
-PLANE, ANGLE = "shapes with a plane, %", "angle change, DFD's over the others'"
-FLIPPED, OFF = "faces flipped by DFD, %", "handle off its target, % of the diagonal"
+PLANE, ANGLE, SIMILAR = "shapes with a plane, %", "angle change, DFD /", "similar vertices"
+FLIPPED, ERROR = "faces flipped by DFD, %", "distance of the handle from its target, % of the diagonal"
 
-# What the paper says, what is measured, the rule, and its bound.
+# By page: the claim of the paper, what our number measures, the rule that computes it, and its lower or upper bound.
 FIGURES: dict[str, Figure] = {
-    "fig1": Figure("a plane of symmetry per shape", PLANE, column("plane %", preset=OURS), 100),
-    "fig2": Figure("plausible, no number", FLIPPED, column("flipped %", preset=OURS), most=1),
-    "fig3": Figure("targets reached", OFF, column("off %", preset=OURS), most=0.1),
-    "fig4": Figure(
-        "below 60 s (Lucy)", "seconds from render to weights", column("weights s", max, preset=OURS), most=60
-    ),
+    "fig1": Figure("a plane of symmetry per shape", PLANE, column("plane found %", preset=OURS), 100),
+    "fig2": Figure("plausible pictures", FLIPPED, column("flipped %", preset=OURS), most=1),
+    "fig3": Figure("handles reach their targets", ERROR, column("handle error %", preset=OURS), most=0.1),
+    "fig4": Figure("below 60 s (Lucy)", "seconds to distill and bind", column("weights s", max, preset=OURS), most=60),
     "fig5": Figure("score below 0.1", "score of the best plane", column("score", preset=OURS), most=0.1),
-    "fig6": Figure("similar parts stay", "motion that is left", ratio("alike moves %", FIXED, FREE), most=0.5),
-    "fig7": Figure("the horn alone", "area at λ = 32 over that at 0", ratio("follows %", FAR, WIDE), most=0.5),
-    "fig8": Figure("targets without fixed points", OFF, column("handle off %", **DFD), most=0.1),
-    "fig9": Figure("as smooth as biharmonic", ANGLE, ratio("angle °", DFD, COORDINATES), most=1),
+    "fig6": Figure(
+        "similar parts stay", "their motion, fixed / free", ratio(f"{SIMILAR} move %", FIXED, FREE), most=0.5
+    ),
+    "fig7": Figure("only the horn moves", "area at λ = 32 / at λ = 0", ratio("follows %", FAR, WIDE), most=0.5),
+    "fig8": Figure("targets reached without fixed points", ERROR, column("handle error %", **DFD), most=0.1),
+    "fig9": Figure("as smooth as biharmonic", f"{ANGLE} biharmonic", ratio("angle °", DFD, COORDINATES), most=1),
     "fig10": Figure(
-        "robust to size", "largest over smallest preprocessing", column("preprocess s", spread, method=OURS), most=3
+        "robust to size", "longest / shortest preprocessing", column("preprocess s", spread, **DFD), most=3
     ),
-    "fig11": Figure(
-        "similar edits", "largest over smallest angle change", column("angle °", spread, preset=OURS), most=2
-    ),
+    "fig11": Figure("similar edits", "largest / smallest angle change", column("angle °", spread, preset=OURS), most=2),
     "fig12": Figure(
-        "similar weights", "correlation of the others with the first", column("correlation", preset=OURS), 0.7
+        "similar weights", "correlation with the first encoder's weights", column("correlation", preset=OURS), 0.7
     ),
     "fig13": Figure(
-        "vertices give much worse weights",
-        "distance from the fine copy's weights, vertices over pixels",
-        ratio("off", VERTICES, PIXELS),
+        "training on vertices gives much worse weights",
+        "difference from the fine copy's weights, trained on vertices / on all pixels",
+        ratio("mean difference", VERTICES, PIXELS),
         1.5,
     ),
-    "fig14": Figure("only related parts move", ANGLE, ratio("angle °", DFD, PEERS), most=1),
-    "fig15": Figure("the others fail", "faces that the others fold, per shape", column("flipped faces", **FAILING), 1),
-    "fig16": Figure("as smooth as biharmonic", ANGLE, ratio("angle °", DFD, COORDINATES), most=1),
-    "fig17": Figure("no tears", "gap, % of the motion", column("gap %", preset=OURS), most=5),
-    "fig18": Figure("constant training time T", "largest over smallest T", column("T s", spread, preset=OURS), most=2),
+    "fig14": Figure("only related parts move", f"{ANGLE} other methods", ratio("angle °", DFD, PEERS), most=1),
+    "fig15": Figure("the other methods fail", "their flipped faces per shape", column("flipped faces", **FAILING), 1),
+    "fig16": Figure("as smooth as biharmonic", f"{ANGLE} biharmonic", ratio("angle °", DFD, COORDINATES), most=1),
+    "fig17": Figure("no tears", "mean gap, % of the largest motion", column("gap %", preset=OURS), most=5),
+    "fig18": Figure("constant training time T", "longest / shortest T", column("T s", spread, preset=OURS), most=2),
     "fig19": Figure("the same weights", "mean difference of weights", column("mean difference", preset=OURS), most=0.1),
     "fig20": Figure(
-        "the same parts",
-        "largest over smallest area of legs",
+        "handles select the same parts",
+        "largest / smallest area of legs",
         column("follows %", spread, preset=OURS, variant="leg"),
         most=4,
     ),
-    "fig21": Figure("reasonable shapes", "size of DFD's result over the shape's", column("size", **DFD), most=1.5),
-    "fig22": Figure("DFD distorts more", "area change, DFD's over the others'", ratio("area %", DFD, PEERS), 1),
+    "fig21": Figure("reasonable shapes", "diagonal of the result / of the shape", column("size", **DFD), most=1.5),
+    "fig22": Figure("DFD distorts more", "area change, DFD / other methods", ratio("area %", DFD, PEERS), 1),
     "table1": Figure("every tick of Table 1", "ticks as in the paper, %", column("as in the paper, %"), 100),
-    "table3": Figure("1,150 times (1 handle)", "OptCtrlPoints' seconds over DFD's", resolution.slower, 1000),
+    "table3": Figure("1,150 times as fast (1 handle)", "seconds, OptCtrlPoints / DFD", resolution.speedup, 1000),
 }
 PAGES: dict[str, Callable[[Context], Page]] = {
     name: getattr(module, name)
@@ -96,5 +94,5 @@ PAGES: dict[str, Callable[[Context], Page]] = {
     for module in (controls, features, comparisons, resolution)
     if hasattr(module, name)
 }
-SCREENS = "it shows screens of the paper's user study; fig14 draws such pictures"
+SCREENS = "it shows screenshots of the paper's user study; fig14 draws such pictures"
 CANNOT = {"fig23": SCREENS, "fig24": SCREENS, "table2": "the answers of the paper's user study are not available"}

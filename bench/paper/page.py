@@ -1,4 +1,4 @@
-"""Draw, tabulate and write a page of the paper."""
+"""Make the page of a figure or table of the paper: draw its pictures, fill its table, write Markdown, PNG and CSV."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,24 +20,24 @@ from dfd.pictures.viewpoint import azimuth_towards
 
 RESOLUTION = 320
 Pictures = tuple[str, Sequence[tuple[UInt8, str]]]  # a heading, and pictures with their captions
-Row = Mapping[str, Any]  # a number or word by the name of its column; None or nothing is an empty cell
-Rule = Callable[[Sequence[Row]], float]  # a number from the rows of a page
+Row = Mapping[str, Any]  # the cells of a table row by column name; a missing cell or None stays empty
+Rule = Callable[[Sequence[Row]], float]  # computes one number from the table rows of a page
 
 
 def aim(mesh: dfd.Mesh, points: Any, *moved: Float64, **more: Any) -> dict[str, Any]:
-    """Return options of `picture` that show `points` (N, 3) from outside, and all of `moved` (V, 3)."""
+    """Return options of `picture`: a camera that faces `points` (N, 3) and shows the mesh and all `moved` (V, 3)."""
     frame = [mesh.vertices, *moved]
     return {"azimuth": azimuth_towards(mesh, points), "frame": frame, "resolution": RESOLUTION, **more}
 
 
 @dataclass(frozen=True)
 class Page:
-    """A figure or table: a text, pictures, and a table."""
+    """The content of a page: a text, pictures or a plot, and the rows of a table."""
 
     text: str
     pictures: Sequence[Pictures] = ()
     rows: Sequence[Row] = ()
-    plot: Any = None  # a figure of matplotlib
+    plot: Any = None  # a matplotlib figure
 
 
 def gallery(
@@ -50,10 +50,10 @@ def gallery(
     azimuth: float | None = None,
     source: Callable[[Subject], Mapping[str, Any]] = lambda subject: {},
 ) -> Page:
-    """Draw every subject by the sessions of its `variants`, and tabulate what `measure` returns for each.
+    """Return a page with the sessions that `variants` returns for every subject, by name, and a table row for each.
 
-    `measure` takes the subject, a session and the first session, whose camera draws all. `shown` are views of
-    `session_views`, a row of pictures each. `source` returns options of `picture` for the shape at rest.
+    `measure` takes the subject, a session, and the subject's first session, whose camera draws all. It returns cells of
+    the row. Each of the views `shown` is a row of pictures. `source` returns options of `picture` for the rest shape.
     """
     drawn: list[Pictures] = []
     rows: list[Row] = []
@@ -62,8 +62,8 @@ def gallery(
         first = next(iter(sessions.values()))
         camera = session_views(first, getattr(subject.case, "azimuth", azimuth))["before"]
         views = {name: session_views(each, camera["azimuth"]) for name, each in sessions.items()}
-        room = [mesh.vertices, *(each.vertices for each in sessions.values() if each.mesh is mesh)]
-        look: dict[str, Any] = {"resolution": RESOLUTION, "frame": room}
+        frame = [mesh.vertices, *(each.vertices for each in sessions.values() if each.mesh is mesh)]
+        look: dict[str, Any] = {"resolution": RESOLUTION, "frame": frame}
         start = (picture(mesh, **{**camera, **look, **source(subject)}), "before")
         cells: dict[str, list[tuple[UInt8, str]]] = {what: [] for what in shown}
         for (name, each), what in product(sessions.items(), shown):
@@ -81,32 +81,32 @@ def gallery(
 
 
 def following(session: dfd.Deformer, least: float) -> float:
-    """Return how much of the surface follows the first handle by a weight above `least`, per cent."""
+    """Return the percentage of the surface area that follows the first handle with a weight above `least`."""
     return 100 * float(area_fractions(session.mesh)[session.following[:, 0] > least].sum())
 
 
 @dataclass(frozen=True)
 class Figure:
-    """The claim of a figure or table, and the number that decides whether it holds here."""
+    """A claim of a figure or table of the paper, and the number that decides whether the result of dfd agrees."""
 
-    paper: str  # the paper's number, or what its pictures show
-    measured: str  # the name of the number
-    number: Rule
-    least: float = -np.inf  # bounds of a number that agrees with the paper
-    most: float = np.inf
+    paper: str  # the claim: a number, or what the pictures show
+    measured: str  # what our number measures
+    number: Rule  # computes our number
+    least: float = -np.inf  # smallest number that agrees with the claim
+    most: float = np.inf  # largest number that agrees with the claim
 
     def verdict(self, number: float, quick: bool) -> str:
-        """Return one sentence that follows from the number."""
+        """Return a sentence that says whether the number agrees with the paper."""
         if not np.isfinite(number):
             return f"Not decided: this run did not measure {self.measured}."
         agrees = "agrees" if self.least <= number <= self.most else "does not agree"
         bound = f"at least {self.least:g}" if np.isfinite(self.least) else f"at most {self.most:g}"
-        inputs = ", on the few and small inputs of --quick" if quick else ""
+        inputs = ", measured on the smaller inputs of --quick" if quick else ""
         return f"{self.measured}: {number:.3g}, which {agrees} with the paper (our bound: {bound}){inputs}."
 
 
 def write(make: Callable[[Context], Page], figure: Figure, name: str, folder: Path, context: Context) -> Path:
-    """Write NAME.md with its pictures as PNG and its table as CSV; return the path of NAME.md."""
+    """Write the page NAME.md, its pictures as PNG and its table as CSV; return the path of NAME.md."""
     folder.mkdir(parents=True, exist_ok=True)
     page = make(context)
     number = figure.number(page.rows)

@@ -1,4 +1,4 @@
-"""Pages about times and about large or broken meshes: Fig. 10, 17 and 18, and Tables 1 and 3."""
+"""Pages that show running times, and large or broken meshes: Fig. 10, 17 and 18, and Tables 1 and 3."""
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -28,37 +28,37 @@ from dfd.geometry.topology import face_components, face_sides, first_at_place, i
 PHASES = ("preprocess s", "bind s", "pose s")
 TIMED = dict.fromkeys(("koala", "scorpion", "spot", "quadruped"))
 FACES = (1_000, 10_000, 100_000, 1_000_000, 10_000_000)
-PATIENCE = (40.0, 600.0)  # seconds for a peer's tetrahedra, and for its steps, in a quick and a whole run
-PEER_HANDLES = 10  # farthest points: other methods need several
+PATIENCE = (40.0, 600.0)  # limits in a quick and a full run: seconds for a peer's tetrahedra, and for its other steps
+PEER_HANDLES = 10  # handles of a timed peer, by farthest point sampling; some peers need several
 
 BROKEN = pulls_of("truck_defects", "chair_nonmanifold", "plane_holes", "knight", "robot")
 BOUNDARY, CLAY = (0.85, 0.15, 0.1), (0.82, 0.81, 0.78)
-NEAR = 0.005  # of the diagonal, between vertices of two components that belong together
+NEAR = 0.005  # of the diagonal; components belong together at vertices that are closer than this
 
 LARGE = pulls_of("plane_holes", "koala", "truck_defects", "spot", "quadruped")
-SHORTER = (1, 2, 8)  # the mean edge length is divided by these to remesh
-RENDERING = ("simplify", "render")  # the stages that the paper's R counts
+DIVISORS = (1, 2, 8)  # of the mean edge length, for remeshing
+RENDERING = ("simplify", "render")  # the stages that the paper's time R includes
 
-COUNTS = (1, 10, 100)
+COUNTS = (1, 10, 100)  # handles per set in Table 3
 SOLID = ("spot", "koala", "fox", "scorpion", "shark", "boat", "quadruped")
 REBOUND = dict.fromkeys((*SOLID, "kaykit_chair_A", "table_roundlarge", "chair"))
-# The paper's Table 3, on one A40: means over 20 shapes and 1,000 random sets of each.
+# Seconds of the paper's Table 3, by COUNTS, on one A40 GPU: means over 20 shapes with 1,000 random sets each.
 PAPER_SECONDS = {"DFD, forward pass": (0.004, 0.012, 0.034), "OptCtrlPoints": (4.6, 11.35, 21.8)}
-EDGES = (0.05, 0.03, 0.02, 0.014, 0.01, 0.007, 0.005)  # of the diagonal, of tetrahedra
+EDGES = (0.05, 0.03, 0.02, 0.014, 0.01, 0.007, 0.005)  # of tetrahedra, as fractions of the diagonal
 
 TICKED = dict.fromkeys(("spot", "quadruped"))
 TICKED_FACES = ((1_000, 8_000), (4_000, 32_000))
-MORE, FOLLOWED, FRAME = 8, 0.3, 1 / 30
+MORE, FOLLOWED, FRAME = 8, 0.3, 1 / 30  # bounds of ticks: ratio of face counts, fraction of a motion, seconds
 FOOT = BoxHandle((0.2, 0.0, 0.2), (0.0, -0.15, 0.0))
 PROPERTIES = ("global semantics", "local control", "size robust", "new handle")
-TICKS = {"ARAP": "-x--", "biharmonic": "-x--", "NeuralMLS": "-xx-", "DFD": "xxxx"}  # x where the paper has a tick
+TICKS = {"ARAP": "-x--", "biharmonic": "-x--", "NeuralMLS": "-xx-", "DFD": "xxxx"}  # x: the paper has a tick
 
 
 def fig10(context: Context) -> Page:
-    """Seconds of every method to preprocess, bind and pose over the number of faces."""
+    """Seconds that every method takes to preprocess, bind and pose, by the number of faces."""
     rows: list[Row] = []
     for given, _ in context.cases(TIMED, (1, 3)):
-        able = ["ARAP", "biharmonic", "NeuralMLS"]  # those of the paper's plot
+        able = ["ARAP", "biharmonic", "NeuralMLS"]  # peers in the paper's plot
         for count in FACES[:3] if context.quick else FACES:
             shape = resampled(given, count)
             start = {"shape": shape.name, "faces": len(shape.mesh.faces)}
@@ -68,18 +68,18 @@ def fig10(context: Context) -> Page:
                 context.say(f"{shape.name}, {len(shape.mesh.faces):,} faces, {name}")
                 row: dict[str, Any] = {**start, "method": name}
                 try:
-                    row |= _peer_seconds(shape.mesh, name, context.of(PATIENCE))
+                    row |= _peer_seconds(shape.mesh, name, context.quick_or_full(PATIENCE))
                 except PeerError as error:
-                    able.remove(name)  # more faces would fail, too
+                    able.remove(name)  # larger meshes would fail, too
                     row["note"] = str(error)
                 rows.append(row)
     text = (
-        "Preprocess: `dfd.distill` without loading the encoder; for biharmonic coordinates, tetrahedra by fTetWild of "
-        "all faces, and their energy. Bind: the field's forward pass and the weights of one handle; for other "
-        f"methods, the factors or networks of {PEER_HANDLES} handles. Rebind: the weights of a further handle. DFD has "
-        "medians of repeated calls. The others have one call each, with at most "
-        f"{context.of(PATIENCE):g} s for their tetrahedra and as many for the rest. The paper's plot has no numbers; "
-        "its text says that biharmonic coordinates fail above 10⁵ faces. APAP is not available."
+        "Preprocess: `dfd.distill` without loading the encoder; for biharmonic coordinates, fTetWild's tetrahedra for "
+        "all faces, and the energy. Bind: the field's forward pass and the weights of one handle; for other methods, "
+        f"the factorization or the network for {PEER_HANDLES} handles. Rebind: the weights of a further handle. The "
+        "seconds of DFD are medians of repeated calls. The other methods run once, with a limit of "
+        f"{context.quick_or_full(PATIENCE):g} s for tetrahedra, and the same for all other steps. The paper's plot has "
+        "no numbers; its text says that biharmonic coordinates fail above 10⁵ faces. APAP is not available."
     )
     return Page(text, rows=rows, plot=plot(rows))
 
@@ -94,7 +94,7 @@ def _dfd_seconds(context: Context, shape: Shape, preset: Preset) -> dict[str, fl
         "rebind s": lambda: dfd.bind(features, [vertex]),
         "pose s": lambda: dfd.pose(mesh.vertices, weights, transform),
     }
-    taken = together(calls, seconds=context.of((0.1, 1.0)), least=3)
+    taken = together(calls, seconds=context.quick_or_full((0.1, 1.0)), least=3)
     return {"preprocess s": preprocess, **{name: each.median for name, each in taken.items()}}
 
 
@@ -109,7 +109,7 @@ def _peer_seconds(mesh: dfd.Mesh, name: str, patience: float) -> dict[str, float
 
 
 def plot(rows: Sequence[Row]) -> Any:
-    """Draw seconds over faces, both logarithmic: a panel for each phase, a line for each method's mean over shapes."""
+    """Draw seconds against faces, both logarithmic: a panel for each phase, a line for each method (mean of shapes)."""
     from matplotlib.figure import Figure  # needed by this page alone
 
     figure = Figure(figsize=(13, 4), layout="constrained")
@@ -126,10 +126,10 @@ def plot(rows: Sequence[Row]) -> Any:
 
 
 def defects(mesh: dfd.Mesh) -> tuple[int, int, Int64]:
-    """Count non-manifold elements and holes as the paper does (Fig. 18), and return edges (B, 2) of one face.
+    """Return the numbers of non-manifold elements and of holes, as in Fig. 18, and the boundary edges (B, 2).
 
-    Vertices that share a position are one. Elements are edges of more than two faces, and vertices around which faces
-    do not form one fan. Two holes that meet in a vertex count as one.
+    Vertices at the same position are merged first. Non-manifold elements are edges with more than two faces, and other
+    vertices whose faces do not form one fan. Holes that share a vertex count as one.
     """
     faces = first_at_place(mesh)[mesh.faces].astype(np.int64)
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
@@ -142,7 +142,7 @@ def defects(mesh: dfd.Mesh) -> tuple[int, int, Int64]:
 
 
 def gap(mesh: dfd.Mesh, moved: NDArray[np.floating]) -> float | None:
-    """Return the mean change of distance, mesh units, between near vertices of different components; None without."""
+    """Return the mean distance by which near vertices of different components move apart; None if there are none."""
     faces = first_at_place(mesh)[mesh.faces]
     component = np.full(len(mesh.vertices), -1)
     component[faces] = face_components(faces.astype(np.int32))[:, None]
@@ -156,7 +156,7 @@ def gap(mesh: dfd.Mesh, moved: NDArray[np.floating]) -> float | None:
 
 
 def fig17(context: Context) -> Page:
-    """Shapes with holes, loose components and non-manifold edges: defects, and one pull."""
+    """Shapes with holes, loose components and non-manifold edges, and a translation of one handle."""
 
     def torn(subject: Subject, each: dfd.Deformer, _: dfd.Deformer) -> Row:
         mesh, counts = subject.shape.mesh, inspect(subject.shape.mesh)
@@ -174,30 +174,31 @@ def fig17(context: Context) -> Page:
         return {"colors": np.where(at_boundary[:, None], BOUNDARY, CLAY)}
 
     text = (
-        f"Red: vertices at edges of one face. Gap: vertices of different components within {NEAR:.1%} of the diagonal "
-        "part by this mean distance, in % of the largest motion of a vertex. The paper's example has 3,804 boundary "
-        "edges, 70 components and 12 non-manifold edges."
+        "Boundary vertices are red. The gap is the mean distance by which vertices of different components, at rest "
+        f"closer than {NEAR:.1%} of the diagonal, move apart, in % of the largest motion. The paper's example has "
+        "3,804 boundary edges, 70 components and 12 non-manifold edges."
     )
     subjects = context.subjects(BROKEN, (2, 4))
     return gallery(subjects, lambda subject: {"pull": subject.pull()}, torn, text, source=marked)
 
 
-def remeshed(shape: Shape, part: int) -> Shape:
-    """Return the shape, remeshed so that no edge is longer than the mean divided by `part`; unchanged for 1."""
-    if part == 1:
+def remeshed(shape: Shape, divisor: int) -> Shape:
+    """Return the shape, remeshed until no edge is longer than the mean length divided by `divisor`; itself for 1."""
+    if divisor == 1:
         return shape
     surface = trimesh.Trimesh(shape.mesh.vertices, shape.mesh.faces, process=False)
-    finer = surface.subdivide_to_size(surface.edges_unique_length.mean() / part, max_iter=30)
-    return Shape(f"{shape.name}, edges / {part}", dfd.Mesh(finer.vertices, finer.faces))
+    finer = surface.subdivide_to_size(surface.edges_unique_length.mean() / divisor, max_iter=30)
+    return Shape(f"{shape.name}, edges / {divisor}", dfd.Mesh(finer.vertices, finer.faces))
 
 
 def fig18(context: Context) -> Page:
-    """Large meshes: defects, holes, and seconds of each stage with nothing taken from the cache."""
+    """Large meshes: their defects and holes, and the seconds of each stage without the cache."""
     taken: dict[tuple[str, str], Row] = {}
 
     def subjects() -> Iterator[Subject]:
         for given, case in context.cases(LARGE, (1, 4)):
-            for shape, preset in product([remeshed(given, part) for part in SHORTER[: context.of((2, 3))]], PRESETS):
+            finer = [remeshed(given, divisor) for divisor in DIVISORS[: context.quick_or_full((2, 3))]]
+            for shape, preset in product(finer, PRESETS):
                 field, seconds, stages = distilled(context, shape, preset)
                 rendering = sum(stages.seconds.get(name, 0.0) for name in RENDERING)
                 taken[shape.name, preset] = {"R s": rendering, "T s": seconds - rendering}
@@ -213,19 +214,19 @@ def fig18(context: Context) -> Page:
         return {**size, **taken[subject.shape.name, subject.preset], "I s": inference}
 
     text = (
-        "#NM: edges of more than two faces, and vertices around which faces form more than one fan; #H: holes. R: "
-        "seconds to simplify and render; T: the rest of the distillation; I: features of all vertices, weights of one "
-        "handle, and the posed shape. Each mesh is shown as it is, and remeshed by trimesh to shorter edges. The paper "
-        "distills Lucy, 28 million faces, within a minute (NVIDIA A40)."
+        "#NM: number of edges with more than two faces, and of vertices whose faces form more than one fan. #H: number "
+        "of holes. R: seconds to simplify and render. T: seconds of the rest of the distillation. I: seconds for the "
+        "features of all vertices, the weights of one handle, and the posed shape. Each mesh is shown as it is, and "
+        "remeshed by trimesh to shorter edges. The paper distills Lucy, 28 million faces, within a minute (NVIDIA A40)."
     )
     return gallery(subjects(), lambda subject: {"pull": subject.pull()}, measure, text)
 
 
 def table1(context: Context) -> Page:
-    """Properties of methods, each measured: semantics, locality, robustness to size, and new handles."""
+    """Measured properties of every method: global semantics, local control, robustness to size, new handles."""
     rows: list[Row] = []
     for shape, _ in context.cases(TICKED, (1, 2)):
-        sizes = [resampled(shape, count) for count in context.of(TICKED_FACES)]
+        sizes = [resampled(shape, count) for count in context.quick_or_full(TICKED_FACES)]
         case = case_of(shape.refined(), FOOT)
         for name, paper in TICKS.items():
             context.say(f"{shape.name}, {name}")
@@ -238,10 +239,10 @@ def table1(context: Context) -> Page:
                 row["note"] = str(error)
             rows.append(row)
     text = (
-        f"Global: all feet go at least {FOLLOWED:g} of the way of the pulled one, the flank less than half of "
-        f"theirs. Local: the flank goes less than {FOLLOWED / 2:g} of it, with λ = 8 for DFD. Size: {MORE} times the "
-        f"faces take less than {MORE / 2:g} times as long. New handle: weights within {FRAME * 1000:.0f} ms at the "
-        "largest size. The networks of APAP and DeepMetaHandles are not available."
+        f"One foot is pulled. Global semantics: every other foot moves at least {FOLLOWED:g} of its distance, and the "
+        f"flank less than half as far as any foot. Local control: the flank moves less than {FOLLOWED / 2:g} of that "
+        f"distance, with λ = 8 for DFD. Size robust: {MORE} times the faces take less than {MORE / 2:g} times as long. "
+        f"New handle: its weights take less than {FRAME * 1000:.0f} ms at the larger size."
     )
     return Page(text, rows=rows)
 
@@ -256,22 +257,22 @@ def _ticks(context: Context, case: Case, name: str, sizes: Sequence[Shape]) -> B
         moved.append(session.vertices)
     else:
         moved = [deform(name, case, BALL)] * 2
-    length = np.linalg.norm(case.target - shape.mesh.vertices[at])
+    length = np.linalg.norm(case.handle_target - shape.mesh.vertices[at])
     wide, local = (np.linalg.norm(each - shape.mesh.vertices, axis=1) / length for each in moved)
     taken = [
-        _dfd_seconds(context, size, "paper") if own else _peer_seconds(size.mesh, name, context.of(PATIENCE))
+        _dfd_seconds(context, size, "paper") if own else _peer_seconds(size.mesh, name, context.quick_or_full(PATIENCE))
         for size in sizes
     ]
-    # A further handle costs DFD one binding; the others bind their whole set again.
+    # For a new handle, DFD binds only this handle; the other methods bind all handles again.
     new = [each.get("rebind s", each["bind s"]) for each in taken]
     coarse, fine = (each.get("preprocess s", 0.0) + seconds for each, seconds in zip(taken, new, strict=True))
-    alike = wide[feet].min() >= FOLLOWED and wide[flank] < wide[feet].min() / 2
-    return np.array([alike, local[flank] < FOLLOWED / 2, fine < MORE / 2 * coarse, new[1] < FRAME])
+    semantic = wide[feet].min() >= FOLLOWED and wide[flank] < wide[feet].min() / 2
+    return np.array([semantic, local[flank] < FOLLOWED / 2, fine < MORE / 2 * coarse, new[1] < FRAME])
 
 
 def table3(context: Context) -> Page:
-    """Seconds to bind 1, 10 and 100 new handles, by DFD and by OptCtrlPoints, on the nodes of one tetrahedral mesh."""
-    repeats, patience = context.of((3, 50)), context.of(PATIENCE)
+    """Seconds to bind 1, 10 and 100 new handles by DFD and by OptCtrlPoints, on the nodes of the same tetrahedra."""
+    repeats, patience = context.quick_or_full((3, 50)), context.quick_or_full(PATIENCE)
     rows: list[Row] = []
 
     def add(method: str, seconds: Iterable[float], **start: Any) -> None:
@@ -279,7 +280,7 @@ def table3(context: Context) -> Page:
         rows.append({**start, "method": method, **dict(zip(names, map(float, seconds), strict=True))})
 
     for given, _ in context.cases(REBOUND, (1, 20)):
-        welded = trimesh.Trimesh(given.mesh.vertices, given.mesh.faces)  # one vertex per position, each with a face
+        welded = trimesh.Trimesh(given.mesh.vertices, given.mesh.faces)  # no duplicate vertices
         shape = Shape(given.name, dfd.Mesh(welded.vertices, welded.faces))
         mesh, faces = shape.mesh, shape.mesh.faces.astype(np.int64)
         draw = partial(np.random.default_rng(0).choice, len(mesh.vertices), replace=False)
@@ -307,9 +308,9 @@ def table3(context: Context) -> Page:
     for name, seconds in PAPER_SECONDS.items():
         add(name, seconds, shape="paper")
     text = (
-        f"Means of {repeats} random sets. Both bind the same nodes of fTetWild's tetrahedra, whose edges, of the "
-        "diagonal, shrink until OptCtrlPoints fails. OptCtrlPoints factors once before. It then takes a back "
-        "substitution for each handle and one small dense system. The paper's seconds are those of an A40."
+        f"Seconds are means over {repeats} random sets of handles. Both methods bind the same nodes of fTetWild's "
+        "tetrahedra. Their edge length, a fraction of the diagonal, decreases until OptCtrlPoints fails. Its seconds "
+        "are for back substitutions and a small dense system, after factorization. The paper used an NVIDIA A40."
     )
     return Page(text, rows=rows)
 
@@ -322,8 +323,8 @@ def _seconds(features: Callable[[], Float32], sets: Sequence[Int64]) -> float:
     return time.perf_counter() - begin
 
 
-def slower(rows: Sequence[Row]) -> float:
-    """Return the time of OptCtrlPoints over that of DFD with its forward pass, for one handle and the most nodes."""
+def speedup(rows: Sequence[Row]) -> float:
+    """Return the time of OptCtrlPoints divided by that of DFD with its forward pass, for one handle and most nodes."""
     own = [row for row in rows if row.get("nodes")]
     most = max((row["nodes"] for row in own), default=0)
     seconds = {row["method"]: row["1 handle s"] for row in own if row["nodes"] == most}

@@ -1,4 +1,4 @@
-"""The shapes, handles, fields and sessions that the paper's pages show, by two presets."""
+"""Provide the shapes, handles, fields and sessions of the paper's pages, for the presets "paper" and "default"."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ from dfd.geometry.refine import split_long_edges
 PRESETS: tuple[Preset, ...] = ("paper", "default")
 NAMES: dict[Preset, str] = {"paper": "paper preset", "default": "dfd default"}
 MESH_ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
-LONGEST_EDGE = 0.03  # of the diagonal; weights, which are exact at vertices alone, look coarse on longer ones
+LONGEST_EDGE = 0.03  # of the diagonal; weights are interpolated between vertices and look coarse on longer edges
+# Settings of `dfd.distill` with --quick, of both presets and of "paper" alone.
 QUICK: dict[str, Any] = {"views": 8, "resolution": 196}
 QUICK_PAPER: dict[str, Any] = {"epochs": 5, "batch": 2_000}
 
@@ -40,16 +41,16 @@ class Shape:
     mesh: dfd.Mesh
 
     def at(self, point: Sequence[float]) -> int:
-        """Return the vertex with a face nearest to `point`, whose coordinates go from 0 to 1 along the box."""
+        """Return the vertex nearest to `point`, given as fractions of the bounding box; skip vertices without faces."""
         corners = np.unique(self.mesh.faces)
         return int(corners[np.linalg.norm(self.mesh.vertices[corners] - self.place(point), axis=1).argmin()])
 
     def place(self, point: Sequence[float]) -> Float64:
-        """Return `point` (3,), whose coordinates go from 0 to 1 along the box, in mesh units."""
+        """Return the position (3,), mesh units, of `point`, given as fractions of the bounding box."""
         return self.mesh.bounds[0] + np.asarray(point) * self.mesh.extents
 
     def refined(self) -> Shape:
-        """Return the shape with long edges halved, without its appearance; unchanged if no edge is long."""
+        """Return the shape with edges above `LONGEST_EDGE` halved, without colors; itself if there is no such edge."""
         longest = LONGEST_EDGE * self.mesh.diagonal
         vertices, faces = split_long_edges(self.mesh.vertices, self.mesh.faces, longest, most=50_000)
         return self if len(faces) == len(self.mesh.faces) else Shape(self.name, dfd.Mesh(vertices, faces))
@@ -57,19 +58,19 @@ class Shape:
 
 @dataclass(frozen=True)
 class BoxHandle:
-    """A handle and its motion, with places from 0 to 1 along the sides of a shape's box, for any mesh of the shape."""
+    """A handle and its motion for any mesh of a shape. All positions are fractions of the bounding box, 0 to 1."""
 
     at: Point
-    offset: Point = (0.0, 0.0, 0.0)  # of the diagonal
+    offset: Point = (0.0, 0.0, 0.0)  # translation, as fractions of the diagonal
     rotation: Point | None = None  # degrees
     scale: Point | None = None
     locality: float = 0.0
     pivot: Point | None = None
     fixed: tuple[Point, ...] = ()
-    azimuth: float | None = None  # degrees, of the camera
+    azimuth: float | None = None  # of the camera, degrees
 
     def on(self, shape: Shape) -> dict[str, Any]:
-        """Return the keywords of `Deformer.add`."""
+        """Return the keywords of `Deformer.add` for this handle on a mesh."""
         handle: dict[str, Any] = {"at": shape.at(self.at), "translation": np.array(self.offset) * shape.mesh.diagonal}
         for name in ("rotation", "scale", "locality"):
             if value := getattr(self, name):
@@ -79,7 +80,7 @@ class BoxHandle:
         return handle
 
 
-# The pulls of some shapes; any other has UPWARDS.
+# The pull, a translation of one handle, of each shape. Other shapes have UPWARDS.
 PULLS = {
     "spot": BoxHandle((0.1, 1.0, 0.4), (-0.06, 0.1, 0.0)),
     "kaykit_chair_A": BoxHandle((0.0, 0.0, 1.0), (0.0, -0.15, 0.0)),
@@ -98,16 +99,16 @@ UPWARDS = BoxHandle((0.5, 1.0, 0.5), (0.0, 0.15, 0.0))
 
 
 def pulls_of(*names: str) -> dict[str, BoxHandle]:
-    """Return the pulls of the shapes called `names`."""
+    """Return the pull of each shape of `names`, by name."""
     return {name: PULLS.get(name, UPWARDS) for name in names}
 
 
 @dataclass(frozen=True)
 class Subject:
-    """A shape, the page's data about it, and its field by one preset."""
+    """A shape with its field by one preset, and what the page does with it."""
 
     shape: Shape
-    case: Any
+    case: Any  # most often the `BoxHandle` of the page
     preset: Preset
     field: dfd.Field
 
@@ -119,13 +120,13 @@ class Subject:
         symmetric: bool = False,
         features: Float32 | None = None,
     ) -> dfd.Deformer:
-        """Return a session with `handles`, each the keywords of `Deformer.add`, and `fixed` points.
+        """Return a session with `handles`, given as keywords of `Deformer.add`, and fixed points at vertices `fixed`.
 
-        `symmetric` lets handles act on both sides of the plane that `"auto"` finds by the preset, if there is one.
+        `symmetric` mirrors the handles at the plane that `"auto"` finds with the preset, if there is one.
         """
         deformer = dfd.Deformer(self.shape.mesh, self.field, preset=self.preset, features=features)
         if symmetric:
-            with suppress(ValueError):  # no plane has equal features on both sides
+            with suppress(ValueError):  # raised if the features have no mirror plane
                 deformer.set_symmetry("auto")
         for point in fixed:
             deformer.fix(point)
@@ -134,7 +135,7 @@ class Subject:
         return deformer
 
     def pull(self, changes: Mapping[str, Any] | None = None, **more: Any) -> dfd.Deformer:
-        """Return a session with the handle of the case and `changes` to it; `more` are keywords of `session`."""
+        """Return a session with the handle of the case, with `changes`; `more` are keywords of `session`."""
         return self.session([{**self.case.on(self.shape), **(changes or {})}], **more)
 
 
@@ -143,34 +144,34 @@ load_once = cache(load_encoder)
 
 @dataclass
 class Context:
-    """Settings of a run, and the meshes and fields of its pages."""
+    """The options of a run, with methods that load the meshes and make the fields of its pages."""
 
-    quick: bool = False  # fewer and smaller pictures, fewer shapes
+    quick: bool = False  # fewer and smaller pictures of fewer shapes
     encoder: str | Path = DEFAULT_ENCODER  # a name or a folder
-    say: Callable[[str], None] = lambda line: None
+    say: Callable[[str], None] = lambda line: None  # reports progress
 
     @cached_property
     def files(self) -> dict[str, Path]:
-        """Return the mesh files in the folder DFD_MESHES by their stems."""
+        """Return the mesh files in the folder that DFD_MESHES names, by file name without ending."""
         folder = os.environ.get("DFD_MESHES")
         paths = sorted(Path(folder).rglob("*"), reverse=True) if folder else []
         return {path.stem: path for path in paths if path.suffix.lower() in MESH_ENDINGS}
 
     def shape(self, name: str) -> Shape:
-        """Return the shape of a file, or else of a sample."""
+        """Return the shape of the file called `name`, or of the sample if there is no such file."""
         return Shape(name, dfd.load(self.files[name]) if name in self.files else SAMPLES[name]().mesh)
 
-    def of(self, most: tuple[Any, Any]) -> Any:
-        """Return the first of two numbers in a quick run, the second in a whole one."""
-        return most[0 if self.quick else 1]
+    def quick_or_full(self, values: tuple[Any, Any]) -> Any:
+        """Return the first of two values in a quick run, and the second in a full run."""
+        return values[0 if self.quick else 1]
 
     def cases(self, known: Mapping[str, Any], most: tuple[int, int]) -> list[tuple[Shape, Any]]:
-        """Return the shapes among files and samples that are `known` by name, with the case of each.
+        """Return each key of `known` that is an available shape, from a file or a sample, with its case, the value.
 
-        A quick run and a whole one have at most so many, in the order of `known`.
+        `most` limits their number in a quick and in a full run.
         """
         names = [name for name in known if name in self.files or name in SAMPLES]
-        return [(self.shape(name), known[name]) for name in names[: self.of(most)]]
+        return [(self.shape(name), known[name]) for name in names[: self.quick_or_full(most)]]
 
     def subjects(
         self,
@@ -180,42 +181,42 @@ class Context:
         refined: bool = False,
         presets: Sequence[Preset] = PRESETS,
     ) -> Iterator[Subject]:
-        """Yield the shapes of `cases`, with long edges halved where `refined`, each with its field of every preset."""
+        """Yield a subject for each shape of `cases` and each preset; `refined` halves long edges."""
         for found, case in self.cases(known, most):
             shape = found.refined() if refined else found
             for preset in presets:
                 yield Subject(shape, case, preset, self.field(shape, preset))
 
     def distill_settings(self, preset: Preset, **more: Any) -> dict[str, Any]:
-        """Return the keywords of `dfd.distill` for a preset; `more` overrides those of a quick run."""
+        """Return the keywords of `dfd.distill` for a preset; `more` overrides the settings of a quick run."""
         shorter = {**QUICK, **(QUICK_PAPER if preset == "paper" else {})} if self.quick else {}
         if "steps" in more:  # a fit has steps or epochs, not both
             shorter.pop("epochs", None)
         return {"preset": preset, **shorter, **more}
 
     def loaded(self, preset: Preset, encoder: str | Path | None = None, block: int | None = None) -> Encoder:
-        """Return the encoder; the paper's takes the background, too."""
+        """Return the encoder, loaded once; with the preset "paper", it also encodes the background of pictures."""
         return load_once(self.encoder if encoder is None else encoder, block=block, background=preset == "paper")
 
     def field(
         self, shape: Shape, preset: Preset, *, encoder: Encoder | None = None, stages: Stages | None = None, **more: Any
     ) -> dfd.Field:
-        """Return the field of a shape; with `stages`, ignore the user's cache and time each stage."""
+        """Return the field of a shape; with `stages`, ignore the cache of fields and time each stage."""
         self.say(f"field of {shape.name}, {NAMES[preset]}" + "".join(f", {n} {v}" for n, v in more.items()))
         model, settings = encoder or self.loaded(preset), self.distill_settings(preset, **more)
         return dfd.distill(shape.mesh, model, progress=stages or False, cache=stages is None, **settings)
 
     def notes(self) -> list[str]:
-        """Return how the page was made."""
+        """Return sentences that say how the page was made."""
         notes = [
-            f"**{NAMES['paper']}** is the procedure of the paper, **{NAMES['default']}** dfd's own settings.",
+            f"**{NAMES['paper']}**: the procedure of the paper. **{NAMES['default']}**: the default settings of dfd.",
             f"Encoder: {getattr(self.encoder, 'name', self.encoder)}.",
-            f"Meshes: {'DFD_MESHES' if self.files else 'samples alone'}.",
+            f"Meshes: {'files in DFD_MESHES, and samples' if self.files else 'only samples'}.",
         ]
         if self.quick:
             made, whole = DistillSettings(**self.distill_settings("paper")), DistillSettings(preset="paper")
             notes.append(
                 f"Made with --quick: {made.views} pictures of {made.resolution}² instead of {whole.views} of "
-                f"{whole.resolution}², a shorter fit in the paper preset, and fewer shapes. Weights are rougher."
+                f"{whole.resolution}² pixels, a shorter fit in the paper preset, and fewer shapes. Weights are rougher."
             )
         return notes

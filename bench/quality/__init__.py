@@ -1,1 +1,1 @@
-"""Judge weights by labelled shapes and rigs, beside methods without features."""
+"""Measure the quality of weights on labelled shapes and on rigs."""

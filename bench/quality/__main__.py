@@ -1,6 +1,6 @@
-"""`python -m bench.quality labelled`, `anatomy` and `mirrored`: judge weights by the modules with these names.
+"""`python -m bench.quality VERB`: measure the quality of weights with the module `labelled`, `anatomy` or `mirrored`.
 
-All numbers are means over the shapes of a category, and over the categories.
+The table has the means over the shapes of each category, and in its last row the means over the categories.
 """
 
 import argparse
@@ -18,7 +18,7 @@ from bench.tables import to_csv, to_markdown, write_text
 from dfd.encoders.known import DEFAULT_ENCODER
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "quality"
-MEASURES: dict[str, tuple[Any, Any]] = {  # by verb, the module and the reader of its shapes
+MEASURES: dict[str, tuple[Any, Any]] = {  # by verb: the module, and the function that reads its shapes
     "labelled": (labelled, labelled.labelled_shapes),
     "anatomy": (anatomy, anatomy.rigged_shapes),
     "mirrored": (mirrored, mirrored.paired_shapes),
@@ -27,11 +27,11 @@ Row = tuple[str, str, Mapping[str, float]]  # category, name and numbers of a sh
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Judge a folder of shapes, and write the tables after every shape."""
+    """Measure all shapes of a folder, and write the tables again after every shape."""
     parser = argparse.ArgumentParser("python -m bench.quality", description=__doc__)
-    parser.add_argument("verb", choices=list(MEASURES), help="by labels of people, or by skinned GLB files")
-    parser.add_argument("folder", type=Path, nargs="?", help="folder to judge (labelled: by default samples of dfd)")
-    parser.add_argument("--quick", action="store_true", help="one shape a category")
+    parser.add_argument("verb", choices=list(MEASURES), help="what weights are compared with")
+    parser.add_argument("folder", type=Path, nargs="?", help="folder of shapes (labelled: by default samples)")
+    parser.add_argument("--quick", action="store_true", help="measure one shape of each category, or two rigs")
     parser.add_argument("--encoder", default=DEFAULT_ENCODER, help="name, folder or name on the hub (%(default)s)")
     parser.add_argument("--output", type=Path, default=OUTPUT, help="folder to write to (%(default)s)")
     given = parser.parse_args(arguments)
@@ -68,7 +68,7 @@ def write(path: Path, title: str, rows: Sequence[Row], legend: Mapping[str, str]
 
 
 def _means(rows: Sequence[Sequence[float | None]]) -> list[float | None]:
-    """Return the mean of each column over the rows that have a number; None where none has."""
+    """Return the mean of each column over the rows with a number; None for a column without numbers."""
     return np.ma.masked_invalid(np.array(rows, float)).mean(axis=0).tolist()
 
 

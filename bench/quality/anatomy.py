@@ -1,7 +1,7 @@
-"""Measure how well a handle moves the subtree of a joint, judged by the rigs of characters and animals.
+"""Measure how well a handle moves the subtree of a joint, in the rigs of characters and animals.
 
-A user with a handle at a joint may mean the subtree of the joint or of an ancestor: alone, with its other side, with
-front and hind limbs, or with all of its kind.
+The subtree is all vertices of a joint and its descendants. A user who puts a handle on it may mean the subtree of this
+joint or of an ancestor. The user may mean it alone, with its other side, with front and hind limbs, or with its kind.
 """
 
 import re
@@ -22,18 +22,18 @@ from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.geometry.topology import face_sides
 from dfd.mesh.file.gltf.header import objects, parents
 
-LARGEST_MEANT = 0.6  # of the surface; a larger subtree counts as the whole shape
-SMALLEST_JUDGED, LARGEST_JUDGED = 0.003, 0.4  # of the surface, for the subtrees of joints with handles
+LARGEST_MEANT = 0.6  # A user does not mean a subtree with a larger fraction of the surface area.
+SMALLEST_JUDGED, LARGEST_JUDGED = 0.003, 0.4  # A joint gets handles if its subtree has such a fraction.
 HANDLES = 3  # per joint
-HELD_WELL = 0.7  # soft IoU
+HELD_WELL = 0.7  # soft IoU from which a joint is held well
 LEGEND = {
-    "soft IoU": "Σ min(w, t) / Σ max(w, t) over the surface for the most similar set t that a user may mean",
-    "left behind": "the fraction of the subtree of the joint that a handle does not move",
+    "soft IoU": "Σ min(w, t) / Σ max(w, t) over the surface, for weights w and the best set t that a user may mean",
+    "left behind": "the fraction of the joint's subtree that does not follow the handle",
     "held well": f"the fraction of joints with a soft IoU of at least {HELD_WELL}",
 }
-# For inverse kinematics, feet are children of a root. Here they become children of the limb that borders on them.
+# In rigs for inverse kinematics, feet are children of a root. `read_rigged` makes them children of a bordering limb.
 FOOT = re.compile(r"foot|toe|hoof|paw|hand|fist|^ff|^ik", re.IGNORECASE)
-# The joints of the Unreal mannequin without their side, parent before child, for files with a flat list of joints.
+# Joints of the Unreal mannequin, without side, each after its parent. Files with a flat list of joints use this tree.
 CHAINS = (
     "root pelvis spine_01 spine_02 spine_03 neck_01 head",
     "spine_03 clavicle upperarm lowerarm hand",
@@ -44,23 +44,23 @@ MANNEQUIN = {child: parent for chain in CHAINS for parent, child in pairwise(cha
 
 @dataclass(frozen=True, eq=False)
 class RiggedShape:
-    """A mesh with the tree of its joints."""
+    """A mesh with the tree of its joints, and the strongest joint of each vertex."""
 
     name: str
     mesh: dfd.Mesh
-    areas: Float64  # (V,) fraction of the surface that belongs to each vertex
+    areas: Float64  # (V,) fraction of the surface area that belongs to each vertex
     joints: tuple[str, ...]  # (J,) their names
     parent: Int64  # (J,) the parent of each joint, −1 for a root
-    of_vertex: Int64  # (V,) the joint of largest weight, −1 for none
+    of_vertex: Int64  # (V,) the joint with the largest weight at each vertex, −1 for none
 
     def subtree(self, joint: int) -> Bool:
-        """Return the mask (V,) of the vertices of a joint and its descendants."""
+        """Return the mask (V,) of the vertices that belong to a joint or its descendants."""
         below = np.flatnonzero(self.parent >= 0)
         tree = csr_array((np.ones(len(below)), (self.parent[below], below)), shape=(len(self.joints),) * 2)
         return np.isin(self.of_vertex, breadth_first_order(tree, joint, return_predecessors=False))
 
     def meant(self, vertex: int) -> Iterator[tuple[list[str], Bool]]:
-        """Yield the joints and vertices (V,) of every set that a user may mean by a handle at a vertex."""
+        """Yield every set that a user may mean by a handle at a vertex: names of joints, and their mask (V,)."""
         joint = int(self.of_vertex[vertex])
         while joint >= 0 and self.areas @ self.subtree(joint) <= LARGEST_MEANT:
             for kin in self._kin(joint):
@@ -68,13 +68,13 @@ class RiggedShape:
             joint = int(self.parent[joint])
 
     def judge(self, vertex: int, weights: Float64) -> tuple[float, float]:
-        """Return the best soft IoU of weights (V,) with a set that a user may mean, and the fraction left behind."""
+        """Return the best soft IoU of `weights` (V,) with a set of `meant`, and the fraction that is left behind."""
         own = self.subtree(int(self.of_vertex[vertex]))
         best = max((soft_iou(self.areas, weights, meant) for _, meant in self.meant(vertex)), default=0.0)
         return best, 1.0 - float(self.areas[own] @ weights[own] / self.areas[own].sum())
 
     def handles(self) -> list[Int64]:
-        """Return up to three vertices of each judged joint, at random."""
+        """Return up to `HANDLES` random vertices of each joint whose subtree is neither too small nor too large."""
         generator = np.random.default_rng(0)
         found = []
         for joint in range(len(self.joints)):
@@ -84,7 +84,7 @@ class RiggedShape:
         return found
 
     def _kin(self, joint: int) -> Iterator[list[int]]:
-        """Yield the joint alone, with its other side, with front and hind limbs, and with all of its kind."""
+        """Yield lists of joints: the joint, then with its other side, with front and hind limbs, with all its kind."""
         yield [joint]
         for same in (sides_as_one, _limb, kind_of_part):
             name = same(self.joints[joint])
@@ -93,9 +93,9 @@ class RiggedShape:
 
 
 def rigged_shapes(folder: Path, *, quick: bool = False) -> Iterator[RiggedShape]:
-    """Read the skinned GLB files of a folder whose joints form a tree and are not too small; `quick` the first two.
+    """Yield the rigs of the GLB files in a folder that have a joint for handles; `quick` reads two files.
 
-    Raises ValueError if there is none.
+    Raises ValueError if the folder has no GLB file.
     """
     paths = sorted(folder.glob("*.glb"))
     if not paths:
@@ -107,7 +107,7 @@ def rigged_shapes(folder: Path, *, quick: bool = False) -> Iterator[RiggedShape]
 
 
 def judged(shape: RiggedShape, field: dfd.Field) -> dict[str, float]:
-    """Return every number of `LEGEND`, means over the joints."""
+    """Return the numbers that `LEGEND` explains, as means over the joints."""
     session = dfd.Deformer(shape.mesh, field)
     of_joints = [map(shape.judge, each.tolist(), weights_of_each(session, each)) for each in shape.handles()]
     overlap, left = np.transpose([np.mean(list(each), axis=0) for each in of_joints])
@@ -115,7 +115,7 @@ def judged(shape: RiggedShape, field: dfd.Field) -> dict[str, float]:
 
 
 def read_rigged(path: Path) -> RiggedShape:
-    """Read one file."""
+    """Read a rig from a skinned GLB file."""
     mesh = dfd.load(path)
     joints, of_vertex = strongest_joints(mesh)
     parent = _tree(mesh, joints)
@@ -128,7 +128,7 @@ def read_rigged(path: Path) -> RiggedShape:
 
 
 def _tree(mesh: dfd.Mesh, joints: tuple[str, ...]) -> Int64:
-    """Return the parent of each joint (J,) by the nodes, or by `MANNEQUIN` if the joints are a flat list."""
+    """Return the parent (J,) of each joint from the nodes of the file, or from `MANNEQUIN` if no joint has one."""
     header = mesh.scene.gltf.header
     nodes, above = objects(header, "nodes"), parents(header)
     number = {name: index for index, name in enumerate(joints)}
@@ -155,7 +155,7 @@ def _tree(mesh: dfd.Mesh, joints: tuple[str, ...]) -> Int64:
 
 
 def _bordering(shape: RiggedShape, joint: int) -> int:
-    """Return the joint that most edges from the subtree of `joint` lead to; its parent if there are no such edges."""
+    """Return the joint to which most edges lead from the subtree of `joint`, or its parent if no edge leads out."""
     inside = shape.subtree(joint)
     edges = face_sides(shape.mesh.faces)
     edges = np.concatenate([edges, edges[:, ::-1]])
@@ -165,12 +165,12 @@ def _bordering(shape: RiggedShape, joint: int) -> int:
 
 
 def sides_as_one(joint: str) -> str:
-    """Return a name without side and number: "upperarm.l", "LeftUpperArm" and "UpperArm_R" give "upperarm"."""
+    """Return a joint's name without side and number: "upperarm.l", "LeftUpperArm", "UpperArm_R" give "upperarm"."""
     name = re.sub(r"(?<=[a-z])[LR](?=$|[^A-Za-z])|^[lr](?=[A-Z])", "", joint).lower()
     name = re.sub(r"left|right|[._\-\s][lr]\b|\b[lr][._\-\s]|[._\-\s][lr](?=[._\-\s])", "", name)
     return re.sub(r"^[._\-\s]+|[._\-\s\d]+$", "", name)
 
 
 def _limb(joint: str) -> str:
-    """Return a name without its side and without front or hind."""
+    """Return a joint's name without side, number, and "front", "hind" or the like."""
     return re.sub(r"front|fore|back|hind|rear|mid(dle)?", "", sides_as_one(joint)).strip("._- ")

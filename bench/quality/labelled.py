@@ -1,7 +1,7 @@
-"""Judge weights, parts and handles by parts that people labelled.
+"""Compare weights, parts and handles with parts that people labelled.
 
-The folder of a category has `N.off` and `N_labels.txt`: a line with the name of each part, then a line with its faces,
-counted from 1. Source: Kalogerakis, Hertzmann and Singh, "Learning 3D Mesh Segmentation and Labeling", 2010.
+A folder for each category has files `N.off` and `N_labels.txt`. Labels have two lines for each part: its name, and its
+faces, counted from 1. Source: Kalogerakis, Hertzmann and Singh, "Learning 3D Mesh Segmentation and Labeling", 2010.
 """
 
 from collections.abc import Iterator
@@ -18,24 +18,24 @@ from dfd.geometry.topology import face_areas
 from dfd.segmentation.parts import Parts
 
 EACH = 4  # handles per label
-FEW_FACES, FACES = 4_000, 20_000  # of samples
+FEW_FACES, FACES = 4_000, 20_000  # of a sample, in a quick and in a full run
 LEGEND = {
-    "precision": "mean average precision with which a handle's weights rank its own label first, also by distances",
-    "part": "IoU with the label of the part at a click, with its counterparts",
-    "grip": "soft IoU, Σ min(w, t) / Σ max(w, t) over the surface, for a session's weights w and the label t",
-    "paper's grip": "the same for a session with the preset paper",
+    "precision": "average precision for the handle's label of vertices ranked by weight, or by the named distance",
+    "part": "IoU of the label and the part at the handle, with its counterparts",
+    "grip": "soft IoU, Σ min(w, t) / Σ max(w, t) over the surface, for the weights w of a session and the label t",
+    "paper's grip": 'the same for a session with preset "paper"',
 }
 
 
 @dataclass(frozen=True, eq=False)
 class LabelledShape(Shape):
-    """A mesh with labelled parts; a vertex has the label of most of the area around it."""
+    """A mesh with labelled parts. A vertex has the label with the largest area among its faces."""
 
     category: str = ""  # such as "Ant"
 
 
 def judged(shape: LabelledShape, field: dfd.Field) -> dict[str, float]:
-    """Return every number of `LEGEND`, means over the handles of each label and over the labels."""
+    """Return the numbers of the table: means over the handles of each label, then over the labels."""
     mesh, labels = shape.mesh, shape.labels
     features, areas = field.features(mesh), measures.area_fractions(mesh)
     handles = measures.draw_handles(labels, EACH)
@@ -58,11 +58,11 @@ def judged(shape: LabelledShape, field: dfd.Field) -> dict[str, float]:
 
 
 def labelled_shapes(folder: Path | None, *, quick: bool = False) -> Iterator[LabelledShape]:
-    """Read every labelled mesh of `folder`, or make the samples of dfd if it is None.
+    """Yield every labelled mesh of `folder`, or the samples of dfd if it is None.
 
-    `quick` reads the middle one of each category.
+    `quick` reads one mesh of each category, and makes samples with fewer faces.
 
-    Raises ValueError if there is none, or a file has another layout.
+    Raises ValueError if `folder` has no labelled mesh, or if a file has another layout.
     """
     if folder is None:
         for shape in made(FEW_FACES if quick else FACES):
@@ -88,7 +88,7 @@ def _read(path: Path) -> LabelledShape:
 
 
 def _face_labels(path: Path, count: int) -> tuple[tuple[str, ...], Int64]:
-    """Return the names of the parts, and the index of each face's part (F,)."""
+    """Return the names of the parts, and the index (F,) of the part of each face."""
     lines = [line.strip() for line in path.read_text("utf-8").splitlines() if line.strip()]
     labels = np.full(count, -1)
     for number, faces in enumerate(lines[1::2]):

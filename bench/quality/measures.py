@@ -1,4 +1,4 @@
-"""Measure weights against labelled parts."""
+"""Compare weights with labelled parts: by average precision, and by soft IoU."""
 
 from typing import Any
 
@@ -11,24 +11,24 @@ from dfd.geometry.topology import vertex_areas
 
 Weights = NDArray[np.floating]  # (V, H), a column for each handle
 Labels = NDArray[np.integer]  # (V,) the part of each vertex, −1 for none
-Handles = NDArray[np.integer]  # (H,) vertices
+Handles = NDArray[np.integer]  # (H,) vertex indices
 
 
 def area_fractions(mesh: dfd.Mesh) -> Float64:
-    """Return the share of the surface of each vertex (V,), a third of each of its faces; they sum to 1."""
+    """Return the fraction (V,) of the surface area that belongs to each vertex: a third of each of its faces."""
     areas = vertex_areas(mesh.vertices, mesh.faces)
     return areas / areas.sum()
 
 
 def draw_handles(labels: Labels, each: int, seed: int = 0) -> Int64:
-    """Draw vertices (H,), part after part: `each` of every part, or all of a smaller part."""
+    """Return random vertices (H,), part after part: `each` of every part, or all of a smaller part."""
     generator = np.random.default_rng(seed)
     parts = [np.flatnonzero(labels == part) for part in range(labels.max() + 1)]
     return np.concatenate([generator.choice(part, min(each, len(part)), replace=False) for part in parts])
 
 
 def average_precision(scores: NDArray[np.floating], relevant: Bool) -> float:
-    """Return the area under precision over recall of vertices ranked by `scores`; equal scores are one step."""
+    """Return the average precision of vertices ranked by `scores` (V,); vertices of equal score share a rank."""
     order = np.argsort(-scores, kind="stable")
     hits = np.cumsum(relevant[order])
     last = np.append(np.diff(scores[order]) != 0, True)
@@ -37,9 +37,9 @@ def average_precision(scores: NDArray[np.floating], relevant: Bool) -> float:
 
 
 def handle_precision(weights: Weights, labels: Labels, handles: Handles) -> Float64:
-    """Return the average precision (H,) with which each handle's column ranks its part first.
+    """Return the average precision (H,) of vertices ranked by each handle's weights, for the part of the handle.
 
-    The handle and vertices without a part are left out. A part without further vertices gives NaN.
+    The handle itself and vertices without a part are not ranked. A part without other vertices gives NaN.
     """
     precision = np.full(len(handles), np.nan)
     for column, handle in enumerate(handles):
@@ -52,13 +52,13 @@ def handle_precision(weights: Weights, labels: Labels, handles: Handles) -> Floa
 
 
 def mean_over_labels(labels: Labels, values: Any) -> float:
-    """Return the mean over the labels of the means of `values` (H,) over each of `labels` (H,), without NaN."""
+    """Return the mean of `values` (H,) over each label of `labels` (H,), then over the labels; NaN is ignored."""
     known = ~np.isnan(values)
     return float(np.mean([np.asarray(values)[known & (labels == each)].mean() for each in np.unique(labels[known])]))
 
 
 def weights_of_each(session: dfd.Deformer, vertices: Handles) -> list[Float64]:
-    """Return the weights (V,) of each of `vertices` (H,) as the only handle of a session."""
+    """Return the weights (V,) in a session for each of `vertices` (H,) as the only handle."""
     found = []
     for vertex in vertices.tolist():
         held = session.add(vertex)
@@ -68,5 +68,5 @@ def weights_of_each(session: dfd.Deformer, vertices: Handles) -> list[Float64]:
 
 
 def soft_iou(areas: Float64, weights: NDArray[Any], truth: Bool) -> float:
-    """Return Σ min(w, t) / Σ max(w, t) over vertices of `areas` (V,), for `weights` w (V,) and the mask `truth` t."""
+    """Return Σ min(w, t) / Σ max(w, t) for `weights` w (V,) and the mask `truth` t; `areas` (V,) weight the sums."""
     return float(areas @ np.minimum(weights, truth) / max(areas @ np.maximum(weights, truth), 1e-12))

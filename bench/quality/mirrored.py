@@ -1,4 +1,4 @@
-"""Measure how exactly the other side mirrors a motion, judged by rigs with left and right joints."""
+"""Measure how exactly the right side mirrors a motion of the left side, in rigs with left and right joints."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,31 +12,31 @@ import dfd
 from bench.quality.anatomy import LARGEST_JUDGED, SMALLEST_JUDGED, RiggedShape, rigged_shapes, sides_as_one
 from dfd.common.linear_algebra import Float64, Int64
 
-EXACT = 0.02  # of the part's size, the largest difference of the other side from the mirror image
-ALIKE = 0.01  # of the part's size, the largest difference from a mirror image at rest
-ANGLE, PULL = 30.0, 0.2  # degrees, and of the part's size
+EXACT = 0.02  # largest error of an exact mirror image, as a fraction of the part's size
+SYMMETRIC = 0.01  # largest difference of both sides from mirror images at rest, as a fraction of the part's size
+ANGLE, PULL = 30.0, 0.2  # in degrees, and as a fraction of the part's size
 MOTIONS: dict[str, Any] = {"bend": {"bend": ANGLE}, "twist": {"twist": ANGLE}, "turn": {"rotation": (0.0, 0.0, ANGLE)}}
 LEGEND = {
-    "apart": "fraction of the pairs in which a handle on the left side moves several separate components",
-    "bend": f"of these, the fraction whose right side mirrors the left one to {EXACT:.0%}, bent by {ANGLE:g}°",
-    "twist": f"the same of a twist by {ANGLE:g}°",
-    "turn": f"the same of a rotation by {ANGLE:g}°",
-    "pull": f"the same of a translation by {PULL:.0%} of the part's size",
+    "apart": "fraction of the pairs of joints in which a handle on the left side moves several separate components",
+    "bend": f"of these, the fraction in which the right side mirrors a bend by {ANGLE:g}°; error at most {EXACT:.0%}",
+    "twist": f"the same for a twist by {ANGLE:g}°",
+    "turn": f"the same for a rotation by {ANGLE:g}°",
+    "pull": f"the same for a translation by {PULL:.0%} of the part's size",
 }
 
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """The vertices of the subtrees of a left joint and of its right counterpart."""
+    """The vertices of a joint with its descendants, and those of its counterpart. "Left" is the side listed first."""
 
-    vertex: int  # of the left joint, nearest to its middle
-    left: Int64  # (N,) vertices
-    right: Int64  # (N,) the vertices nearest to their mirror images
-    axis: int  # the coordinate that the mirror image negates
-    size: float  # the diagonal of the left part's box, mesh units
+    vertex: int  # position of the handle: the vertex of the left joint that is nearest to its center
+    left: Int64  # (N,) vertex indices
+    right: Int64  # (N,) indices of the vertices nearest to the mirror images of `left`
+    axis: int  # index of the coordinate that the mirror image negates
+    size: float  # diagonal of the left side's bounding box, mesh units
 
     def error(self, moved: Float64) -> float:
-        """Return the root mean squared difference of displacements (V, 3) from mirror images, over the part's size."""
+        """Return the RMS difference between right and mirrored left displacements (V, 3), divided by `size`."""
         mirrored = moved[self.left]
         mirrored[:, self.axis] *= -1.0
         apart = np.linalg.norm(moved[self.right] - mirrored, axis=1)
@@ -44,12 +44,12 @@ class Pair:
 
 
 def paired_shapes(folder: Path, *, quick: bool = False) -> Iterator[RiggedShape]:
-    """Read the skinned GLB files of a folder that have pairs of joints; `quick` reads the first two files."""
+    """Yield the rigs of the GLB files in a folder that have pairs of joints; `quick` reads two files."""
     return (shape for shape in rigged_shapes(folder, quick=quick) if pairs_of(shape))
 
 
 def judged(shape: RiggedShape, field: dfd.Field) -> dict[str, float]:
-    """Return every number of `LEGEND`; those of motions are NaN if no pair is apart."""
+    """Return the numbers that `LEGEND` explains; those after the first are NaN if the first is 0."""
     session = dfd.Deformer(shape.mesh, field)
     found = [_errors(session, pair) for pair in pairs_of(shape)]
     exact = [np.array(errors) <= EXACT for errors in found if errors]
@@ -58,7 +58,7 @@ def judged(shape: RiggedShape, field: dfd.Field) -> dict[str, float]:
 
 
 def _errors(session: dfd.Deformer, pair: Pair) -> list[float]:
-    """Return the error of each motion of a handle on the left side; no error if it moves one component."""
+    """Return the error of each motion of a handle on the left side; an empty list if it moves only one component."""
     held = session.add(pair.vertex)
     found = []
     if len(session.counterparts(held)) > 1:
@@ -67,14 +67,14 @@ def _errors(session: dfd.Deformer, pair: Pair) -> list[float]:
                 session.move(held, **given)
                 found.append(pair.error(session.vertices - session.mesh.vertices))
                 session.undo()
-            except ValueError:  # the held part has no axis
+            except ValueError:  # The part of the handle has no axis for a bend or twist.
                 found.append(np.inf)
     session.remove(held)
     return found
 
 
 def pairs_of(shape: RiggedShape) -> list[Pair]:
-    """Return the pairs of joints with one name whose parts are mirror images at rest."""
+    """Return the pairs of joints whose names differ only in side, and whose subtrees are mirror images at rest."""
     found, vertices = [], shape.mesh.vertices
     names = [*map(sides_as_one, shape.joints)]
     for pair in (name for name in dict.fromkeys(names) if names.count(name) == 2):
@@ -90,7 +90,7 @@ def pairs_of(shape: RiggedShape) -> list[Pair]:
         image[:, axis] = middles[0][axis] + middles[1][axis] - image[:, axis]
         apart, nearest = cKDTree(vertices[right]).query(image)
         size = float(np.linalg.norm(np.ptp(vertices[left], axis=0)))
-        if np.sqrt(np.square(apart).mean()) <= ALIKE * size:
+        if np.sqrt(np.square(apart).mean()) <= SYMMETRIC * size:
             middle = np.linalg.norm(vertices[own] - vertices[own].mean(axis=0), axis=1).argmin()
             found.append(Pair(int(own[middle]), left, right[nearest], axis, size))
     return found

@@ -1,9 +1,9 @@
-"""Tell kinds of parts from the names of joints, and families of shapes from the names of files."""
+"""Map the names of joints to kinds of parts, and the names of files to families of shapes."""
 
 import re
 from collections.abc import Sequence
 
-# Patterns in the names of joints for the parts that every character has; the first match counts.
+# Parts that every character has, with patterns for the names of their joints. The first match counts.
 MERGED = (
     ("head", r"head|neck|jaw|eye"),
     ("hand", r"hand|wrist|finger|thumb"),
@@ -12,8 +12,7 @@ MERGED = (
     ("leg", r"leg|knee|thigh|shin|calf"),
     ("torso", r"root|hips|pelvis|spine|chest|torso|body"),
 )
-# Patterns for the joints of animals and people, by kinds of parts that move together, such as all legs; the first match
-# in lower case counts.
+# Kinds of parts of animals and people, with patterns for the names of joints in lower case. The first match counts.
 KINDS = (
     ("ear", r"^ear"),
     ("horn", r"horn"),
@@ -29,7 +28,7 @@ KINDS = (
     ("neck", r"neck"),
     ("head", r"head|mouth|jaw|chin|nose|eye|tongue|brow|face|^main1"),
 )
-# Words in the names of files for families; the first match counts. Learning leaves out the family that is judged.
+# Families of shapes, with words in the names of their files. The first match counts.
 FAMILIES = (
     ("seats", "chair couch bench bed stool"),
     ("fish", "fish shark whale"),
@@ -55,10 +54,10 @@ FAMILIES = (
 
 
 def kind_of_part(joint: str, patterns: Sequence[tuple[str, str]] = KINDS) -> str | None:
-    """Return the part of a joint by the first of `patterns` that its name matches, or None."""
+    """Return the part of a joint: that of the first of `patterns` that matches its name, or None."""
     return next((part for part, pattern in patterns if re.search(pattern, joint.lower())), None)
 
 
 def family_of(name: str) -> str:
-    """Return the family in `FAMILIES` of a file's stem or a sample's name, or else the name."""
+    """Return the family in `FAMILIES` of a file's stem or a sample's name, or the name itself if there is none."""
     return next((family for family, words in FAMILIES if any(word in name.lower() for word in words.split())), name)

@@ -1,4 +1,4 @@
-"""Shapes with labelled parts: samples, and rigs whose joints name the parts."""
+"""Provide shapes with labelled parts: samples of dfd, and rigs whose joints name the parts."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -13,43 +13,43 @@ from bench.quality.parts import KINDS, MERGED, kind_of_part
 from dfd.common.linear_algebra import Bool, Int64
 from dfd.mesh.file.gltf.header import objects
 
-FEWEST = 20  # vertices of a kind of part that is judged
+FEWEST = 20  # smallest number of vertices of a part; smaller parts get no label
 SAMPLES = {make.__name__: make for make in (dfd.samples.chair, dfd.samples.quadruped, dfd.samples.robot)}
-UNREADABLE = (ValueError, OSError, KeyError, IndexError, TypeError)  # the errors of a file with a broken skin
+UNREADABLE = (ValueError, OSError, KeyError, IndexError, TypeError)  # errors that a broken skin raises
 
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A mesh, and a part per vertex where parts are known."""
+    """A mesh, with the part of each vertex if parts are known."""
 
     name: str
     mesh: dfd.Mesh
-    labels: NDArray[np.integer] | None = None  # (V,) index into `parts`, −1 where a vertex belongs to none
+    labels: NDArray[np.integer] | None = None  # (V,) index into `parts`, −1 for vertices of no part
     parts: tuple[str, ...] = ()
 
 
 def made(faces: int) -> list[Shape]:
-    """Return the labelled samples of dfd, of about `faces` faces."""
+    """Return the labelled samples of dfd, with about `faces` faces each."""
     samples = {name: make(faces) for name, make in SAMPLES.items()}
     return [Shape(name, sample.mesh, sample.labels, sample.parts) for name, sample in samples.items()]
 
 
 def characters(folder: Path) -> Iterator[Shape]:
-    """Yield every skinned GLB in `folder` with the merged names of its parts, whole and without accessories."""
+    """Yield every skinned GLB in `folder` with the parts of `MERGED`: the whole mesh, and one without accessories."""
     for name, whole, names, joints in _skinned(folder):
         if (joints < 0).all():
             continue
         labels, parts = label_vertices(names, joints, MERGED)
         yield Shape(f"{name}, merged names", whole, labels, parts)
-        bare, old = only(whole, joints >= 0)
+        bare, old = submesh(whole, joints >= 0)
         if len(old) < len(whole.vertices):
             yield Shape(f"{name} without accessories, merged names", bare, labels[old], parts)
 
 
 def rigs(folder: Path) -> Iterator[Shape]:
-    """Yield every skinned GLB in `folder`, with the kinds of parts of animals and people.
+    """Yield every skinned GLB in `folder` with the parts of `KINDS`.
 
-    Files with fewer than two kinds of parts are printed and left out.
+    If a file has fewer than two kinds of parts, print its name and skip it.
     """
     for name, mesh, names, joints in _skinned(folder):
         labels, parts = label_vertices(names, joints, KINDS, FEWEST)
@@ -60,9 +60,9 @@ def rigs(folder: Path) -> Iterator[Shape]:
 
 
 def _skinned(folder: Path) -> Iterator[tuple[str, dfd.Mesh, tuple[str, ...], Int64]]:
-    """Yield every GLB in `folder`: its stem, its mesh in the bind pose, and what `strongest_joints` returns.
+    """Yield every GLB in `folder`: its stem, its mesh in the bind pose, and the results of `strongest_joints`.
 
-    Files that cannot be read are printed and left out.
+    If a file cannot be read, print the error and skip the file.
     """
     for path in sorted(folder.glob("*.glb")):
         try:
@@ -75,9 +75,9 @@ def _skinned(folder: Path) -> Iterator[tuple[str, dfd.Mesh, tuple[str, ...], Int
 
 
 def strongest_joints(mesh: dfd.Mesh) -> tuple[tuple[str, ...], Int64]:
-    """Return the distinct names (J,) of the joints of a glTF file, and the joint of largest weight per vertex (V,).
+    """Return the distinct names (J,) of the joints of a glTF file, and the joint (V,) of largest weight at each vertex.
 
-    Vertices without a skin have −1. Raises ValueError if a skin's numbers cannot be read.
+    Vertices without a skin have −1. Raises ValueError if the joints or weights of a skin cannot be read.
     """
     data, found = mesh.scene.gltf, np.full(len(mesh.vertices), -1)
     header, nodes = data.header, objects(data.header, "nodes")
@@ -105,18 +105,18 @@ def strongest_joints(mesh: dfd.Mesh) -> tuple[tuple[str, ...], Int64]:
 def label_vertices(
     names: tuple[str, ...], of_vertex: Int64, patterns: Sequence[tuple[str, str]], fewest: int = 1
 ) -> tuple[Int64, tuple[str, ...]]:
-    """Return the index of each vertex's part (V,) by `patterns`, and the parts of at least `fewest` vertices.
+    """Return the index (V,) of the part of each vertex by `patterns`, and the parts with at least `fewest` vertices.
 
-    `names` (J,) and `of_vertex` (V,) are those of `strongest_joints`. Vertices of no part, such as those of a sword or
-    a cape, have −1.
+    `names` (J,) and `of_vertex` (V,) are the results of `strongest_joints`. Vertices of no part, such as those of a
+    sword or a cape, have −1.
     """
-    kinds = np.array([*(kind_of_part(name, patterns) for name in names), None])[of_vertex]  # None is that of −1
+    kinds = np.array([*(kind_of_part(name, patterns) for name in names), None])[of_vertex]  # −1 selects the last, None
     parts = tuple(sorted(part for part, count in Counter(kinds).items() if part is not None and count >= fewest))
     return np.array([parts.index(part) if part in parts else -1 for part in kinds], np.int64), parts
 
 
-def only(mesh: dfd.Mesh, vertices: Bool) -> tuple[dfd.Mesh, Int64]:
-    """Return the faces whose corners are all among `vertices` (V,), with their appearance; and the old indices.
+def submesh(mesh: dfd.Mesh, vertices: Bool) -> tuple[dfd.Mesh, Int64]:
+    """Return the mesh of all faces within the mask `vertices` (V,), and the old index (W,) of each of its vertices.
 
     Raises ValueError if no face is left.
     """

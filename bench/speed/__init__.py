@@ -1,1 +1,1 @@
-"""How fast binding and posing are, against the machine's ceilings and against other libraries."""
+"""Measure the speed of `dfd`, and compare it with the limits of the machine and with other libraries."""

@@ -1,6 +1,6 @@
-"""`python -m bench.speed`: kernels against the machine's ceilings and other libraries.
+"""`python -m bench.speed`: compare the times of bind and pose with the machine's limits and with other libraries.
 
-Each call is timed in turn with the ceiling or library beside it. Ratios are of the best times.
+Compared calls run alternately. The ratio is the best time of a call divided by the best time of the other call.
 """
 
 import argparse
@@ -19,14 +19,14 @@ from dfd.common.linear_algebra import Float32, Float64, Int64
 from .made_input import VERTICES, Call, MadeInput, make_input
 from .measure import Timing, copying, product, reading, together
 
-COLUMNS = ("work", "best ms", "median ms", "spread ms", "against", "its best ms", "ratio", "at most", "met")
-TORCH_VERTICES = 200_000  # torch's arithmetic takes too much memory for more
+COLUMNS = ("call", "best ms", "median ms", "spread ms", "other call", "its best ms", "ratio", "largest allowed", "met")
+TORCH_VERTICES = 200_000  # torch needs too much memory for more
 
 Row = list[Any]
 
 
 def main() -> None:
-    """Measure, and print the table."""
+    """Time all calls, and print the table."""
     from bench.tables import to_markdown  # asv imports this module from another folder
 
     parser = argparse.ArgumentParser(prog="python -m bench.speed", description=__doc__)
@@ -40,7 +40,7 @@ def main() -> None:
 
 
 def lines(vertex_count: int, torch_vertices: int = TORCH_VERTICES) -> Iterator[Row]:
-    """Yield the rows of the table, each of `COLUMNS`."""
+    """Yield the rows of the table; their cells are in the order of `COLUMNS`."""
     made = make_input(vertex_count)
     yield from _binding(made)
     yield from _against_torch(make_input(min(torch_vertices, vertex_count)))
@@ -66,7 +66,7 @@ def _binding(made: MadeInput) -> Iterator[Row]:
 
 
 def _against_torch(made: MadeInput) -> Iterator[Row]:
-    """Time compact features, and full ones like torch's, beside torch."""
+    """Time bind with compact and with full features, and torch with full features."""
     features = made.features()
     size = f"{len(features):,} vertices"
     for count, most in ((1, 1 / 300), (100, 1 / 30)):
@@ -88,28 +88,28 @@ def _posing(made: MadeInput) -> Iterator[Row]:
     weights = dfd.bind(made.compact, made.handles(1))
     calls = {f"pose {count}": made.pose("pose", count) for count in (1, 100)}
     calls |= {f"drag frame with {count} handles": made.pose("drag", count) for count in (1, 100)}
-    calls["copying 28 bytes a vertex"] = copying(28 * len(vertices))
+    calls["copying 28 bytes per vertex"] = copying(28 * len(vertices))
     calls["torch"] = torch_blending(vertices, weights, transform)
     calls["libigl's skinning"] = igl_blending(vertices, weights, transform)
     timings = together(calls, most=2000)
-    yield _row(timings, "pose 1", "copying 28 bytes a vertex", 1 / 0.8)
+    yield _row(timings, "pose 1", "copying 28 bytes per vertex", 1 / 0.8)
     yield _row(timings, "drag frame with 100 handles", "drag frame with 1 handles", 1.3)
     yield _row(timings, "pose 100", "pose 1")
     yield _row(timings, "pose 1", "torch", 1 / 200)
     yield _row(timings, "pose 1", "libigl's skinning", 1 / 5)
 
 
-def _row(timings: Mapping[str, Timing], work: str, against: str, most: float | None = None) -> Row:
-    """Return the row of one call beside another, of whose time it takes the part `most` or less."""
-    own, other = timings[work], timings[against]
+def _row(timings: Mapping[str, Timing], call: str, other_call: str, most: float | None = None) -> Row:
+    """Return the row that compares two calls; the ratio of their times should be at most `most`."""
+    own, other = timings[call], timings[other_call]
     ratio = own.best / other.best
     milliseconds = [1e3 * each for each in (own.best, own.median, own.spread)]
     met = "" if most is None else "yes" if ratio <= most else "no"
-    return [work, *milliseconds, against, 1e3 * other.best, ratio, most, met]
+    return [call, *milliseconds, other_call, 1e3 * other.best, ratio, most, met]
 
 
 def torch_binding(features: Float32, handles: Int64) -> Call:
-    """Return a call with the arithmetic of the public reference: clamped rows of the distance matrix."""
+    """Return a call that binds with torch as the paper's public code does: 1 minus the distances, clamped."""
     rows = torch.from_numpy(features)
     chosen = rows[torch.from_numpy(handles)]
     if len(handles) == 1:
@@ -118,7 +118,7 @@ def torch_binding(features: Float32, handles: Int64) -> Call:
 
 
 def torch_blending(vertices: Float32, weights: Float32, transforms: Float64) -> Call:
-    """Return a call with the arithmetic of the public reference: 4 x 4 matrices, blended and applied in batches."""
+    """Return a call that poses with torch as the paper's public code does: batches of blended 4 x 4 matrices."""
     points = torch.from_numpy(np.concatenate([vertices, np.ones((len(vertices), 1), np.float32)], axis=1))[:, :, None]
     factors, identity = torch.from_numpy(weights), torch.eye(4)
     moves = identity.repeat(len(transforms), 1, 1)
@@ -133,7 +133,7 @@ def torch_blending(vertices: Float32, weights: Float32, transforms: Float64) -> 
 
 
 def igl_blending(vertices: Float32, weights: Float32, transforms: Float64) -> Call:
-    """Return a call that multiplies libigl's skinning matrix by the stacked transforms."""
+    """Return a call that poses with libigl: it multiplies the skinning matrix by the stacked transforms."""
     matrix = igl.lbs_matrix(vertices.astype(np.float64), np.ascontiguousarray(weights, np.float64))
     stacked = np.ascontiguousarray(transforms.transpose(0, 2, 1).reshape(-1, 3))
     return lambda: matrix @ stacked

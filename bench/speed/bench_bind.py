@@ -1,4 +1,4 @@
-"""Suite for asv: binding, and the compact features that it reads."""
+"""Benchmarks for asv: bind handles, and make the compact features that `bind` reads."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ def setup_cache() -> MadeInput:
 
 
 class Bind:
-    """Compact features: 1, 10 and 100 handles, without and with constraints."""
+    """Bind 1, 10 and 100 handles to compact features, without and with fixed points and locality."""
 
     params = ((1, 10, 100), (False, True))
     param_names = ("handles", "constrained")
@@ -28,7 +28,7 @@ class Bind:
 
 
 class Full:
-    """Full float32 features of a tenth of the vertices."""
+    """Bind 1 and 10 handles to full float32 features, of a tenth of the vertices."""
 
     params = (1, 10)
     param_names = ("handles",)
@@ -45,15 +45,15 @@ class Full:
 
 
 class Compact:
-    """Full features of so many vertices."""
+    """Make compact features from full features."""
 
     params = (20_000, 100_000)
     param_names = ("vertices",)
 
     def setup(self, made: MadeInput, vertices: int) -> None:
-        """Make the features."""
+        """Make the full features."""
         self.features = made.features(vertices)
 
     def time_compact(self, made: MadeInput, vertices: int) -> None:
-        """Choose dimensions, project and round."""
+        """Choose dimensions, project and round once."""
         dfd.compact(self.features)

@@ -1,8 +1,8 @@
-"""Suite for asv: the stages of a distillation, and its pictures by themselves."""
+"""Benchmarks for asv: the stages of a distillation, and rendering alone."""
 
 import os
 
-os.environ.setdefault("HF_HUB_OFFLINE", "1")  # the measured network is the installed one
+os.environ.setdefault("HF_HUB_OFFLINE", "1")  # use the installed encoder
 
 import dfd
 from dfd.common.progress import Stages
@@ -12,7 +12,7 @@ from .made_input import torus
 
 
 class Distill:
-    """Stages with the usual network, few small pictures and a short fit."""
+    """Time the stages of a distillation with the default encoder, few small pictures and a short fit."""
 
     params = ("up", "render", "encode", "smooth", "fit")
     param_names = ("stage",)
@@ -29,12 +29,12 @@ class Distill:
         return best
 
     def track_seconds(self, best: dict[str, float], stage: str) -> float:
-        """Return what the stage took."""
+        """Return the seconds of the stage."""
         return best[stage]
 
 
 class Render:
-    """As many pictures of as many pixels as a distillation takes."""
+    """Render the pictures of a distillation: the default number, at the default resolution."""
 
     params = (20_000, 200_000)
     param_names = ("faces",)
@@ -44,5 +44,5 @@ class Render:
         self.mesh = torus(faces)
 
     def time_render(self, faces: int) -> None:
-        """Draw, with the surface points behind the pixels."""
+        """Render the pictures, and the surface points of their pixels."""
         render(self.mesh, views=24, resolution=518)

@@ -1,4 +1,4 @@
-"""Suite for asv: evaluating a field, mirror planes, and distances along the surface."""
+"""Benchmarks for asv: evaluate a field, find mirror planes, and compute distances along the surface."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from .made_input import mirrored_field, torus
 
 
 class Evaluate:
-    """A network of the default size."""
+    """Evaluate a field whose network has the default size."""
 
     params = (1_000, 50_000)
     param_names = ("points",)
@@ -24,7 +24,7 @@ class Evaluate:
 
 
 class Symmetry:
-    """A surface that equals its mirror image."""
+    """Find the mirror planes of a surface that equals its mirror image."""
 
     def setup(self) -> None:
         """Make the mesh, and a field with equal features on both sides."""
@@ -37,13 +37,13 @@ class Symmetry:
 
 
 class Geodesics:
-    """A closed surface of so many faces."""
+    """Compute distances along a closed surface."""
 
     params = (20_000, 200_000)
     param_names = ("faces",)
 
     def setup(self, faces: int) -> None:
-        """Prepare the distances."""
+        """Make the mesh, and prepare its distances."""
         self.mesh = torus(faces)
         self.geodesics = dfd.Geodesics(self.mesh)
         self.geodesics.prepare()
@@ -54,9 +54,9 @@ class Geodesics:
         dfd.Geodesics(self.mesh).prepare()
 
     def time_one_handle(self, faces: int) -> None:
-        """Measure all vertices from one handle."""
+        """Compute the distances of all vertices from one handle."""
         self.geodesics.distances(self.handles[:1])
 
     def time_ten_handles(self, faces: int) -> None:
-        """Measure all vertices from ten handles."""
+        """Compute the distances of all vertices from ten handles."""
         self.geodesics.distances(self.handles)

@@ -1,4 +1,4 @@
-"""Suite for asv: posing and dragging."""
+"""Benchmarks for asv: pose a shape, and drag one handle."""
 
 from .made_input import MOTIONS, MadeInput, make_input
 
@@ -9,13 +9,13 @@ def setup_cache() -> MadeInput:
 
 
 class Pose:
-    """One handle and a hundred, with and without a mirror plane, and a drag of one handle."""
+    """Pose with 1 and 100 handles, without and with a mirror plane, and drag one handle of them."""
 
     params = (MOTIONS, (1, 100), ("float32", "float64"))
     param_names = ("motion", "handles", "type")
 
     def setup(self, made: MadeInput, motion: str, handles: int, dtype: str) -> None:
-        """Bind, and allocate the vertices."""
+        """Bind, and allocate the moved vertices."""
         self.call = made.pose(motion, handles, dtype)
 
     def time_pose(self, made: MadeInput, motion: str, handles: int, dtype: str) -> None:

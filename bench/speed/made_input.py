@@ -1,4 +1,4 @@
-"""Generate input of any size, with features of low rank like those of a field, and the calls to time."""
+"""Make input of any size, with features of low rank like those of a field, and the calls that benchmarks time."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ import dfd
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.field.architecture import Architecture
 
-WIDTH = 384  # of the features of a small vision transformer
+WIDTH = 384  # number of dimensions of a feature, as in a small vision transformer
 VERTICES = 500_000
 MOTIONS = ("pose", "mirrored pose", "drag")
 
@@ -21,14 +21,14 @@ Call = Callable[[], object]
 
 @dataclass(frozen=True)
 class MadeInput:
-    """A shape without faces, which binding and posing do not need."""
+    """A shape with features and transforms. It has no faces because bind and pose do not need them."""
 
     vertices: Float32  # (V, 3)
     compact: dfd.CompactFeatures
     transforms: Float64  # (100, 3, 4)
 
     def features(self, count: int | None = None) -> Float32:
-        """Return unit rows (count, 384) of the first vertices, or of all."""
+        """Return the features of the first `count` vertices, or of all: unit rows (count, 384)."""
         return field(self.vertices[:count])
 
     def handles(self, count: int) -> Int64:
@@ -36,7 +36,7 @@ class MadeInput:
         return np.linspace(0, len(self.vertices) - 1, count).astype(np.int64)
 
     def binding(self, count: int, *, constrained: bool = False) -> Call:
-        """Return a call that binds `count` handles to compact features, and writes weights into an existing array.
+        """Return a call that binds `count` handles to compact features, and writes the weights into an existing array.
 
         `constrained` adds three fixed points and a locality of 2.
         """
@@ -48,7 +48,7 @@ class MadeInput:
         return partial(bind, fixed=[1, 2, 3], geodesic=distances, locality=2.0)
 
     def pose(self, motion: str, count: int, dtype: str = "float32") -> Call:
-        """Return a call of one of `MOTIONS` with `count` handles. All handles move; in a drag, only one does."""
+        """Return a call that poses with `count` handles. `motion` is one of `MOTIONS`; a drag moves only one handle."""
         handles, transforms = self.handles(count), self.transforms[:count]
         vertices, weights = self.vertices.astype(dtype), dfd.bind(self.compact, handles) / count
         out = np.empty_like(vertices)
@@ -62,7 +62,7 @@ class MadeInput:
 
 
 def field(points: NDArray[np.floating]) -> Float32:
-    """Return unit rows (N, 384): smooth functions of position with falling amplitudes, like distilled features."""
+    """Return features at `points`: unit rows (N, 384), smooth functions of position, similar to distilled features."""
     random = np.random.default_rng(0)
     rank = 64
     frequencies = random.standard_normal((3, rank)) * np.linspace(0.3, 2.5, rank)
@@ -76,7 +76,7 @@ def field(points: NDArray[np.floating]) -> Float32:
 
 
 def make_input(vertex_count: int = VERTICES) -> MadeInput:
-    """Return the input with so many vertices."""
+    """Return input with `vertex_count` random vertices."""
     random = np.random.default_rng(1)
     vertices = random.standard_normal((vertex_count, 3), dtype=np.float32)
     transforms = np.eye(3, 4) + 0.05 * random.standard_normal((100, 3, 4))
@@ -95,7 +95,7 @@ def mirrored_field() -> dfd.Field:
 
 
 def torus(face_count: int) -> dfd.Mesh:
-    """Return a torus of about so many faces."""
+    """Return a torus of about `face_count` faces."""
     around = max(int(np.sqrt(face_count / 6)), 4)
     made = trimesh.creation.torus(1.0, 0.35, major_sections=max(face_count // (2 * around), 4), minor_sections=around)
     return dfd.Mesh(made.vertices, made.faces)

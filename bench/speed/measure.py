@@ -1,4 +1,4 @@
-"""Time calls, among them the machine's ceilings: bytes read, bytes copied and float32 products."""
+"""Time calls. Some of them show the machine's limits: reading and copying memory, and multiplying matrices."""
 
 import time
 import warnings
@@ -15,7 +15,7 @@ import dfd
 
 @dataclass(frozen=True)
 class Timing:
-    """Seconds: the best, the median, and the distance between the quartiles."""
+    """Seconds of a call: the best, the median, and the distance between the quartiles."""
 
     best: float
     median: float
@@ -25,11 +25,11 @@ class Timing:
 def together(
     calls: dict[str, Callable[[], object]], *, seconds: float = 1.0, least: int = 5, most: int = 400
 ) -> dict[str, Timing]:
-    """Time several calls in turn, so that other programs slow all of them down alike."""
+    """Time several calls in turn, `least` to `most` times, so that other programs slow down all of them equally."""
     taken: dict[str, list[float]] = {name: [] for name in calls}
     for call in calls.values():
         call()
-    # Other programs change the processor time of a thread least.
+    # The processor time of a single thread depends less on other programs than the elapsed time does.
     now = time.thread_time if dfd.get_num_threads() == 1 else time.perf_counter
     end = time.perf_counter() + seconds * len(calls)
     for number in range(most):
@@ -44,20 +44,20 @@ def together(
 
 
 def reading(array: NDArray[Any]) -> Callable[[], object]:
-    """Return a call that reads a contiguous array of a multiple of 8 bytes."""
+    """Return a call that reads a contiguous array, whose number of bytes is a multiple of 8."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # the array is read-only
+        warnings.simplefilter("ignore", UserWarning)  # torch warns of read-only arrays
         return torch.from_numpy(array.reshape(-1).view(np.int64)).sum
 
 
 def copying(byte_count: int) -> Callable[[], object]:
-    """Return a call that reads half of so many bytes and writes the other half."""
+    """Return a call that copies memory: it reads `byte_count` / 2 bytes, and writes the same number."""
     source = torch.ones(max(byte_count // 8, 1))
     target = torch.empty_like(source)
     return lambda: target.copy_(source)
 
 
 def product(rows: int, inner: int, columns: int) -> Callable[[], object]:
-    """Return a call that multiplies float32 matrices into existing memory."""
+    """Return a call that multiplies float32 matrices and writes the product into existing memory."""
     left, right, into = torch.ones(rows, inner), torch.ones(inner, columns), torch.empty(rows, columns)
     return lambda: torch.mm(left, right, out=into)

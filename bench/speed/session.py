@@ -1,6 +1,6 @@
-"""`python -m bench.speed.session`: time the steps of a session that a user waits for, by the size of the mesh.
+"""`python -m bench.speed.session`: time the steps of a session for which a user waits, by the size of the mesh.
 
-A quadruped with its own field is subdivided to each size. Each size runs in its own process, to measure peak memory.
+The mesh is a quadruped, subdivided to each size. Each size runs in a separate process, to measure its peak memory.
 """
 
 import argparse
@@ -16,20 +16,20 @@ from trimesh.remesh import subdivide
 import dfd
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "speed"
-STEPS = ("features", "first handle", "first frame", "later frame", "second handle", "its first frame", "memory")
+STEPS = ("features", "first handle", "first frame", "later frame", "second handle", "second handle's frame", "memory")
 SIZES = (10_000, 100_000, 1_000_000)
-LATER = 20  # frames, of which the median counts
+LATER = 20  # frames after the first; the step "later frame" is their median
 
 Row = dict[str, float]
 
 
 def field() -> dfd.Field:
-    """Return a quadruped's field from few small pictures, whose quality does not change the time of a session."""
+    """Return a quadruped's field, from few small pictures: the quality of a field does not change the times."""
     return dfd.distill(dfd.samples.quadruped(10_000).mesh, cache=False, views=6, resolution=224, steps=100)
 
 
 def shape(vertex_count: int) -> dfd.Mesh:
-    """Return the quadruped with at least so many vertices."""
+    """Return the quadruped with at least `vertex_count` vertices."""
     mesh = dfd.samples.quadruped(min(max(2 * vertex_count, 4_000), 10_000)).mesh
     vertices, faces = mesh.vertices, mesh.faces
     while len(vertices) < vertex_count:
@@ -38,7 +38,7 @@ def shape(vertex_count: int) -> dfd.Mesh:
 
 
 def steps(vertex_count: int, of_shape: dfd.Field) -> Row:
-    """Return the seconds of each of `STEPS` in one session, and the GB by which it raises the process's memory."""
+    """Return the seconds of each of `STEPS` in one session; for "memory", the GB that the session adds at its peak."""
     mesh = shape(vertex_count)
     before = _resident()
     session = dfd.Deformer(mesh, of_shape, other_shape=True)
@@ -50,13 +50,13 @@ def steps(vertex_count: int, of_shape: dfd.Field) -> Row:
         for k in range(1 + LATER):
             session.move(handle, translation=(0.0, -0.01 * (k + 1), 0.0))
             frames.append(_timed(lambda: session.vertices))
-        seconds["first frame" if handle == 1 else "its first frame"] = frames[0]
+        seconds["first frame" if handle == 1 else "second handle's frame"] = frames[0]
         seconds["later frame"] = float(np.median(frames[1:]))
     return seconds | {"memory": _resident("VmHWM") - before}
 
 
 def measured(vertex_count: int, of_shape: dfd.Field) -> Row:
-    """Return `steps`, run in a process of its own."""
+    """Return the result of `steps`, run in a separate process."""
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         return pool.apply(steps, (vertex_count, of_shape))
 
@@ -68,14 +68,14 @@ def _timed(call: Callable[[], object]) -> float:
 
 
 def _resident(key: str = "VmRSS") -> float:
-    """Return the memory of this process, GB, now or at its peak ("VmHWM"); NaN unless it runs on Linux."""
-    status = Path("/proc/self/status")  # `resource` counts the peak of the parent, too
+    """Return the memory of this process in GB, now or at its peak ("VmHWM"); NaN on systems other than Linux."""
+    status = Path("/proc/self/status")  # `resource` would count the parent's peak, too
     lines = status.read_text().splitlines() if status.exists() else []
     return next((int(line.split()[1]) / 1e6 for line in lines if line.startswith(key)), float("nan"))
 
 
 class Session:
-    """Suite for asv: one session for each size, with the seconds of each step and the GB of memory."""
+    """Benchmark for asv: one session for each size, with the seconds of each step and the GB of memory."""
 
     params = (SIZES, STEPS)
     param_names = ("vertices", "step")
@@ -83,17 +83,17 @@ class Session:
 
     def setup_cache(self) -> dict[int, Row]:
         """Measure each size once."""
-        os.environ.setdefault("HF_HUB_OFFLINE", "1")  # the measured network is the installed one
+        os.environ.setdefault("HF_HUB_OFFLINE", "1")  # use the installed encoder
         of_shape = field()
         return {count: measured(count, of_shape) for count in SIZES}
 
     def track_session(self, found: dict[int, Row], vertices: int, step: str) -> float:
-        """Return what the step took."""
+        """Return the seconds of the step, or the GB of memory."""
         return found[vertices][step]
 
 
 def main() -> None:
-    """Measure, print and draw."""
+    """Measure all sizes, print a table and draw a plot."""
     from bench.tables import to_markdown  # asv imports this module from another folder
 
     parser = argparse.ArgumentParser(prog="python -m bench.speed.session", description=__doc__)

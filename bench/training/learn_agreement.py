@@ -1,8 +1,8 @@
-"""Learn the probability that a transferred edit moves the same part, from edits transferred between rigs of a family.
+"""Learn the probability that a transferred handle moves the corresponding part, from rigs of one family.
 
-A handle moves some joints of the first rig. It is right if its part of the other rig has an IoU of at least 0.6 with
-the vertices of these joints. `python -m bench.training.learn_agreement FOLDER…` prints the constants of
-`dfd.editing.agreement`, and how often handles are right by their confidence on families that were left out.
+A handle moves the subtrees of some joints of one rig. It is right on another rig if it moves the subtrees of the same
+joints there, with an IoU of at least 0.6. `python -m bench.training.learn_agreement FOLDER…` prints the constants of
+`dfd.editing.agreement`, and which fraction of handles is right in families that were left out, by their probability.
 """
 
 import argparse
@@ -21,14 +21,14 @@ from dfd.editing.agreement import HELD, differences
 from dfd.editing.edit import Edit
 from dfd.editing.transfer import transfer
 
-RIGHT = 0.6  # least IoU of a handle that moves the same part
-SHARED = 0.6  # least fraction of the names of joints that two compared rigs share
-TARGETS = 3  # rigs to which each handle is transferred
-FAMILY_POWER = 0.5  # a family has the weight of the square root of its handles
+RIGHT = 0.6  # smallest IoU of a handle that is right
+SHARED = 0.6  # smallest fraction of joint names that are equal in two compared rigs
+TARGETS = 3  # largest number of rigs to which each handle is transferred
+FAMILY_POWER = 0.5  # The weight of a family is its number of handles to this power.
 
 
-def carried(shapes: list[tuple[RiggedShape, dfd.Deformer]]) -> Iterator[tuple[str, Float64, bool]]:
-    """Transfer a handle of every joint; yield the family, the differences (2,) and whether the handle is right."""
+def transferred(shapes: list[tuple[RiggedShape, dfd.Deformer]]) -> Iterator[tuple[str, Float64, bool]]:
+    """Transfer a handle of every joint to other rigs; yield its family, `differences` (2,) and whether it is right."""
     generator = np.random.default_rng(0)
     for shape, session in shapes:
         family, names = family_of(shape.name), set(shape.joints)
@@ -60,7 +60,7 @@ def fitted(rows: Float64, right: Bool, weight: Float64) -> Float64:
 
 
 def main() -> None:
-    """Learn from the rigs of all given folders."""
+    """Learn the constants from the rigs of all given folders, and print them."""
     parser = argparse.ArgumentParser("python -m bench.training.learn_agreement", description=__doc__)
     parser.add_argument("folders", type=Path, nargs="+", help="folders with skinned GLB files")
     shapes = [
@@ -68,7 +68,7 @@ def main() -> None:
         for folder in parser.parse_args().folders
         for shape in rigged_shapes(folder)
     ]
-    found = list(carried(shapes))
+    found = list(transferred(shapes))
     families = np.array([family for family, *_ in found])
     rows, right = np.array([row for _, row, _ in found]), np.array([each for *_, each in found])
     weight = np.array([(families == family).sum() ** (FAMILY_POWER - 1.0) for family in families])
@@ -78,10 +78,10 @@ def main() -> None:
         constants = fitted(rows[kept], right[kept], weight[kept])
         odds[~kept] = constants[0] - rows[~kept] @ constants[1:]
     confidence = 1.0 / (1.0 + np.exp(-odds))
-    print(f"{len(found)} handles, {right.mean():.3f} right; constants {fitted(rows, right, weight).round(2)}")
+    print(f"{len(found)} handles, {right.mean():.1%} right; constants {fitted(rows, right, weight).round(2)}")
     for least in (0.5, 0.7, 0.8, 0.9):
         some = confidence >= least
-        print(f"confidence of at least {least}: {some.sum()} handles, {right[some].mean():.3f} right")
+        print(f"probability of at least {least}: {some.sum()} handles, {right[some].mean():.1%} right")
 
 
 if __name__ == "__main__":

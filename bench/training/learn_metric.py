@@ -1,8 +1,8 @@
-"""`python -m bench.training.learn_metric`: learn which differences tell parts apart, and judge it on families left out.
+"""`python -m bench.training.learn_metric`: learn a metric of features that separates parts, and test it.
 
-The shapes are the rigs and skinned characters in the folder DFD_MESHES, +y up, and the samples of dfd. `--lessons`
-adds a folder with rigs and people. A file keeps the features of each between runs. Equal features give equal files.
-docs/learned.md names the sources of the package's metric.
+The training shapes are the rigs and skinned characters in the folder DFD_MESHES, +y up, and the samples of dfd.
+`--lessons` adds a folder with rigs and people. The features of each shape are cached in a file. Training on the same
+features writes identical files. docs/learned.md lists the sources of the metric in the package.
 """
 
 from collections import Counter
@@ -28,31 +28,31 @@ from dfd.encoders.encode import Encoder
 from dfd.encoders.learned_file import encoder_identity
 
 REPORT, CACHE = RESULTS / "metric.md", RESULTS / "metric_features"
-DIRECTIONS = 51  # 64 numbers together with the 13 kinds of parts
-RIDGE = 1.0  # of the mean variance within parts
-POWER = 0.125  # of the ratio of variances; the result is the length of a direction
-FACES = 20_000  # of the samples
-EACH, SEEDS = 8, 3  # handles of every part, and draws
+DIRECTIONS = 51  # With the 13 kinds of parts, a mapped feature then has 64 dimensions.
+RIDGE = 1.0  # regularization, as a multiple of the mean variance within parts
+POWER = 0.125  # The length of a direction is its ratio of variances to this power.
+FACES = 20_000  # of each sample
+EACH, SEEDS = 8, 3  # handles that are drawn from every part, and number of draws
 
-# Of the network that tells kinds of parts.
+# Settings of the network that classifies features by kind of part.
 KINDS = ("ear", "horn", "trunk", "wing", "fin", "tail", "foot", "leg", "neck", "head", "torso", "hand", "arm")
-SAME = {"body": "torso", "hoof": "foot"}
+SAME = {"body": "torso", "hoof": "foot"}  # names of parts that count as another kind
 HIDDEN = 256
-POINTS = 80  # of a part
+POINTS = 80  # largest number of vertices of a part that are used
 STEPS, BATCH, LEARNING_RATE, DECAY = 400, 1024, 3e-3, 0.05
 DROPPED, DROPPED_UNITS = 0.2, 0.5  # dropout: fractions of the inputs and of the hidden units
-UNSURE = 0.05  # label smoothing, so that the network is less certain of unknown shapes
-FAMILY_POWER = 0.5  # a family has the weight of the square root of its shapes
-SCALE = 20.0  # about √384, so that the inputs are near one
+LABEL_SMOOTHING = 0.05  # makes the network less certain of unknown shapes
+FAMILY_POWER = 0.5  # The weight of a family is its number of shapes to this power.
+SCALE = 20.0  # factor on features, about √384, so that the inputs are near 1
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Learn, judge and write."""
+    """Learn the metric, test it, and write the metric and a report."""
     run(arguments, __spec__.name, __doc__, FOLDER, REPORT, lessons_of, learn, report)
 
 
 def lessons_of(folder: Path, more: Path | None, encoder: Encoder) -> Iterator[Lesson]:
-    """Yield the lesson of every shape; characters have the merged names of their parts."""
+    """Yield the lesson, the training data, of every shape."""
     found = [*shapes.rigs(folder / "rigs"), *shapes.rigs(folder / "upright"), *shapes.characters(folder)]
     for under in ("rigs", "people") if more else ():
         found += shapes.rigs(more / under)
@@ -62,14 +62,15 @@ def lessons_of(folder: Path, more: Path | None, encoder: Encoder) -> Iterator[Le
 
 
 def learn(lessons: Sequence[Lesson], encoder: Encoder) -> Metric:
-    """Return the metric of all lessons."""
+    """Return the metric that is learned from all lessons."""
     return Metric(*discriminants(lessons), *encoder_identity(encoder), learn_kinds(lessons))
 
 
 def discriminants(lessons: Sequence[Lesson]) -> tuple[Float32, Float32]:
-    """Return the directions (D, d) and (BANDS, d) of the largest variance between parts over that within parts.
+    """Return the directions with the largest variance between parts divided by the variance within parts.
 
-    Families have equal weight. A direction has unit variance within parts, times a power of the ratio of variances.
+    They map features, (D, d), and thickness bands, (BANDS, d). Families have equal weight. Each direction is scaled to
+    unit variance within parts, then multiplied by a power of its ratio of variances.
 
     Source: Fisher, "The use of multiple measurements in taxonomic problems", 1936; ridge: Friedman, "Regularized
     discriminant analysis", 1989.
@@ -87,9 +88,9 @@ def discriminants(lessons: Sequence[Lesson]) -> tuple[Float32, Float32]:
 
 
 def learn_kinds(taught: Sequence[Lesson]) -> Kinds:
-    """Return a network that tells the kinds of parts, learned from all shapes with at least two of `KINDS`.
+    """Return a network that classifies features by kind of part, learned from all shapes with at least two of `KINDS`.
 
-    A family has the weight of the square root of its number of shapes, shared by its shapes and by their parts.
+    A family has the weight √(number of its shapes). Its shapes have equal weight, and so have the parts of a shape.
     """
     generator = np.random.default_rng(0)
     rows, kinds, chances = [], [], []
@@ -106,7 +107,7 @@ def learn_kinds(taught: Sequence[Lesson]) -> Kinds:
 
 
 def _fitted(rows: Float32, kinds: Int64, chances: Float64, generator: np.random.Generator) -> Kinds:
-    """Fit the network to the `kinds` (N,) of `rows` (N, D), which are drawn with probabilities `chances` (N,)."""
+    """Train the network on `rows` (N, D) and their `kinds` (N,). Rows are drawn in proportion to `chances` (N,)."""
     x, y, until = torch.from_numpy(rows), torch.from_numpy(kinds), np.cumsum(chances / chances.sum())
     with one_thread(), torch.random.fork_rng(devices=[]):  # one thread gives reproducible sums
         torch.manual_seed(int(generator.integers(2**31)))
@@ -116,7 +117,7 @@ def _fitted(rows: Float32, kinds: Int64, chances: Float64, generator: np.random.
         schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, STEPS)
         for _ in range(STEPS):
             drawn = torch.from_numpy(np.searchsorted(until, generator.random(BATCH)).clip(max=len(until) - 1))
-            loss = nn.functional.cross_entropy(network(x[drawn]), y[drawn], label_smoothing=UNSURE)
+            loss = nn.functional.cross_entropy(network(x[drawn]), y[drawn], label_smoothing=LABEL_SMOOTHING)
             optimizer.zero_grad()
             loss.backward()
             optimizer.step()
@@ -126,7 +127,7 @@ def _fitted(rows: Float32, kinds: Int64, chances: Float64, generator: np.random.
 
 
 def precision(lesson: Lesson, features: Float32) -> float:
-    """Return the mean average precision on a lesson's shape with other features, over several draws of handles."""
+    """Return the mean average precision of weights by `features` (V, D) on a lesson's shape, over `SEEDS` draws."""
     labels, found = lesson.shape.labels, []
     for seed in range(SEEDS):
         handles = draw_handles(labels, EACH, seed)
@@ -136,7 +137,7 @@ def precision(lesson: Lesson, features: Float32) -> float:
 
 
 def report(lessons: Sequence[Lesson]) -> str:
-    """Return the precision on each shape by features alone, and by the metric of the other families."""
+    """Return a report: the precision on each shape with features alone, and with the metric of the other families."""
     rows: list[list[Any]] = []
     gains: dict[str, float] = {}
     for family in dict.fromkeys(each.family for each in lessons):
@@ -151,7 +152,7 @@ def report(lessons: Sequence[Lesson]) -> str:
     by_family = ", ".join(f"{family} {gain:+.3f}" for family, gain in gains.items())
     blocks = [
         "# A learned metric",
-        "Each shape is judged without its family, by the precision at the vertices before a field is fitted.",
+        "The metric for each shape is learned without its family. Features are those at vertices, without a field.",
         to_markdown(["family", "shape", "features alone", "learned"], rows, ".3f"),
         f"Gain by family, mean {np.mean(list(gains.values())):+.4f}: {by_family}.",
     ]

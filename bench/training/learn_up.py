@@ -1,7 +1,7 @@
-"""`python -m bench.training.learn_up`: learn which way is up, and judge it on families that were left out.
+"""`python -m bench.training.learn_up`: learn a probe that finds the up direction, and test it.
 
-The shapes are those under CC0 in the folder DFD_MESHES, the samples of dfd, and a folder given with `--lessons`. All
-stand +y up. Equal folders give equal files. docs/learned.md names the sources of the package's probe.
+The training shapes are those under CC0 in the folder DFD_MESHES, the samples of dfd, and a folder given with
+`--lessons`. Their up is +y. Training on the same folders writes identical files. docs/learned.md lists the sources.
 """
 
 import hashlib
@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 import dfd
 from bench.quality.shapes import SAMPLES
 from bench.tables import to_markdown
-from bench.training.sources import RESULTS, kept_arrays, run, upright_files
+from bench.training.sources import RESULTS, cached_arrays, run, upright_files
 from bench.training.up_lessons import FRAMES, LESSONS, TRUE, UpLesson, learned_odds, learned_votes, left_out_odds
 from dfd.common.linear_algebra import Float64
 from dfd.encoders.encode import Encoder
@@ -29,22 +29,21 @@ from dfd.upright.probe import FOLDER, UpProbe
 from dfd.upright.probe_views import CORNERS, SIDES, ProbeCameras, ViewTokens
 from dfd.upright.stability import StabilityCues
 
-REPORT, KEPT_VIEWS = RESULTS / "up.md", RESULTS / "views_around"
-KEPT = 0.99  # least fraction of upright files whose axis is among the axes with pictures
-# Least fraction of the shapes of DFD_MESHES and samples whose axis is the likeliest; many have no clear up.
-KEPT_OWN = 0.97
-KEPT_UP = 0.985  # least fraction of upright files that are not taken for upside down
-Z_SHARE = 0.35  # of the log-odds of the file's +y, for its ±z, as many files have z up
-PRIORS, LOSSES = np.arange(0, 12, 0.05), np.arange(0, 6, 0.1)
+REPORT, VIEWS_CACHE = RESULTS / "up.md", RESULTS / "views_around"
+KEPT = 0.99  # smallest fraction of shapes whose upright axis is the likeliest, or the second if that is doubtful
+KEPT_OWN = 0.97  # smallest fraction of shapes from DFD_MESHES and samples whose upright axis is the likeliest
+KEPT_UP = 0.985  # smallest fraction of shapes that are not found upside down
+Z_SHARE = 0.35  # prior log-odds of the file's ±z divided by those of its +y; many files have z up
+PRIORS, LOSSES = np.arange(0, 12, 0.05), np.arange(0, 6, 0.1)  # tried log-odds of +y, and how much lower −y is
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Learn, judge and write."""
+    """Learn the probe, test it, and write the probe and a report."""
     run(arguments, __spec__.name, __doc__, FOLDER, REPORT, lessons_of, learn, report)
 
 
 def lessons_of(folder: Path, more: Path | None, encoder: Encoder) -> Iterator[UpLesson]:
-    """Yield the lesson of every shape."""
+    """Yield the lesson, the training data, of every shape."""
     for path in upright_files(folder, more):
         known = LESSONS if more and path.is_relative_to(more) else ""
         yield lesson(f"{known}{path.parent.name}/{path.stem}", dfd.load(path), encoder)
@@ -53,7 +52,7 @@ def lessons_of(folder: Path, more: Path | None, encoder: Encoder) -> Iterator[Up
 
 
 def lesson(name: str, mesh: dfd.Mesh, encoder: Encoder) -> UpLesson:
-    """Return the lesson of one shape, +y up."""
+    """Return the lesson of one shape, whose up is +y."""
     print(name, flush=True)
     center, scale = normalization(mesh)
     vertices = (mesh.vertices - center) * scale
@@ -69,7 +68,7 @@ def lesson(name: str, mesh: dfd.Mesh, encoder: Encoder) -> UpLesson:
 
 
 def cached_tokens(mesh: dfd.Mesh, encoder: Encoder, frames: Float64, eyes: Float64) -> ViewTokens:
-    """Return `ProbeCameras.seen`, from a file if it exists, because pictures take minutes."""
+    """Return the result of `ProbeCameras.seen`, from a file if it exists, because rendering takes minutes."""
     key = {
         "field_version": FIELD_VERSION,
         "around": hashlib.sha256(Path(probe_views.__file__).read_bytes()).hexdigest(),
@@ -78,19 +77,19 @@ def cached_tokens(mesh: dfd.Mesh, encoder: Encoder, frames: Float64, eyes: Float
         "eyes": eyes.round(6).tolist(),
         **encoder.settings(),
     }
-    path = KEPT_VIEWS / f"{hash_key(key)}.npz"
-    return ViewTokens(**kept_arrays(path, lambda: vars(ProbeCameras(mesh, encoder).seen(frames, eyes))))
+    path = VIEWS_CACHE / f"{hash_key(key)}.npz"
+    return ViewTokens(**cached_arrays(path, lambda: vars(ProbeCameras(mesh, encoder).seen(frames, eyes))))
 
 
 def learn(lessons: tuple[UpLesson, ...], encoder: Encoder) -> UpProbe:
-    """Return the probe of all lessons; its odds and priors fit votes that were learned without the judged shape."""
+    """Return the probe of all lessons. Odds and priors are fitted to the votes of probes that left out the shape."""
     votes, odds = learned_votes(lessons).without(), learned_odds(lessons)
     up, down = least_priors(lessons)
     return UpProbe(votes.mean, votes.form, votes.vector, odds, up, down, Z_SHARE * up, *encoder_identity(encoder))
 
 
 def with_priors(odds: Float64, up: int, priors: tuple[float, float]) -> Float64:
-    """Add to `odds` (…, 6) those of the file's +y along frame `up`, of its −y, and of its ±z along the next axis."""
+    """Add the prior log-odds of the file's +y (frame `up`), its −y, and its ±z (the next axis) to `odds` (…, 6)."""
     z = (up // 2 + 1) % 3
     added = np.zeros(len(FRAMES))
     added[[up, up ^ 1]] = priors
@@ -99,14 +98,14 @@ def with_priors(odds: Float64, up: int, priors: tuple[float, float]) -> Float64:
 
 
 def of_axes(odds: Float64) -> Float64:
-    """Return the log-odds (…, 3) that either frame of an axis is up, from those of frames (…, 6)."""
+    """Return the log-odds (…, 3) that one of the two frames of an axis is up, from log-odds of frames (…, 6)."""
     return np.logaddexp(odds[..., ::2], odds[..., 1::2])
 
 
 def decided(odds: Float64, up: int, priors: tuple[float, float]) -> tuple[int, int]:
-    """Return the likeliest axis and frame if frame `up` is the file's +y.
+    """Return the likeliest axis, and its likelier frame, for a file whose +y is frame `up`.
 
-    `odds` (7, 6) are those of `left_out_odds`. As in `dfd.upright.find_up`, pictures around the file's +y decide alone
+    `odds` (7, 6) come from `left_out_odds`. As in `dfd.upright.find_up`, the pictures around the file's +y decide alone
     if they are certain.
     """
     axes = of_axes(odds[up])
@@ -117,10 +116,9 @@ def decided(odds: Float64, up: int, priors: tuple[float, float]) -> tuple[int, i
 
 
 def least_priors(lessons: tuple[UpLesson, ...]) -> tuple[float, float]:
-    """Return the log-odds of the file's +y and −y: the least of +y with which enough shapes keep their axis and up.
+    """Return the prior log-odds of the file's +y and −y: the smallest for +y with which enough shapes stay upright.
 
-    The axis is among the two with pictures for `KEPT` of all shapes, and the likeliest for `KEPT_OWN` of those that
-    are not from `--lessons`. `KEPT_UP` of all keep their up. The log-odds of −y are the largest with which this holds.
+    `KEPT`, `KEPT_OWN` and `KEPT_UP` define what is enough. The log-odds of −y are the largest that satisfy them, too.
     """
     odds = left_out_odds(lessons, "name")
     rows = np.stack([each[-1] for each in odds.values()])
@@ -138,22 +136,22 @@ def least_priors(lessons: tuple[UpLesson, ...]) -> tuple[float, float]:
 
 
 def report(lessons: tuple[UpLesson, ...]) -> str:
-    """Return a report: how often the upright axis, and in brackets the up direction, is found by other lessons."""
+    """Return a report: how often probes of other lessons find the upright axis, and in brackets the up direction."""
     priors = least_priors(lessons)
     own = [each for each in lessons if not each.name.startswith(LESSONS)]
     blocks = [
         "# Which way is up",
-        f"{len(lessons)} shapes, of which {len(own)} are from DFD_MESHES or samples; those are judged. Log-odds of the "
+        f"{len(lessons)} shapes, of which {len(own)} are from DFD_MESHES or samples; these are tested. Log-odds of the "
         f"file's +y: {priors[0]:.2f}, of −y: {priors[1]:.2f}, of ±z: {Z_SHARE * priors[0]:.2f}.",
     ]
     for left_out, group in (("its family", "family"), ("itself", "name")):
         odds, rows = left_out_odds(lessons, group), []
         for family in [*dict.fromkeys(each.family for each in own), "all"]:
             some = [odds[each.name] for each in own if family in (each.family, "all")]
-            # If the file's +y is [0, 1], its z is the axis after it, the shape's up.
+            # In a file with z up, +y is frame 0 or 1, and the next axis, its z, is the shape's upright axis.
             rows.append([family, len(some), *(_found(some, ups, priors) for ups in ([TRUE], [0, 1], range(6)))])
         columns = ("family", "shapes", "kept upright", "found z up", "found, 6 directions")
-        blocks += [f"Each judged without {left_out}:", to_markdown(columns, rows)]
+        blocks += [f"The probe for each shape is learned without {left_out}:", to_markdown(columns, rows)]
     return "\n\n".join(blocks) + "\n"
 
 

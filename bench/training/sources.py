@@ -1,4 +1,4 @@
-"""Find the models to learn from, all under CC0; docs/learned.md names their packs and makers."""
+"""Find the models to learn from, all under CC0, and run the commands that learn. docs/learned.md lists the models."""
 
 import argparse
 import os
@@ -19,8 +19,8 @@ from dfd.encoders.known import DEFAULT_ENCODER
 RESULTS = Path(__file__).resolve().parents[1] / "results" / "quality"
 OF_MESHES = ("knight.glb", "kaykit_*.obj", "rigs/*.glb", "upright/*.glb")  # models under CC0 in DFD_MESHES
 OF_LESSONS = ("people/*.glb", "rigs/*.glb", "upright/*.glb")
-MOST_ALIKE = 12  # models of a family, which bounds the weight of large packs
-# Words in the names of models that have no up, hang on walls, or lie in any direction.
+LARGEST_FAMILY = 12  # models of a family that are used, so that large packs do not dominate
+# Words in the names of models that have no up direction, hang on walls, or lie in any direction.
 WITHOUT_UP = (
     *("armor", "bone", "book_", "bouncer", "box", "cable", "can_broken", "carpet", "claymore", "club", "compass"),
     *("crystal", "cyberpunk_pack_ac", "computer", "dart", "flaregun", "glove", "katana", "lever", "match", "mirror"),
@@ -39,14 +39,14 @@ def run(
     learn: Callable[[tuple[Any, ...], Encoder], Any],
     report: Callable[[tuple[Any, ...]], str],
 ) -> None:
-    """Read the command line, learn from all lessons, write the result, by default in `folder`, and judge it.
+    """Run a command that learns from lessons, and writes the result, by default to `folder`, and a report.
 
-    `lessons_of` takes DFD_MESHES, the folder of `--lessons`, and the encoder.
+    A lesson is the data of one shape. `lessons_of` takes the folders DFD_MESHES and `--lessons`, and the encoder.
     """
     parser = argparse.ArgumentParser(f"python -m {module}", description=description)
     parser.add_argument("--encoder", default=DEFAULT_ENCODER)
-    parser.add_argument("--output", type=Path, help="file to write; by default where the package looks for it")
-    parser.add_argument("--lessons", type=Path, help="a folder of further CC0 models, +y up: people, rigs and upright")
+    parser.add_argument("--output", type=Path, help="file to write; by default the file that dfd loads")
+    parser.add_argument("--lessons", type=Path, help="folder of more CC0 models, +y up: people, rigs and upright")
     options = parser.parse_args(arguments)
     if not os.environ.get("DFD_MESHES"):
         parser.error("DFD_MESHES must name the folder of meshes to learn from")
@@ -58,8 +58,8 @@ def run(
     print(f"{output}\n{report_path}")
 
 
-def kept_arrays(path: Path, make: Callable[[], Mapping[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
-    """Return the arrays in the file at `path`; if there is none, make them and write it."""
+def cached_arrays(path: Path, make: Callable[[], Mapping[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
+    """Return the arrays in the file at `path`; if there is no file, make the arrays and write them."""
     if not path.is_file():
         path.parent.mkdir(parents=True, exist_ok=True)
         with atomic_write(path) as temporary, temporary.open("wb") as stream:
@@ -69,11 +69,11 @@ def kept_arrays(path: Path, make: Callable[[], Mapping[str, NDArray[Any]]]) -> d
 
 
 def upright_files(meshes: Path, lessons: Path | None) -> Iterator[Path]:
-    """Yield the files from which up is learned: all of DFD_MESHES, and the first few of each family of `lessons`."""
+    """Yield the files from which up is learned: all in `meshes`, and the first few of each family in `lessons`."""
     for pattern in OF_MESHES:
         yield from sorted(meshes.glob(pattern))
     taken: Counter[str] = Counter()
     for path in sorted(path for pattern in OF_LESSONS for path in (lessons.glob(pattern) if lessons else ())):
-        if taken[family_of(path.stem)] < MOST_ALIKE and not any(word in path.stem for word in WITHOUT_UP):
+        if taken[family_of(path.stem)] < LARGEST_FAMILY and not any(word in path.stem for word in WITHOUT_UP):
             taken[family_of(path.stem)] += 1
             yield path

@@ -1,4 +1,4 @@
-"""Learn which way is up: votes of pictures by ridge regression, and their odds by logistic regression."""
+"""Learn a probe of the up direction: votes of pictures by ridge regression, and their odds by logistic regression."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -16,31 +16,31 @@ from dfd.upright.probe import FORM_TOKENS, FORMS, TERMS, VECTOR_TOKENS, VECTORS,
 from dfd.upright.probe_views import ViewTokens
 from dfd.upright.stability import StabilityCues
 
-FRAMES = np.stack(axis_frames(np.eye(3)))
+FRAMES = np.stack(axis_frames(np.eye(3)))  # (6, 3, 3), one for each signed coordinate axis as up
 UPS = FRAMES[:, 1]
-TRUE = 2  # +y among them
-LESSONS = "lessons/"  # prefix of the names of shapes that are not from DFD_MESHES
-RIDGE = 1.0  # of the mean moment of the terms
-SHRINK = 3.0  # of the odds, whose terms have unit spread
+TRUE = 2  # index of +y, the true up, in `UPS`
+LESSONS = "lessons/"  # prefix of the names of shapes from the folder `--lessons`
+RIDGE = 1.0  # regularization of the votes, relative to the mean square of their terms
+SHRINK = 3.0  # regularization of the odds, for terms of unit spread
 FOLDS = 16
-NEAR = np.cos(np.radians(20))  # a candidate within this angle of the up of a tilted shape is right
-TILTED = 0.5  # weight of pictures along random axes, beside those along the shape's own
+NEAR = np.cos(np.radians(20))  # cosine of the largest angle between a right candidate and the up of a tilted shape
+TILTED = 0.5  # weight of pictures along random axes; those along the axes of the shape have weight 1
 
-Choice = tuple[Float64, Bool]  # the terms (K, 9) of each candidate, and whether it is right (K,)
-# The choices of a shape: by pictures around each of `FRAMES`, by pictures along all of them, and of the tilted shape.
+Choice = tuple[Float64, Bool]  # the terms (K, 9) of K candidates for up, and whether each is right (K,)
+# The choices of a shape: with the pictures around each of `FRAMES`, with all pictures, and of the tilted shape.
 Choices = tuple[list[Choice], list[Choice], list[Choice]]
 
 
 @dataclass(frozen=True, eq=False)
 class UpLesson:
-    """An upright shape, +y up, with its pictures and the cues of its surface."""
+    """The data of one training shape with up +y: the tokens of its pictures, and the cues of its surface."""
 
     name: str
-    sides: tuple[ViewTokens, ...]  # of each of `FRAMES`
-    corners: ViewTokens  # of all of them
-    evidence: Float64  # (6, 7), of every frame
+    sides: tuple[ViewTokens, ...]  # of the pictures by the cameras SIDES, around each of `FRAMES`
+    corners: ViewTokens  # of the pictures by the cameras CORNERS, around all of `FRAMES`
+    evidence: Float64  # (6, 7) values of the surface's cues for each of `FRAMES`
     rotation: Float64  # (3, 3) from the upright shape to the tilted one
-    tilted: ViewTokens  # of the tilted shape, around the axes of its file
+    tilted: ViewTokens  # of the pictures of the tilted shape, around the axes of its file
     tilted_cues: StabilityCues
 
     @property
@@ -50,26 +50,26 @@ class UpLesson:
 
     @property
     def all_seen(self) -> ViewTokens:
-        """Return all pictures along the axes of the shape."""
+        """Return the tokens of all pictures along the axes of the upright shape."""
         return sum(self.sides, self.corners)
 
     @property
     def tilted_ups(self) -> Float64:
-        """Return the ups of `FRAMES` (6, 3), rotated."""
+        """Return the up directions (6, 3) of `FRAMES`, rotated with the tilted shape."""
         return UPS @ self.rotation.T
 
 
-Group = Literal["family", "name"]  # the lessons to leave out for a judged shape: its family, or itself
+Group = Literal["family", "name"]  # the lessons that are left out to test a shape: its family, or only itself
 
 
 class Ridge:
-    """A linear vote by ridge regression, of all lessons or of all but some.
+    """Learn a linear vote by ridge regression, from all lessons or from all except some.
 
-    Each of the J blocks of terms has equal weight, independent of the spread of its tokens.
+    The J blocks of terms have equal weight, independent of the spread of their tokens.
     """
 
     def __init__(self, terms: Float64, right: Bool, blocks: int) -> None:
-        """Keep the terms (L, 12, J D) of each lesson's ups, upright and tilted; `right` (6,) marks the true ups."""
+        """Store the terms (L, 12, J D) for six ups of L upright and tilted shapes; `right` (6,) marks the true up."""
         weights = np.repeat([1.0, TILTED], len(FRAMES))
         mean_squares = np.einsum("n,lnd->d", weights, np.square(terms)) / (len(terms) * weights.sum())
         block_squares = mean_squares.reshape(blocks, -1).sum(axis=1)
@@ -84,14 +84,14 @@ class Ridge:
         return rows.T @ rows, rows.T @ np.tile(self._targets, len(lessons))
 
     def without(self, lessons: Sequence[int]) -> Float64:
-        """Return the vote (J, D) that is learned without some lessons."""
+        """Return the weights (J, D) of the vote that is learned without the given indices of lessons."""
         moment, products = self._moments(lessons)
         weights = np.linalg.solve(self._moment - moment, self._products - products) / self._scales
         return weights.reshape(self._blocks, -1).astype(np.float32)
 
 
 class Votes:
-    """Probes without odds, learned from pictures: the form votes for the upright axis, the vector for its upper end."""
+    """Learn probes without odds. Their quadratic form votes for the upright axis, their vector for its upper end."""
 
     def __init__(self, lessons: Sequence[UpLesson]) -> None:
         tokens = [lesson.all_seen.tokens[:, 0].mean(axis=0) for lesson in lessons]
@@ -103,7 +103,7 @@ class Votes:
         self._vector = Ridge(np.stack(vectors), frames == TRUE, len(VECTORS))
 
     def _terms(self, lesson: UpLesson) -> tuple[Float64, Float64]:
-        """Return the factors (12, J D) of the form's weights and of the vector's, about their means over the ups."""
+        """Return the terms (12, J D) of the form and of the vector, minus their means over the six candidates."""
         forms, vectors = [], []
         for seen, ups in ((lesson.all_seen, UPS), (lesson.tilted, lesson.tilted_ups)):
             tokens = seen.tokens - np.stack([self._mean, np.zeros_like(self._mean)])
@@ -126,11 +126,11 @@ learned_votes = cache(Votes)
 
 
 def choices(lesson: UpLesson, probe: UpProbe) -> Choices:
-    """Return the choices of a lesson's shape by a probe and the cues of its surface."""
+    """Return the choices for a lesson's shape, with terms from a probe and from the cues of the surface."""
     upright = np.arange(len(FRAMES)) == TRUE
     tilted = []
     cues = lesson.tilted_cues
-    if not np.array_equal(cues.frame(), np.eye(3)):  # else the shape lies along the axes of its file
+    if not np.array_equal(cues.frame(), np.eye(3)):  # else the shape is not tilted
         frames = candidates(cues, cues.frame(), probe.votes(lesson.tilted)[0])
         evidence = np.stack([cues.evidence(frame) for frame in frames])
         terms = probe.terms(lesson.tilted, frames[:, 1], evidence)
@@ -141,7 +141,7 @@ def choices(lesson: UpLesson, probe: UpProbe) -> Choices:
 
 @cache
 def left_out_choices(lessons: tuple[UpLesson, ...], group: Group) -> dict[str, Choices]:
-    """Return `choices` of every shape by votes that were learned without its group."""
+    """Return the `choices` of every shape, by name, with votes that were learned without its group."""
     votes = learned_votes(lessons)
     found: dict[str, Choices] = {}
     for own in dict.fromkeys(getattr(each, group) for each in lessons):
@@ -152,10 +152,10 @@ def left_out_choices(lessons: tuple[UpLesson, ...], group: Group) -> dict[str, C
 
 
 def learned_odds(lessons: tuple[UpLesson, ...], without: Collection[str] = ()) -> Float64:
-    """Return the odds (3, 9) of an `UpProbe`, learned without the lessons of some names.
+    """Return the odds (3, 9) of an `UpProbe`, learned without the lessons that `without` names.
 
-    Each shape counts twice, with votes learned without its family and without itself: the family of a new shape may be
-    known or unknown.
+    Each shape counts twice: with votes learned without its family, and with votes learned without itself only. A new
+    shape, too, may or may not belong to a known family.
     """
     some = [
         left_out_choices(lessons, group)[each.name]
@@ -169,7 +169,7 @@ def learned_odds(lessons: tuple[UpLesson, ...], without: Collection[str] = ()) -
 def fit_odds(choices: Sequence[Choice]) -> Float64:
     """Return the log-odds (T,) per unit of each term, by conditional logistic regression on the right candidates.
 
-    Choices without a right candidate are left out. Without any other, the odds are 0.
+    Choices without a right candidate are ignored. If no choice remains, the odds are 0.
     """
     taught = [(terms, right) for terms, right in choices if right.any()]
     if not taught:
@@ -192,10 +192,10 @@ def fit_odds(choices: Sequence[Choice]) -> Float64:
 
 @cache
 def left_out_odds(lessons: tuple[UpLesson, ...], group: Group) -> dict[str, Float64]:
-    """Return log-odds (7, 6) of every shape's six ups: a row for each of `FRAMES` alone, and one for all pictures.
+    """Return, by name, log-odds (7, 6) of every shape's six candidates for up.
 
-    Votes are learned without the group of the shape, and odds without its fold of groups, because nine odds hardly
-    depend on one of hundreds of shapes.
+    Six rows use the pictures around one of `FRAMES`, and the last uses all pictures. Votes are learned without the
+    shape's group. Odds are learned without a fold of groups that includes it: once per fold instead of once per group.
     """
     found: dict[str, Float64] = {}
     groups = list(dict.fromkeys(getattr(each, group) for each in lessons))

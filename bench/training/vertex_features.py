@@ -1,4 +1,4 @@
-"""Compute an encoder's features and the thickness at the vertices of a shape, from which a metric is learned."""
+"""Compute the data from which the metric is learned: an encoder's features and the thickness at a shape's vertices."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +13,7 @@ import dfd
 from bench.quality.measures import area_fractions
 from bench.quality.parts import family_of
 from bench.quality.shapes import Shape
-from bench.training.sources import kept_arrays
+from bench.training.sources import cached_arrays
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillSettings
@@ -24,14 +24,14 @@ from dfd.encoders.encode import Encoder
 from dfd.upright.find_up import resolve_up
 from dfd.views.render import render
 
-NEAREST = 3  # points that a vertex is interpolated from
-THICKNESS = 0.25  # weight of a band of thickness beside a feature of unit length
-FEWEST = 5  # vertices of a part that is used
+NEAREST = 3  # number of surface points from which a vertex is interpolated
+THICKNESS = 0.25  # factor on the bands of thickness, which are appended to features of unit length
+FEWEST = 5  # smallest number of vertices of a part; smaller parts are ignored
 
 
 @dataclass(frozen=True, eq=False)
 class Lesson:
-    """A labelled shape with the targets of its distillation, interpolated at its vertices."""
+    """The data of a labelled training shape: the targets of its distillation, interpolated at its vertices."""
 
     shape: Shape
     features: Float32  # (V, D) unit rows
@@ -55,7 +55,7 @@ class Lesson:
 
     @cached_property
     def scatters(self) -> tuple[Float64, Float64]:
-        """Return the covariances (D + BANDS, D + BANDS) within and between parts, over the trace of their sum."""
+        """Return the covariances (D + BANDS, D + BANDS) within and between parts, divided by the trace of their sum."""
         every = np.concatenate([self.features, np.float32(THICKNESS) * self.thickness], axis=1, dtype=np.float64)
         rows = [every[self.shape.labels == part] for part in range(len(self.shape.parts))]
         rows = [part for part in rows if len(part) >= FEWEST]
@@ -66,13 +66,13 @@ class Lesson:
 
 
 def cached_lesson(folder: Path, shape: Shape, encoder: Encoder) -> Lesson:
-    """Return the lesson of a shape, with `vertex_features` from a file in `folder` if it exists."""
+    """Return the lesson of a shape; `vertex_features` are cached in a file in `folder`."""
 
     def made() -> dict[str, NDArray[Any]]:
         features, thickness = vertex_features(shape.mesh, encoder)
         return {"features": features.astype(np.float16), "thickness": thickness}
 
-    kept = kept_arrays(folder / f"{shape.mesh.content_hash}.npz", made)
+    kept = cached_arrays(folder / f"{shape.mesh.content_hash}.npz", made)
     return Lesson(shape, unit(kept["features"].astype(np.float32)), kept["thickness"])
 
 

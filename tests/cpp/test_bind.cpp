@@ -47,7 +47,7 @@ struct Problem {
     }
 };
 
-// Rows of integers within ±127, stored as bytes.
+// Features whose entries are integers within ±127, stored as bytes in blocks of 16 rows.
 struct Bytes {
     std::vector<float> entries;
     std::size_t dimension, count;
@@ -70,7 +70,7 @@ struct Bytes {
         }
     }
 
-    // Checks the weights with the first rows as handles, and returns them.
+    // Binds the first rows as handles, checks the weights, and returns them.
     std::vector<float> checked(std::size_t handles, const std::string& name) const
     {
         std::vector<float> weights(count * handles);
@@ -109,7 +109,7 @@ CASE("distance and clamp, Equations (4) and (5)")
     }
 END
 
-CASE("the same bits for every number of threads and every place of a row")
+CASE("weights are bitwise equal for every number of threads and every position of a row")
     Problem problem(333, 37, 9);
     for (std::size_t i = 1; i < 333; i += 2)
         std::copy_n(&problem.features[0], 37, &problem.features[i * 37]);
@@ -119,7 +119,7 @@ CASE("the same bits for every number of threads and every place of a row")
         for (std::size_t j = 0; j < 9; ++j) CHECK(once[i * 9 + j] == once[j]);
 END
 
-CASE("large results leave past the caches the same, wherever they start")
+CASE("large results, which bypass the caches, are the same at every alignment of the output")
     constexpr std::size_t count = 16393, stride = 16400, handles = 65;  // 4.06 MiB
     Problem problem(count, 4, handles);
     const std::vector<float>& wanted = problem.bind({}, 1);
@@ -143,7 +143,7 @@ CASE("large results leave past the caches the same, wherever they start")
     }
 END
 
-CASE("bytes: integers, hence the same bits on every processor")
+CASE("weights of byte features are bitwise equal on every processor")
     constexpr std::size_t count = 77, dimension = 12, handles = 19;
     std::mt19937 random(3);
     std::vector<float> entries(count * dimension);
@@ -151,13 +151,13 @@ CASE("bytes: integers, hence the same bits on every processor")
     const Bytes bytes(entries, dimension, 0.002f);
     for (const std::string& name : dfd::instruction_sets()) {
         const std::vector<float> weights = bytes.checked(handles, name);
-        std::uint32_t checksum = 0;  // IEEE 754 defines every bit, with the correctly rounded root
+        std::uint32_t checksum = 0;  // IEEE 754 defines every bit, because square roots are rounded correctly
         for (const float weight : weights) checksum = 31 * checksum + std::bit_cast<std::uint32_t>(weight);
         CHECK_NEAR(checksum, 3884994554u, 0);
     }
 END
 
-CASE("bytes whose products reach the ends of 16 bits")
+CASE("sums of byte products that reach the limits of 16 bits are exact")
     const std::array<float, 2> pairs[] = {{127, 1}, {64, 64}, {-64, -64}, {-127, -1}, {127, 2}, {-127, -2}, {127, 127}};
     std::vector<float> entries;
     for (const auto& pair : pairs) entries.insert(entries.end(), {pair[0], pair[1], pair[0], pair[1]});
@@ -167,6 +167,6 @@ CASE("bytes whose products reach the ends of 16 bits")
         for (std::size_t handles = 1; handles <= std::size(pairs); ++handles) bytes.checked(handles, name);
 END
 
-CASE("an instruction set that is not there is refused")
+CASE("an unknown instruction set is refused")
     CHECK_THROWS(dfd::kernels("avx1024"), "DFD_ISA must be one of the instruction sets of this machine (baseline");
 END

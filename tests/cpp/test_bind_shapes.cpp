@@ -44,7 +44,7 @@ double fallen(double x, dfd::Falloff falloff)
 
 }  // namespace
 
-CASE("regions, reaches, falloffs and strengths, on every instruction set")
+CASE("regions, reaches, falloffs and strengths give the expected weights on every instruction set")
     const std::vector<float> features = made_features();
     const std::vector<std::int64_t> points{3, 9, 27, 81, 40, 41, 5, 6, 7, 8, 60, 61, 62}, held{90, 91, 92};
     const std::vector<std::uint32_t> members{1, 2, 3, 4, 1, 2};
@@ -76,7 +76,7 @@ CASE("regions, reaches, falloffs and strengths, on every instruction set")
     }
 END
 
-CASE("distances and lengths that are none are refused or harmless")
+CASE("invalid distances are refused, and invalid byte features give weights from 0 to 1")
     const std::vector<float> features = made_features();
     const std::vector<std::int64_t> points{3};
     const std::vector<float> locality{2.5f};
@@ -90,8 +90,8 @@ CASE("distances and lengths that are none are refused or harmless")
                                {weights.data(), count, 1}, 1, dfd::kernels()),
                      "`geodesic` must lie in [0, 1]");
     }
-    std::vector<std::uint8_t> bytes(16 * 8, 255);  // an invalid squared length of -1
-    bytes[16 * 4 + 3] = 127;                       // and the largest one
+    std::vector<std::uint8_t> bytes(16 * 8, 255);  // the squared length of a row is stored as -1, which is invalid
+    bytes[16 * 4 + 3] = 127;                       // the squared length of the first row is the largest integer
     const dfd::Features made{dfd::Features::Layout::bytes, bytes.data(), 16, 4, 0.1f};
     for (const std::string& name : dfd::instruction_sets()) {
         dfd::bind(made, {.vertices = points}, {.fixed = {.vertices = points}}, {weights.data(), 16, 1}, 1,

@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-CASE("every index is visited once, whatever the number of threads")
+CASE("every index is visited once for any number of threads")
     for (const std::size_t count : {0u, 1u, 63u, 64u, 65u, 1000u}) {
         for (const int threads : {-1, 0, 1, 2, 5, 100}) {
             std::vector<std::atomic<int>> visits(count);
@@ -23,7 +23,7 @@ CASE("every index is visited once, whatever the number of threads")
     }
 END
 
-CASE("a poll that says so stops the work")
+CASE("a poll that returns true stops the loop")
     for (const int threads : {1, 3}) {
         std::atomic<std::size_t> visited = 0;
         int asked = 0;
@@ -47,7 +47,7 @@ CASE("a poll that says so stops the work")
     }
 END
 
-CASE("the workers of a loop are an OpenMP team of as many threads as were asked for")
+CASE("the workers of a loop are an OpenMP team with the requested number of threads")
     for (const int threads : {2, 3, 7}) {
 #ifdef DFD_OPENMP
         CHECK(dfd::team_size(threads) == threads);

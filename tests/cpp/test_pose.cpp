@@ -13,11 +13,11 @@ constexpr dfd::Affine identity{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
 constexpr std::array<dfd::Blend, 2> blends{dfd::Blend::linear, dfd::Blend::dual_quaternion};
 constexpr std::array<dfd::Overlap, 3> overlaps{dfd::Overlap::add, dfd::Overlap::paper, dfd::Overlap::normalize};
 
-// A scale by `along`, then a rotation by `angle` about the z axis through (x, y).
-dfd::Affine turn(double angle, double x, double y, double along = 1)
+// Returns a scale by `factor` and a rotation by `angle`, in radians, about the axis along z through (x, y).
+dfd::Affine turn(double angle, double x, double y, double factor = 1)
 {
-    const double c = along * std::cos(angle), s = along * std::sin(angle);
-    return {c, -s, 0, x - c * x + s * y, s, c, 0, y - s * x - c * y, 0, 0, along, 0};
+    const double c = factor * std::cos(angle), s = factor * std::sin(angle);
+    return {c, -s, 0, x - c * x + s * y, s, c, 0, y - s * x - c * y, 0, 0, factor, 0};
 }
 
 template <class T>
@@ -49,7 +49,7 @@ struct Scene {
         dfd::pose<T>(arrays, motion, threads, kernels);
     }
 
-    // Equation (1), entry by entry.
+    // Returns a vertex posed by Equation (1), computed entry by entry.
     std::array<double, 3> expected(std::size_t i, const dfd::Affine& rest) const
     {
         double remainder = 1;
@@ -93,12 +93,12 @@ void blends_with_default()
 
 }  // namespace
 
-CASE("blending with the default transform, Equation (1)")
+CASE("vertices are posed by Equation (1), with a default transform")
     blends_with_default<float>();
     blends_with_default<double>();
 END
 
-CASE("the same bits for every number of threads")
+CASE("vertices are bitwise equal for every number of threads")
     Scene<float> scene(5000, 6);
     const dfd::Motion motion{scene.transforms, identity, {}, dfd::Overlap::paper};
     scene.pose(motion, dfd::kernels(), 1);
@@ -109,7 +109,7 @@ CASE("the same bits for every number of threads")
     }
 END
 
-CASE("identity transforms keep every bit, whatever the weights sum to")
+CASE("identity transforms change no bit of a vertex, for any sum of weights")
     const std::array<bool, 4> sides{true, false, true, false};
     const std::vector<dfd::Affine> transforms(4, identity);
     const std::vector<std::array<double, 3>> places(4, {0.1, 0.2, 0.3});
@@ -128,7 +128,7 @@ CASE("identity transforms keep every bit, whatever the weights sum to")
     }
 END
 
-CASE("every instruction set and number of threads poses alike")
+CASE("all instruction sets and numbers of threads give the same vertices")
     std::vector<dfd::Affine> transforms;
     std::vector<std::array<double, 3>> places;
     for (std::size_t k = 0; k < 5; ++k) {

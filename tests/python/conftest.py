@@ -1,4 +1,4 @@
-"""Fixtures of several test files. Each is made once in a run, by the first process that needs it."""
+"""Fixtures that several test files use."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-if "PYTEST_XDIST_WORKER" in os.environ:  # before torch is imported: several processes share the cores
+if "PYTEST_XDIST_WORKER" in os.environ:  # several processes share the cores; must be set before torch is imported
     os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
@@ -21,14 +21,14 @@ import dfd
 from dfd import Field, Mesh
 from dfd.samples import Sample
 
-# Tests must not fail on a busy machine.
+# Without a deadline, tests do not fail on a busy machine.
 settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("any machine")
 
 
 @pytest.fixture(autouse=True, scope="session")
 def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Use a temporary cache in place of the user's, also in child processes."""
+    """Use a temporary cache of fields instead of the user's cache, also in child processes."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("DFD_CACHE", str(tmp_path_factory.mktemp("cache")))
         yield
@@ -44,7 +44,7 @@ def _own_thread_count() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def one_thread() -> Iterator[None]:
-    """Use one thread for torch, because the small networks of the tests would only wait for other threads."""
+    """Use one thread for torch and dfd. The networks of the tests are so small that more threads are slower."""
     threads, own = torch.get_num_threads(), dfd.get_num_threads()
     torch.set_num_threads(1)
     dfd.set_num_threads(1)
@@ -55,7 +55,7 @@ def one_thread() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def made_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
-    """Return a function that returns a folder by name; `make` fills it once in a run. Tests must not write into it."""
+    """Return a function that returns a folder by name. `make` fills it once in a run; tests must not write into it."""
     shared = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         shared = shared.parent
@@ -113,7 +113,7 @@ def quadruped_sample() -> Sample:
 
 
 def read_only(sample: Sample) -> Sample:
-    """Make the arrays of a sample read-only; those of its mesh already are."""
+    """Make the label arrays of a sample read-only; the arrays of its mesh already are read-only."""
     for labels in (sample.labels, sample.instances):
         labels.flags.writeable = False
     return sample

@@ -1,4 +1,4 @@
-"""README and pages of docs that would otherwise fall behind; the code on the pages is run by `make docs`."""
+"""Test that README and the pages of docs agree with the code. `make docs` runs the code on the pages."""
 
 from __future__ import annotations
 

@@ -1,14 +1,14 @@
 /**
- * Prints where three.js shows the vertices of each of the GLB files that are named, before any animation, as JSON: by
- * file, the coordinates of all meshes one after the other.
+ * Prints the positions at which three.js shows the vertices of each GLB file on the command line, before any animation.
+ * The output is JSON: for each file, a list with the coordinates of all meshes.
  */
 
 import { readFileSync } from "node:fs";
 import { Vector3 } from "three";
 import { GLTFLoader } from "three/examples/jsm/loaders/GLTFLoader.js";
 
-/** Returns the file without materials: pictures need a browser. */
-function bare(file) {
+/** Returns a GLB file without materials, because three.js can load images only in a browser. */
+function withoutMaterials(file) {
   const length = file.readUInt32LE(12);
   const header = JSON.parse(file.subarray(20, 20 + length).toString());
   for (const name of ["materials", "textures", "images", "samplers", "extensionsRequired"]) delete header[name];
@@ -25,7 +25,7 @@ function bare(file) {
 globalThis.self = globalThis;
 const found = {};
 for (const path of process.argv.slice(2)) {
-  const { scene } = await new GLTFLoader().parseAsync(bare(readFileSync(path)), "");
+  const { scene } = await new GLTFLoader().parseAsync(withoutMaterials(readFileSync(path)), "");
   scene.updateMatrixWorld(true);
   const places = [];
   scene.traverse((mesh) => {

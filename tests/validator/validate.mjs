@@ -1,4 +1,4 @@
-/** Prints what the Khronos validator says of each of the files that are named: its errors and warnings, as JSON. */
+/** Prints the errors and warnings of the Khronos glTF validator for each file on the command line, as JSON. */
 
 import { readFileSync } from "node:fs";
 import validator from "gltf-validator";

@@ -1,7 +1,6 @@
-"""Methods that DFD is compared with.
+"""Peers: the deformation methods that DFD is compared with.
 
-ARAP and bounded biharmonic weights are libigl's; the others are written here from their papers. The networks of APAP
-and DeepMetaHandles are not available.
+ARAP and bounded biharmonic weights (BBW) come from libigl. The others are implemented here from their papers.
 """
 
 from bench.paper.peers.biharmonic import coordinates, opt_ctrl_points

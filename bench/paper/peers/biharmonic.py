@@ -1,7 +1,7 @@
-"""Biharmonic coordinates in tetrahedra, by a direct solve and by OptCtrlPoints.
+"""Compute biharmonic coordinates on tetrahedra, by a direct solve and by the small system of OptCtrlPoints.
 
 Wang et al., "Linear Subspace Design for Real-Time Shape Deformation", 2015; Kim et al., "OptCtrlPoints", 2023.
-libigl for Python gives the coordinates but not the energy, which OptCtrlPoints factors.
+OptCtrlPoints factors the energy, which libigl for Python does not return. This module therefore assembles it.
 """
 
 from collections.abc import Callable
@@ -16,16 +16,16 @@ from scipy.sparse.linalg import splu
 from bench.paper.peers.peer import Bind, Body, Deform, PeerError, Tetrahedra, on_nodes
 from dfd.common.linear_algebra import Float64, Int64
 
-Solve = Callable[[Int64], Float64]  # the weights (N, K) of distinct nodes (K,)
+Solve = Callable[[Int64], Float64]  # from distinct handles, nodes (K,), to their weights (N, K) at all nodes
 
 
 def coordinates(body: Body) -> Bind:
-    """Prepare weights of least biharmonic energy, 1 at their handle and 0 at the others; they reproduce affine maps."""
+    """Prepare weights of least biharmonic energy that are 1 at their handle and 0 at others. Affine maps are exact."""
     return _binding(body, direct(body.within))
 
 
 def opt_ctrl_points(body: Body) -> Bind:
-    """Prepare the weights of `coordinates` by `small_system`."""
+    """Prepare the same weights as `coordinates`, but solve `small_system`."""
     return _binding(body, small_system(body.within))
 
 
@@ -44,13 +44,13 @@ def _binding(body: Body, solve: Solve) -> Bind:
 
 
 def direct(within: Tetrahedra) -> Solve:
-    """Assemble the energy, which every solve factors without the handles."""
+    """Assemble the energy. Return a solver, which factors the rows of all free nodes for every set of handles."""
     nodes, energy = within.nodes, bilaplacian(within.nodes, within.cells)
 
     def solve(handles: Int64) -> Float64:
         size, components = np.ptp(nodes, axis=0).max(), igl.vertex_components(within.cells)
         for component in range(components.max() + 1):
-            # Affine functions have energy 0, so only four handles determine them.
+            # Affine functions have energy 0, so only four handles that span space determine the weights.
             own = handles[components[handles] == component]
             if np.linalg.matrix_rank(np.c_[np.ones(len(own)), nodes[own] / size], tol=1e-3) < 4:
                 on_each = f" on every one of the {components.max() + 1} components" if components.max() else ""
@@ -66,15 +66,15 @@ def direct(within: Tetrahedra) -> Solve:
 
 
 def small_system(within: Tetrahedra) -> Solve:
-    """Factor the energy once, with four nodes held, which gives a generalized inverse.
+    """Factor the energy once, with four nodes fixed, which gives a generalized inverse G. Return a solver.
 
-    K handles then take a system of K + 4 equations, as in the paper's reformulation: W = G S Λ + P C, where S picks the
-    handles, G is the inverse, and P spans the affine functions, whose energy is 0. Fewer than four handles have the
-    smallest weights that solve their equations.
+    For K handles, the solver uses a dense system of K + 4 equations, as Kim et al. do: W = G S Λ + P C. S selects the
+    handles, and P spans the affine functions, whose energy is 0. With fewer than four handles, the system has several
+    solutions, and the solver uses the one of least norm.
     """
     nodes = within.nodes
     affine = np.c_[np.ones(len(nodes)), (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()]
-    pins = qr(affine.T, mode="r", pivoting=True)[1][:4]  # four nodes far from one plane
+    pins = qr(affine.T, mode="r", pivoting=True)[1][:4]  # four nodes that are far from coplanar
     free = np.setdiff1d(np.arange(len(nodes)), pins)
     factors = _factored(bilaplacian(nodes, within.cells), free)
 
@@ -96,24 +96,24 @@ def _factored(energy: csc_array, free: Int64) -> Any:
     try:
         return splu(energy[free][:, free].tocsc())
     except RuntimeError:
-        raise PeerError("meets a singular system, as where tetrahedra have several components") from None
+        raise PeerError("has a singular system, for example because tetrahedra have several components") from None
 
 
 def bilaplacian(nodes: Float64, cells: Int64) -> csc_array:
-    """Return the squared Laplacian (N, N) whose null space is all affine functions, with no condition at the boundary.
+    """Return the squared Laplacian (N, N) without boundary conditions. Its null space is the affine functions.
 
-    It is (L + N)ᵀ M⁻¹ (L + N). L integrates −∇φ·∇u over the volume. N adds ∂u/∂n over the triangles of the boundary, so
-    that an affine u gives 0 at every node.
+    It is (L + B)ᵀ M⁻¹ (L + B) with lumped masses M. L integrates −∇φ·∇u over the volume. B integrates φ ∂u/∂n over the
+    boundary triangles. For an affine u, L + B then gives 0 at every node.
     """
     positions = (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()  # unit size only scales the energy
     volumes = np.abs(igl.volume(positions, cells))
     if volumes.min() <= 0:
         raise PeerError("has tetrahedra without volume")
     facets, owner, apex = igl.boundary_facets(cells)
-    gradient = csc_array(igl.grad(positions, cells))  # (3 T, N), of all x, then y, then z
+    gradient = csc_array(igl.grad(positions, cells))  # (3 T, N): the x rows of all tetrahedra, then y, then z
     slopes = csc_array((len(facets), len(nodes)))
     for rows in (owner + k * len(cells) for k in range(3)):
-        # The outward normal, as long as the area, is −3 times the volume times the gradient of the opposite node.
+        # −3 × volume × gradient of the opposite node's hat function is the outward normal, as long as the area.
         normal = -3 * volumes[owner] * gradient[rows, cells[owner, apex]]
         slopes += diags_array(normal) @ gradient[rows]
     thirds = (np.full(facets.size, 1 / 3), (facets.ravel(), np.repeat(np.arange(len(facets)), 3)))

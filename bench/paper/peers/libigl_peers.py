@@ -1,4 +1,4 @@
-"""ARAP and bounded biharmonic weights, by libigl."""
+"""Prepare as-rigid-as-possible deformation (ARAP) and bounded biharmonic weights with libigl."""
 
 import igl
 import numpy as np
@@ -6,11 +6,11 @@ import numpy as np
 from bench.paper.peers.peer import Bind, Body, Deform, PeerError, check_components, on_nodes
 from dfd.common.linear_algebra import Float64, Int64
 
-ITERATIONS = 100
+ITERATIONS = 100  # of ARAP
 
 
 def arap(body: Body) -> Bind:
-    """Prepare as-rigid-as-possible surface modeling; Sorkine and Alexa, 2007. Every held vertex is a constraint."""
+    """Prepare ARAP (Sorkine and Alexa, 2007), with a constraint for every held vertex."""
 
     def bind(held: Int64, group: Int64) -> Deform:
         check_components(body.faces, held)
@@ -23,9 +23,9 @@ def arap(body: Body) -> Bind:
 
 
 def bounded(body: Body) -> Bind:
-    """Prepare bounded biharmonic weights in tetrahedra; Jacobson et al., 2011.
+    """Prepare bounded biharmonic weights on tetrahedra (Jacobson et al., 2011).
 
-    Handles that move alike have one column. All weights are between 0 and 1, and sum to 1 with those that stay.
+    Every group of held vertices has one column of weights, from 0 to 1, and so have all fixed vertices. Rows sum to 1.
     """
 
     def bind(held: Int64, group: Int64) -> Deform:

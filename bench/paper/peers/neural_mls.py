@@ -1,7 +1,7 @@
-"""Moving least squares with learned weights; Shechter et al., "NeuralMLS", 2022.
+"""Deform by moving least squares with learned weights; Shechter et al., "NeuralMLS", 2022.
 
-A small network learns which control point lies at a position. Its smooth answers elsewhere are the weights of rigid
-moving least squares (Schaefer et al., 2006).
+A small network is trained to classify positions: each control point is a class. The class probabilities at a vertex
+are its weights for rigid moving least squares (Schaefer et al., 2006).
 """
 
 import time
@@ -15,13 +15,13 @@ from dfd.common.linear_algebra import Float64, Int64
 WIDTH, HIDDEN = 256, 3
 STEPS, RATE = 1_000, 1e-3
 ENOUGH = 0.02  # mean cross-entropy at which training ends
-MOST_SECONDS = 40.0
-STILL = 1e-4  # of the size squared: pulls badly determined rotations towards none
-AT_ONCE = 1 << 15
+MOST_SECONDS = 40.0  # of training
+RIDGE = 1e-4  # multiple of the identity added to a covariance matrix, so that an undetermined rotation becomes none
+BATCH = 1 << 15  # vertices that are computed at once
 
 
 def neural_mls(body: Body) -> Bind:
-    """Prepare NeuralMLS; held vertices are control points, and binding trains for less than a minute."""
+    """Prepare NeuralMLS. Held vertices are control points. Binding trains a network for less than a minute."""
     low, high = body.vertices.min(axis=0), body.vertices.max(axis=0)
     center, scale = (low + high) / 2, 2 / (high - low).max()
 
@@ -34,18 +34,18 @@ def neural_mls(body: Body) -> Bind:
         control = points[held]
         network = trained(control.float())
         with torch.inference_mode():
-            weights = [network(some.float()).softmax(dim=1).double() for some in points.split(AT_ONCE)]
+            weights = [network(some.float()).softmax(dim=1).double() for some in points.split(BATCH)]
 
         def deform(targets: Float64) -> Float64:
-            """Move every vertex by the rigid motion that fits the control points best, by its weights."""
+            """Move every vertex by the rigid motion from control points to targets that fits its weights best."""
             wanted = scaled(targets)
             pairs = (control[:, :, None] * wanted[:, None]).reshape(-1, 9)
             moved = []
-            for some, own in zip(points.split(AT_ONCE), weights, strict=True):
-                normalized = own / own.sum(dim=1, keepdim=True)  # to more digits than the network's
+            for some, own in zip(points.split(BATCH), weights, strict=True):
+                normalized = own / own.sum(dim=1, keepdim=True)  # float32 sums are not exactly 1
                 before, after = normalized @ control, normalized @ wanted
                 spread = (normalized @ pairs).reshape(-1, 3, 3) - before[:, :, None] * after[:, None]
-                left, _, right = torch.linalg.svd(spread + STILL * torch.eye(3, dtype=torch.float64))
+                left, _, right = torch.linalg.svd(spread + RIDGE * torch.eye(3, dtype=torch.float64))
                 mirror = torch.linalg.det(left @ right)
                 left = torch.cat([left[:, :, :2], left[:, :, 2:] * mirror[:, None, None]], dim=2)
                 moved.append(torch.einsum("vd,vde->ve", some - before, left @ right) + after)
@@ -57,7 +57,7 @@ def neural_mls(body: Body) -> Bind:
 
 
 def trained(control: torch.Tensor) -> torch.nn.Module:
-    """Return a network trained to tell the control points (N, 3) from their positions."""
+    """Return a network that is trained to return the index of each control point (N, 3) from its position."""
     with torch.random.fork_rng():
         torch.manual_seed(0)
         widths = [3, *[WIDTH] * HIDDEN, len(control)]

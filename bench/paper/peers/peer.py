@@ -1,6 +1,6 @@
-"""Run a peer, timed, in a process of its own, where it can neither hang nor crash the bench.
+"""Run and time a peer, a method that DFD is compared with, in a separate process that may hang or crash.
 
-Tetrahedra within a surface are those of fTetWild; Hu et al., "Fast Tetrahedral Meshing in the Wild", 2020.
+fTetWild fills surfaces with tetrahedra for peers (Hu et al., "Fast Tetrahedral Meshing in the Wild", 2020).
 """
 
 import contextlib
@@ -23,11 +23,11 @@ from scipy.spatial import KDTree
 import dfd
 from dfd.common.linear_algebra import Float64, Int64
 
-PATIENCE = 300.0  # seconds for all steps of one peer on one shape
-FILLING_PATIENCE = 900.0  # seconds for its tetrahedra
-EDGE = 0.05  # of the diagonal, the edges of the tetrahedra
-MOST_FACES = 6_000  # of the surface that is filled; fTetWild takes minutes for more on two cores
-AWAY = 0.08  # of the diagonal, the largest distance of a filled surface from its tetrahedra
+PATIENCE = 300.0  # time limit for all steps of one peer on one shape, seconds
+FILLING_PATIENCE = 900.0  # time limit for the tetrahedra of one shape, seconds
+EDGE = 0.05  # edge length of the tetrahedra, as a fraction of the diagonal
+MOST_FACES = 6_000  # A surface is simplified to this before it is filled. More would take minutes on two cores.
+AWAY = 0.08  # largest accepted distance of a vertex from the tetrahedra, as a fraction of the diagonal
 
 
 class PeerError(RuntimeError):
@@ -36,40 +36,40 @@ class PeerError(RuntimeError):
 
 @dataclass(frozen=True)
 class Tetrahedra:
-    """Tetrahedra within a surface, and where the vertices of the surface lie on their boundary."""
+    """Tetrahedra that fill a surface, and the closest point of their boundary to each vertex of the surface."""
 
     nodes: Float64  # (N, 3)
     cells: Int64  # (T, 4)
-    corners: Int64  # (V, 3) nodes of the boundary triangle nearest to each vertex of the surface
-    barycentric: Float64  # (V, 3) coordinates there
-    seconds: float  # to fill the surface
+    corners: Int64  # (V, 3) nodes of the boundary triangle with the closest point
+    barycentric: Float64  # (V, 3) coordinates of the closest point in its triangle
+    seconds: float  # time to fill the surface
 
     def nearest(self, points: Float64) -> Int64:
-        """Return the node nearest to each of the points (P, 3)."""
+        """Return the index of the node nearest to each of the points (P, 3)."""
         return KDTree(self.nodes).query(points)[1].astype(np.int64)
 
     def on_surface(self, values: Float64) -> Float64:
-        """Interpolate values (N, D) of nodes at the surface's vertices (V, D)."""
+        """Interpolate `values` (N, D) at the nodes; return the values (V, D) at the vertices of the surface."""
         return np.einsum("vk,vkd->vd", self.barycentric, values[self.corners])
 
 
 @dataclass(frozen=True)
 class Body:
-    """A surface whose vertices are all corners of faces, and the tetrahedra within it for peers that need them."""
+    """A surface without unused vertices, and the tetrahedra that fill it, for peers that need them."""
 
     vertices: Float64  # (V, 3)
     faces: Int64  # (F, 3)
     within: Tetrahedra | None = None
 
 
-Deform = Callable[[Float64], Float64]  # targets (N, 3) of the held vertices to all vertices (V, 3)
-# Held vertices (N,) and their groups (N,) to a deformation. A group moves alike, and stays if it is below 0.
+Deform = Callable[[Float64], Float64]  # from target positions (N, 3) of the held vertices to all vertices (V, 3)
+# From held vertices (N,) and their groups (N,) to a `Deform`. Vertices of one group move together, of −1 not at all.
 Bind = Callable[[Int64, Int64], Deform]
 
 
 @dataclass(frozen=True)
 class Peer:
-    """A method in three timed steps, once per shape, per set of handles and per pose; each may raise PeerError."""
+    """A method in three timed steps: prepare a shape, bind handles, deform. Each step may raise PeerError."""
 
     prepare: Callable[[Body], Bind]
     volume: bool = False  # whether it needs tetrahedra
@@ -77,16 +77,16 @@ class Peer:
 
 @dataclass(frozen=True)
 class Job:
-    """Vertices (N,) of a mesh, their groups (N,), below 0 for those that stay, and their targets (N, 3)."""
+    """The constraints of one deformation."""
 
-    held: Int64
-    group: Int64
-    targets: Float64
+    held: Int64  # (N,) vertex indices
+    group: Int64  # (N,) group of each held vertex, below 0 for those that stay
+    targets: Float64  # (N, 3) positions that the held vertices shall reach, mesh units
 
 
 @dataclass(frozen=True)
 class Done:
-    """Moved vertices (V, 3), mesh units, and the seconds of every step."""
+    """The result of a job: moved vertices (V, 3), mesh units, and the seconds of every step."""
 
     vertices: Float64
     seconds: dict[str, float]
@@ -101,12 +101,12 @@ def run(
     most_faces: int | None = MOST_FACES,
     edge: float = EDGE,
 ) -> list[Done]:
-    """Do `jobs` on one shape by one peer, in a process of its own, within `patience` seconds.
+    """Run `jobs` on one shape with one peer, in a separate process, within `patience` seconds.
 
-    Tetrahedra have edges of `edge` times the diagonal. They fill the shape simplified to `most_faces`; None fills it as
-    it is, also within `patience`.
+    Tetrahedra have edges of `edge` times the diagonal. They fill the shape simplified to `most_faces`. With None, they
+    fill the whole shape, within another `patience` seconds.
 
-    Raises PeerError if the peer cannot do the shape or the handles, fails, crashes or takes too long.
+    Raises PeerError if the peer does not support the shape or the handles, fails, crashes or takes too long.
     """
     used, faces = np.unique(mesh.faces, return_inverse=True)  # a vertex without a face makes equations singular
     vertices, faces = mesh.vertices[used], faces.reshape(-1, 3).astype(np.int64)
@@ -141,20 +141,20 @@ def _run(peer: Peer, body: Body, jobs: Sequence[Job]) -> list[tuple[Float64, dic
 
 
 def on_nodes(body: Body, held: Int64) -> tuple[Int64, Int64]:
-    """Return the distinct nodes (K,) nearest to vertices (N,), and the index (K,) of a vertex for each."""
+    """Return the distinct nodes (K,) nearest to the vertices `held` (N,), and an index (K,) into `held` for each."""
     nodes, first = np.unique(body.within.nearest(body.vertices[held]), return_index=True)
     return nodes, first
 
 
 def check_components(corners: Int64, held: Int64) -> None:
-    """Raise PeerError unless every component of elements (E, K) holds one of the vertices `held`."""
+    """Raise PeerError unless every connected component of the elements `corners` (E, K) has one of the nodes `held`."""
     component = igl.vertex_components(corners)
     if len(np.unique(component[held])) <= component.max():
         raise PeerError(f"needs a handle or a fixed point on every one of the {component.max() + 1} components")
 
 
 def in_child(function: Callable[..., Any], *arguments: Any, seconds: float) -> Any:
-    """Return the result of `function` in a process of its own; raise PeerError if it fails or exceeds `seconds`."""
+    """Return the result of `function` in a separate process; raise PeerError if it fails or exceeds `seconds`."""
     others = set(multiprocessing.active_children())
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
         answer = pool.submit(function, *arguments)
@@ -164,30 +164,30 @@ def in_child(function: Callable[..., Any], *arguments: Any, seconds: float) -> A
             raise PeerError(f"takes longer than {seconds:g} s") from None
         except BrokenProcessPool:
             raise PeerError("crashes") from None
-        except Exception as error:  # any error of a peer is its result
+        except Exception as error:  # any error of a peer becomes a note on its page
             raise PeerError((str(error).splitlines() or [type(error).__name__])[0]) from None
         finally:
             for child in set(multiprocessing.active_children()) - others:
                 child.kill()
 
 
-known: dict[Any, Tetrahedra | PeerError] = {}  # several peers and pages ask for the tetrahedra of one shape
+cached: dict[Any, Tetrahedra | PeerError] = {}  # several peers and pages use the tetrahedra of one shape
 
 
 def tetrahedra(
     vertices: Float64, faces: Int64, patience: float, most_faces: int | None = None, edge: float = EDGE
 ) -> Tetrahedra:
-    """Fill a surface with tetrahedra, once per process; simplify it to `most_faces` before.
+    """Simplify a surface to `most_faces`, and fill it with tetrahedra; once per process, then return the cached result.
 
-    Raises PeerError if the surface cannot be filled, or not within `patience` seconds.
+    Raises PeerError if the surface cannot be filled within `patience` seconds.
     """
     key = vertices.tobytes(), faces.tobytes(), most_faces, edge
-    if key not in known:
+    if key not in cached:
         try:
-            known[key] = in_child(_fill, vertices, faces, most_faces, edge, seconds=patience)
+            cached[key] = in_child(_fill, vertices, faces, most_faces, edge, seconds=patience)
         except PeerError as error:
-            known[key] = error
-    found = known[key]
+            cached[key] = error
+    found = cached[key]
     if isinstance(found, PeerError):
         raise found
     return found
@@ -200,7 +200,7 @@ def _fill(vertices: Float64, faces: Int64, most: int | None, edge: float) -> Tet
     points, sides = vertices, faces
     if most is not None and len(faces) > most:
         points, sides = fast_simplification.simplify(vertices.astype(np.float32), faces, target_count=most)
-    # fTetWild prints every step and writes a file into the working folder; both belong to a process that then ends.
+    # fTetWild prints every step and writes a file into the working folder. This process ends soon, so stdout is closed.
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         tetrahedralizer = wildmeshing.Tetrahedralizer(stop_quality=30, max_its=30, edge_length_r=edge)
@@ -216,7 +216,7 @@ def _fill(vertices: Float64, faces: Int64, most: int | None, edge: float) -> Tet
     squared, face, closest = igl.point_mesh_squared_distance(np.ascontiguousarray(vertices), nodes, boundary)
     farthest = np.sqrt(squared.max()) / np.linalg.norm(np.ptp(vertices, axis=0))
     if farthest > AWAY:
-        raise PeerError(f"cannot be filled with tetrahedra: parts stay {100 * farthest:.0f} % of the diagonal away")
+        raise PeerError(f"cannot be filled: a vertex is {100 * farthest:.0f} % of the diagonal off the tetrahedra")
     corners = boundary[face]
     barycentric = igl.barycentric_coordinates(closest, *(np.ascontiguousarray(nodes[corner]) for corner in corners.T))
     return Tetrahedra(nodes, cells, corners, barycentric, time.perf_counter() - begin)

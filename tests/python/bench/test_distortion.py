@@ -22,9 +22,9 @@ def test_rigid_motion_changes_nothing(size) -> None:
 
 def test_a_box_stretched_along_one_axis() -> None:
     found = surface_metrics(BOX, BOX.vertices * [2, 1, 1])
-    assert found["area %"] == pytest.approx(400 / 6)  # four of six sides are doubled
+    assert found["area %"] == pytest.approx(400 / 6)  # the area of four of six sides doubles
     assert found["volume %"] == pytest.approx(100)
-    # Halves of a square have angles of 45, 45 and 90 degrees; halves of a stretched one, 26.57, 63.43 and 90.
+    # The halves of a square have angles of 45°, 45° and 90°; those of a stretched square have 26.57°, 63.43° and 90°.
     assert found["angle °"] == pytest.approx(4 / 6 * 2 / 3 * 18.4349488)
     np.testing.assert_allclose(surface_metrics(BOX, BOX.vertices * 3)["edge %"], 200)
     assert found["flipped faces"] == 0
@@ -42,7 +42,7 @@ def test_a_face_that_is_folded_over_is_counted() -> None:
     assert surface_metrics(mesh, grid[:, [1, 0, 2]])["flipped faces"] == 0
 
 
-def test_positions_that_are_none_are_refused() -> None:
+def test_wrong_vertices_are_refused() -> None:
     with pytest.raises(ValueError, match="`vertices`"):
         surface_metrics(BOX, BOX.vertices[:4])
     with pytest.raises(ValueError, match="`vertices` must be finite"):

@@ -1,4 +1,4 @@
-"""Test every page of the paper's figures and tables on a small shape, and the compared methods."""
+"""Test the page of every figure and table on a small shape, and the methods that DFD is compared with."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def ball() -> dfd.Mesh:
 def small(monkeypatch) -> None:
     """Make pictures small, and replace all samples by a coarse shape of two components.
 
-    Other methods, and the search for planes, have separate tests.
+    Also replace the other methods and the search for planes, which have separate tests.
     """
     body = trimesh.creation.icosphere(subdivisions=2)
     body.vertices *= (0.6, 1, 0.8)
@@ -111,7 +111,7 @@ def test_the_command_says_what_it_cannot_make(name, capsys):
 
 @pytest.fixture(scope="module")
 def body() -> Body:
-    """A block filled with tetrahedra whose boundary is the surface itself."""
+    """Return a block with tetrahedra whose boundary is exactly the surface of the block."""
     corners = ((0, 1, 3, 7), (0, 3, 2, 7), (0, 2, 6, 7), (0, 6, 4, 7), (0, 4, 5, 7), (0, 5, 1, 7))
     grid = np.arange(216).reshape(6, 6, 6)
     nodes = np.array(list(product(range(6), repeat=3)), float) * (0.2, 0.4, 0.3)

@@ -1,4 +1,4 @@
-"""Test the tables of labelled shapes, precision against values computed by hand, and the reading of rigs."""
+"""Test the tables for labelled shapes, the average precision by values computed by hand, and the reader of rigs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from bench.quality.shapes import characters
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Write two chairs with a label for each face."""
+    """Return a folder with two chairs whose faces are labelled."""
     root = tmp_path_factory.mktemp("labelled")
     (root / "Chair").mkdir()
     sample = dfd.samples.chair(4_000)
@@ -52,7 +52,7 @@ def test_the_bench_writes_its_tables(folder, tmp_path):
         ((0.9, 0.7, 0.4, 0.1), (1, 1, 0, 0), 1.0),
         ((0.9, 0.7, 0.4, 0.1), (0, 0, 1, 1), (1 / 3 + 2 / 4) / 2),
         ((0.9, 0.7, 0.4, 0.1), (0, 1, 0, 0), 1 / 2),
-        # One of three hits is first, and the two others are among three ties: 1/3 · 1 + 2/3 · 3/4.
+        # One of three hits has the highest score, and the other two share their score with one miss.
         ((1.0, 0, 0, 0), (1, 1, 1, 0), 1 / 3 + 2 / 3 * 3 / 4),
         ((1.0, 0, 0, 0), (1, 0, 1, 1), 1 / 3 + 2 / 3 * 3 / 4),
         ((0.0,) * 8, (1, 1, 1, 0, 0, 0, 0, 0), 3 / 8),
@@ -62,7 +62,7 @@ def test_average_precision_is_the_mean_of_the_precision_at_every_hit(scores, rel
     assert average_precision(np.array(scores), np.array(relevant, bool)) == pytest.approx(expected)
 
 
-def test_a_skinned_file_is_read_whole_and_without_what_only_hangs_on_a_bone(tmp_path, capsys):
+def test_a_skinned_file_is_read_with_and_without_accessories(tmp_path, capsys):
     gltf = Gltf()
     joints = gltf.accessor(np.repeat([(0, 0, 0, 0), (1, 0, 0, 0)], 4, axis=0), 5121, "VEC4")
     weights = gltf.accessor([(1, 0, 0, 0)] * 8, 5126, "VEC4")

@@ -1,4 +1,4 @@
-"""Test the subtrees of joints on a chain of boxes with known joints."""
+"""Test the scores for subtrees and for pairs of joints, on boxes with known joints."""
 
 import numpy as np
 from made_rig import two_legs

@@ -1,4 +1,4 @@
-"""Test the tables of speed on a small shape, with one or two repetitions of each call."""
+"""Test the tables of speed on small shapes, with few repetitions of each call."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def test_every_line_of_the_table_is_measured(monkeypatch):
     monkeypatch.setattr(speed, "together", short)
     rows = list(speed.lines(1_000, 500))
     assert {"bind 10", "bind 100", "pose 1", "pose 100", "drag frame with 100 handles"} <= {row[0] for row in rows}
-    assert "bind 1, D = 384, float32, 500 vertices" in {row[0] for row in rows}  # as for torch
+    assert "bind 1, D = 384, float32, 500 vertices" in {row[0] for row in rows}  # as many vertices as for torch
     assert all(len(row) == len(speed.COLUMNS) and float(row[1]) > 0 for row in rows)
 
 

@@ -1,4 +1,4 @@
-"""Test learning of the metric's directions and kinds, the up probe, the constants of agreement, and their reports."""
+"""Test the commands that learn the metric, the up probe and the constants of agreement, and their reports."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_what_is_learned_from_is_what_distillation_maps(tmp_path, tiny_encoder, 
 @pytest.mark.parametrize("module", [learn_metric, learn_up])
 def test_the_command_learns_judges_and_writes(tmp_path, tiny_encoder, monkeypatch, module):
     monkeypatch.setenv("DFD_MESHES", str(tmp_path))
-    for name in ("REPORT", "CACHE", "KEPT_VIEWS"):
+    for name in ("REPORT", "CACHE", "VIEWS_CACHE"):
         if hasattr(module, name):
             monkeypatch.setattr(module, name, tmp_path / name)
     module.main(["--encoder", str(tiny_encoder), "--output", str(tmp_path / "learned.safetensors")])
@@ -62,8 +62,8 @@ def test_an_edit_that_is_carried_to_a_twin_is_right():
     shape = two_legs()
     field = dfd.VertexField(shape.mesh, np.eye(3, dtype=np.float32)[np.array([0, 1, 2, 1, 2])[shape.of_vertex]])
     shapes = [(shape, dfd.Deformer(shape.mesh, field)), (two_legs(), dfd.Deformer(two_legs().mesh, field))]
-    found = list(learn_agreement.carried(shapes))
-    assert len(found) == 8  # four joints, each to the other shape
+    found = list(learn_agreement.transferred(shapes))
+    assert len(found) == 8  # a handle of each of four joints, transferred from either shape to the other
     for _, difference, right in found:
         np.testing.assert_allclose(difference, 0, atol=1e-6)
         assert right
