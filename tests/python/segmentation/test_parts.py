@@ -338,3 +338,13 @@ def test_vertices_that_no_face_uses_change_no_part(chair):
 
 def test_many_loose_triangles_make_no_more_patches_than_a_few_thousand(chair):
     assert len(Patches(loose(chair.mesh, "triangles", 20_000)).area) <= 4_000
+
+
+def test_a_handle_anywhere_on_an_ear_holds_the_ears_and_not_the_head():
+    """At the base of an ear, more of the surface beyond the handle belongs to the head than to the ear."""
+    animal, random = dfd.samples.quadruped(4_000), np.random.default_rng(2)
+    look = random.normal(size=(len(animal.parts), 16))
+    look[animal.parts.index("ear")] = look[animal.parts.index("head")] + random.normal(size=16) / 2
+    parts = parts_by(animal.mesh, animal.labels, look, 0.1, np.random.default_rng(2))
+    ears = animal.vertices_of("ear")
+    assert max(parts.part(int(vertex)).share for vertex in ears) < 0.03
