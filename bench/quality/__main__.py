@@ -1,4 +1,4 @@
-"""`python -m bench.quality VERB`: measure the quality of weights with the module `labelled`, `anatomy` or `mirrored`.
+"""`python -m bench.quality VERB`: measure weights with the module `labelled`, `anatomy`, `borders` or `mirrored`.
 
 The table has the means over the shapes of each category, and in its last row the means over the categories.
 """
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 import dfd
-from bench.quality import anatomy, labelled, mirrored
+from bench.quality import anatomy, borders, labelled, mirrored
 from bench.tables import to_csv, to_markdown, write_text
 from dfd.encoders.known import DEFAULT_ENCODER
 
@@ -21,6 +21,7 @@ OUTPUT = Path(__file__).resolve().parents[1] / "results" / "quality"
 MEASURES: dict[str, tuple[Any, Any]] = {  # by verb: the module, and the function that reads its shapes
     "labelled": (labelled, labelled.labelled_shapes),
     "anatomy": (anatomy, anatomy.rigged_shapes),
+    "borders": (borders, anatomy.rigged_shapes),
     "mirrored": (mirrored, mirrored.paired_shapes),
 }
 Row = tuple[str, str, Mapping[str, float]]  # category, name and numbers of a shape

@@ -1,0 +1,63 @@
+"""Measure how much the surface folds at the border of a part that moves, on rigs."""
+
+import numpy as np
+
+import dfd
+from bench.quality.anatomy import RiggedShape
+from dfd.common.linear_algebra import Float64, Int64
+from dfd.geometry.topology import face_sides, first_at_place
+
+MOTION = 0.3  # of the part's length, the translation perpendicular to the part's axis
+SMOOTH = 25.0  # degrees, the largest fold of a smooth border
+LEAST_EDGES = 20  # in a blend band that is measured
+LEGEND = {
+    "fold": "median over the handles of a border's fold in degrees: the 99th percentile of the changes of dihedral "
+    f"angles in the blend band, if the part moves by {MOTION:.0%} of its length",
+    "smooth": f"fraction of handles with a fold of at most {SMOOTH:g}°",
+}
+
+
+def judged(shape: RiggedShape, field: dfd.Field) -> dict[str, float]:
+    """Return every number of `LEGEND`, for one handle per joint; NaN if no handle has a part with a blend band."""
+    session, edges = dfd.Deformer(shape.mesh, field), _edges(shape.mesh)
+    found = [_fold(session, edges, int(first)) for first, *_ in shape.handles()]
+    folds = np.array([each for each in found if each is not None])
+    if not len(folds):
+        return dict.fromkeys(LEGEND, np.nan)
+    return {"fold": float(np.median(folds)), "smooth": float((folds <= SMOOTH).mean())}
+
+
+def _fold(session: dfd.Deformer, edges: Int64, vertex: int) -> float | None:
+    """Return the fold at the border of the part at a vertex, in degrees; None if its blend band is too small."""
+    mesh, held = session.mesh, session.add(vertex)
+    try:
+        parts = session.bound.held_parts(session.edit, session.handle(held))
+        if not parts:
+            return None
+        axis = parts[0].axis
+        across = np.cross(axis.direction, np.eye(3)[np.abs(axis.direction).argmin()])
+        session.move(held, translation=MOTION * axis.length * across / np.linalg.norm(across))
+        weights = session.following[:, 0]
+        in_band = ((weights > 0.01) & (weights < 0.99))[mesh.faces].any(axis=1)
+        own = edges[in_band[edges].any(axis=1)]
+        change = np.abs(_angles(session.vertices, mesh, own) - _angles(mesh.vertices, mesh, own))
+        return float(np.nanquantile(change, 0.99)) if np.isfinite(change).sum() >= LEAST_EDGES else None
+    finally:
+        session.remove(held)
+
+
+def _edges(mesh: dfd.Mesh) -> Int64:
+    """Return the two faces (E, 2) of each edge."""
+    sides = np.sort(face_sides(first_at_place(mesh)[mesh.faces]), axis=1)
+    order = np.lexsort(sides.T)
+    same = np.flatnonzero((sides[order[1:]] == sides[order[:-1]]).all(axis=1))
+    return np.stack([order[same], order[same + 1]], axis=1) // 3
+
+
+def _angles(vertices: Float64, mesh: dfd.Mesh, edges: Int64) -> Float64:
+    """Return the dihedral angles (E,) at `edges` (E, 2), in degrees; NaN beside a face without area."""
+    corners = vertices[mesh.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals /= np.where(length > 1e-12 * mesh.diagonal**2, length, np.nan)
+    return np.degrees(np.arccos(np.clip((normals[edges[:, 0]] * normals[edges[:, 1]]).sum(axis=1), -1.0, 1.0)))
