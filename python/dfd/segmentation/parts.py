@@ -21,14 +21,14 @@ from dfd.segmentation.patches import Patches
 
 Level = Literal["smaller", "part", "larger"]
 LEAST_RATIO = 1.25  # the area at a larger level, divided by the area at the next smaller level, is above this
-# Below this saliency (`Hierarchy.saliency`, unitless), a handle holds no part. On a ball, saliency reaches 0.031.
+# Below this saliency (`Hierarchy.saliency`, unitless), a handle holds no part. Balls have a saliency of up to 0.031.
 LEAST_SALIENCY = 0.033
 # In the blend band along the border of a part, the weights of a grip fall from 1 to 0. They are 0.5 at the border. The
 # band is at most WIDEST times the diagonal of the bounding box wide, and at most WIDEST_OF_GIRTH times the girth of the
 # limb, which is the mean length of the part's borders. A wider band makes the surface of a moved part less steep there.
 WIDEST, WIDEST_OF_GIRTH = 0.2, 0.5
-# The possible widths of the blend band, as fractions of its largest width. A narrow band follows the border more
-# closely. So a band has the smallest width that is at least LEAST_WIDTH times the displacement of the border, if any.
+# BANDS are the possible widths of the blend band, as fractions of its largest width. The band has the smallest width
+# that is at least LEAST_WIDTH times the displacement of the border, or the largest width if all are smaller.
 BANDS, LEAST_WIDTH = (0.25, 0.5, 1.0), 2.0
 MOST_POINTS = 64  # largest number of border points whose displacement is measured
 # The largest width is multiplied by TRUNK for parts with more than MOST_BORDERS borders per component, such as a trunk.
@@ -75,7 +75,7 @@ class Grip:
 
     weights: Float32 = field(repr=False)  # (V,) 1 inside the part, 0 outside, and in between in the blend band
     of_node: Float32 = field(repr=False)  # (N,) weights of the mesh nodes (`dfd.geometry.coarse`)
-    # component: (N,) number of the connected component of each mesh node, such as one of four legs. It is −1 outside
+    # component: (N,) number of the connected component, such as a leg, that contains each mesh node. It is −1 outside
     # the part and on small components.
     component: Int64 = field(repr=False)
     border: Border = field(default=NO_BORDER, repr=False)
@@ -192,7 +192,7 @@ class Parts:
             _ = self._hierarchy
 
     def _snapped(self, inside: Bool, vertex: int) -> Bool:
-        """Return the mesh nodes of a part with the patches `inside` (P,), (N,) bool, including the node of `vertex`."""
+        """Move the border of the part `inside` (P,) to creases. Return its mesh nodes (N,), with that of `vertex`."""
         return snapped(self._patches, inside, int(self._patches.first[self._patches.nodes.of_vertex[vertex]]))
 
     def _chosen(self, patch: int, level: Level) -> int:

@@ -26,7 +26,9 @@ MOST_COUNTERPARTS = 64  # the largest number of counterparts of a handle, becaus
 SHARE_POWER = 2  # shares are proportional to 1 / distance ** SHARE_POWER, before the cutoff
 SHARE_CUTOFF = 0.03  # at each mesh node, this fraction of the largest share is subtracted, and negative shares become 0
 BOX_MARGIN = 0.1  # the box of a component is enlarged at each end by this fraction of its length
-IMAGE_TOLERANCE = 0.05  # a handle's mirror image is chosen if its weight is at most this below a component's largest
+# The vertex at the mirror image of a handle corresponds to the handle if its weight is at most this much below the
+# largest weight of the component.
+IMAGE_TOLERANCE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +38,9 @@ class Counterpart:
     vertex: int  # the vertex nearest to the handle or to its mirror image, or the vertex most similar to the handle
     # position: (3,) in mesh units, of the handle, of its mirror image if `image` is given, or else of `vertex`
     position: tuple[float, float, float]
-    # frame: (3, 3) orthogonal matrix that maps directions at the handle to directions at the counterpart. It contains
-    # the reflections in the planes of symmetry between both.
-    frame: Float64
+    frame: Float64  # (3, 3) orthogonal matrix that maps directions at the handle to directions at the counterpart
     weight: float = 1.0  # the handle's weight at `vertex`, by features alone
-    # share: the fraction of the handle's weight that this counterpart gets at each vertex; None means 1 everywhere
-    share: Share | None = None
+    share: Share | None = None  # fraction of the handle's weight that it gets at each vertex; None is 1 everywhere
     # image: (3, 4) isometry that maps the component at the handle onto this one; None if they are no mirror images
     image: Float64 | None = None
 
@@ -89,8 +88,8 @@ def find_counterparts(
     """Find the counterparts of a handle at `position` (3,), in mesh units. `vertex` is the vertex nearest to it.
 
     `weights` (V,) are the handle's weights by features alone (Eq. 4 and 5). `grip` is the part at the handle, and each
-    of its components has one counterpart. `planes` are the planes of symmetry of the shape. Outside the part, shares
-    are 0. If `everywhere` is True, they cover the whole surface, for weights that do not end at the border of the part.
+    of its components has one counterpart. `planes` are the planes of symmetry of the shape. Outside the part, the
+    shares of counterparts are 0, unless `everywhere` is True, for weights that do not end at the part's border.
     """
     x, y, z = (float(value) for value in position)
     found = [Counterpart(vertex, (x, y, z), np.eye(3), float(weights[vertex]))]
@@ -100,7 +99,7 @@ def find_counterparts(
     component = _merged_components(nodes, grip.component, vertex)
     on_nodes = np.maximum.reduceat(weights[nodes.members], nodes.starts)
     own = int(component[nodes.of_vertex[vertex]])
-    alike = np.full(component.max(initial=-1) + 2, -1.0)  # the last entry stands for nodes outside the part
+    alike = np.full(component.max(initial=-1) + 2, -1.0)  # the last entry is for nodes outside the part
     np.maximum.at(alike, component, on_nodes)
     alike[[own, -1]] = -1.0
     others = np.argsort(-alike, kind="stable")[: min(MOST_COUNTERPARTS - 1, int((alike >= 0).sum()))]
@@ -136,7 +135,7 @@ def find_counterparts(
 
 
 def _merged_components(nodes: Nodes, component: Int64, vertex: int) -> Int64:
-    """Return the part's `component` (N,) of each mesh node, after two changes.
+    """Return `component` (N,), the number of the part's component at each mesh node, after two changes.
 
     A component joins a larger one if its center lies in the larger one's box and the mesh does not connect them. For
     example, a hub joins its tire. If the node of the handle's `vertex` has no component, it joins the nearest one.
@@ -166,7 +165,7 @@ def _merged_components(nodes: Nodes, component: Int64, vertex: int) -> Int64:
 
 
 def _in_box(points: Float64, others: Float64) -> Bool:
-    """Return which of `others` (M, 3) lie in the box along the principal axes of `points` (N, 3), (M,) bool."""
+    """Return whether each of `others` (M, 3) lies in the PCA-aligned bounding box of `points` (N, 3), (M,) bool."""
     center = points.mean(axis=0)
     axes = np.linalg.svd(points - center, full_matrices=False)[2] if len(points) > 2 else np.eye(3)
     own, along = (points - center) @ axes.T, (others - center) @ axes.T
@@ -234,7 +233,7 @@ def _corresponding(
 
 
 def _shares_of_nodes(mesh: Mesh, components: Sequence[Int64]) -> Float64:
-    """Return the shares (K, N) of counterparts at mesh nodes: 1 on the nodes in `components`, smooth elsewhere."""
+    """Return the share (K, N) of each counterpart at each mesh node. It is 1 on the counterpart's own component."""
     nodes = nodes_of(mesh)
     shares = np.empty((len(components), len(nodes.center)))
     for row, members in zip(shares, components, strict=True):

@@ -34,19 +34,19 @@ class Key(NamedTuple):
     sources: tuple[int, ...]  # the vertices where geodesic distances start; empty without locality and radius
     exact: bool  # whether these distances are exact, see `_falloff`
     fixed: tuple[Fixed, ...]
-    reach_targets: bool
+    reach_targets: bool  # see `Rules.reach_targets`
 
 
 class FeatureWeights:
     """Compute and cache the weights of handles on one mesh.
 
-    While a handle moves, its column changes only if its blend band gets another width. This is the band along the
-    border of a part in which weights fall from 1 to 0. New fixed points change all columns.
+    While a handle moves, its column changes only if its blend band gets another width. In the blend band, along the
+    border of a part, weights fall from 1 to 0. New fixed points change all columns.
     """
 
     def __init__(self, mesh: Mesh, rows: HandleFeatures, grips: Grips) -> None:
         self._mesh, self._rows, self._grips = mesh, rows, grips
-        self._columns = np.empty((0, len(mesh.vertices)), np.float32)  # (H, V), replaced whenever one changes
+        self._columns = np.empty((0, len(mesh.vertices)), np.float32)  # (H, V), replaced if a column changes
         self._keys: list[Key] = []
         self._subtracted: Recent[Float32] = Recent(1)
         self._geodesics: dict[bool, Geodesics] = {}  # by whether they are exact, built at the first use
@@ -190,7 +190,7 @@ class FeatureWeights:
         )
         if part is not None:
             column *= part
-        # `bind` represents a region by some of its vertices. All of its vertices get the weight of a handle there.
+        # `bind` represents a region by some vertices. Give all of its vertices the weight of a handle at the vertex.
         if place.region is not None:
             own = self._rows.members(place.region)
             free = 1.0 - self.subtracted(fixed)[own] if fixed else np.float32(1.0)

@@ -60,7 +60,7 @@ class Grips:
         return self._parts.get((place, band), lambda: self.parts.grip(self._rows.anchor(place), band))
 
     def band(self, handle: Handle) -> float:
-        """Return the width of a handle's blend band, as in `grip`. Handles at rest or without a part have the least."""
+        """Return the width of a handle's blend band, as in `grip`. It is the smallest one at rest or without a part."""
         if handle.controls.reach != "part" or np.array_equal(handle.matrix, np.eye(3, 4)):
             return BANDS[0]
         place = handle.place
@@ -68,7 +68,7 @@ class Grips:
         return BANDS[0] if border is None else border.band(handle.matrix)
 
     def held(self, place: Place, band: float, *, everywhere: bool = False, plane: SymmetryPlane | None = None) -> Held:
-        """Return the part and the counterparts at a place. Use `plane` as plane of symmetry instead of the shape's own.
+        """Return the part and the counterparts at a place. If given, `plane` replaces the shape's planes of symmetry.
 
         `band` is as in `grip`, `everywhere` as in `find_counterparts`.
         """

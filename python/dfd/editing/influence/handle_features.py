@@ -16,7 +16,7 @@ from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Vector
 from dfd.weights.compact import CompactFeatures, compact
 
-# Meshes with at most this many vertices have full features, because `compact` evaluates as many features first.
+# Meshes with more vertices than this have compact features. On smaller meshes, compact features save no time.
 MOST_EXACT = 16_384
 # At most 32 vertices with different features represent a region. They are chosen from at most 2,048 of its vertices.
 MOST_REPRESENTATIVES, MOST_CANDIDATES = 32, 2048

@@ -21,7 +21,7 @@ from dfd.geometry.part_axis import PartAxes
 from dfd.mesh.mesh import Mesh
 
 COMPONENT_THRESHOLD = 0.5  # weights in a column's component are at least this fraction of the column's largest weight
-LEAST_COUNTED = 0.35  # counterparts are counted if their largest weight is at least this fraction of the handle's
+LEAST_COUNTED = 0.35  # a counterpart counts if its largest weight is at least this fraction of the handle's largest
 # `equalize` raises the weights of a counterpart only if the handle's weight there, by features alone, is at least
 # LEAST_ALIKE. The final weight there, without locality, must also be at least LEAST_EQUALIZED times that at the handle.
 LEAST_ALIKE, LEAST_EQUALIZED = 0.15, 0.1
@@ -134,7 +134,7 @@ class HandleWeights:
         return tuple(moving) if len(moving) > 1 and edit.rules.overlap == "add" else ()
 
     def _allocated(self, edit: Edit, portions: list[Share], columns: list[Column]) -> tuple[list[Share], list[Column]]:
-        """Divide components among the moving handles. Return the weights and the columns that are left."""
+        """Divide components among the moving handles, and return the remaining `portions` and `columns`."""
         moving = self.allocating(edit)
         among = [i for i, column in enumerate(columns) if column.handle in moving]
         nodes = nodes_of(self.mesh)
@@ -211,7 +211,7 @@ def _sparse(weights: Float32) -> Share:
 def _equalized(
     weights: Float32, counterparts: Sequence[Counterpart], portions: Sequence[Share], near: Float64
 ) -> list[Share]:
-    """Multiply the `portions` of similar counterparts, so that their weights become those of the first counterpart.
+    """Multiply the `portions` of similar counterparts, so that their weights are as high as those at the handle.
 
     The factors compensate for differences between features. They do not compensate for locality, whose factor at each
     counterpart is `near` (N,). The sum of the results at a vertex is limited to the maximum of `weights`.

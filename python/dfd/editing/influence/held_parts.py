@@ -41,7 +41,7 @@ class HeldPart:
     across: bool  # whether the component lies across the plane of symmetry
 
     def bend(self, points: Float64, transform: Transform) -> None:
-        """Bend and twist the vertices of the component in `points` (V, 3), in place, as in `transform`."""
+        """Bend and twist the vertices of the component in `points` (V, 3), in place, as `transform` defines."""
         turn = self.amount * (self.carry @ np.asarray(transform.bend))
         twist = self.amount * self.handedness * transform.twist
         self.sections.move(points, bend_maps(self.axis.nodes, self.axis.radius, turn, twist, transform.joint))
@@ -55,7 +55,7 @@ def held_parts(
     `columns` are the weights (V,) and the `Column` of each counterpart, the handle itself first. On the other side of
     `plane`, the plane of symmetry of the edit, the handle acts mirrored.
     """
-    # One component can contain several counterparts, such as fingers of a hand. So components are those of the sum.
+    # One component can contain several counterparts, such as fingers of a hand. So components are found from the sum.
     whole = np.sum([weights for weights, _ in columns], axis=0)
     pieces: list[tuple[PartAxis, Column, float]] = []
     images = {column: image for _, column in columns if (image := column.counterpart.image) is not None}
@@ -93,7 +93,7 @@ def _part(mesh: Mesh, piece: tuple[PartAxis, Column, float], own: PartAxis, plan
         sides = plane.signed_distance(mesh.vertices[axis.vertices])
         negative = float((sides < 0).mean())
         if LEAST_ON_SIDE < negative < 1 - LEAST_ON_SIDE:
-            # Only rotations about the plane's normal keep a component symmetric that lies across the plane.
+            # A component across the plane stays symmetric only if it rotates about the plane's normal.
             across, flat = True, np.outer(plane.normal, plane.normal)
         elif (negative > 0.5) != (float(plane.signed_distance([counterpart.position])[0]) < 0):
             frame = plane.reflection[:3, :3] @ frame
@@ -104,7 +104,7 @@ def _part(mesh: Mesh, piece: tuple[PartAxis, Column, float], own: PartAxis, plan
 
 
 def _turn(one: Float64, other: Float64) -> Float64:
-    """Return a rotation (3, 3) of `one` onto `other`. If neither is upright, it maps their horizontal normals too."""
+    """Return a rotation (3, 3) of `one` onto `other`. It aligns their horizontal normals too, if none is upright."""
     if max(abs(one @ UP), abs(other @ UP)) > UPRIGHT:
         return _shortest_turn(one, other)
     frames = []
@@ -148,8 +148,10 @@ def bend_vector(part: HeldPart, angle: float, towards: Any = None) -> Vector:
 def pivot_on(
     part: HeldPart, which: PivotAt | None, handle: Handle, plane: SymmetryPlane | None
 ) -> tuple[Vector, PivotAt]:
-    """Return a pivot on `part`, the component at the handle, and its kind. None chooses the base of a limb, or else the
-    middle, and projects it onto the plane of symmetry if `part` lies across it.
+    """Return a pivot on `part`, the component at the handle, and the kind of the pivot.
+
+    If `which` is None, the pivot is the base of a limb, or else the middle. If `part` lies across the plane of symmetry,
+    this pivot is then projected onto the plane.
 
     Raises ValueError if `which` is "plane" and the edit has no plane.
     """
