@@ -150,7 +150,7 @@ def pivot_on(
 ) -> tuple[Vector, PivotAt]:
     """Return a pivot on `part`, the component at the handle, and the kind of the pivot.
 
-    If `which` is None, the pivot is the base of a limb, or else the middle. If `part` lies across the plane of symmetry,
+    If `which` is None, the pivot is the base of a limb, or else the middle. If `part` lies across the symmetry plane,
     this pivot is then projected onto the plane.
 
     Raises ValueError if `which` is "plane" and the edit has no plane.
