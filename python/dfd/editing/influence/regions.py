@@ -80,7 +80,7 @@ class Box(RegionBase):
 
 @dataclass(frozen=True)
 class HalfSpace(RegionBase):
-    """All vertices p with normal · p ≥ offset, in mesh units. Both are divided by the length of `normal`."""
+    """All vertices p with normal · p ≥ offset, in mesh units. The length of `normal` divides `normal` and `offset`."""
 
     normal: Vector
     offset: Annotated[float, About("Mesh units.")]
