@@ -17,7 +17,7 @@ from bench.quality.anatomy import RiggedShape, rigged_shapes
 from bench.quality.measures import soft_iou
 from bench.quality.parts import family_of
 from dfd.common.linear_algebra import Bool, Float64
-from dfd.editing.agreement import HELD, differences
+from dfd.editing.agreement import MOVED, differences
 from dfd.editing.edit import Edit
 from dfd.editing.transfer import transfer
 
@@ -37,7 +37,7 @@ def transferred(shapes: list[tuple[RiggedShape, dfd.Deformer]]) -> Iterator[tupl
         for handles in shape.handles() if others else ():
             session.apply(Edit())
             session.add(int(handles[0]))
-            moved = session.following[:, 0] >= HELD
+            moved = session.following[:, 0] >= MOVED
             meant = [(soft_iou(shape.areas, moved, inside), joints) for joints, inside in shape.meant(int(handles[0]))]
             overlap, joints = max(meant, default=(0.0, []))
             for number in generator.permutation(len(others))[:TARGETS] if overlap >= RIGHT else ():
@@ -45,7 +45,7 @@ def transferred(shapes: list[tuple[RiggedShape, dfd.Deformer]]) -> Iterator[tupl
                 if set(joints) <= set(other.joints):
                     target.apply(transfer(session.edit, session.mesh, session.field, target.mesh, target.field).edit)
                     wanted = np.any([other.subtree(other.joints.index(joint)) for joint in joints], axis=0)
-                    found = soft_iou(other.areas, target.following[:, 0] >= HELD, wanted)
+                    found = soft_iou(other.areas, target.following[:, 0] >= MOVED, wanted)
                     yield family, differences(session, target)[0], found >= RIGHT
 
 

@@ -6,7 +6,7 @@ from dfd.common.linear_algebra import Float64
 from dfd.editing.deformer import Deformer
 from dfd.geometry.topology import vertex_areas
 
-HELD = 0.5  # vertices with at least this fraction of a handle's largest weight count as moved by it
+MOVED = 0.5  # vertices with at least this fraction of a handle's largest weight count as moved by it
 # A logistic regression gives the log-odds that two parts correspond: INTERCEPT − AREA_SLOPE · a − DISTANCE_SLOPE · d.
 # `differences` returns a and d. `python -m bench.training.learn_agreement` computes the constants from 1,892 handles
 # that were transferred between rigs.
@@ -37,7 +37,7 @@ def _moved_surface(session: Deformer) -> tuple[Float64, Float64]:
     """Return the fraction (H,) of the area that each handle moves, and its center (H, 3) relative to the box."""
     mesh, weights = session.mesh, session.following
     area = vertex_areas(mesh.vertices, mesh.faces)
-    held = area[:, None] * ((weights >= HELD * weights.max(axis=0)) & (weights > 0))
+    held = area[:, None] * ((weights >= MOVED * weights.max(axis=0)) & (weights > 0))
     total = held.sum(axis=0)
     center = held.T @ (mesh.vertices - mesh.bounds.mean(axis=0)) / np.maximum(total, 1e-300)[:, None]
     return total / max(area.sum(), 1e-300), center / max(mesh.diagonal, 1e-300)

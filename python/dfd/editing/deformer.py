@@ -126,7 +126,7 @@ class Deformer(History):
     def _commit(self, edit: Edit, topic: Hashable = None, merge: bool = False, *, rebinds: bool = True) -> None:
         """Record `edit` as a step. With `rebinds`, raise ValueError if fixed points take all weight from a handle."""
         if rebinds:
-            self.bound.by_features.check_arrivals(edit)
+            self.bound.by_features.check_targets(edit)
         self._record(edit, topic, merge)
 
     @public

@@ -1,4 +1,4 @@
-"""Find the part of a shape at a place, with or without its counterparts, and cut shapes into parts."""
+"""Find the part of a shape at a place, and divide shapes into parts."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -20,20 +20,20 @@ from dfd.segmentation.hierarchy import Hierarchy, components_and_borders
 from dfd.segmentation.patches import Patches
 
 Level = Literal["smaller", "part", "larger"]
-LARGER = 1.25  # least ratio of the areas of two levels
-# Smallest saliency of a part. On a ball, chance gives up to 0.031. Parts that people name have 0.08 to 2.
+LEAST_RATIO = 1.25  # the area at a larger level, divided by the area at the next smaller level, is above this
+# Below this saliency (`Hierarchy.saliency`, unitless), a handle holds no part. Balls have a saliency of up to 0.031.
 LEAST_SALIENCY = 0.033
-# In the blend band, the weights of a grip fall from 1 to 0. The border of the part, with weight 0.5, is the middle of
-# the band. The largest width is the smaller of WIDEST times the diagonal of the box and OF_GIRTH times the girth of the
-# limb. With half of both, borders are steeper: `python -m bench.quality borders` finds a fold of 89° instead of 68° on
-# 20 rigs.
-WIDEST, OF_GIRTH = 0.2, 0.5
-# Widths of the blend band, relative to the largest one. At rest, the smallest one has a soft IoU of 0.678 with 19
-# labelled meshes; half of the largest width has 0.663.
-BANDS = (0.25, 0.5, 1.0)
-LEAST_WIDTH = 2.0  # least width of a band that is not the widest, relative to the displacement of the border
+# In the blend band along the border of a part, the weights of a grip fall from 1 to 0. They are 0.5 at the border. The
+# band is at most WIDEST times the diagonal of the bounding box wide, and at most WIDEST_OF_GIRTH times the girth of the
+# limb, which is the mean length of the part's borders. A wider band makes the surface of a moved part less steep there:
+# half of both values folds the surface of 20 rigs by 89° instead of 68° (`python -m bench.quality borders`).
+WIDEST, WIDEST_OF_GIRTH = 0.2, 0.5
+# BANDS are the possible widths of the blend band, as fractions of its largest width. The band has the smallest width
+# that is at least LEAST_WIDTH times the displacement of the border, or the largest width if all are smaller. A part at
+# rest has the smallest width, and a soft IoU of 0.68 with labelled parts. With the width 0.5, the soft IoU is 0.66.
+BANDS, LEAST_WIDTH = (0.25, 0.5, 1.0), 2.0
 MOST_POINTS = 64  # largest number of border points whose displacement is measured
-# Parts with more than MOST_BORDERS borders per component, such as a trunk, have a blend band TRUNK times as wide.
+# The largest width is multiplied by TRUNK for parts with more than MOST_BORDERS borders per component, such as a trunk.
 TRUNK, MOST_BORDERS = 3.0, 1.5
 
 
@@ -41,10 +41,10 @@ TRUNK, MOST_BORDERS = 3.0, 1.5
 class Part:
     """A part of a shape."""
 
-    mask: Bool = field(repr=False)  # (V,) whether a vertex belongs to the part
-    share: float  # its share of the area of the surface
-    components: int  # the number of its connected components, without small components
-    vertex: int  # a vertex far from its border, or the vertex of the request
+    mask: Bool = field(repr=False)  # (V,) whether each vertex belongs to the part
+    share: float  # area of the part, as a fraction of the area of the surface
+    components: int  # number of connected components of the part, without small components
+    vertex: int  # a vertex of the part: the one given to `Parts.part`, or in a cut, one far from the border
 
     @property
     def vertices(self) -> Int64:
@@ -55,13 +55,13 @@ class Part:
 class Border(NamedTuple):
     """The border of the component at a handle, and the largest width of the blend band there."""
 
-    points: Float64  # (B, 3) positions of some of its nodes, mesh units
-    widest: float  # mesh units
+    points: Float64  # (B, 3) positions of some mesh nodes at the border, in mesh units
+    widest: float  # largest width of the blend band, in mesh units
 
     def band(self, affine: Float64) -> float:
-        """Return the width of the band, relative to the largest one, for a part that `affine` (3, 4) transforms.
+        """Return the width of the band for a part that `affine` (3, 4) moves, as a fraction of the largest width.
 
-        The further the border moves, the wider is the band, so that the surface there is not steep.
+        If the border moves farther, the band is wider, so that the surface in the band is less steep.
         """
         moved = self.points @ affine[:, :3].T + affine[:, 3] - self.points
         least = LEAST_WIDTH * np.abs(moved).max(initial=0.0)
@@ -75,18 +75,18 @@ NO_BORDER = Border(np.empty((0, 3)), 0.0)
 class Grip:
     """The part that a handle holds, as weights."""
 
-    weights: Float32 = field(repr=False)  # (V,) 1 inside the part, 0 outside, and smooth in the blend band
-    of_node: Float32 = field(repr=False)  # (N,) the weights at the mesh's nodes, see `dfd.geometry.coarse`
-    # (N,) the connected component of each node, such as one of four legs, counted from 0. −1 stands for nodes outside
+    weights: Float32 = field(repr=False)  # (V,) 1 inside the part, 0 outside, and in between in the blend band
+    of_node: Float32 = field(repr=False)  # (N,) weights of the mesh nodes (`dfd.geometry.coarse`)
+    # component: (N,) number of the connected component, such as a leg, that contains each mesh node. It is −1 outside
     # the part and on small components.
     component: Int64 = field(repr=False)
     border: Border = field(default=NO_BORDER, repr=False)
 
 
 class Parts:
-    """The parts of the shape `mesh`, computed for the first request.
+    """The parts of the shape `mesh`. The first call of a method computes the tree of all parts.
 
-    `features` returns the features (N, D) of vertices (N,), such as `field.on(mesh).rows`.
+    `features` is a function that returns the features (N, D) of vertices (N,), such as `field.on(mesh).rows`.
     """
 
     def __init__(self, mesh: Mesh, features: Callable[[Int64], Float32]) -> None:
@@ -103,12 +103,12 @@ class Parts:
         at
             A vertex index, or a point (3,) in mesh units, which stands for the nearest vertex.
         level
-            "part" is the part that people most likely mean. "smaller" is a part inside it, and "larger" is a part that
-            contains it. If there is no such part, "smaller" and "larger" equal "part".
+            "part" is the part that a user most likely means. "smaller" is a part inside it, and "larger" is a part that
+            contains it. If there is no such part, the result is the same as for "part".
         alike
-            Whether counterparts belong to the part, such as the other legs. False gives one connected component.
+            Whether the part includes its counterparts, such as the other legs. False gives one connected component.
 
-        Raises ValueError if `at` is no vertex or point, `level` is unknown, or the mesh has no face with an area.
+        Raises ValueError if `at` is no vertex or point, `level` is unknown, or no face has an area above 0.
         """
         check.choice("Parts.part", "level", level, Level)
         vertex = self._vertex(at)
@@ -121,10 +121,10 @@ class Parts:
         return self._part(inside, self._at_vertices([~nodes, nodes]) == 1, vertex)
 
     def grip(self, at: Any, band: float = BANDS[0]) -> Grip | None:
-        """Return the part that a handle at a place holds, with all regions that only this part connects to the rest.
+        """Return the part that a handle at a place holds, or None if there is no part, such as on a ball.
 
-        `band` is the width of the blend band, relative to the largest one. Return None if there is no part, such as on
-        a ball.
+        The result includes all regions that only this part connects to the rest of the shape. `band` is the width of
+        the blend band, as a fraction of its largest width.
         """
         vertex = self._vertex(at)
         if not self._has_surface:
@@ -138,13 +138,13 @@ class Parts:
         side = self._snapped(inside, vertex)
         components, borders = components_and_borders(patches, inside)
         wider = TRUNK if borders > MOST_BORDERS * len(components) else 1.0
-        widest = patches.size * wider * min(WIDEST, tree.girth(chosen) * OF_GIRTH)
+        widest = patches.size * wider * min(WIDEST, tree.girth(chosen) * WIDEST_OF_GIRTH)
         width = band * widest
-        # The blend band does not cross gaps between components of the mesh, such as between teeth and lips.
+        # The blend band does not cross gaps between components of the mesh, such as gaps between teeth and lips.
         graph, component = patches.nodes.graph, patches.nodes.component
         row = np.repeat(np.arange(len(side)), np.diff(graph.indptr))
-        whole = component[row] == component[graph.indices]
-        row, beside, apart = row[whole], graph.indices[whole], graph.data[whole]
+        connected = component[row] == component[graph.indices]
+        row, beside, apart = row[connected], graph.indices[connected], graph.data[connected]
         graph = csr_array((apart, (row, beside)), shape=graph.shape)
         ends = np.unique(row[side[row] != side[beside]])
         depth = np.full(len(side), width)
@@ -154,9 +154,9 @@ class Parts:
                 depth[side == inner] = np.minimum(found[side == inner], width)
         within = np.clip(0.5 + np.where(side, depth, -depth) / width, 0.0, 1.0)
         within = within * within * (3.0 - 2.0 * within)
-        # If the handle lies in the blend band, the weights are scaled so that its own vertex has weight 1.
-        held = patches.nodes.interpolated(within.astype(np.float32))
-        whole = max(held[vertex], np.float32(0.01))
+        # If the handle lies in the blend band, the weights are scaled so that the vertex of the handle has weight 1.
+        weights = patches.nodes.interpolated(within.astype(np.float32))
+        scale = max(weights[vertex], np.float32(0.01))
         component = components_of(patches, inside)
         area = np.bincount(component[inside], patches.area[inside])
         large = (area > SMALL_COMPONENT * area.max()) | (np.arange(len(area)) == component[patch])
@@ -164,19 +164,20 @@ class Parts:
         component = np.where(side, np.where(large[component] & inside, component, -1)[patches.of_node], -1)
         points = patches.nodes.center[ends[component[ends] == own]]
         border = Border(points[:: 1 + len(points) // MOST_POINTS], widest)
-        return Grip(np.minimum(held / whole, 1), np.minimum(within / whole, 1).astype(np.float32), component, border)
+        of_node = np.minimum(within / scale, 1).astype(np.float32)
+        return Grip(np.minimum(weights / scale, 1), of_node, component, border)
 
     def cut(self) -> list[Part]:
-        """Return parts that cover the whole shape, the largest first; every vertex belongs to exactly one.
+        """Return parts that cover the whole shape, the largest first. Every vertex belongs to exactly one part.
 
-        Counterparts form one part. The cut is the one with the clearest borders.
+        Counterparts belong to the same part. The parts are those with the clearest borders (`Hierarchy.clarity`).
 
-        Raises ValueError if the mesh has no face with an area.
+        Raises ValueError if no face has an area above 0.
         """
         patches, part = self._patches, self._hierarchy.cut_labels()
         masks = part == np.unique(part)[:, None]
         claims = np.array([snapped(patches, inside) for inside in masks])
-        # If no part or several parts contain a node after snapping, the node keeps the part of its patch.
+        # `snapped` moves borders to creases. Nodes that are then in no part or in several keep the part of their patch.
         of_node = np.where(claims.sum(axis=0) == 1, claims.argmax(axis=0), masks.argmax(axis=0)[patches.of_node])
         label = self._at_vertices([of_node == number for number in range(len(masks))])
         found = []
@@ -188,16 +189,16 @@ class Parts:
         return sorted(found, key=lambda each: -each.share)
 
     def prepare(self) -> None:
-        """Compute the tree of parts, which takes half a second, and seconds for a million faces."""
+        """Compute the tree of parts. This takes half a second, or several seconds for a million faces."""
         if self._has_surface:
             _ = self._hierarchy
 
     def _snapped(self, inside: Bool, vertex: int) -> Bool:
-        """Return (N,) the nodes of the part of patches `inside` (P,), which always has the node of `vertex`."""
+        """Move the border of the part `inside` (P,) to creases. Return its mesh nodes (N,), with that of `vertex`."""
         return snapped(self._patches, inside, int(self._patches.first[self._patches.nodes.of_vertex[vertex]]))
 
     def _chosen(self, patch: int, level: Level) -> int:
-        """Return the tree node of the part at a patch."""
+        """Return the tree node (see `Hierarchy`) of the part at a patch."""
         tree = self._hierarchy
         nodes = tree.candidates(patch)
         area = tree.area[nodes]
@@ -205,14 +206,14 @@ class Parts:
         best = nodes.index(tree.held(patch))
         among = np.array([best])
         if level == "larger":
-            among = np.flatnonzero(area > LARGER * area[best])
-        elif level == "smaller":  # the largest node inside that is clearer than each cut of it
-            among = np.flatnonzero(tree.clear[nodes] & (LARGER * area < area[best]))[-1:]
+            among = np.flatnonzero(area > LEAST_RATIO * area[best])
+        elif level == "smaller":  # the largest smaller tree node with clearer borders than any division of it
+            among = np.flatnonzero(tree.clear[nodes] & (LEAST_RATIO * area < area[best]))[-1:]
         return nodes[among[clarity[among].argmax()] if len(among) else best]
 
-    def _at_vertices(self, sides: Sequence[Bool]) -> Int64:
-        """Return (V,) the index of the mask in `sides`, (N,) each, with the largest interpolated share at a vertex."""
-        shares = self._patches.nodes.shares(np.array(sides, np.float64))
+    def _at_vertices(self, masks: Sequence[Bool]) -> Int64:
+        """Interpolate `masks` (N,) of mesh nodes to vertices. Return the index of the largest at each vertex, (V,)."""
+        shares = self._patches.nodes.shares(np.array(masks, np.float64))
         best = np.zeros(len(self._mesh.vertices), np.float32)
         label = np.zeros(len(best), np.int64)
         for number, (vertices, share) in enumerate(shares):
@@ -221,7 +222,7 @@ class Parts:
         return label
 
     def _part(self, inside: Bool, mask: Bool, vertex: int) -> Part:
-        """Return the part of patches `inside` (P,) and vertices `mask` (V,)."""
+        """Return the part with the patches `inside` (P,) and the vertices `mask` (V,)."""
         component, area = components_of(self._patches, inside)[inside], self._patches.area[inside]
         sizes = np.bincount(component, area)
         return Part(mask, float(area.sum()), int((sizes > SMALL_COMPONENT * sizes.max()).sum()), vertex)
@@ -250,7 +251,7 @@ class Parts:
 
 
 def cut_document(found: Sequence[Part]) -> dict[str, Any]:
-    """Return the parts as a JSON document: a row for each part, numbered from 1, and the part of every vertex."""
+    """Return the parts as a JSON document: a table of the parts, numbered from 1, and the part of every vertex."""
     rows = [
         {"part": number, "share": round(each.share, 4), "components": each.components, "vertex": each.vertex}
         for number, each in enumerate(found, start=1)
@@ -259,6 +260,6 @@ def cut_document(found: Sequence[Part]) -> dict[str, Any]:
 
 
 def parts(field: Field, mesh: MeshLike) -> Parts:
-    """Return the parts of `mesh`, or of anything that `dfd.load` reads, by the features of `field`."""
+    """Return the parts of `mesh`, found by the features of `field`. `mesh` can be anything that `dfd.load` reads."""
     shape = as_mesh(mesh)
     return Parts(shape, check.field("parts", field).on(shape).rows)

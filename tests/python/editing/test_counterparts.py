@@ -32,6 +32,7 @@ def sheet(copies: int = 1) -> Mesh:
 
 
 def hill(mesh: Mesh, x: float, z: float, height: float, width: float = 0.25) -> np.ndarray:
+    """Return weights (V,) that fall from `height` at the point (x, 0, z) to 0 around it."""
     squared = np.square(mesh.vertices - (x, 0, z)).sum(axis=1)
     return (height * np.exp(-squared / width**2)).astype(np.float32)
 
@@ -41,13 +42,13 @@ def vertex_at(mesh: Mesh, x: float, z: float) -> int:
 
 
 def part(component: np.ndarray) -> Grip:
-    """Return a part from the component (V,) of each vertex; −1 is outside the part."""
+    """Return a part whose `component` (V,) is given for each vertex; −1 stands for vertices outside the part."""
     inside = (component >= 0).astype(np.float32)
     return Grip(inside, inside, component)
 
 
 def around(mesh: Mesh, *places: tuple[float, float]) -> np.ndarray:
-    """Return the component (V,) of each vertex: the number of its disc, with radius 0.25 around a place, or −1."""
+    """Return the component (V,) of each vertex: the index of the place (x, z) within 0.25 of the vertex, or −1."""
     found = np.full(len(mesh.vertices), -1)
     for number, (x, z) in enumerate(places):
         found[np.linalg.norm(mesh.vertices - (x, 0, z), axis=1) < 0.25] = number
@@ -89,11 +90,11 @@ def test_every_component_of_a_part_is_one_counterpart():
     vertex = vertex_at(mesh, -0.1, 0.3)
     beside, _ = find_counterparts(mesh, weights, vertex, mesh.vertices[vertex], held)[0]
     np.testing.assert_array_equal(
-        share(mesh, beside)[pieces == 1], 1, err_msg="held on the border, it is of the nearest component"
+        share(mesh, beside)[pieces == 1], 1, err_msg="a handle outside the part belongs to the nearest component"
     )
 
 
-def test_counterparts_stand_where_their_components_look_most_alike():
+def test_counterparts_are_the_most_similar_vertices_of_their_components():
     mesh = sheet()
     weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, 0.5, -0.5, 0.6) + hill(mesh, 0.5, 0.5, 0.9)
     component = around(mesh, (0.5, -0.5), (-0.5, -0.5), (0.5, 0.5))
@@ -104,13 +105,13 @@ def test_counterparts_stand_where_their_components_look_most_alike():
     assert (own.weight, second.weight, third.weight) == pytest.approx((1, 0.9, 0.6), abs=1e-3)
 
 
-def test_what_stands_inside_a_component_of_the_part_joins_it():
-    """A hub inside a wheel belongs to the wheel's component. A hub beside the wheel is a component of its own."""
+def test_a_component_inside_another_component_joins_it():
+    """A hub inside a tire joins the component of the tire. A hub beside the tire is a separate component."""
     wheel, hub = sheet(), sheet()
     both = np.concatenate([wheel.faces, hub.faces + len(wheel.vertices)])
 
     def counted(x: float) -> int:
-        # The distance in y is so large that no bridge joins both sheets.
+        # The distance in y is so large that no bridge connects the sheets.
         tire = wheel.vertices + 0.3 * np.cos(4 * wheel.vertices[:, :1]) * (0, 1, 0)
         mesh = Mesh(np.concatenate([tire, 0.2 * hub.vertices + (x, 0.1, 0)]), both)
         component = (np.arange(len(mesh.vertices)) >= len(wheel.vertices)).astype(np.int64)
@@ -120,7 +121,7 @@ def test_what_stands_inside_a_component_of_the_part_joins_it():
     assert counted(5.0) == 2
 
 
-def test_shares_add_up_to_one_and_each_has_its_counterpart_to_itself():
+def test_shares_sum_to_1_and_each_is_1_at_its_own_counterpart():
     mesh = sheet()
     component = around(mesh, (-0.5, 0), (0.5, 0))
     whole = np.ones(len(component), np.float32)
@@ -134,7 +135,7 @@ def test_shares_add_up_to_one_and_each_has_its_counterpart_to_itself():
         assert shares[number, each.vertex] == 1
 
 
-def test_weights_that_do_not_end_with_the_part_are_shared_beyond_it():
+def test_shares_outside_the_part_are_0_unless_everywhere_is_true():
     mesh = sheet()
     weights, vertex = hill(mesh, -0.5, 0, 1), vertex_at(mesh, -0.5, 0)
     grip = part(around(mesh, (-0.5, 0), (0.5, 0)))
@@ -146,7 +147,7 @@ def test_weights_that_do_not_end_with_the_part_are_shared_beyond_it():
         np.testing.assert_allclose(total[beyond], float(everywhere), atol=1e-6)
 
 
-def test_shares_pass_smoothly_from_one_counterpart_to_the_next():
+def test_shares_change_smoothly_from_one_counterpart_to_the_next():
     mesh = sheet()
     component = around(mesh, (-0.5, 0), (0.5, 0))
     whole = np.ones(len(component), np.float32)
@@ -158,8 +159,8 @@ def test_shares_pass_smoothly_from_one_counterpart_to_the_next():
     assert np.abs(np.diff(along, axis=1)).max() < 0.2
 
 
-def test_what_is_far_away_does_not_swing_on_a_long_lever():
-    """The handle rotates by 30°. A component at the other end of the sheet must rotate about its own pivot."""
+def test_a_distant_counterpart_rotates_about_its_own_pivot():
+    """The handle rotates by 30°. The pivot of a component at the other end of the sheet must not move."""
     mesh = sheet()
     weights = hill(mesh, -0.8, 0, 1) + hill(mesh, 0.8, 0, 0.1)
     own, other = find(mesh, weights, vertex_at(mesh, -0.8, 0), around(mesh, (-0.8, 0), (0.8, 0)))
@@ -174,9 +175,9 @@ def test_what_is_far_away_does_not_swing_on_a_long_lever():
 def test_across_a_plane_of_symmetry_the_frame_is_mirrored():
     mesh = sheet()
     plane = SymmetryPlane((1.0, 0.0, 0.0), 0.0)
-    # The maximum on the other side is not exactly at the mirror image, as with the noise of a real field.
+    # With a noisy field, the maximum on the other side is not exactly at the mirror image.
     weights = np.maximum(hill(mesh, -0.5, 0.2, 1), hill(mesh, 0.55, 0.2, 0.95))
-    # One component is cut, so they are no mirror images of each other, and the given plane relates them.
+    # One component lacks a piece, so the components are no mirror images. The frame then depends on the given plane.
     component = around(mesh, (-0.5, 0.2), (0.5, 0.2))
     component[(component == 1) & (mesh.vertices[:, 2] > 0.25)] = -1
     own, other = find(mesh, weights, vertex_at(mesh, -0.5, 0.2), component, plane)
@@ -197,7 +198,7 @@ def test_components_far_apart_are_counterparts_too():
     np.testing.assert_array_equal(share(mesh, other)[~on_the_first], 1)
 
 
-def test_a_fine_mesh_is_gathered_into_nodes_and_has_the_same_counterparts():
+def test_counterparts_on_clustered_nodes_are_the_same_as_on_vertices():
     mesh = sheet()
     weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, 0.5, -0.5, 0.9) + hill(mesh, 0.5, 0.5, 0.6)
     vertex = vertex_at(mesh, -0.5, -0.5)
@@ -212,21 +213,21 @@ def test_a_fine_mesh_is_gathered_into_nodes_and_has_the_same_counterparts():
     exact = found()
     with mock.patch.object(coarse, "MOST_NODES", 1000), mock.patch.object(coarse, "CELLS", 20):
         assert len(nodes_of(mesh).center) < 500
-        gathered = found()
-    assert [each.vertex for each in gathered] == [each.vertex for each in exact]
-    np.testing.assert_allclose(sum(share(mesh, each) for each in gathered), 1, atol=1e-5)
-    for one, other in zip(gathered, exact, strict=True):
+        clustered = found()
+    assert [each.vertex for each in clustered] == [each.vertex for each in exact]
+    np.testing.assert_allclose(sum(share(mesh, each) for each in clustered), 1, atol=1e-5)
+    for one, other in zip(clustered, exact, strict=True):
         assert np.abs(share(mesh, one) - share(mesh, other)).mean() < 0.04
 
 
-def test_a_handle_that_holds_nothing_has_only_itself():
+def test_the_only_counterpart_of_a_handle_without_components_is_itself():
     mesh = sheet()
     nothing = np.full(len(mesh.vertices), -1)
     (only,) = find(mesh, np.zeros(len(mesh.vertices), np.float32), 7, nothing)
     assert (only.vertex, only.weight, only.share) == (7, 0.0, None)
 
 
-def test_of_thousands_of_components_those_most_alike_are_counterparts():
+def test_only_the_most_similar_of_thousands_of_components_are_counterparts():
     generator = np.random.default_rng(0)
     middles = generator.random((12_000, 1, 3)) * 100
     vertices = (middles + generator.random((12_000, 3, 3)) * 1e-3).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""Test the weights of a session: when handles are bound again, their values, and compact features."""
+"""Test the weights of a session: their values, which steps compute them again, and compact features."""
 
 from unittest import mock
 
@@ -18,7 +18,7 @@ from dfd.field.field import Field
 
 
 @pytest.mark.usefixtures("paper_handles")
-def test_a_move_binds_nothing_and_a_new_handle_binds_itself(deformer, bound):
+def test_a_move_does_not_call_bind_and_a_new_handle_binds_only_itself(deformer, bound):
     first = deformer.add(5)
     _ = deformer.vertices
     for angle in range(5):
@@ -39,7 +39,7 @@ def test_a_move_binds_nothing_and_a_new_handle_binds_itself(deformer, bound):
 
 
 @pytest.mark.usefixtures("paper_handles")
-def test_columns_are_those_of_bind(deformer, geodesics, features, field):
+def test_columns_of_weights_equal_the_results_of_bind(deformer, geodesics, features, field):
     for at in (1, 2, (0.1, 0.2, 0.3), (0.2, 0.1, 0.3), 3):
         deformer.add(at)
     for vertex in (4, 5):
@@ -53,7 +53,7 @@ def test_columns_are_those_of_bind(deformer, geodesics, features, field):
 
 
 @pytest.mark.usefixtures("about_one_pivot")
-def test_a_drag_costs_what_moves_and_gives_what_a_pose_gives(mesh, field, features, folds):
+def test_a_drag_recomputes_only_the_moving_handle_and_equals_a_pose(mesh, field, features, folds):
     for symmetry, default in ((None, None), ("x", None), (None, (0, 0, 5)), ("x", (0, 0, 5))):
         deformer = dfd.Deformer(mesh, field, features=features)
         handles = [deformer.add(vertex, translation=(0, 0.01 * vertex, 0)) for vertex in (5, 6, 7, 8, 9)]
@@ -77,7 +77,7 @@ def test_a_drag_costs_what_moves_and_gives_what_a_pose_gives(mesh, field, featur
 
 
 @pytest.mark.usefixtures("about_one_pivot")
-def test_a_drag_ends_with_whatever_else_changes(deformer, mesh, field, features, folds):
+def test_every_other_change_ends_a_drag(deformer, mesh, field, features, folds):
     handles = [deformer.add(vertex) for vertex in (5, 6, 7, 8, 9)]
     deformer.add(900, translation=(0.1, 0, 0))
     changes = (
@@ -113,7 +113,7 @@ STEPS = st.sampled_from(["add", "remove", "change", "turn", "undo", "redo", "loo
 
 @pytest.mark.usefixtures("paper_handles")
 @given(st.lists(st.tuples(STEPS, st.integers(0))))
-def test_weights_are_those_of_the_handles_whatever_was_done_before(steps):
+def test_weights_do_not_depend_on_earlier_steps(steps):
     features = FEW.features(SMALL)
     deformer = dfd.Deformer(SMALL, FEW, features=features)
     held = []
@@ -152,7 +152,7 @@ FEW = made_field(4, seed=0, width=8, layers=1, center=SMALL.bounds.mean(0), scal
 
 @pytest.fixture
 def compacted():
-    """Compact the features of every mesh, as for meshes with many vertices."""
+    """Use compact features for every mesh, as for meshes with many vertices."""
     with (
         mock.patch.object(handle_features, "MOST_EXACT", 100),
         mock.patch.object(Field, "features", side_effect=AssertionError),
@@ -178,7 +178,8 @@ def test_many_vertices_bind_from_compact_features(compacted, rules, mesh, field,
             (0.1, 0.2, 0.3): np.concatenate([features[[600]], field(np.array([(0.1, 0.2, 0.3)]))]),
         }[fixed]
         exact = dfd.bind(features, places, fixed=rows)
-        assert 0 < np.abs(deformer.weights - exact).max() <= (0.01 if fixed is None else 0.02)  # two weights
+        # Each weight has an error of at most 0.01. With a fixed point, the result is a difference of two weights.
+        assert 0 < np.abs(deformer.weights - exact).max() <= (0.01 if fixed is None else 0.02)
     assert isinstance(deformer.features, dfd.CompactFeatures)
     assert deformer.features.error <= 0.01
     np.testing.assert_array_equal(deformer.weights[600], 0)
@@ -187,7 +188,7 @@ def test_many_vertices_bind_from_compact_features(compacted, rules, mesh, field,
     np.testing.assert_allclose(deformer.vertices, exactly.vertices, atol=0.02 * mesh.diagonal)
 
 
-def test_a_vertex_that_is_held_weighs_1_whatever_binds_it(compacted, mesh, field):
+def test_the_weight_at_a_handle_is_1_for_compact_features_of_any_precision(compacted, mesh, field):
     for tolerance, precision in ((0.01, None), (0.05, "int8"), (0.002, "float16")):
         compact = dfd.compact(field, mesh.vertices, tolerance=tolerance)
         assert precision is None or compact.precision == precision
@@ -202,7 +203,7 @@ def test_a_vertex_that_is_held_weighs_1_whatever_binds_it(compacted, mesh, field
 
 
 @pytest.mark.parametrize("most_exact", [100, 10_000])
-def test_preparing_tells_how_far_it_is(mesh, field, most_exact):
+def test_preparing_reports_its_progress(mesh, field, most_exact):
     done = []
     with mock.patch.object(handle_features, "MOST_EXACT", most_exact):
         deformer = dfd.Deformer(mesh, field)

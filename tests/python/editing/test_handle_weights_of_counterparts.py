@@ -19,7 +19,7 @@ def sample():
 
 @pytest.fixture
 def asked(sample, mesh, monkeypatch):
-    """Make the labeled legs of a chair counterparts, and record the calls that find counterparts."""
+    """Replace `find_counterparts`: the labeled legs of a chair are the counterparts. Return the recorded calls."""
     calls = []
 
     def labelled(mesh, weights, vertex, position, grip, planes=(), *, everywhere=False):
@@ -78,7 +78,7 @@ def test_each_counterpart_turns_about_its_own_pivot_in_its_own_frame(session, sa
     assert "each of 4 counterparts about its own pivot" in str(session.report())
 
 
-def test_a_pivot_that_is_given_lies_from_each_counterpart_as_from_the_handle(session, sample, mesh, asked, foot):
+def test_a_given_pivot_has_the_same_offset_from_each_counterpart_as_from_the_handle(session, sample, mesh, asked, foot):
     offset = np.array([0.05, 0.1, 0.0])
     session.add(foot, scale=2, pivot=mesh.vertices[foot] + offset, counterparts="own_pivot", reach=0.7)
     members = leg(sample, 1)
@@ -86,7 +86,7 @@ def test_a_pivot_that_is_given_lies_from_each_counterpart_as_from_the_handle(ses
     np.testing.assert_allclose(session.vertices[members], pivot + 2 * (mesh.vertices[members] - pivot), atol=1e-6)
 
 
-def test_only_moves_the_handle_s_own(session, sample, mesh, asked, foot):
+def test_with_counterparts_only_just_the_leg_at_the_handle_moves(session, sample, mesh, asked, foot):
     session.add(foot, translation=(0, -0.2, 0), counterparts="only", reach=0.7)
     own, others = leg(sample, 0), np.concatenate([leg(sample, i) for i in (1, 2, 3)])
     np.testing.assert_allclose(session.vertices[own], mesh.vertices[own] - (0, 0.2, 0), atol=1e-6)
@@ -95,7 +95,7 @@ def test_only_moves_the_handle_s_own(session, sample, mesh, asked, foot):
 
 @pytest.mark.usefixtures("paper_handles")
 @pytest.mark.parametrize("counterparts", ["own_pivot", "shared_pivot"])
-def test_level_brings_all_counterparts_to_full_weight(session, rules, sample, mesh, asked, foot, counterparts):
+def test_equalize_gives_all_counterparts_full_weight(session, rules, sample, mesh, asked, foot, counterparts):
     session.add(foot, translation=(0, -0.2, 0), counterparts=counterparts)
     back = leg(sample, 2)
     half = session.vertices[back] - mesh.vertices[back]
@@ -107,7 +107,7 @@ def test_level_brings_all_counterparts_to_full_weight(session, rules, sample, me
 
 
 @pytest.mark.parametrize("near", [{"locality": 3.0}, {"radius": 1.5}])
-def test_level_makes_up_for_looks_and_not_for_distance(session, sample, asked, foot, near):
+def test_equalize_compensates_for_features_and_not_for_distance(session, sample, asked, foot, near):
     session.add(foot, translation=(0, -0.2, 0), reach=0.7)
     full = session.following[:, 0].copy()
     session.change(1, **near)
@@ -118,7 +118,7 @@ def test_level_makes_up_for_looks_and_not_for_distance(session, sample, asked, f
     assert session.following[leg(sample, 2), 0].max() < 0.7
 
 
-def test_level_leaves_what_is_hardly_alike_where_it_is(session, sample, mesh, asked, foot, monkeypatch):
+def test_equalize_does_not_change_counterparts_of_low_similarity(session, sample, mesh, asked, foot, monkeypatch):
     monkeypatch.setattr(handle_weights, "LEAST_ALIKE", 0.8)  # the weights of the back legs are about 0.5
     session.add(foot, translation=(0, -0.2, 0), reach=0.7)
     front, back = leg(sample, 1), leg(sample, 2)
@@ -126,7 +126,7 @@ def test_level_leaves_what_is_hardly_alike_where_it_is(session, sample, mesh, as
     assert (session.vertices[back, 1] > mesh.vertices[back, 1] - 0.15).all()
 
 
-def test_counterparts_beyond_the_reach_are_not_told_of(session, asked, foot):
+def test_counterparts_beyond_the_reach_are_not_counted(session, asked, foot):
     handle = session.add(foot, translation=(0, -0.2, 0), reach=1.0, falloff="linear")
     assert session.report().handles[0].counterparts == 4
     session.change(handle, reach=0.2)
@@ -135,8 +135,8 @@ def test_counterparts_beyond_the_reach_are_not_told_of(session, asked, foot):
     assert len(session.counterparts(handle)) == 4
 
 
-def test_level_lets_no_vertex_follow_more_than_the_handle(mesh, field, asked, foot, session, monkeypatch):
-    """Each vertex belongs half to each of two counterparts, and the weights of both are raised to 1."""
+def test_equalize_gives_no_vertex_more_weight_than_the_handle(mesh, field, asked, foot, session, monkeypatch):
+    """Two counterparts have shares of 0.5 at each vertex, and the weights of both are raised to 1."""
 
     def halves(mesh, weights, vertex, position, grip, planes=(), *, everywhere=False):
         half = Share(np.arange(len(mesh.vertices)), np.full(len(mesh.vertices), 0.5, np.float32))
@@ -152,7 +152,7 @@ def test_level_lets_no_vertex_follow_more_than_the_handle(mesh, field, asked, fo
 
 
 @pytest.mark.parametrize("counterparts", ["own_pivot", "shared_pivot"])
-def test_single_counterparts_can_be_switched_off(session, sample, mesh, asked, foot, counterparts):
+def test_single_counterparts_can_be_excluded(session, sample, mesh, asked, foot, counterparts):
     handle = session.add(foot, translation=(0, -0.2, 0), counterparts=counterparts)
     places = [one.vertex for one, _ in session.counterparts(handle)]
     assert places[0] == foot
@@ -164,7 +164,7 @@ def test_single_counterparts_can_be_switched_off(session, sample, mesh, asked, f
         members = leg(sample, number)
         wanted = before[members] if moves else mesh.vertices[members]
         np.testing.assert_allclose(session.vertices[members], wanted, atol=1e-9)
-    # Any vertex of a counterpart excludes it, also if a text gives the vertex.
+    # Any vertex of a counterpart excludes that counterpart, also if the vertex is given as text.
     session.change(handle, excluded_counterparts=[str(on_leg[5])])
     assert [on for _, on in session.counterparts(handle)] == [True, False, True, True]
     session.change(handle, name="foot")
@@ -184,12 +184,12 @@ def test_single_counterparts_can_be_switched_off(session, sample, mesh, asked, f
         ([10**6], r"`at` must lie in 0"),
     ],
 )
-def test_what_is_no_list_of_places_is_refused(session, foot, given, message):
+def test_values_that_are_no_list_of_places_raise_an_error(session, foot, given, message):
     with pytest.raises(ValueError, match=f"Deformer.add: {message}"):
         session.add(foot, excluded_counterparts=given)
 
 
-def test_a_second_handle_takes_its_leg_over(session, sample, mesh, asked):
+def test_a_leg_follows_the_handle_on_it_instead_of_another_handle(session, sample, mesh, asked):
     feet = [int(members[mesh.vertices[members, 1].argmin()]) for members in (leg(sample, 0), leg(sample, 2))]
     session.add(feet[0], translation=(0, -0.2, 0), reach=0.7)
     session.add(feet[1], translation=(0, -0.1, 0), reach=0.7)
@@ -198,12 +198,12 @@ def test_a_second_handle_takes_its_leg_over(session, sample, mesh, asked):
         np.testing.assert_allclose(session.vertices[members], mesh.vertices[members] - (0, down, 0), atol=1e-6)
     assert all(handle.arrived for handle in session.report().handles)
     assert session.bound.columns(session.edit)[0].sum(axis=1).max() <= 1 + 1e-6
-    session.move(2, translation=(0, 0, 0))  # a handle at rest takes no counterpart
+    session.move(2, translation=(0, 0, 0))  # this handle is at rest, so its leg follows the first handle
     members = leg(sample, 2)
     np.testing.assert_allclose(session.vertices[members], mesh.vertices[members] - (0, 0.2, 0), atol=1e-6)
 
 
-def test_a_new_handle_has_counterparts_of_its_own(session, mesh, foot):
+def test_counterparts_of_a_new_handle_have_their_own_pivots(session, mesh, foot):
     handle = session.add(foot, scale=1.5)
     assert session.handle(handle).controls == Controls(reach="part", falloff="smooth", counterparts="own_pivot")
     by_default = session.vertices

@@ -1,4 +1,4 @@
-"""Test pivots, bends, twists and hinges of the part that a handle holds."""
+"""Test the pivots, bends, twists and hinges of the part that a handle holds."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ import dfd
 from dfd.posing.transforms import rotation_matrix
 from dfd.symmetry.plane import SymmetryPlane
 
-HEIGHT = 0.6  # height of the post; the stalk is above it
+HEIGHT = 0.6  # height of the post on which the stalk stands
 
 
 def stalk(turn=0.0):
@@ -43,14 +43,14 @@ def session_of(mesh, labels, **how):
 
 @pytest.fixture
 def one():
-    """A session with one stalk, whose tip is the last vertex."""
+    """Return a session with one stalk. Its tip is the last vertex."""
     mesh = tube(*stalk())
     return session_of(mesh, (mesh.vertices[:, 1] > HEIGHT + 0.01).astype(int))
 
 
 @pytest.fixture
 def pair():
-    """A session with a stalk that leans to the left, its mirror image, and a bar between their posts."""
+    """Return a session with two mirrored stalks and a bar between their posts, and the vertex count of one stalk."""
     left = tube(*stalk(0.5))
     left = dfd.Mesh(left.vertices - (1.5, 0, 0), left.faces)
     right = dfd.Mesh(left.vertices * (-1, 1, 1), left.faces[:, ::-1])
@@ -62,6 +62,7 @@ def pair():
 
 
 def rings(points):
+    """Return the rings (53, AROUND, 3) of the tube."""
     return points[: 53 * AROUND].reshape(-1, AROUND, 3)
 
 
@@ -73,7 +74,7 @@ def circumferences(points):
 # --- pivots
 
 
-def test_a_limb_scales_and_turns_about_its_base_however_far_from_it_it_is_held(one):
+def test_a_limb_scales_and_rotates_about_its_base_with_a_handle_at_its_tip(one):
     tip = len(one.mesh.vertices) - 1
     for verb in ({"scale": 1.5}, {"rotation": (0, 0, 40)}):
         handle = one.add(tip, **verb)
@@ -83,7 +84,7 @@ def test_a_limb_scales_and_turns_about_its_base_however_far_from_it_it_is_held(o
         one.remove(handle)
 
 
-def test_a_pivot_is_chosen_when_the_handle_first_turns_and_stays(one):
+def test_the_first_rotation_chooses_a_pivot_that_later_rotations_keep(one):
     handle = one.add(len(one.mesh.vertices) - 1, translation=(0, 0.1, 0))
     assert one.handle(handle).transform.pivot is None
     one.move(handle, rotation=(0, 0, 10))
@@ -98,7 +99,7 @@ def test_a_pivot_is_chosen_when_the_handle_first_turns_and_stays(one):
     assert one.handle(handle).transform.pivot == chosen
 
 
-def test_what_is_round_turns_about_its_middle():
+def test_a_round_part_rotates_about_its_middle():
     import trimesh
 
     ball = trimesh.creation.icosphere(4)
@@ -110,7 +111,7 @@ def test_what_is_round_turns_about_its_middle():
     np.testing.assert_allclose(transform.pivot, (0, 0.65, 0), atol=0.03)
 
 
-def test_pivots_by_their_words(one):
+def test_pivots_by_name(one):
     handle = one.add(30 * AROUND, rotation=(0, 0, 20))
     held = one.mesh.vertices[30 * AROUND]
     one.move(handle, pivot="point")
@@ -126,7 +127,7 @@ def test_pivots_by_their_words(one):
     assert one.handle(handle).pivot[2] == 0  # the stalk lies on both sides of the plane
 
 
-def test_a_chosen_pivot_goes_with_the_place(pair):
+def test_a_chosen_pivot_moves_to_the_new_place_of_the_handle(pair):
     session, count = pair
     handle = session.add(count - 1, scale=1.3, counterparts="only")
     assert session.handle(handle).pivot[0] < -1
@@ -135,7 +136,7 @@ def test_a_chosen_pivot_goes_with_the_place(pair):
     assert session.handle(handle).pivot[0] > 1
 
 
-def test_the_paper_turns_about_the_point(one):
+def test_the_preset_paper_rotates_about_the_point(one):
     paper = dfd.Deformer(one.mesh, one.field, features=one.features, preset="paper")
     handle = paper.add(40 * AROUND, rotation=(0, 0, 30))
     assert paper.handle(handle).transform.pivot is None
@@ -145,7 +146,7 @@ def test_the_paper_turns_about_the_point(one):
 
 
 @pytest.mark.parametrize("at", [20 * AROUND, 52 * AROUND])
-def test_a_bend_keeps_girths_and_moves_nothing_beyond_the_part(one, at):
+def test_a_bend_keeps_circumferences_and_moves_nothing_outside_the_part(one, at):
     handle = one.add(at)
     one.bend(handle, 80, towards="right")
     moved, rest = one.vertices, one.mesh.vertices
@@ -156,7 +157,7 @@ def test_a_bend_keeps_girths_and_moves_nothing_beyond_the_part(one, at):
     assert rings(moved)[-1].mean(axis=0)[1] < HEIGHT + 1.7
 
 
-def test_no_bend_is_the_resting_shape_and_returns_to_it(one):
+def test_a_bend_or_twist_by_0_gives_the_resting_shape(one):
     handle = one.add(52 * AROUND, bend=0, towards="right", joint="auto")
     np.testing.assert_array_equal(one.vertices, one.mesh.vertices)
     one.twist(handle, 120)
@@ -168,7 +169,7 @@ def test_no_bend_is_the_resting_shape_and_returns_to_it(one):
     np.testing.assert_array_equal(one.vertices, one.mesh.vertices)
 
 
-def test_a_bend_is_then_moved_by_the_rest_of_the_transform(one):
+def test_translation_and_rotation_move_the_bent_part(one):
     handle = one.add(52 * AROUND, bend=45, towards="left")
     bent = one.vertices
     one.move(handle, translation=(0, 0, 0.5), rotation=(0, 90, 0), pivot=(0, 0, 0))
@@ -178,7 +179,7 @@ def test_a_bend_is_then_moved_by_the_rest_of_the_transform(one):
     assert one.report().handles[0].arrived
 
 
-def test_a_joint_keeps_what_lies_before_it(one):
+def test_surface_between_base_and_joint_does_not_move(one):
     handle = one.add(45 * AROUND)
     one.bend(handle, 90, towards="right", joint=0.5)
     low = one.mesh.vertices[:, 1] < HEIGHT + 0.7
@@ -189,7 +190,7 @@ def test_a_joint_keeps_what_lies_before_it(one):
     assert one.handle(handle).transform.joint is None
 
 
-def test_a_look_alike_bends_along_its_own_axis(pair):
+def test_a_counterpart_bends_along_its_own_axis(pair):
     session, count = pair
     session.add(count - 1, bend=60, towards="up")
     left, right = session.vertices[:count], session.vertices[count : 2 * count]
@@ -200,7 +201,7 @@ def test_a_look_alike_bends_along_its_own_axis(pair):
 
 
 @pytest.mark.parametrize("counterparts", ["own_pivot", "shared_pivot"])
-def test_a_plane_of_symmetry_bends_mirrored(pair, counterparts):
+def test_with_a_plane_of_symmetry_the_other_side_bends_mirrored(pair, counterparts):
     session, count = pair
     session.set_symmetry("x")
     session.add(count - 1, bend=60, towards="up", twist=40, counterparts=counterparts)
@@ -208,7 +209,7 @@ def test_a_plane_of_symmetry_bends_mirrored(pair, counterparts):
     np.testing.assert_allclose(right * (-1, 1, 1), left, atol=0.02)
 
 
-def test_towards_the_axis_is_refused(one):
+def test_bending_towards_the_axis_raises_an_error(one):
     handle = one.add(52 * AROUND)
     with pytest.raises(ValueError, match="`towards` must not be parallel to the axis"):
         one.bend(handle, 30, towards="up")
@@ -218,7 +219,7 @@ def test_towards_the_axis_is_refused(one):
     assert one.vertices[-1, 2] > 0.2
 
 
-def test_a_bend_is_kept_in_files(one, tmp_path):
+def test_files_store_bends(one, tmp_path):
     one.add(52 * AROUND, bend=50, towards="back", twist=15, joint=0.4, scale=1.2)
     one.save(tmp_path / "edit.json")
     again = dfd.Deformer.load(tmp_path / "edit.json", one.mesh, one.field, features=one.features)
@@ -226,7 +227,7 @@ def test_a_bend_is_kept_in_files(one, tmp_path):
     np.testing.assert_array_equal(again.vertices, one.vertices)
 
 
-def test_what_opens_turns_about_the_border_away_from_the_rest(one):
+def test_opening_a_part_rotates_it_about_its_hinge(one):
     handle = one.add(30 * AROUND)
     one.open(handle, 20)
     transform = one.handle(handle).transform
@@ -240,15 +241,15 @@ def test_a_default_transform_has_no_part(one):
         one.set_default(bend=30)
 
 
-def test_what_turns_far_keeps_its_girth_where_the_blend_is_chosen_by_the_turn(one):
+def test_large_rotations_are_blended_as_dual_quaternions(one):
     handle = one.add(52 * AROUND, mask="y>0", reach=0.9, translation=(0, 0, 0))
     for degrees, blend in ((20, "linear"), (120, "dual_quaternion")):
         one.move(handle, rotation=(0, degrees, 0))
         assert one.edit.blending == blend
 
 
-def test_counterparts_are_mirror_images_by_a_plane_of_their_own(pair):
-    """The pair is rotated and joined to another shape, so that the whole shape has no plane of symmetry."""
+def test_counterparts_are_mirror_images_without_symmetry_of_the_whole_shape(pair):
+    """The pair is rotated and joined to another shape. The result has no plane of symmetry."""
     session, count = pair
     turn = rotation_matrix((10, 35, 20))
     rest = session.mesh.vertices
@@ -272,8 +273,8 @@ def test_counterparts_are_mirror_images_by_a_plane_of_their_own(pair):
 
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=8, deadline=None)
-def test_every_one_of_several_handles_arrives(seed):
-    """Handles lie on counterparts, on nested parts and on neighboring parts, in any order."""
+def test_each_of_several_handles_reaches_its_target(seed):
+    """Place handles at random on counterparts, on nested parts and on neighboring parts."""
     random = np.random.default_rng(seed)
     session = dfd.Deformer(CHAIR.mesh, field_of(CHAIR.mesh), features=CHAIR_FEATURES)
     first = session.add(int(random.integers(len(CHAIR_FEATURES))), translation=random.normal(size=3) * 0.05)

@@ -1,4 +1,4 @@
-"""Test the parts at a vertex or point, on samples with known parts, with noisy features that differ by part."""
+"""Test the parts at a vertex or a point, on samples with labeled parts and noisy features that depend on the label."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from dfd.segmentation.patches import Distal, Patches
 
 
 def noisy(sample, seed=0):
-    """Return features of a sample's vertices: one random vector for each part, and noise half as large."""
+    """Return features (V, 16) of a sample: one random vector for each part, plus noise half as large."""
     random = np.random.default_rng(seed)
     directions = random.normal(size=(len(sample.parts), 16))
     rows = directions[sample.labels] + 0.5 * random.normal(size=(len(sample.labels), 16))
@@ -30,6 +30,7 @@ def foot_of(chair):
 
 
 def overlap(one, other):
+    """Return the intersection over union of two masks (V,)."""
     return (one & other).sum() / (one | other).sum()
 
 
@@ -43,7 +44,7 @@ def chair_parts(chair):
     return parts_of(chair)
 
 
-def test_a_click_finds_the_part_with_its_counterparts_or_one_component_of_it(chair, chair_parts):
+def test_the_part_at_a_vertex_includes_its_counterparts_unless_alike_is_false(chair, chair_parts):
     legs = chair.labels == chair.parts.index("leg")
     one_leg, tip = chair.vertices_of("leg", 0), foot_of(chair)
     found = chair_parts.part(tip)
@@ -64,7 +65,7 @@ def test_a_point_stands_for_the_vertex_nearest_to_it(chair, chair_parts):
     assert np.array_equal(at.vertices, np.flatnonzero(at.mask))
 
 
-def test_the_smaller_part_lies_in_the_part_and_the_larger_one_around_it(chair, chair_parts):
+def test_the_part_contains_the_smaller_part_and_lies_in_the_larger_one(chair, chair_parts):
     for vertex in range(0, len(chair.mesh.vertices), 211):
         smaller, part, larger = (chair_parts.part(vertex, level) for level in ("smaller", "part", "larger"))
         assert smaller.share <= part.share <= larger.share
@@ -72,7 +73,7 @@ def test_the_smaller_part_lies_in_the_part_and_the_larger_one_around_it(chair, c
         assert overlap(part.mask & larger.mask, part.mask) > 0.8
 
 
-def test_a_cut_gives_every_vertex_one_part_the_largest_first(chair, chair_parts):
+def test_every_vertex_belongs_to_one_part_of_a_cut_and_the_largest_part_is_first(chair, chair_parts):
     cut = chair_parts.cut()
     assert (np.sum([part.mask for part in cut], axis=0) == 1).all()
     assert [part.share for part in cut] == sorted((part.share for part in cut), reverse=True)
@@ -84,7 +85,7 @@ def test_a_cut_gives_every_vertex_one_part_the_largest_first(chair, chair_parts)
     assert agreed / len(labels) > 0.85
 
 
-def test_the_same_parts_are_found_again_and_after_a_turn(chair):
+def test_parts_are_the_same_in_a_second_run_and_after_a_rotation(chair):
     turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
     rows = noisy(chair)
     turned = dfd.Mesh(3 * chair.mesh.vertices @ turn.T, chair.mesh.faces)
@@ -102,7 +103,7 @@ def test_a_fine_mesh_has_the_same_parts():
 
 
 def test_vertices_at_one_position_belong_to_one_part(chair):
-    """Repeat each vertex for each face, as at the texture seams of a file."""
+    """Repeat each vertex for each of its faces, as files do at texture seams."""
     corners = chair.mesh.faces.ravel()
     torn = dfd.Mesh(chair.mesh.vertices[corners], np.arange(len(corners)).reshape(-1, 3))
     rows = noisy(chair)
@@ -113,20 +114,20 @@ def test_vertices_at_one_position_belong_to_one_part(chair):
         assert len(set(found[corners == position].tolist())) == 1
 
 
-def test_a_grip_holds_the_part_whole_and_fades_over_a_narrow_seam(chair, chair_parts):
+def test_the_weights_of_a_grip_are_1_in_the_part_and_fall_to_0_in_a_narrow_band(chair, chair_parts):
     legs = chair.labels == chair.parts.index("leg")
     held = chair_parts.grip(foot_of(chair)).weights
     assert held.dtype == np.float32
     assert held[legs].mean() > 0.85
     away = np.linalg.norm(chair.mesh.vertices[:, None] - chair.mesh.vertices[legs][None], axis=2).min(axis=1)
     assert (held[away > 0.05 * chair.mesh.diagonal] == 0).all()
-    seam = (held > 0) & (held < 1)
-    assert 0 < seam.mean() < 0.2
+    band = (held > 0) & (held < 1)
+    assert 0 < band.mean() < 0.2
     assert held[~legs].mean() < 0.05
 
 
-def test_a_trunk_fades_over_a_wider_seam_than_a_limb():
-    """The torso has borders with four limbs and a head. A narrow blend band would stretch the surface at them."""
+def test_a_trunk_has_a_wider_blend_band_than_a_limb():
+    """The torso has borders with four limbs and a head. A narrow blend band would stretch the surface there."""
     robot = dfd.samples.robot(4_000)
     parts, vertices, widest = parts_of(robot), robot.mesh.vertices, []
     for name in ("head", "torso"):
@@ -139,7 +140,7 @@ def test_a_trunk_fades_over_a_wider_seam_than_a_limb():
     assert widest[0] < 0.05 < widest[1]
 
 
-def test_a_crease_that_only_looks_different_is_no_part():
+def test_a_narrow_strip_with_other_features_is_no_part():
     made = trimesh.creation.icosphere(5)
     ball = dfd.Mesh(made.vertices, made.faces)
     x, y, z = made.vertices.T
@@ -153,11 +154,11 @@ def test_a_crease_that_only_looks_different_is_no_part():
     assert held is None or (held.weights > 0.5).mean() > 0.05
 
 
-def test_a_handle_on_the_seam_weighs_1(chair, chair_parts):
+def test_the_weight_at_a_handle_in_the_blend_band_is_1(chair, chair_parts):
     held = chair_parts.grip(foot_of(chair), 1.0).weights
-    on_seam = np.flatnonzero((held > 0.3) & (held < 0.9) & (chair.labels == chair.parts.index("leg")))
-    assert len(on_seam)
-    for vertex in on_seam[::7]:
+    in_band = np.flatnonzero((held > 0.3) & (held < 0.9) & (chair.labels == chair.parts.index("leg")))
+    assert len(in_band)
+    for vertex in in_band[::7]:
         own = chair_parts.grip(vertex, 1.0).weights
         assert own[vertex] == 1
         assert own.max() == 1
@@ -166,12 +167,12 @@ def test_a_handle_on_the_seam_weighs_1(chair, chair_parts):
 @pytest.mark.parametrize(
     ("towards", "components"),
     [
-        (2 * np.random.default_rng(5).normal(size=16), 4),  # hind legs differ a little from front legs
-        (6 * np.random.default_rng(5).normal(size=16), 4),  # they differ much, but more from the seat
+        (2 * np.random.default_rng(5).normal(size=16), 4),  # hind legs differ slightly from front legs
+        (6 * np.random.default_rng(5).normal(size=16), 4),  # hind legs differ much from front legs, more from the seat
         ("seat", 2),  # hind legs are more similar to the seat than to front legs
     ],
 )
-def test_equal_legs_are_held_together_unless_their_surroundings_are_more_alike(chair, towards, components):
+def test_legs_form_one_part_unless_some_are_more_similar_to_the_seat(chair, towards, components):
     rows = noisy(chair)
     if isinstance(towards, str):
         towards = 8 * rows[chair.vertices_of(towards)].mean(axis=0)
@@ -186,7 +187,7 @@ def test_equal_legs_are_held_together_unless_their_surroundings_are_more_alike(c
 def relief(peaks, ridges=0):
     """Return a plate with peaks and ridges, and the label of each vertex.
 
-    Each of `peaks` is its label, center, radius, width of the slope, and height. The ridges have the label `ridges`.
+    Each of `peaks` is a tuple: label, center, radius, width of the slope, height. Ridges have the label `ridges`.
     """
     side = np.linspace(0, 1, 97)
     x, y = (each.ravel() for each in np.meshgrid(side, side, indexing="ij"))
@@ -210,8 +211,11 @@ def parts_by(mesh, label, look, noise, random):
     return Parts(mesh, lambda some: rows[some])
 
 
-def test_who_takes_hold_of_an_arm_does_not_mean_the_whole_body_below_the_head():
-    """The plate without the high peak has as clear a border as the peak. Low peaks differ little from the plate."""
+def test_a_handle_on_an_arm_does_not_hold_the_whole_body_without_the_head():
+    """The plate is the body, the high peak is the head, and the low peaks are the arms.
+
+    The border between head and body is clear. The features of the arms differ little from those of the body.
+    """
     mesh, label = relief([*((1, (x, 0.35), 0.17, 0.085, 0.15) for x in (0.25, 0.75)), (2, (0.5, 0.8), 0.1, 0.03, 0.5)])
     random = np.random.default_rng(0)
     look = random.normal(size=(3, 16))
@@ -222,8 +226,8 @@ def test_who_takes_hold_of_an_arm_does_not_mean_the_whole_body_below_the_head():
     assert parts.part(low, level="larger").share > 0.7
 
 
-def test_who_takes_hold_of_a_neck_in_its_middle_takes_the_head_along():
-    """A bib on the neck has other features and creased borders. If a handle held only the bib, the head would stay."""
+def test_a_handle_in_the_middle_of_a_neck_holds_the_head_too():
+    """A patch on the neck has other features and creased borders. A handle on it must not hold the patch alone."""
     animal, random = dfd.samples.quadruped(4_000), np.random.default_rng(0)
     labels, vertices = animal.labels.copy(), animal.mesh.vertices.copy()
     neck = animal.vertices_of("neck", 0)
@@ -254,8 +258,8 @@ def test_the_lower_half_of_a_leg_is_beyond_its_middle_and_the_head_is_not():
         assert not beyond[np.isin(animal.labels, [animal.parts.index(part) for part in ("neck", "head")])].any()
 
 
-def test_a_grip_does_not_pass_from_one_component_to_another_beside_it():
-    """Put one chair above another without contact. A handle on the lower chair must not move the upper one."""
+def test_a_grip_does_not_contain_another_component_beside_it():
+    """Place one chair above another one, without contact. A handle on the lower chair must not move the upper one."""
     chair = dfd.samples.chair(4_000)
     above = dfd.Mesh(chair.mesh.vertices + [0, 1.001 * np.ptp(chair.mesh.vertices[:, 1]), 0], chair.mesh.faces)
     vertices = np.concatenate([chair.mesh.vertices, above.vertices])
@@ -267,7 +271,7 @@ def test_a_grip_does_not_pass_from_one_component_to_another_beside_it():
     assert (held[count:] == 0).all()
 
 
-def test_there_is_no_grip_where_nothing_ends():
+def test_a_shape_without_creases_and_changes_of_features_has_no_grip():
     made = trimesh.creation.icosphere(4)
     ball = dfd.Mesh(made.vertices, made.faces)
     rows = np.random.default_rng(0).normal(size=(len(ball.vertices), 8)) * 0.1 + 1
@@ -300,7 +304,7 @@ def test_a_field_gives_the_features(chair):
         (0, "huge", "Parts.part: `level` must be"),
     ],
 )
-def test_what_is_no_place_or_level_is_refused(chair_parts, at, level, message):
+def test_invalid_places_and_levels_raise_an_error(chair_parts, at, level, message):
     with pytest.raises(ValueError, match=message):
         chair_parts.part(at, level)
 
@@ -324,7 +328,7 @@ def loose(mesh, kind, count, seed=0):
 
 
 def test_vertices_that_no_face_uses_change_no_part(chair):
-    whole = loose(chair.mesh, "vertices", 15_000)  # few enough that each vertex is a node
+    whole = loose(chair.mesh, "vertices", 15_000)  # so few that each vertex is a mesh node
     rows = np.concatenate([noisy(chair), np.random.default_rng(1).normal(size=(15_000, 16)).astype(np.float32)])
     found = [Parts(mesh, lambda some: rows[some]).part(foot_of(chair)) for mesh in (chair.mesh, whole)]
     count = len(chair.mesh.vertices)
@@ -336,7 +340,7 @@ def test_vertices_that_no_face_uses_change_no_part(chair):
     assert np.isfinite(deformer.vertices).all()
 
 
-def test_many_loose_triangles_make_no_more_patches_than_a_few_thousand(chair):
+def test_many_loose_triangles_make_at_most_4000_patches(chair):
     assert len(Patches(loose(chair.mesh, "triangles", 20_000)).area) <= 4_000
 
 

@@ -66,7 +66,7 @@ def probed(deformer: Deformer, vertex: int) -> Float32:
         weights: Float32 = bind(deformer.features, bound.rows.points([place]), reach=reach, falloff=rules.falloff)[:, 0]
     else:
         weights = grip.weights
-    return weights - bound.by_features.held(deformer.fixed) if deformer.fixed else weights
+    return weights - bound.by_features.subtracted(deformer.fixed) if deformer.fixed else weights
 
 
 def _heat(weights: Float32, vertex: int | None = None) -> ArrayAnswer:

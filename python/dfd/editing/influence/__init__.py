@@ -1,1 +1,1 @@
-"""How much every vertex follows each handle."""
+"""Compute how much each vertex follows each handle."""

@@ -1,7 +1,8 @@
-"""Assign each component to one handle if several handles move, so that every handle arrives.
+"""Assign each component of a part to one handle if several handles move, so that every handle reaches its target.
 
-A component follows the handle on it, else the first handle whose counterpart it is. A component inside another one
-follows both handles. Components that border on each other share the band between them.
+A component follows the handle that lies on it. If no handle lies on it, it follows the first handle of which it is a
+counterpart. A component inside another component follows the handles of both. If components overlap at their borders,
+the sum of their weights is limited to 1.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,29 +14,28 @@ from numpy.typing import NDArray
 from dfd.common.linear_algebra import Bool, Float32, Float64
 from dfd.geometry.coarse import Share
 
-HELD = 0.5  # a component ends where the weight falls below this share of the column's largest weight
-SAME = 0.5  # two components are the same from this intersection over union
-INSIDE = 0.8  # a component is nested in another one from this share inside it
+LEAST_IOU = 0.5  # two components count as the same if their intersection over union is at least this
+LEAST_NESTED = 0.8  # component A is nested in component B if at least this fraction of A lies in B
 
 
-def carriers_of(held: Bool, weights: Float64) -> tuple[Bool, Bool]:
-    """Compare components `held` (C, N) on N surface samples with `weights` (N,).
+def same_and_nested(held: Bool, sizes: Float64) -> tuple[Bool, Bool]:
+    """Return two masks (C, C): whether components i and j are the same, and whether component i is nested in j.
 
-    Return (C, C) whether columns i and j hold the same component, and (C, C) whether that of i is nested in that of j.
+    `held` (C, N) says which surface samples a component contains. A sample stands for `sizes` (N,) vertices.
     """
-    area = held.astype(np.float64) * weights
-    common = area @ held.T
-    own = area.sum(axis=1)
-    either = own[:, None] + own - common
-    same = (common > 0) & (common >= SAME * either)
-    nested = (common >= INSIDE * own[:, None]) & (own[:, None] > 0) & ~same
+    weighted = held.astype(np.float64) * sizes
+    common = weighted @ held.T
+    own = weighted.sum(axis=1)
+    union = own[:, None] + own - common
+    same = (common > 0) & (common >= LEAST_IOU * union)
+    nested = (common >= LEAST_NESTED * own[:, None]) & (own[:, None] > 0) & ~same
     return same, nested
 
 
-def following(handle_of: Sequence[int], same: Bool) -> list[int]:
-    """Return the columns that stay: one for each component, or one for each handle on the component.
+def kept_columns(handle_of: Sequence[int], same: Bool) -> list[int]:
+    """Return the columns that remain: for each component, those of the handles on it, or if none, the first column.
 
-    `handle_of` (C) is the handle of each column. The first column of a handle is the component with the handle.
+    `handle_of` (C,) is the handle of each column. A handle lies on the component of its first column.
     """
     own = [i for i, handle in enumerate(handle_of) if handle not in handle_of[:i]]
     kept: list[int] = []
@@ -46,44 +46,45 @@ def following(handle_of: Sequence[int], same: Bool) -> list[int]:
     return kept
 
 
-def shared(
-    columns: Sequence[Share], points: Float64, standing: Mapping[int, int], same: Bool, nested: Bool
+def divided(
+    columns: Sequence[Share], points: Float64, vertex_of: Mapping[int, int], same: Bool, nested: Bool
 ) -> list[Share]:
-    """Return the weights of `columns` (C) so that every handle arrives, and columns beside each other sum to at most 1.
+    """Return the weights of C `columns`, lowered so that every handle reaches its target.
 
-    `points` (V, 3) are the vertices. `standing` has the vertex of each handle, by the column on which the handle
-    stands. `same` and `nested` (C, C) are those of `carriers_of`.
+    Columns whose components lie inside equally many others then sum to at most 1 at each vertex. `points` (V, 3) are
+    the vertices. `vertex_of` maps the first column of each handle to the vertex of the handle. `same` and `nested`
+    (C, C) are the results of `same_and_nested`.
     """
     result = list(columns)
 
-    def squared(vertices: NDArray[np.integer], *on: int) -> list[Float64]:
-        """Return (N,) squared distances of `vertices` (N,) from the handle on each of some columns."""
-        here = points.take(vertices, axis=0)
-        return [np.einsum("nk,nk->n", apart, apart) for apart in (here - points[standing[column]] for column in on)]
+    def squared(vertices: NDArray[np.integer], column: int) -> Float64:
+        """Return the squared distances (N,) of `vertices` (N,) from the handle on the component of a column."""
+        apart = points.take(vertices, axis=0) - points[vertex_of[column]]
+        return np.einsum("nk,nk->n", apart, apart)
 
     def scale(column: int, factor: Float64 | Float32) -> None:
         vertices, values = result[column]
         result[column] = Share(vertices, values * factor.astype(np.float32))
 
-    for one, other in combinations(standing, 2):
-        if same[one, other]:  # both handles are on one component: each moves the nearer vertices
+    for one, other in combinations(vertex_of, 2):
+        if same[one, other]:  # two handles on one component: each vertex follows the nearer handle more
             for own, rival in ((one, other), (other, one)):
-                near, far = squared(result[own].vertices, own, rival)
+                near, far = (squared(result[own].vertices, column) for column in (own, rival))
                 scale(own, far / np.maximum(near + far, 1e-300))
-    for i, here in standing.items():
+    for i, here in vertex_of.items():
         beside = [j for j in range(len(result)) if j != i and not nested[i, j] and result[j].at(here) > 0]
-        others = [points[vertex] for j, vertex in standing.items() if j != i]
+        others = [points[vertex] for j, vertex in vertex_of.items() if j != i]
         radius = np.linalg.norm(np.array(others).reshape(-1, 3) - points[here], axis=1).min(initial=np.inf) / 2
         if not beside or radius == 0:  # with radius 0, two handles are at one point
             continue
         whole = columns[i].dense(len(points))
-        for j in beside:
+        for j in beside:  # near the handle, lower the weights of the other columns
             vertices = result[j].vertices
-            near = np.square(1.0 - np.minimum(squared(vertices, i)[0] / radius**2, 1.0))
+            near = np.square(1.0 - np.minimum(squared(vertices, i) / radius**2, 1.0))
             scale(j, 1.0 - near * whole[vertices])
     depth = nested.sum(axis=1)
-    for level in np.unique(depth):
-        beside = np.flatnonzero(depth == level).tolist()
+    for each in np.unique(depth):
+        beside = np.flatnonzero(depth == each).tolist()
         total = np.zeros(len(points), np.float32)
         for j in beside:
             total[result[j].vertices] += result[j].values

@@ -1,7 +1,7 @@
-"""Counterparts of a handle: the components of the part that it holds, each with its own pivot and frame.
+"""Find the counterparts of a handle: the components of the part at the handle, each with its own pivot and frame.
 
-A rotation about the handle's pivot would move distant legs in wide arcs. So each leg moves about its own pivot, which
-corresponds to the handle's. If a mirror plane relates both legs, the motion is mirrored.
+If all legs rotated about the handle's pivot, the distant legs would move along wide arcs. So each leg rotates about its
+own pivot, which corresponds to the handle's pivot. If two legs are mirror images, their motions are mirror images too.
 """
 
 from collections.abc import Sequence
@@ -22,33 +22,32 @@ from dfd.mesh.mesh import Mesh
 from dfd.segmentation.parts import Grip
 from dfd.symmetry.plane import SymmetryPlane
 
-LEAST_ALIKE = 0.15  # weight below which `equalize` does not raise a counterpart; it still has its own pivot
-MOST_COUNTERPARTS = 64  # the most similar components are kept, because each needs a column of weights
-SHARPNESS = 2  # shares fall with this power of the distance from a counterpart
-CLEAR = 0.03  # subtracted from the shares at a node, relative to the largest one; so small shares become 0
-BESIDE = 0.1  # margin of a component's box, relative to its sides
-AS_ALIKE = 0.05  # weight: the mirror image is chosen unless the most similar vertex exceeds its weight by more
+MOST_COUNTERPARTS = 64  # the largest number of counterparts of a handle, because each needs a column of weights
+SHARE_POWER = 2  # shares are proportional to 1 / distance ** SHARE_POWER, before the cutoff
+SHARE_CUTOFF = 0.03  # at each mesh node, this fraction of the largest share is subtracted, and negative shares become 0
+BOX_MARGIN = 0.1  # the box of a component is enlarged at each end by this fraction of its length
+# The vertex at the mirror image of a handle corresponds to the handle if its weight is at most this much below the
+# largest weight of the component.
+IMAGE_TOLERANCE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
 class Counterpart:
-    """One place that moves with a handle."""
+    """The place on a component that corresponds to a handle. The first counterpart of a handle is the handle itself."""
 
-    vertex: int  # the vertex that corresponds to the handle: its mirror image, or the most similar vertex
-    # position: (3,) mesh units: the handle's position, its mirror image if `image` is given, else that of `vertex`
+    vertex: int  # the vertex nearest to the handle or to its mirror image, or the vertex most similar to the handle
+    # position: (3,) in mesh units, of the handle, of its mirror image if `image` is given, or else of `vertex`
     position: tuple[float, float, float]
-    # frame: (3, 3) orthogonal: maps directions at the handle to those at the counterpart; a reflection if a plane of
-    # symmetry lies between them
-    frame: Float64
-    weight: float = 1.0  # the handle's weight at `vertex`
-    share: Share | None = None  # its share of the handle's weights; None means all, for the only counterpart
-    # image: (3, 4) the isometry that maps the handle's own component onto this one, where they are mirror images
+    frame: Float64  # (3, 3) orthogonal matrix that maps directions at the handle to directions at the counterpart
+    weight: float = 1.0  # the handle's weight at `vertex`, by features alone
+    share: Share | None = None  # fraction of the handle's weight that it gets at each vertex; None is 1 everywhere
+    # image: (3, 4) isometry that maps the component at the handle onto this one; None if they are no mirror images
     image: Float64 | None = None
 
     def transform(self, affine: Float64, position: Sequence[float]) -> Float64:
-        """Return the map (3, 4) of this counterpart if the handle at `position` (3,) has the map `affine`."""
+        """Return the transform (3, 4) of this counterpart for the transform `affine` of a handle at `position` (3,)."""
         here, there = np.asarray(self.position), np.asarray(position, np.float64)
-        # `affine` is returned unchanged, because rounding would move vertices of a handle at rest.
+        # In these two cases, the equation below would only add rounding errors.
         if np.array_equal(affine, np.eye(3, 4)) or (np.array_equal(here, there) and (self.frame == np.eye(3)).all()):
             return affine
         linear = self.frame @ affine[:, :3] @ self.frame.T
@@ -57,24 +56,23 @@ class Counterpart:
 
 
 class Column(NamedTuple):
-    """The handle and the counterpart of a column of weights."""
+    """The handle and the counterpart to which a column of the weights (V, C) belongs."""
 
-    handle: int  # the number of the handle in the edit
-    counterpart: Counterpart  # the handle's own if all counterparts share its pivot
-    carriers: tuple[int, ...] = ()  # the columns of other handles whose components contain this column's
+    handle: int  # index of the handle in the edit
+    counterpart: Counterpart  # the handle itself if all of its counterparts share one pivot and this column
+    carriers: tuple[int, ...] = ()  # columns of other handles whose components contain this column's component
 
     def matrix(self, edit: Edit) -> Float64:
-        """Return the (3, 4) transform of the column, mesh units: the handle's transform, mapped to the counterpart."""
+        """Return the transform (3, 4) of the column, in mesh units: the handle's, mapped to the counterpart."""
         handle = edit.handles[self.handle]
         return self.counterpart.transform(handle.matrix, handle.place.position)
 
 
 class Held(NamedTuple):
-    """The part and the counterparts at a place."""
+    """The part at a place, and its counterparts."""
 
     counterparts: tuple[Counterpart, ...]  # the counterpart at the place, then the others by decreasing similarity
-    # part: (V,) the weights of the held part; None without one. Mirror images have equal weights, unless `everywhere`.
-    part: Float32 | None
+    part: Float32 | None  # (V,) the weights of the part; None if there is no part at the place
 
 
 def find_counterparts(
@@ -87,21 +85,21 @@ def find_counterparts(
     *,
     everywhere: bool = False,
 ) -> Held:
-    """Find the counterparts of a handle at `position` (3,), mesh units; `vertex` is nearest to it.
+    """Find the counterparts of a handle at `position` (3,), in mesh units. `vertex` is the vertex nearest to it.
 
-    `weights` (V,) are those of the handle from features alone, without fixed points and locality. Each component of
-    `grip`, the part that the handle holds, is one counterpart. Frames are reflected in the shape's `planes` of
-    symmetry. With `everywhere`, counterparts share the whole surface, for weights that do not end with the part.
+    `weights` (V,) are the handle's weights by features alone (Eq. 4 and 5). `grip` is the part at the handle, and each
+    of its components has one counterpart. `planes` are the planes of symmetry of the shape. Outside the part, the
+    shares of counterparts are 0, unless `everywhere` is True, for weights that do not end at the part's border.
     """
     x, y, z = (float(value) for value in position)
     found = [Counterpart(vertex, (x, y, z), np.eye(3), float(weights[vertex]))]
     if grip is None:
         return Held((found[0],), None)
     nodes = nodes_of(mesh)
-    component = _joined(nodes, grip.component, vertex)
+    component = _merged_components(nodes, grip.component, vertex)
     on_nodes = np.maximum.reduceat(weights[nodes.members], nodes.starts)
     own = int(component[nodes.of_vertex[vertex]])
-    alike = np.full(component.max(initial=-1) + 2, -1.0)  # the last entry stands for nodes outside the part
+    alike = np.full(component.max(initial=-1) + 2, -1.0)  # the last entry is for nodes outside the part
     np.maximum.at(alike, component, on_nodes)
     alike[[own, -1]] = -1.0
     others = np.argsort(-alike, kind="stable")[: min(MOST_COUNTERPARTS - 1, int((alike >= 0).sum()))]
@@ -118,10 +116,10 @@ def find_counterparts(
             best = int(np.where(component == number, on_nodes, -1.0).argmax())
             members = nodes.members[nodes.starts[best] : nodes.ends[best]]
             peak = int(members[weights[members].argmax()])
-            peak, frame = _counterpart(mesh, component == number, weights, peak, found, planes)
+            peak, frame = _corresponding(mesh, component == number, weights, peak, found, planes)
             x, y, z = mesh.vertices[peak].tolist()
         found.append(Counterpart(peak, (x, y, z), frame, float(weights[peak]), image=image))
-    rows = _closeness(mesh, [np.flatnonzero(component == number) for number in chosen])
+    rows = _shares_of_nodes(mesh, [np.flatnonzero(component == number) for number in chosen])
     part = grip.weights
     if not everywhere:
         rows *= grip.of_node
@@ -136,11 +134,11 @@ def find_counterparts(
     return Held(tuple(replace(one, share=share) for one, share in zip(found, shares, strict=True)), part)
 
 
-def _joined(nodes: Nodes, component: Int64, vertex: int) -> Int64:
-    """Return the `component` (N,) of each node, with two changes.
+def _merged_components(nodes: Nodes, component: Int64, vertex: int) -> Int64:
+    """Return `component` (N,), the number of the part's component at each mesh node, after two changes.
 
-    A component joins a larger one if its center lies in the larger one's box and both are on different components of
-    the mesh, as a hub joins its tire. If the handle's vertex lies on no component, its node joins the nearest one.
+    A component joins a larger one if its center lies in the larger one's box and the mesh does not connect them. For
+    example, a hub joins its tire. If the node of the handle's `vertex` has no component, it joins the nearest one.
     """
     joined = component.copy()
     inside = np.flatnonzero(component >= 0)
@@ -167,16 +165,16 @@ def _joined(nodes: Nodes, component: Int64, vertex: int) -> Int64:
 
 
 def _in_box(points: Float64, others: Float64) -> Bool:
-    """Return which of `others` (M, 3) lie in the box around `points` (N, 3) along their principal axes."""
+    """Return whether each of `others` (M, 3) lies in the PCA-aligned bounding box of `points` (N, 3), (M,) bool."""
     center = points.mean(axis=0)
     axes = np.linalg.svd(points - center, full_matrices=False)[2] if len(points) > 2 else np.eye(3)
     own, along = (points - center) @ axes.T, (others - center) @ axes.T
-    margin = BESIDE * np.ptp(own, axis=0)
+    margin = BOX_MARGIN * np.ptp(own, axis=0)
     return ((along >= own.min(axis=0) - margin) & (along <= own.max(axis=0) + margin)).all(axis=1)
 
 
 def _surfaces(mesh: Mesh, component: Int64, chosen: Sequence[int]) -> list[Component | None]:
-    """Return samples of the surface of each of the components `chosen`; `component` (V,) is that of each vertex."""
+    """Return samples of the surface of each component in `chosen`. `component` (V,) is the component of each vertex."""
     of_corner = component[mesh.faces]
     of_face = np.where((of_corner == of_corner[:, :1]).all(axis=1), of_corner[:, 0], -1)
     return [component_of(mesh.vertices, mesh.faces[of_face == number]) for number in chosen]
@@ -188,25 +186,25 @@ def _image(
     found: Sequence[Counterpart],
     planes: Sequence[SymmetryPlane],
 ) -> Float64 | None:
-    """Return the isometry (3, 4) from the handle's own component to `surface`, if they are mirror images.
+    """Return the isometry (3, 4) from the handle's component to `surface`; None if they are no mirror images.
 
-    The planes of the whole shape are tried first, then a plane fitted to the two components. A component may also be
-    the mirror image of another mirror image of the handle's own component.
+    The planes of the whole shape are tried first, then a plane fitted to two components. `surface` can also be the
+    mirror image of another mirror image in `found`. `surfaces` are the surfaces of `found`, in the same order.
     """
     if surface is None:
         return None
-    for some in (planes, None):
-        for before, known in zip(found, surfaces, strict=False):
-            whole = np.eye(3, 4) if before is found[0] else before.image
-            if whole is None or known is None:
+    for tried in (planes, None):
+        for earlier, its_surface in zip(found, surfaces, strict=False):
+            to_earlier = np.eye(3, 4) if earlier is found[0] else earlier.image
+            if to_earlier is None or its_surface is None:
                 continue
-            step = mirror_image(known, surface, some)
+            step = mirror_image(its_surface, surface, tried)
             if step is not None:
-                return np.column_stack([step[:, :3] @ whole[:, :3], step[:, :3] @ whole[:, 3] + step[:, 3]])
+                return np.column_stack([step[:, :3] @ to_earlier[:, :3], step[:, :3] @ to_earlier[:, 3] + step[:, 3]])
     return None
 
 
-def _counterpart(
+def _corresponding(
     mesh: Mesh,
     inside: Bool,
     weights: NDArray[np.floating],
@@ -214,16 +212,17 @@ def _counterpart(
     found: Sequence[Counterpart],
     planes: Sequence[SymmetryPlane],
 ) -> tuple[int, Float64]:
-    """Return the vertex on the nodes `inside` (N,) that corresponds to the handle, and its frame.
+    """Return the vertex of a component that corresponds to the handle, and its frame (3, 3).
 
-    The vertex is the mirror image of a counterpart found before, if it is nearly as similar as the most similar vertex,
-    `peak`. Otherwise it is `peak`, and its frame is reflected in each plane between it and the handle.
+    `inside` (N,) is True for the component's mesh nodes. `peak` is its vertex with the highest weight. The result is
+    the vertex at the mirror image of a counterpart in `found`, if its weight is nearly as high as that of `peak`.
+    Otherwise the result is `peak`, with a frame that is reflected in each plane between `peak` and the handle.
     """
     nodes = nodes_of(mesh)
     for plane in planes:
         images = plane.reflect([other.position for other in found])
         for other, nearest in zip(found, nodes.nearest(images).tolist(), strict=True):
-            if inside[nodes.of_vertex[nearest]] and weights[nearest] >= weights[peak] - AS_ALIKE:
+            if inside[nodes.of_vertex[nearest]] and weights[nearest] >= weights[peak] - IMAGE_TOLERANCE:
                 return nearest, plane.reflection[:3, :3] @ other.frame
     frame = np.eye(3)
     for plane in planes:
@@ -233,20 +232,20 @@ def _counterpart(
     return peak, frame
 
 
-def _closeness(mesh: Mesh, components: Sequence[Int64]) -> Float64:
-    """Return (K, N) shares: 1 on the nodes of each component, with smooth transitions in between."""
+def _shares_of_nodes(mesh: Mesh, components: Sequence[Int64]) -> Float64:
+    """Return the share (K, N) of each counterpart at each mesh node. It is 1 on the counterpart's own component."""
     nodes = nodes_of(mesh)
-    closeness = np.empty((len(components), len(nodes.center)))
-    for row, members in zip(closeness, components, strict=True):
+    shares = np.empty((len(components), len(nodes.center)))
+    for row, members in zip(shares, components, strict=True):
         distance = dijkstra(nodes.graph, indices=members, min_only=True)
-        # Nodes on other components of the mesh get the straight distance plus the diagonal: connected ones come first.
+        # Nodes without a path to the component get the straight distance plus the diagonal, so they count as farther.
         if len(apart := np.flatnonzero(np.isinf(distance) & nodes.used)):
             straight = cKDTree(nodes.center[members]).query(nodes.center[apart])[0]
             distance[apart] = straight + mesh.diagonal
-        row[:] = (distance / mesh.diagonal + 1e-4) ** -SHARPNESS
-    closeness[0, ~nodes.used] = 1.0
-    closeness /= closeness.max(axis=0)  # the nearest counterpart has 1
-    closeness -= CLEAR
-    np.maximum(closeness, 0.0, out=closeness)
-    closeness /= closeness.sum(axis=0)
-    return closeness
+        row[:] = (distance / mesh.diagonal + 1e-4) ** -SHARE_POWER
+    shares[0, ~nodes.used] = 1.0
+    shares /= shares.max(axis=0)
+    shares -= SHARE_CUTOFF
+    np.maximum(shares, 0.0, out=shares)
+    shares /= shares.sum(axis=0)
+    return shares

@@ -1,4 +1,4 @@
-"""Weights by features (Eq. 4 to 7), a column per handle, kept as long as their inputs do not change."""
+"""Compute one column of weights for each handle from features (Eq. 4 to 7), and keep it until its inputs change."""
 
 from typing import NamedTuple
 
@@ -18,44 +18,45 @@ from dfd.mesh.mesh import Mesh
 from dfd.segmentation.parts import BANDS
 from dfd.weights.bind import bind
 
-# Weights are divided by the weight that fixed points leave at the handle. Below this value only noise would be scaled.
+# The weights of a handle are divided by the weight that fixed points leave at the handle, if it is at least LEAST_LEFT.
 LEAST_LEFT = 0.01
-# The reach "part" as a number: AROUND_PART times the MOST_OF_PART quantile of feature distances inside the part, and
-# at least LEAST_REACH.
-LEAST_REACH, MOST_OF_PART, AROUND_PART = 0.1, 0.9, 2.0
+# As a number, the reach "part" is REACH_FACTOR times the REACH_QUANTILE quantile of the feature distances between the
+# handle and the vertices of the part, and at least LEAST_REACH.
+LEAST_REACH, REACH_QUANTILE, REACH_FACTOR = 0.1, 0.9, 2.0
 
 
 class Key(NamedTuple):
     """Cache key: everything that changes a column of weights."""
 
     place: Place
-    band: float  # the width of the blend band, relative to the largest one
+    band: float  # the width of the blend band, as a fraction of its largest width
     controls: Controls  # the controls that change the column
-    sources: tuple[int, ...]  # the vertices where geodesic distances start; empty without locality
-    exact: bool  # whether these distances are exact
+    sources: tuple[int, ...]  # the vertices where geodesic distances start; empty without locality and radius
+    exact: bool  # whether these distances are exact, see `_falloff`
     fixed: tuple[Fixed, ...]
-    reach_targets: bool
+    reach_targets: bool  # see `Rules.reach_targets`
 
 
 class FeatureWeights:
-    """Bind the handles of edits of one mesh.
+    """Compute and cache the weights of handles on one mesh.
 
-    A handle that moves keeps its column, unless its blend band changes. New fixed points change all columns.
+    While a handle moves, its column changes only if its blend band gets another width. In the blend band, along the
+    border of a part, weights fall from 1 to 0. New fixed points change all columns.
     """
 
     def __init__(self, mesh: Mesh, rows: HandleFeatures, grips: Grips) -> None:
         self._mesh, self._rows, self._grips = mesh, rows, grips
-        self._columns = np.empty((0, len(mesh.vertices)), np.float32)  # (H, V), replaced whenever one changes
+        self._columns = np.empty((0, len(mesh.vertices)), np.float32)  # (H, V), replaced if a column changes
         self._keys: list[Key] = []
-        self._held: Recent[Float32] = Recent(1)
+        self._subtracted: Recent[Float32] = Recent(1)
         self._geodesics: dict[bool, Geodesics] = {}  # by whether they are exact, built at the first use
-        self._distances: dict[tuple[bool, int], Float32] = {}  # rows (V,) by their source, while a handle needs them
+        self._distances: dict[tuple[bool, int], Float32] = {}  # distances (V,) from each source that a handle needs
         self._reaches: dict[Place, float] = {}
 
     def of(self, edit: Edit, bands_of: Edit | None = None) -> tuple[Float32, tuple[Key, ...]]:
-        """Return (V, H) weights of the handles of `edit`, read-only, and the key of each column.
+        """Return the weights (V, H) of the handles of `edit`, read-only, and the key of each column.
 
-        The handles' transforms in `bands_of`, or in `edit` if it is None, set the widths of the blend bands.
+        The widths of the blend bands depend on the handles' transforms in `bands_of`, or in `edit` if it is None.
         """
         bands = [self._grips.band(handle) for handle in (bands_of or edit).handles]
         keys = [self._key(handle, edit, band) for handle, band in zip(edit.handles, bands, strict=True)]
@@ -73,44 +74,44 @@ class FeatureWeights:
             self._distances = {source: row for source, row in self._distances.items() if source in needed}
         return self._columns.T, tuple(keys)
 
-    def held(self, fixed: tuple[Fixed, ...]) -> Float32:
-        """Return (V,) max_p s_p W_p of Eq. 6: the weight that fixed points subtract."""
+    def subtracted(self, fixed: tuple[Fixed, ...]) -> Float32:
+        """Return the weight that fixed points subtract at each vertex, (V,): max_p s_p W_ip of Eq. 6."""
 
         def find() -> Float32:
-            held = np.zeros(len(self._mesh.vertices), np.float32)
-            one = np.empty((len(held), 1), np.float32, order="F")
+            most = np.zeros(len(self._mesh.vertices), np.float32)
+            one = np.empty((len(most), 1), np.float32, order="F")
             for each in fixed:
                 bind(self._rows.features, self._rows.points([each.place]), out=one)
-                np.maximum(held, np.float32(each.strength) * one[:, 0], out=held)
+                np.maximum(most, np.float32(each.strength) * one[:, 0], out=most)
                 if each.place.region is not None:
                     own = self._rows.members(each.place.region)
-                    held[own] = np.maximum(held[own], np.float32(each.strength))
-            return held
+                    most[own] = np.maximum(most[own], np.float32(each.strength))
+            return most
 
-        return self._held.get(fixed, find)
+        return self._subtracted.get(fixed, find)
 
     def reach(self, handle: Handle) -> float:
-        """Return the handle's `reach` as a number; for "part" the number that comes nearest to it."""
+        """Return the handle's `reach`, a feature distance. For "part", return one with a similar effect."""
         place = handle.place
         if handle.controls.reach != "part":
             return handle.controls.reach
         if place not in self._reaches and (grip := self._grips.grip(place)) is not None:
-            # Unit features differ by at most 2, so a reach of 2 cuts no distance off.
+            # Unit vectors have a distance d of at most 2. So with a reach of 2, all weights are 1 − d / 2.
             apart = 2.0 * (1.0 - bind(self._rows.features, self._rows.points([place]), reach=2.0)[:, 0])
             within = apart[grip.weights > 0.5]
-            widest = float(np.quantile(within, MOST_OF_PART)) if len(within) else 0.0
-            self._reaches[place] = min(max(AROUND_PART * widest, LEAST_REACH), 2.0)
+            widest = float(np.quantile(within, REACH_QUANTILE)) if len(within) else 0.0
+            self._reaches[place] = min(max(REACH_FACTOR * widest, LEAST_REACH), 2.0)
         return self._reaches.get(place, PARTLESS_REACH)
 
     def near(self, edit: Edit, handle: Handle, vertices: Int64) -> Float64:
-        """Return (N,) the falloff (1 − G)^λ of a handle at vertices (N,), see Eq. 7."""
+        """Return the factor (1 − G)^λ of Eq. 7 for a handle at each of `vertices` (N,), as an array (N,)."""
         distances, power = self._falloff(self._key(handle, edit, BANDS[0]))
         if distances is None:
             return np.ones(len(vertices))
         return (1.0 - distances[0, vertices].astype(np.float64)) ** power
 
-    def check_arrivals(self, edit: Edit) -> None:
-        """Raise ValueError if fixed points leave a handle no weight at the handle itself."""
+    def check_targets(self, edit: Edit) -> None:
+        """Raise ValueError if fixed points lower the weight at a handle so much that it cannot reach its target."""
         if not edit.rules.reach_targets or not edit.fixed:
             return
         for handle in edit.handles:
@@ -118,20 +119,20 @@ class FeatureWeights:
             if left < LEAST_LEFT:
                 raise ArgumentError(
                     "fixed",
-                    f"must leave something of handle {handle.id} at {handle.place}, but leaves {left:.2g}: "
-                    "what is fixed looks just like it; lower its strength, or fix something else",
+                    f"must leave handle {handle.id} at {handle.place} a weight of at least {LEAST_LEFT:g}, but leaves "
+                    f"{left:.2g}: a fixed point looks like the handle; lower its strength, or fix another place",
                 )
 
     def _left(self, fixed: tuple[Fixed, ...], place: Place) -> float:
-        """Return the weight, in [0, 1], that fixed points leave a handle at its own place (Eq. 6)."""
-        held = 0.0
+        """Return the weight of a handle at its own place, in [0, 1], after the subtraction of fixed points (Eq. 6)."""
+        most = 0.0
         own = self._rows.of([place])
         for each in fixed:
             if self._rows.holds(each.place, place):
-                held = max(held, each.strength)
+                most = max(most, each.strength)
             apart = np.linalg.norm(own[:, None] - self._rows.of([each.place])[None], axis=2)
-            held = max(held, each.strength * (1.0 - float(apart.min(axis=1).max())))
-        return 1.0 - held
+            most = max(most, each.strength * (1.0 - float(apart.min(axis=1).max())))
+        return 1.0 - most
 
     def _key(self, handle: Handle, edit: Edit, band: float) -> Key:
         place, controls, exact = handle.place, handle.controls.of_column, edit.rules.exact_distances
@@ -139,18 +140,18 @@ class FeatureWeights:
         if controls.locality > 0 or controls.radius is not None:
             own = self._rows.vertices(place)
             sources += own.tolist()
-            if edit.symmetry is not None and not exact:  # a symmetric edit also acts at the mirror image
+            if edit.symmetry is not None and not exact:  # a handle of a symmetric edit also acts at its mirror image
                 points = [place.position] if place.region is None else self._mesh.vertices[own]
                 sources += [self._rows.nearest((x, y, z)) for x, y, z in edit.symmetry.reflect(points).tolist()]
         starts = tuple(dict.fromkeys(sources))
         return Key(place, band, controls, starts, exact and bool(starts), edit.fixed, edit.rules.reach_targets)
 
     def _falloff(self, key: Key) -> tuple[Float32 | None, float]:
-        """Return distances G (1, V) in [0, 1] and λ of the falloff (1 − G)^λ of Eq. 7; (None, 0) without one.
+        """Return distances G (1, V), in [0, 1], and the exponent λ of Eq. 7, or (None, 0) if weights ignore distances.
 
-        Exact distances neither cross gaps between components nor use samples of a large mesh, as in the paper. With a
-        radius r, G is min((d / r)², 1) and λ is 2. The falloff (1 − (d / r)²)² has slope 0 at the handle and at r, and
-        is 0 beyond r.
+        As in the paper, exact distances do not cross gaps between components of the mesh, and use all vertices instead
+        of samples. For a radius r and distances d in mesh units, G is min((d / r)², 1) and λ is 2. Then the factor
+        (1 − (d / r)²)² has slope 0 at the handle and at r, and is 0 beyond r.
         """
         exact, radius = key.exact, key.controls.radius
         if not key.sources:
@@ -169,11 +170,10 @@ class FeatureWeights:
         return np.square(reached)[None], 2.0
 
     def _bind(self, key: Key, column: Float32) -> None:
-        """Write the weights (V,) of a handle to `column` (Eq. 4 to 7)."""
+        """Write the weights of a handle (Eq. 4 to 7) to `column` (V,)."""
         place, controls, fixed = key.place, key.controls, key.fixed
         part = self._grips.part(place, key.band) if controls.reach == "part" else None
-        # Inside a part all weights are 1. A reach of 6, where they fall with the feature distance, loses 0.011 of the
-        # soft IoU on 17 rigs and 0.014 on 13 labelled meshes.
+        # Inside a part, all weights are 1. So the reach is much larger than all feature distances.
         of_part = PARTLESS_REACH if part is None else LARGEST
         reach = of_part if controls.reach == "part" else controls.reach
         geodesic, locality = self._falloff(key)
@@ -190,10 +190,10 @@ class FeatureWeights:
         )
         if part is not None:
             column *= part
-        # Samples of a region stood for it in Eq. 4; here all of its vertices get the weight of the nearest sample.
+        # `bind` represents a region by some vertices. Give all of its vertices the weight of a handle at the vertex.
         if place.region is not None:
             own = self._rows.members(place.region)
-            free = 1.0 - self.held(fixed)[own] if fixed else np.float32(1.0)
+            free = 1.0 - self.subtracted(fixed)[own] if fixed else np.float32(1.0)
             column[own] = np.maximum(column[own], free)
         for each in fixed:
             if each.place.region is not None:

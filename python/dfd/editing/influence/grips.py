@@ -1,4 +1,4 @@
-"""The part and the counterparts that a handle at a place holds, by features alone."""
+"""Find the part and the counterparts at a place, and keep the results of recent places."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -21,19 +21,19 @@ from dfd.weights.bind import bind
 
 
 class Grips:
-    """Find parts and counterparts at places of one mesh, and keep those of the last places."""
+    """Find parts and counterparts at places on one mesh, and keep the results of recent places."""
 
     def __init__(self, mesh: Mesh, field: Field, rows: HandleFeatures) -> None:
         self._mesh, self._field, self._rows = mesh, field, rows
-        self._parts: Recent[Grip | None] = Recent(32)  # hovering asks for many
+        self._parts: Recent[Grip | None] = Recent(32)  # while the pointer moves, many places need parts
         self._held: Recent[Held] = Recent(16)
         self._borders: Recent[Border | None] = Recent(1024)
 
     def prepare(self, planes: Sequence[SymmetryPlane], parts: Parts | None = None) -> Parts:
-        """Compute and return all data that does not depend on a place. It takes seconds for a million faces.
+        """Compute all data that does not depend on a place, and return the parts of the mesh.
 
-        `planes` are the result of `symmetry_planes`. The method may run on another thread. `parts` is the result of
-        this method in another session of the same mesh and field, which is then reused.
+        It takes seconds for a million faces, and may run on another thread. `planes` are the result of
+        `symmetry_planes`. `parts` is the result of this method in another session of the same mesh and field, if any.
         """
         if parts is None:
             parts = self.parts
@@ -44,7 +44,7 @@ class Grips:
 
     @cached_property
     def parts(self) -> Parts:
-        """The parts of the mesh."""
+        """Return the parts of the mesh."""
         return Parts(self._mesh, self._rows.of_vertices)
 
     @cached_property
@@ -52,14 +52,15 @@ class Grips:
         return symmetry_planes(self._field, self._mesh)
 
     def grip(self, place: Place, band: float = BANDS[0]) -> Grip | None:
-        """Return the part at a place with its counterparts; None if there is none, as on a ball.
+        """Return the part at a place, with all of its components; None if there is no part, such as on a ball.
 
-        `band` is the width of the blend band, relative to the largest one.
+        `band` is the width of the blend band, as a fraction of its largest width. In this band along the border of the
+        part, weights fall from 1 to 0.
         """
         return self._parts.get((place, band), lambda: self.parts.grip(self._rows.anchor(place), band))
 
     def band(self, handle: Handle) -> float:
-        """Return the width of a handle's blend band, relative to the largest one; the least one if it needs none."""
+        """Return the width of a handle's blend band, as in `grip`. It is the smallest one at rest or without a part."""
         if handle.controls.reach != "part" or np.array_equal(handle.matrix, np.eye(3, 4)):
             return BANDS[0]
         place = handle.place
@@ -67,21 +68,20 @@ class Grips:
         return BANDS[0] if border is None else border.band(handle.matrix)
 
     def held(self, place: Place, band: float, *, everywhere: bool = False, plane: SymmetryPlane | None = None) -> Held:
-        """Return the part at a place and its counterparts.
+        """Return the part and the counterparts at a place. If given, `plane` replaces the shape's planes of symmetry.
 
-        Counterparts are mirrored across `plane`, or across the shape's own planes if it is None. With `everywhere`,
-        they share the whole surface; otherwise they share the part. `band` is as in `grip`.
+        `band` is as in `grip`, `everywhere` as in `find_counterparts`.
         """
 
         def find() -> Held:
             rows, grip = self._rows, self.grip(place, band)
-            looks: Float32 = bind(rows.features, rows.points([place]))[:, 0]
+            weights: Float32 = bind(rows.features, rows.points([place]))[:, 0]
             planes = [] if grip is None else self._planes if plane is None else [plane]
             anchor = rows.anchor(place)
-            return find_counterparts(self._mesh, looks, anchor, place.position, grip, planes, everywhere=everywhere)
+            return find_counterparts(self._mesh, weights, anchor, place.position, grip, planes, everywhere=everywhere)
 
         return self._held.get((place, band, everywhere, plane), find)
 
     def part(self, place: Place, band: float) -> Float32 | None:
-        """Return (V,) the weights of the part at a place; None if there is none."""
+        """Return the weights of the part at a place, (V,), or None if there is no part."""
         return None if self.grip(place, band) is None else self.held(place, band).part

@@ -1,4 +1,4 @@
-"""Convert places to the arguments of `dfd.bind`: vertices, or rows of features if a place is no vertex."""
+"""Convert places to arguments of `dfd.bind`: vertex indices, or the features of points in space."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -16,19 +16,19 @@ from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Vector
 from dfd.weights.compact import CompactFeatures, compact
 
-# Largest number of vertices whose features are kept in full: the sample of `compact`, which saves no time below it.
+# Meshes with more vertices than this have compact features. On smaller meshes, compact features save no time.
 MOST_EXACT = 16_384
-# A region is represented by at most 32 members with different features, which are chosen among at most 2,048.
+# At most 32 vertices with different features represent a region. They are chosen from at most 2,048 of its vertices.
 MOST_REPRESENTATIVES, MOST_CANDIDATES = 32, 2048
 
 
 class HandleFeatures:
-    """The features of one mesh's vertices, in full or compact, and of points and regions among them."""
+    """The features of the vertices of one mesh, stored in full or compact, and of points in space and regions."""
 
     def __init__(self, mesh: Mesh, field: Field, features: Any = None) -> None:
-        """Store `features` (V, D), or evaluate the field when they are first needed.
+        """Store `features` (V, D). If they are None, evaluate the field when features are first needed.
 
-        Raises ValueError if `features` is not finite or not one row of the field's width per vertex.
+        Raises ValueError if `features` is not finite, or its array shape does not fit the mesh and the field.
         """
         shape = len(mesh.vertices), field.dimension
         if isinstance(features, CompactFeatures) and features.shape != shape:
@@ -39,20 +39,20 @@ class HandleFeatures:
         self._field = field
         self._on_mesh = FieldOnMesh(field, mesh)
         self._features: Float32 | CompactFeatures | None = features
-        self.full = False  # whether the field's features are kept in full for any number of vertices
+        self.full = False  # whether the field's features are stored in full for any number of vertices
         self._members: dict[Region, Int64] = {}
         self._representatives: dict[Region, Int64] = {}
-        self._nearest: Recent[int] = Recent(64)  # every frame of a drag needs the same ones
+        self._nearest: Recent[int] = Recent(64)  # each frame of a drag needs the same vertices
 
     @property
     def features(self) -> Float32 | CompactFeatures:
-        """Return the features (V, D): as given, or in full up to 16,384 vertices and if `full`, or else compact."""
+        """Return the features (V, D). Features that were not given are compact above 16,384 vertices, unless `full`."""
         self.prepare()
         assert self._features is not None
         return self._features
 
     def prepare(self, progress: Callable[[int], object] | None = None) -> None:
-        """Evaluate the features unless they exist; `progress` is called with the number of further rows."""
+        """Evaluate the features, unless they exist. Each call of `progress` gets the number of rows since the last."""
         if self._features is not None:
             return
         if len(self._mesh.vertices) > MOST_EXACT and not self.full:
@@ -69,7 +69,7 @@ class HandleFeatures:
         return self._members[region]
 
     def inside(self, region: Region, width: float) -> Float32:
-        """Return (V,) 1 inside a region, falling smoothly to 0 over `width`, mesh units, outside it."""
+        """Return a factor for each vertex, (V,): 1 in a region, and smoothly 0 at the distance `width`, mesh units."""
         inside = np.zeros(len(self._mesh.vertices), np.float32)
         if width == 0.0:
             inside[self.members(region)] = 1.0
@@ -78,7 +78,7 @@ class HandleFeatures:
         return (left * left * (3.0 - 2.0 * left)).astype(np.float32)
 
     def representatives(self, region: Region) -> Int64:
-        """Return the members (N ≤ 32,) of a region whose features differ most from each other."""
+        """Return at most 32 vertices of a region, (N,), whose features differ most from each other."""
         if region not in self._representatives:
             chosen = self.members(region)
             candidates = chosen[:: -(-len(chosen) // MOST_CANDIDATES)]
@@ -87,7 +87,7 @@ class HandleFeatures:
         return self._representatives[region]
 
     def nearest(self, point: Vector) -> int:
-        """Return the vertex nearest to a point, mesh units."""
+        """Return the vertex nearest to a point (3,) in mesh units."""
 
         def find() -> int:
             return int(np.linalg.norm(self._mesh.vertices - np.asarray(point), axis=1).argmin())
@@ -95,13 +95,13 @@ class HandleFeatures:
         return self._nearest.get(point, find)
 
     def vertices(self, place: Place) -> Int64:
-        """Return the vertices (N,) for a place: its vertex, the nearest vertex, or the representatives of a region."""
+        """Return vertices (N,) that represent a place: its vertex, the nearest vertex, or some vertices of a region."""
         if place.region is not None:
             return self.representatives(place.region)
         return np.array([self.nearest(place.position) if place.vertex is None else place.vertex])
 
     def anchor(self, place: Place) -> int:
-        """Return one vertex for a place: its vertex, the nearest vertex, or the member nearest to a region's center."""
+        """Return one vertex for a place: its vertex, the nearest vertex, or the vertex nearest to a region's center."""
         if place.region is None:
             return int(self.vertices(place)[0])
         chosen = self.members(place.region)
@@ -115,7 +115,7 @@ class HandleFeatures:
         return bool(np.isin(inner, self.members(place.region)).all())
 
     def points(self, places: Sequence[Place]) -> Any:
-        """Return places for `bind`: vertices (N,), features (N, D) if one is no vertex, or a list with regions."""
+        """Return `places` as an argument of `bind`: vertices (N,), features (N, D), or a list if one is a region."""
         known = [self._known(place) for place in places]
         if any(place.region is not None for place in places):
             return [self.of([place]) if own[0] < 0 else own for place, own in zip(places, known, strict=True)]
@@ -123,12 +123,12 @@ class HandleFeatures:
         return vertices if (vertices >= 0).all() else self.of(places)
 
     def _known(self, place: Place) -> Int64:
-        """Return the vertices (N,) of a place; −1 for a point in space."""
+        """Return vertices (N,) that represent a place, or −1 for a point in space."""
         in_space = place.region is None and place.vertex is None
         return np.array([-1]) if in_space else self.vertices(place)
 
     def of(self, places: Sequence[Place]) -> Float32:
-        """Return the features (N, D) of places; a region has several rows."""
+        """Return the features (N, D) of places. A region has one row for each of its representatives."""
         vertices = np.concatenate([self._known(place) for place in places])
         known = vertices >= 0
         rows = np.empty((len(vertices), self._field.dimension), np.float32)
@@ -139,7 +139,7 @@ class HandleFeatures:
         return rows
 
     def of_vertices(self, vertices: Int64) -> Float32:
-        """Return the features (N, D) of vertices (N,); evaluate the field if `features` do not exist yet."""
+        """Return the features (N, D) of `vertices` (N,), without evaluating those of all vertices."""
         if self._features is None:
             return self._on_mesh.rows(vertices)
         if isinstance(self._features, CompactFeatures):
@@ -148,7 +148,7 @@ class HandleFeatures:
 
 
 def _farthest_apart(rows: Float32, most: int) -> Int64:
-    """Return indices (N ≤ most,) of `rows`, each farthest from the previous ones, until all others are duplicates."""
+    """Return at most `most` indices (N,) of different `rows` (M, D), by farthest-point sampling."""
     chosen = [0]
     nearest = np.linalg.norm(rows - rows[0], axis=1)
     while len(chosen) < most and nearest.max() > 0:

@@ -1,4 +1,4 @@
-"""The columns of weights by which a session poses: one for each handle, or one for each of its counterparts."""
+"""Compute the weights of an editing session: one column for each handle, or one for each of its counterparts."""
 
 import math
 from collections.abc import Sequence
@@ -8,8 +8,8 @@ import numpy as np
 
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.editing.edit import Edit, Handle
-from dfd.editing.influence.allocation import HELD, carriers_of, following, shared
-from dfd.editing.influence.counterparts import LEAST_ALIKE, Column, Counterpart
+from dfd.editing.influence.allocation import divided, kept_columns, same_and_nested
+from dfd.editing.influence.counterparts import Column, Counterpart
 from dfd.editing.influence.feature_weights import FeatureWeights
 from dfd.editing.influence.grips import Grips
 from dfd.editing.influence.handle_features import HandleFeatures
@@ -20,38 +20,38 @@ from dfd.geometry.coarse import Share, nodes_of
 from dfd.geometry.part_axis import PartAxes
 from dfd.mesh.mesh import Mesh
 
-LEAST_COUNTED = 0.35  # counterparts below this share of the handle's peak weight are not counted
-LEAST_LEVELED = 0.1  # `equalize` leaves counterparts alone that have less than this share of the handle's own weight
+COMPONENT_THRESHOLD = 0.5  # weights in a column's component are at least this fraction of the column's largest weight
+LEAST_COUNTED = 0.35  # a counterpart counts if its largest weight is at least this fraction of the handle's largest
+# `equalize` raises the weights of a counterpart only if the handle's weight there, by features alone, is at least
+# LEAST_ALIKE. The final weight there, without locality, must also be at least LEAST_EQUALIZED times that at the handle.
+LEAST_ALIKE, LEAST_EQUALIZED = 0.15, 0.1
 
 
 class HandleWeights:
-    """Weights of the handles of edits of one mesh.
+    """Compute and cache the weights of handles on one mesh, separately for each counterpart.
 
-    `rows` are the features of vertices and places, `grips` the parts and counterparts at places. `by_features` are the
-    weights of Eq. 4 to 7, a column per handle.
+    `rows` returns the features of vertices and places. `grips` returns the parts and counterparts at places.
+    `by_features` returns the weights of Eq. 4 to 7, one column per handle.
     """
 
     def __init__(self, mesh: Mesh, field: Field, features: Any = None) -> None:
-        """Take the vertices' `features` (V, D), in full or compact; None evaluates the field at the first use.
-
-        Raises ValueError if `features` is not finite or not one row of the field's width per vertex.
-        """
+        """Store `features` (V, D), or None, as `HandleFeatures` does."""
         self.mesh, self.field = mesh, field
         self.rows = HandleFeatures(mesh, field, features)
         self.grips = Grips(mesh, field, self.rows)
         self.by_features = FeatureWeights(mesh, self.rows, self.grips)
         self._axes = PartAxes(mesh)
-        self._owned: Recent[Counterpart] = Recent(64)  # the nearest vertex of a point is slow to find
+        self._owned: Recent[Counterpart] = Recent(64)  # finding the vertex nearest to a point is slow
         self._held_parts: Recent[list[HeldPart]] = Recent(64)
         self._made: Recent[tuple[Float32, tuple[Column, ...]]] = Recent(1)
 
     def columns(self, edit: Edit, bands_of: Edit | None = None) -> tuple[Float32, tuple[Column, ...]]:
-        """Return (V, C) weights, one or more columns per handle, and the handle and counterpart of each column.
+        """Return the weights (V, C), one or more columns per handle, and the handle and counterpart of each column.
 
         `bands_of` is as in `FeatureWeights.of`.
         """
         weights, keys = self.by_features.of(edit, bands_of)
-        if not any(_told_apart(handle, edit) for handle in edit.handles):
+        if not any(_needs_counterparts(handle, edit) for handle in edit.handles):
             return weights, tuple(Column(i, self._own(handle)) for i, handle in enumerate(edit.handles))
         controls = tuple(handle.controls for handle in edit.handles)
         key = (keys, controls, edit.preset, edit.symmetry, self.allocating(edit))
@@ -62,7 +62,7 @@ class HandleWeights:
         columns: list[Column] = []
         for i, handle in enumerate(edit.handles):
             found = self._portions(edit, handle, weights[:, i], bands[i])
-            if _apart(handle):
+            if _is_split(handle):
                 columns += [Column(i, one) for one, _ in found]
                 portions += [portion for _, portion in found]
             else:
@@ -76,7 +76,7 @@ class HandleWeights:
         return made.T, tuple(columns)
 
     def following(self, edit: Edit) -> Float32:
-        """Return (V, H) weights, each the sum over all counterparts of a handle."""
+        """Return the weights (V, H), where the column of a handle is the sum over its counterparts."""
         weights, columns = self.columns(edit)
         followed = np.zeros((len(weights), len(edit.handles)), np.float32)
         for index, column in enumerate(columns):
@@ -84,7 +84,7 @@ class HandleWeights:
         return followed
 
     def held_parts(self, edit: Edit, handle: Handle) -> list[HeldPart]:
-        """Return the connected parts that follow a handle of `edit`, its own part first."""
+        """Return the connected components that follow a handle of `edit`, the component at the handle first."""
         weights, columns = self.columns(edit)
         number = next(i for i, each in enumerate(edit.handles) if each.id == handle.id)
         moving = self.allocating(edit)
@@ -95,16 +95,16 @@ class HandleWeights:
         return self._held_parts.get(key, lambda: held_parts(self.mesh, self._axes, anchor, own, edit.symmetry))
 
     def bent(self, edit: Edit) -> Float64:
-        """Return (V, 3) the resting vertices after the bends and twists of the handles of `edit`."""
+        """Return the resting vertices (V, 3), bent and twisted by the handles of `edit`."""
         bending = {i: self.held_parts(edit, handle) for i, handle in enumerate(edit.handles) if handle.transform.bends}
         return bent(self.mesh, edit, bending) if bending else self.mesh.vertices
 
     def counterparts(self, edit: Edit, handle: Handle, band: float | None = None) -> list[tuple[Counterpart, bool]]:
-        """Return the counterparts of a handle, its own first, and whether each moves with the handle.
+        """Return the counterparts of a handle, and whether each moves with it. The first is the handle itself.
 
-        Those at the places of `excluded_counterparts` do not move. A counterpart is at a place where it has the largest
-        share, or where none has one, if it is the nearest. The handle's own always moves. If left out, `band`, the
-        relative width of the blend band, is that of the handle's transform.
+        Each place in `excluded_counterparts` excludes one counterpart: the one with the largest share at this place, or
+        the nearest one if all shares there are 0. The first counterpart always moves. `band` is the width of the blend
+        band, as a fraction of its largest width. None uses the width for the handle's transform.
         """
         everywhere = handle.controls.reach != "part"
         band = self.grips.band(handle) if band is None else band
@@ -120,7 +120,7 @@ class HandleWeights:
         return list(zip(found, on, strict=True))
 
     def counterpart_counts(self, edit: Edit) -> list[int]:
-        """Return (H,) the number of counterparts of each handle whose peak weight is at least `LEAST_COUNTED`."""
+        """Return the number of counterparts of each handle, (H,), without those below `LEAST_COUNTED`."""
         weights, columns = self.columns(edit)
         peaks: list[list[float]] = [[] for _ in edit.handles]
         for column, peak in zip(columns, weights.max(axis=0, initial=0.0).tolist(), strict=True):
@@ -129,26 +129,26 @@ class HandleWeights:
 
     @staticmethod
     def allocating(edit: Edit) -> tuple[int, ...]:
-        """Return the handles among which components are divided: all that move, if there are several."""
-        moving = [i for i, handle in enumerate(edit.handles) if not handle.transform.rests and _apart(handle)]
+        """Return the indices of the handles among which components are divided; none if fewer than two move."""
+        moving = [i for i, handle in enumerate(edit.handles) if not handle.transform.rests and _is_split(handle)]
         return tuple(moving) if len(moving) > 1 and edit.rules.overlap == "add" else ()
 
     def _allocated(self, edit: Edit, portions: list[Share], columns: list[Column]) -> tuple[list[Share], list[Column]]:
-        """Return `portions` (C) and `columns` after each component was given to one of the moving handles."""
+        """Divide components among the moving handles, and return the remaining `portions` and `columns`."""
         moving = self.allocating(edit)
         among = [i for i, column in enumerate(columns) if column.handle in moving]
         nodes = nodes_of(self.mesh)
         samples, sizes = nodes.members[nodes.starts], (nodes.ends - nodes.starts).astype(np.float64)
         on_samples = np.stack([portions[i].dense(len(self.mesh.vertices))[samples] for i in among])
-        held = (on_samples >= HELD * on_samples.max(axis=1, keepdims=True)) & (on_samples > 0)
-        same, nested = carriers_of(held, sizes)
-        kept = following([columns[i].handle for i in among], same)
+        held = (on_samples >= COMPONENT_THRESHOLD * on_samples.max(axis=1, keepdims=True)) & (on_samples > 0)
+        same, nested = same_and_nested(held, sizes)
+        kept = kept_columns([columns[i].handle for i in among], same)
         same, nested = same[np.ix_(kept, kept)], nested[np.ix_(kept, kept)]
         kept = [among[k] for k in kept]
         handle_of = [columns[i].handle for i in kept]
         nested &= np.not_equal.outer(handle_of, handle_of)
-        standing = {handle_of.index(i): self.rows.anchor(edit.handles[i].place) for i in dict.fromkeys(handle_of)}
-        result = shared([portions[i] for i in kept], self.mesh.vertices, standing, same, nested)
+        vertex_of = {handle_of.index(i): self.rows.anchor(edit.handles[i].place) for i in dict.fromkeys(handle_of)}
+        result = divided([portions[i] for i in kept], self.mesh.vertices, vertex_of, same, nested)
         order = [i for i, column in enumerate(columns) if i in kept or column.handle not in moving]
         portions, columns = list(portions), list(columns)
         for k, i in enumerate(kept):
@@ -157,13 +157,13 @@ class HandleWeights:
         return [portions[i] for i in order], [columns[i] for i in order]
 
     def _own(self, handle: Handle) -> Counterpart:
-        """Return a handle's own counterpart for a column that all of its counterparts share."""
+        """Return the handle itself as a counterpart, for a column that all of its counterparts share."""
         place = handle.place
         return self._owned.get(place, lambda: Counterpart(self.rows.anchor(place), place.position, np.eye(3)))
 
     def _portions(self, edit: Edit, handle: Handle, weights: Float32, band: float) -> list[tuple[Counterpart, Share]]:
-        """Return the counterparts of a handle that move, and the portion of its weights (V,) that each has."""
-        if not _told_apart(handle, edit):
+        """Return the moving counterparts of a handle, and the portion of the handle's `weights` (V,) that each gets."""
+        if not _needs_counterparts(handle, edit):
             return [(self._own(handle), _portion(None, weights))]
         found = self.counterparts(edit, handle, band)
         counterparts = [one for one, _ in found]
@@ -172,34 +172,34 @@ class HandleWeights:
         portions = [_portion(one.share, weights) for one in counterparts]
         if edit.rules.equalize:
             near = self.by_features.near(edit, handle, np.array([one.vertex for one in counterparts]))
-            portions = _leveled(weights, counterparts, portions, near)
+            portions = _equalized(weights, counterparts, portions, near)
         return [(one, portion) for (one, moves), portion in zip(found, portions, strict=True) if moves]
 
 
-def _apart(handle: Handle) -> bool:
+def _is_split(handle: Handle) -> bool:
     """Return whether each counterpart of a handle has its own column."""
     return handle.controls.counterparts != "shared_pivot"
 
 
-def _told_apart(handle: Handle, edit: Edit) -> bool:
-    """Return whether the counterparts of a handle change its columns."""
-    return _apart(handle) or edit.rules.equalize or handle.controls.excluded_counterparts != ()
+def _needs_counterparts(handle: Handle, edit: Edit) -> bool:
+    """Return whether the columns of a handle depend on its counterparts."""
+    return _is_split(handle) or edit.rules.equalize or handle.controls.excluded_counterparts != ()
 
 
 def _portion(share: Share | None, weights: Float32) -> Share:
-    """Return the portion of weights (V,) of a handle that a counterpart with `share` has."""
+    """Return the portion of a handle's `weights` (V,) that a counterpart with `share` gets."""
     if share is None:
         return _sparse(weights)
     return Share(share.vertices, weights[share.vertices] * share.values)
 
 
 def _sum(portions: Sequence[Share], count: int) -> Share:
-    """Return the sum of portions on `count` vertices, at most 1."""
+    """Return the sum of `portions` at each of `count` vertices, limited to 1."""
     if len(portions) == 1:
         return portions[0]
     total = np.zeros(count, np.float32)
-    for part in portions:
-        total[part.vertices] += part.values
+    for portion in portions:
+        total[portion.vertices] += portion.values
     return _sparse(np.minimum(total, np.float32(1.0)))
 
 
@@ -208,21 +208,21 @@ def _sparse(weights: Float32) -> Share:
     return Share(some, weights[some])
 
 
-def _leveled(
+def _equalized(
     weights: Float32, counterparts: Sequence[Counterpart], portions: Sequence[Share], near: Float64
 ) -> list[Share]:
-    """Return portions with gains that raise their weights to the handle's own, apart from their falloff `near` (N,).
+    """Multiply the `portions` of similar counterparts, so that their weights are as high as those at the handle.
 
-    Gains compensate for less similar features and not for distance, since locality is meant to exclude what is far.
-    Where the sum between two counterparts would exceed the maximum of `weights`, their portions are reduced.
+    The factors compensate for differences between features. They do not compensate for locality, whose factor at each
+    counterpart is `near` (N,). The sum of the results at a vertex is limited to the maximum of `weights`.
     """
     found = []
     own = 0.0
     total = np.zeros(len(weights), np.float32)
-    for one, (vertices, values), part in zip(counterparts, portions, near, strict=True):
-        top = float(weights[one.vertex]) / part if part > 0 else 0.0
+    for one, (vertices, values), falloff in zip(counterparts, portions, near, strict=True):
+        top = float(weights[one.vertex]) / falloff if falloff > 0 else 0.0
         own = own or top
-        alike = one.weight >= LEAST_ALIKE and top >= LEAST_LEVELED * own > 0
+        alike = one.weight >= LEAST_ALIKE and top >= LEAST_EQUALIZED * own > 0
         found.append(Share(vertices, values * np.float32(own / top if alike else 1.0)))
         total[vertices] += found[-1].values
     most = weights.max(initial=0.0)

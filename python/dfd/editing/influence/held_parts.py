@@ -1,4 +1,4 @@
-"""The parts that a handle holds. Each has an axis, along which it bends and twists."""
+"""Find the components of the part that a handle holds, and bend and twist each along its own axis."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,30 +18,30 @@ from dfd.posing.bend import Sections, bend_maps
 from dfd.posing.transforms import PivotAt, Transform, Vector, frame_of_normal, vector
 from dfd.symmetry.plane import SymmetryPlane
 
-HELD = 0.5  # a part ends where the weight falls below this share of its maximum
+PART_THRESHOLD = 0.5  # the held part consists of the vertices with at least this fraction of the largest weight
 UP = np.array([0.0, 1.0, 0.0])
-# Directions for `towards`. y is up, the front is +z, and left is −x.
+# The names of directions that `towards` accepts.
 TOWARDS = {"up": (0, 1, 0), "down": (0, -1, 0), "right": (1, 0, 0), "left": (-1, 0, 0), "front": (0, 0, 1)}
 TOWARDS["back"] = (0, 0, -1)
-ACROSS = 0.1  # a part lies across a plane if each side has more than this share of its vertices
-UPRIGHT = 0.9  # cosine of the angle to y above which a part is upright; by default, it bends to the front
+LEAST_ON_SIDE = 0.1  # a component lies across a plane if more than this fraction of its vertices is on each side
+UPRIGHT = 0.9  # a component is upright if the cosine of the angle between its axis and the y axis is above this
 
 
 @dataclass(frozen=True, eq=False)
 class HeldPart:
-    """One connected part that follows a handle."""
+    """One connected component of the part that a handle holds."""
 
-    axis: PartAxis  # from the base of the part to its tip
-    amount: float  # the share of the handle's bend and twist that the part makes, in [0, 1]
-    # carry: (3, 3) maps the handle's rotation vectors to this part. It rotates the axis of the handle's own
-    # part onto this axis, and mirrors rotation vectors if the part is a mirror image.
+    axis: PartAxis  # curve from the base of the component to its tip
+    amount: float  # factor in [0, 1] of the handle's bend and twist
+    # carry: (3, 3) maps the handle's rotation vectors to this component. It rotates the axis of the component at the
+    # handle onto this axis, and mirrors rotation vectors if this component is a mirror image.
     carry: Float64
-    handedness: float  # 1, or −1 for a mirror image, which twists the other way
-    sections: Sections  # the vertices of the part in the order along its axis
-    across: bool  # whether the part lies across the plane of symmetry
+    handedness: float  # 1, or −1 for a mirror image, which twists in the opposite direction
+    sections: Sections  # the vertices of the component in the order along its axis
+    across: bool  # whether the component lies across the plane of symmetry
 
     def bend(self, points: Float64, transform: Transform) -> None:
-        """Bend and twist the vertices of the part in `points` (V, 3), in place, as `transform` says."""
+        """Bend and twist the vertices of the component in `points` (V, 3), in place, as `transform` defines."""
         turn = self.amount * (self.carry @ np.asarray(transform.bend))
         twist = self.amount * self.handedness * transform.twist
         self.sections.move(points, bend_maps(self.axis.nodes, self.axis.radius, turn, twist, transform.joint))
@@ -50,16 +50,16 @@ class HeldPart:
 def held_parts(
     mesh: Mesh, axes: PartAxes, anchor: int, columns: Sequence[tuple[Float32, Column]], plane: SymmetryPlane | None
 ) -> list[HeldPart]:
-    """Return the parts that a handle holds, its own part first; the vertex `anchor` stands for the handle.
+    """Return the components of the part that a handle holds. The first contains `anchor`, the vertex of the handle.
 
-    `columns` are the weights (V,) of each counterpart, the handle's own first, with its column. Handles act mirrored
-    across `plane`.
+    `columns` are the weights (V,) and the `Column` of each counterpart, the handle itself first. On the other side of
+    `plane`, the plane of symmetry of the edit, the handle acts mirrored.
     """
-    # Several counterparts can lie on one connected part, as fingers on a hand. So parts come from the sum of weights.
+    # One component can contain several counterparts, such as fingers of a hand. So components are found from the sum.
     whole = np.sum([weights for weights, _ in columns], axis=0)
     pieces: list[tuple[PartAxis, Column, float]] = []
     images = {column: image for _, column in columns if (image := column.counterpart.image) is not None}
-    for axis in axes.of(whole >= HELD * whole.max()) if whole.any() else []:
+    for axis in axes.of(whole >= PART_THRESHOLD * whole.max()) if whole.any() else []:
         inside = axis.vertices
         most = int(np.argmax([weights[inside].sum() for weights, _ in columns]))
         pieces.append((axis, columns[0 if anchor in inside else most][1], min(float(whole[inside].max()), 1.0)))
@@ -74,9 +74,9 @@ def held_parts(
 
 
 def bent(mesh: Mesh, edit: Edit, parts: dict[int, list[HeldPart]]) -> Float64:
-    """Return (V, 3) the vertices of `mesh`, bent and twisted by the handles of `edit` that have `parts`.
+    """Return the vertices (V, 3) of `mesh`, bent and twisted. `parts` has the components for each handle's index.
 
-    Smaller parts bend first, so that a thigh also moves its bent shin.
+    Smaller components bend first. So if a shin and its thigh bend, the thigh moves the bent shin.
     """
     bending = [(part, edit.handles[i].transform) for i, of_handle in parts.items() for part in of_handle]
     points = np.array(mesh.vertices, np.float64)
@@ -91,20 +91,20 @@ def _part(mesh: Mesh, piece: tuple[PartAxis, Column, float], own: PartAxis, plan
     frame = counterpart.frame
     if plane is not None:
         sides = plane.signed_distance(mesh.vertices[axis.vertices])
-        less = float((sides < 0).mean())
-        if ACROSS < less < 1 - ACROSS:
-            # If a part lies across the plane, only a rotation about the plane's normal is symmetric.
+        negative = float((sides < 0).mean())
+        if LEAST_ON_SIDE < negative < 1 - LEAST_ON_SIDE:
+            # A component across the plane stays symmetric only if it rotates about the plane's normal.
             across, flat = True, np.outer(plane.normal, plane.normal)
-        elif (less > 0.5) != (float(plane.signed_distance([counterpart.position])[0]) < 0):
+        elif (negative > 0.5) != (float(plane.signed_distance([counterpart.position])[0]) < 0):
             frame = plane.reflection[:3, :3] @ frame
     handedness = float(np.sign(np.linalg.det(frame)))
     turn = np.eye(3) if axis is own or counterpart.image is not None else _turn(frame @ own.direction, axis.direction)
-    carry = flat @ turn @ (handedness * frame)  # a rotation vector is mirrored as a pseudovector
+    carry = flat @ turn @ (handedness * frame)  # rotation vectors are pseudovectors
     return HeldPart(axis, amount, carry, handedness, Sections(axis.vertices, axis.parameter), across)
 
 
 def _turn(one: Float64, other: Float64) -> Float64:
-    """Return (3, 3) a rotation of `one` onto `other`. Horizontal normals stay horizontal unless one is upright."""
+    """Return a rotation (3, 3) of `one` onto `other`. It aligns their horizontal normals too, if none is upright."""
     if max(abs(one @ UP), abs(other @ UP)) > UPRIGHT:
         return _shortest_turn(one, other)
     frames = []
@@ -115,23 +115,23 @@ def _turn(one: Float64, other: Float64) -> Float64:
 
 
 def _shortest_turn(one: Float64, other: Float64) -> Float64:
-    """Return the smallest rotation (3, 3) from `one` (3,) to `other` (3,), both of length 1."""
+    """Return the smallest rotation (3, 3) of the unit vector `one` (3,) onto `other` (3,)."""
     across = np.cross(one, other)
     sine, cosine = float(np.linalg.norm(across)), float(one @ other)
     if sine < 1e-9:
-        # For equal or opposite directions, the axis is perpendicular to `one`: nearly y, unless `one` is upright.
+        # For equal or opposite vectors, the axis is perpendicular to `one`, and near y unless `one` is upright.
         across = np.asarray(frame_of_normal(one)[0]) if abs(one[1]) > 0.9 else UP
         across, sine = across - (across @ one) * one, 0.0
     return Rotation.from_rotvec(across / np.linalg.norm(across) * np.arctan2(sine, cosine)).as_matrix()
 
 
 def bend_vector(part: HeldPart, angle: float, towards: Any = None) -> Vector:
-    """Return the rotation vector, in degrees, that bends a handle's own part by an angle.
+    """Return the rotation vector, in degrees, that bends `part`, the component at the handle, by an angle in degrees.
 
-    The tip moves `towards` a direction (3,) or a word of `TOWARDS`. If left out, it moves up, or to the front for an
-    upright part.
+    The tip moves `towards` a direction (3,) or a name in `TOWARDS`. By default, it moves up. The tip of an upright
+    component moves to the front.
 
-    Raises ValueError if `towards` is neither, or the part itself runs in that direction.
+    Raises ValueError if `towards` is neither, or is parallel to the axis of `part`.
     """
     along = part.axis.direction
     if towards is None:
@@ -148,9 +148,10 @@ def bend_vector(part: HeldPart, angle: float, towards: Any = None) -> Vector:
 def pivot_on(
     part: HeldPart, which: PivotAt | None, handle: Handle, plane: SymmetryPlane | None
 ) -> tuple[Vector, PivotAt]:
-    """Return a pivot on a handle's own part, and its kind. None chooses the base of a limb, else the middle.
+    """Return a pivot on `part`, the component at the handle, and the kind of the pivot.
 
-    For a part across the plane of symmetry, this choice is moved onto the plane.
+    If `which` is None, the pivot is the base of a limb, or else the middle. If `part` lies across the symmetry plane,
+    this pivot is then projected onto the plane.
 
     Raises ValueError if `which` is "plane" and the edit has no plane.
     """

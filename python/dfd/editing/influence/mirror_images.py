@@ -1,4 +1,4 @@
-"""Mirror images among the components of a part: a plane for each pair, whether or not the whole shape has it."""
+"""Find the reflection that maps one component of a part onto another, even if the whole shape is not symmetric."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -10,26 +10,26 @@ from dfd.common.linear_algebra import Float64, Int32, unit
 from dfd.geometry.topology import even_points, face_areas
 from dfd.symmetry.plane import SymmetryPlane
 
-SAMPLES = 1000  # surface samples of a component
-KEPT = 0.85  # share of the samples that a fit counts: components end a little differently
-ROUNDS = 12  # of matching samples and fitting the plane to the matches
-# Largest root mean squared distance of a fit, over the diagonal of the component's box: with a plane of the whole
-# shape, and with a plane of the pair alone.
+SAMPLES = 1000  # number of surface samples of a component
+KEPT = 0.85  # a fit uses this fraction of the samples, the nearest ones, because components can end differently
+ROUNDS = 12  # number of rounds, each of which matches samples and fits the plane to the matches
+# A reflection is accepted if its misfit (see `_misfit`) is at most SHAPE_FIT for a plane of the whole shape, or at most
+# PAIR_FIT for a plane of two components alone.
 SHAPE_FIT, PAIR_FIT = 0.06, 0.035
-NO_BETTER = 1.25  # a plane of the pair alone must fit so many times better than a translation
+LEAST_GAIN = 1.25  # the misfit of a translation must be more than this times the misfit of a plane of the pair
 
 
 class Component(NamedTuple):
     """Samples of the surface of one component."""
 
-    points: Float64  # (N, 3)
-    normals: Float64  # (N, 3) of length 1
-    tree: cKDTree
-    size: float  # the diagonal of its box
+    points: Float64  # (N, 3) positions in mesh units
+    normals: Float64  # (N, 3) unit normals
+    tree: cKDTree  # search tree of `points`
+    size: float  # diagonal of the box of `points`, in mesh units
 
 
 def component_of(vertices: Float64, faces: Int32) -> Component | None:
-    """Return samples of the surface of `faces` (F, 3); None if it has no area."""
+    """Return samples of the surface of `faces` (F, 3), or None if all faces have the area 0."""
     areas = face_areas(vertices, faces)
     if not areas.sum() > 0:
         return None
@@ -41,11 +41,11 @@ def component_of(vertices: Float64, faces: Int32) -> Component | None:
 
 
 def mirror_image(one: Component, other: Component, planes: Sequence[SymmetryPlane] | None) -> Float64 | None:
-    """Return the reflection (3, 4) that maps component `one` onto `other`; None where none does.
+    """Return the reflection (3, 4) that maps component `one` onto `other`, or None if no plane fits.
 
-    Only `planes` of the whole shape are tried. If None, a plane of the pair is found instead: it lies between the
-    centers of both (Besl and McKay, "A method for registration of 3-D shapes", 1992, with a plane in place of a rigid
-    motion). A component that is as well a translated copy, such as a wheel behind another, has no plane of the pair.
+    Only `planes` are tried. If `planes` is None, a plane is fitted to both components instead, as Besl and McKay fit a
+    rigid motion ("A method for registration of 3-D shapes", 1992). If a translation fits about as well, such as for a
+    wheel behind another one, this plane is rejected.
     """
     for plane in planes or ():
         reflection = plane.reflection[:3]
@@ -63,11 +63,11 @@ def mirror_image(one: Component, other: Component, planes: Sequence[SymmetryPlan
     if found is None:
         return None
     shift = np.column_stack([np.eye(3), -between])
-    return found if NO_BETTER * _misfit(one, other, found) < _misfit(one, other, shift) else None
+    return found if LEAST_GAIN * _misfit(one, other, found) < _misfit(one, other, shift) else None
 
 
 def _refined(one: Component, other: Component, reflection: Float64, most: float) -> Float64 | None:
-    """Return the reflection near `reflection` that fits best, if its misfit is at most `most`."""
+    """Return the best reflection (3, 4) near `reflection`, or None if its misfit is above `most`."""
     best, least = None, most
     for _ in range(ROUNDS):
         misfit = _misfit(one, other, reflection)
@@ -78,19 +78,19 @@ def _refined(one: Component, other: Component, reflection: Float64, most: float)
         here, there = one.points[kept], other.points[nearest[kept]]
         delta = here.mean(axis=0) - there.mean(axis=0)
         cross = (here - here.mean(axis=0)).T @ (there - there.mean(axis=0))
-        # The normal n minimizes Σ ‖R x − y‖² over all planes with the best offset.
+        # The normal minimizes Σ ‖R x − y‖² over the matches x, y, for the reflection R with the best offset.
         normal = np.linalg.eigh(2 * (cross + cross.T) - len(here) * np.outer(delta, delta))[1][:, 0]
         reflection = _reflection(normal, float(normal @ (here.mean(axis=0) + there.mean(axis=0))) / 2)
     return best
 
 
 def _reflection(normal: Float64, offset: float) -> Float64:
-    """Return (3, 4) the reflection in the plane normal · p = offset."""
+    """Return the reflection (3, 4) in the plane of all points p with normal · p = offset."""
     return np.column_stack([np.eye(3) - 2 * np.outer(normal, normal), 2 * offset * normal])
 
 
 def _misfit(one: Component, other: Component, affine: Float64) -> float:
-    """Return how far apart `one`, moved by the isometry `affine` (3, 4), and `other` are, over the size of `one`."""
+    """Return the RMS distance of `other` from `one` moved by `affine` (3, 4), divided by the size of `one`."""
     linear, shift = affine[:, :3], affine[:, 3]
     there = one.points @ linear.T + shift, other
     back = (other.points - shift) @ linear, one
@@ -98,7 +98,7 @@ def _misfit(one: Component, other: Component, affine: Float64) -> float:
     for points, target in (there, back):
         apart, nearest = target.tree.query(points)
         above = np.abs(((points - target.points[nearest]) * target.normals[nearest]).sum(axis=1))
-        beside = apart > 0.1 * target.size  # beyond the samples' own spacing
+        beside = apart > 0.1 * target.size  # too far from the nearest sample to use its tangent plane
         squares = np.square(np.sort(np.where(beside, apart, above)))[: int(KEPT * len(points))]
         found.append(float(np.sqrt(squares.mean())))
     return max(found) / one.size

@@ -1,4 +1,4 @@
-"""A cache of the results that were used last."""
+"""A cache with a fixed number of results."""
 
 from collections.abc import Callable, Hashable
 from typing import Generic, TypeVar
@@ -7,14 +7,14 @@ Result = TypeVar("Result")
 
 
 class Recent(Generic[Result]):
-    """Keep at most `most` results, those that were used last, by everything that they depend on."""
+    """A cache that keeps the `most` results that were used last. A key contains everything that a result depends on."""
 
     def __init__(self, most: int) -> None:
         self._most = most
         self._found: dict[Hashable, Result] = {}
 
     def get(self, key: Hashable, find: Callable[[], Result]) -> Result:
-        """Return the result for `key`, found by `find` if it is not kept."""
+        """Return the result for `key`. If the cache does not contain it, call `find` and store its result."""
         found = self._found.pop(key) if key in self._found else find()
         while len(self._found) >= self._most:
             del self._found[next(iter(self._found))]

@@ -1,6 +1,6 @@
-"""Regions: a ball, a box, one side of a plane, a part of the scene, a face group, or a list of vertices.
+"""Regions of a mesh: a ball, a box, one side of a plane, a part of the scene, a face group, or a set of vertices.
 
-A region stores its definition and not its vertices, so it has the same meaning on another resolution of the shape.
+A region stores its definition in space or a name, so it selects the same surface on meshes of other resolutions.
 """
 
 from __future__ import annotations
@@ -20,20 +20,21 @@ from dfd.posing.transforms import Vector
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-# Two positions within this fraction of the box's diagonal are equal, because files round positions to float32.
+# Positions are equal if their distance is at most this fraction of the box's diagonal. Files round them to float32.
 SAME_POSITION = 1e-5
-# On a finer mesh, a vertex belongs to a set if it is nearer to one of the set than this fraction of their spacing.
+# On a finer mesh, a vertex belongs to a `VertexSet` if its distance from the nearest position of the set is below this
+# fraction of the set's median spacing.
 NEAR_SPACING = 0.8
 
 
 class RegionBase:
-    """A base that checks the fields of a region; `str` of a region names it in messages."""
+    """The base class of regions, which checks their fields. Messages contain the `str` of a region."""
 
     def __post_init__(self) -> None:
         check_fields(self)
 
     def away(self, points: Float64) -> Float64:
-        """Return the distances (N,) of `points` (N, 3) from the region, mesh units, at most 0 inside."""
+        """Return the distances (N,) of `points` (N, 3) from the region, in mesh units. They are at most 0 inside."""
         raise NotImplementedError
 
     def inside(self, mesh: Mesh) -> Bool:
@@ -43,7 +44,7 @@ class RegionBase:
 
 @dataclass(frozen=True)
 class Ball(RegionBase):
-    """All vertices within `radius` of `center`, mesh units."""
+    """All vertices at a distance of at most `radius` from `center`, in mesh units."""
 
     center: Annotated[Vector, About("Mesh units.", unit="position")]
     radius: Annotated[float, About("Mesh units.", 0.0, exclusive=True, unit="length")]
@@ -58,7 +59,7 @@ class Ball(RegionBase):
 
 @dataclass(frozen=True)
 class Box(RegionBase):
-    """All vertices between two corners, mesh units."""
+    """All vertices in the axis-aligned box between the corners `low` and `high`, in mesh units."""
 
     low: Annotated[Vector, About("Mesh units.", unit="position")]
     high: Annotated[Vector, About("Mesh units.", unit="position")]
@@ -79,7 +80,7 @@ class Box(RegionBase):
 
 @dataclass(frozen=True)
 class HalfSpace(RegionBase):
-    """One side of a plane: all p with normal · p ≥ offset, mesh units. `normal` is scaled to unit length."""
+    """All vertices p with normal · p ≥ offset, in mesh units. The length of `normal` divides `normal` and `offset`."""
 
     normal: Vector
     offset: Annotated[float, About("Mesh units.")]
@@ -102,7 +103,7 @@ class HalfSpace(RegionBase):
 
 @dataclass(frozen=True)
 class Part(RegionBase):
-    """A part of the mesh's scene, by its name."""
+    """All vertices of a part of the scene in the mesh's file, by its name (see `Mesh.part_vertices`)."""
 
     name: str
     kind: Literal["part"] = field(default="part", repr=False)
@@ -116,7 +117,7 @@ class Part(RegionBase):
 
 @dataclass(frozen=True)
 class Group(RegionBase):
-    """The faces of a group of an OBJ file, by the name in a `g`, `o` or `usemtl` line."""
+    """All vertices of a face group of an OBJ file, by the name in a `g`, `o` or `usemtl` line."""
 
     name: str
     kind: Literal["group"] = field(default="group", repr=False)
@@ -130,16 +131,16 @@ class Group(RegionBase):
 
 @dataclass(frozen=True, eq=False)
 class VertexSet:
-    """A list of vertices and their positions on the shape on which they were chosen.
+    """A set of vertices, with their positions on the mesh on which they were chosen.
 
-    On another mesh, it contains the vertices nearest to these positions; on a finer mesh, also the vertices in between.
+    On another mesh, it contains the vertices nearest to these positions, and on a finer mesh also those in between.
 
     Raises ValueError if the list is empty, a vertex occurs twice, or the number of positions differs.
     """
 
-    indices: Annotated[Int64, Written(list[int])]  # (N,) vertex indices, once each, ascending
+    indices: Annotated[Int64, Written(list[int])]  # (N,) distinct vertex indices, ascending
     positions: Annotated[Float64, Written(list[Vector])]  # (N, 3) in mesh units
-    count: int | None = None  # number of vertices of that shape; None if unknown
+    count: int | None = None  # number of vertices of that mesh; None if unknown
     kind: Literal["vertices"] = field(default="vertices", repr=False)
 
     def __post_init__(self) -> None:
@@ -154,7 +155,7 @@ class VertexSet:
 
     @classmethod
     def of(cls, mesh: Mesh, chosen: Any) -> VertexSet:
-        """Return the set for `chosen` vertices of `mesh`: indices (N,), or a mask of truth values (V,)."""
+        """Return the set of the `chosen` vertices of `mesh`: indices (N,), or a mask (V,) bool."""
         values = np.asarray(chosen)
         if values.dtype == bool:
             values = np.flatnonzero(check.array("VertexSet", "indices", values, (len(mesh.vertices),), dtype=bool))
@@ -181,7 +182,7 @@ class VertexSet:
     def inside(self, mesh: Mesh) -> Bool:
         if self.lies_on(mesh):
             return _mask(mesh, self.indices)
-        from scipy.spatial import cKDTree  # slow to import, and not needed for the help of the command line
+        from scipy.spatial import cKDTree  # slow to import, and not needed for the command-line help
 
         apart, nearest = cKDTree(mesh.vertices).query(self.positions)
         inside = _mask(mesh, nearest)
@@ -193,7 +194,7 @@ class VertexSet:
         return inside
 
     def lies_on(self, mesh: Mesh) -> bool:
-        """Return whether the vertices of `mesh` with these indices have these positions."""
+        """Return whether the vertices of `mesh` with the indices of the set have the positions of the set."""
         if self.indices[-1] >= len(mesh.vertices):
             return False
         apart = np.linalg.norm(mesh.vertices[self.indices] - self.positions, axis=1)
@@ -204,10 +205,10 @@ Region = Ball | Box | Group | HalfSpace | Part | VertexSet
 
 
 def members(mesh: Mesh, region: Region) -> Int64:
-    """Return the vertices (N,) of `mesh` in `region`, ascending; ValueError if there is none."""
+    """Return the vertices (N,) of `mesh` in `region`, ascending. Raises ValueError if there are none."""
     try:
         found = np.flatnonzero(region.inside(mesh))
-    except ArgumentError as error:  # an unknown name; the caller's argument is the whole region
+    except ArgumentError as error:  # The name is unknown. The message must name the argument `region`.
         raise ArgumentError("region", error.reason) from None
     if len(found) == 0:
         raise ArgumentError("region", f"must hold a vertex, but {region} holds none of the mesh's {len(mesh.vertices)}")
@@ -215,20 +216,18 @@ def members(mesh: Mesh, region: Region) -> Int64:
 
 
 def distances_from(mesh: Mesh, region: Region) -> Float64:
-    """Return the distance (V,) of each vertex from `region`, mesh units, or from the nearest vertex in it.
-
-    Raises ValueError if the region holds no vertex.
-    """
+    """Return the distances (V,) of all vertices from `region`, mesh units. Raises ValueError if it holds no vertex."""
     from scipy.spatial import cKDTree
 
     inside = members(mesh, region)
     if isinstance(region, Ball | Box | HalfSpace):
         return np.maximum(region.away(mesh.vertices), 0.0)
+    # The shape of other regions in space is unknown, so the distance is that from their nearest vertex.
     return np.asarray(cKDTree(mesh.vertices[inside]).query(mesh.vertices)[0])
 
 
 def _mask(mesh: Mesh, vertices: Any) -> Bool:
-    """Return which vertices (V,) of the mesh are `vertices` (N,)."""
+    """Return the mask (V,) that is True for `vertices` (N,)."""
     mask = np.zeros(len(mesh.vertices), bool)
     mask[vertices] = True
     return mask
